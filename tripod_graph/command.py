@@ -1,0 +1,197 @@
+"""What simulator and driver do with a joint trajectory: check it, follow it, hold and park when it ends.
+
+Pure: the caller gives the time. One rule for both, so that the simulated robot does what the real one does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_graph.names import SERVOS, SLIDE
+
+FloatArray = NDArray[np.float64]
+
+
+class CommandError(ValueError):
+    """A command that is refused; the message names the joint, the value and what is allowed."""
+
+
+class Activity(IntEnum):
+    """What the follower is doing."""
+
+    ACTIVE = 0
+    HOLDING = 1
+    PARKED = 2
+
+
+@dataclass(frozen=True)
+class CommandLimits:
+    """Bounds of what may be commanded.
+
+    Attributes:
+        angle_min: Smallest servo angle [rad].
+        angle_max: Largest servo angle [rad].
+        angle_speed: Slew rate of a servo [rad/s].
+        slide_max: Largest inward slide [m]; the smallest is 0.
+        slide_speed: Slew rate of the slide [m/s].
+        timeout: Silence after which the joints hold [s].
+        park_after: Time of holding after which they move to `park` [s].
+        park: Park position: three angles [rad] and the slide [m].
+    """
+
+    angle_min: float = -2.1
+    angle_max: float = 0.6
+    angle_speed: float = 4.0
+    slide_max: float = 0.04
+    slide_speed: float = 0.1
+    timeout: float = 0.5
+    park_after: float = 5.0
+    park: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("angle_min", "angle_max", "angle_speed", "slide_max", "slide_speed", "timeout", "park_after"):
+            if not np.isfinite(getattr(self, name)):
+                raise CommandError(f"{name} is {getattr(self, name)}; it must be finite")
+        if not self.angle_min < self.angle_max:
+            raise CommandError(f"angle_min {self.angle_min} rad must be below angle_max {self.angle_max} rad")
+        for name in ("angle_speed", "slide_speed", "timeout"):
+            if not getattr(self, name) > 0:
+                raise CommandError(f"{name} is {getattr(self, name)}; it must be positive")
+        for name in ("slide_max", "park_after"):
+            if not getattr(self, name) >= 0:
+                raise CommandError(f"{name} is {getattr(self, name)}; it must not be negative")
+        self.check(np.array(self.park), "park position")
+
+    @property
+    def lower(self) -> FloatArray:
+        """Smallest joint values, three angles [rad] and the slide [m], shape (4,)."""
+        return np.array([self.angle_min] * 3 + [0.0])
+
+    @property
+    def upper(self) -> FloatArray:
+        """Largest joint values, three angles [rad] and the slide [m], shape (4,)."""
+        return np.array([self.angle_max] * 3 + [self.slide_max])
+
+    @property
+    def speed(self) -> FloatArray:
+        """Slew rates, shape (4,) [rad/s, m/s]."""
+        return np.array([self.angle_speed] * 3 + [self.slide_speed])
+
+    def check(self, joints: FloatArray, what: str) -> None:
+        """Raise CommandError unless `joints`, shape (4,), is finite and within the limits."""
+        for name, value, low, high in zip((*SERVOS, SLIDE), joints, self.lower, self.upper, strict=True):
+            unit = "m" if name == SLIDE else "rad"
+            if not low - 1e-9 <= value <= high + 1e-9:  # written so that NaN is refused too
+                raise CommandError(f"{what}: {name} is {value:g} {unit}, allowed is {low:g} to {high:g} {unit}")
+
+
+class CommandFollower:
+    """Turns joint trajectories into set-points that never exceed limits and slew rates.
+
+    A trajectory starts where the joints are when it arrives and is interpolated linearly. After its last point the
+    joints hold; `timeout` after the last point (or message) they count as silent, and after `park_after` more they
+    move to the park position, all joints in proportion so that they arrive together. `stop` makes them silent at
+    once. The follower begins parked at `start`.
+    """
+
+    def __init__(self, limits: CommandLimits, start: Sequence[float] | None = None) -> None:
+        """`start`: joint values now, shape (4,) [rad, rad, rad, m]; None means the park position."""
+        self.limits = limits
+        self.joints: FloatArray = np.array(limits.park if start is None else start, float)
+        limits.check(self.joints, "start position")
+        self.rejected = 0
+        self.last_rejection = ""
+        self._times = np.zeros(1)
+        self._points = self.joints[None].copy()
+        self._silent_at = float("-inf")
+        self._held_since: float | None = float("-inf") if start is None else None
+        self._now: float | None = None
+        self.activity = Activity.PARKED if start is None else Activity.HOLDING
+
+    def accept(
+        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]], now: float
+    ) -> None:
+        """Follow a trajectory from `now` [s] on.
+
+        Args:
+            names: Joint names; the three servos, in any order, and optionally the slide.
+            times: Seconds from the start of each point, not falling, not negative.
+            positions: Joint values of each point [rad, m], in the order of `names`.
+            now: The caller's steady time [s].
+
+        Raises:
+            CommandError: the trajectory is refused; the motion goes on as before and `rejected` counts it.
+        """
+        try:
+            points = self._checked(names, times, positions)
+        except CommandError as error:
+            self.rejected += 1
+            self.last_rejection = str(error)
+            raise
+        self._times = now + np.concatenate([[0.0], np.asarray(times, float)])
+        self._points = np.vstack([self.joints, points])
+        self._silent_at = self._times[-1] + self.limits.timeout
+        self._held_since = None
+
+    def stop(self, now: float) -> None:
+        """Hold the present position at once and count as silent."""
+        self._times, self._points = np.array([now]), self.joints[None].copy()
+        self._silent_at = now
+
+    def setpoint(self, now: float) -> FloatArray:
+        """Return the joint values at `now` [s], shape (4,); call it at a regular rate, it keeps the slew limit."""
+        dt = 0.0 if self._now is None else max(0.0, now - self._now)
+        self._now = now
+        if now < self._silent_at:
+            self.activity = Activity.ACTIVE
+            self._approach(self._interpolated(now), dt, together=False)
+            return self.joints.copy()
+        if self._held_since is None:
+            self._held_since = now
+        if now - self._held_since < self.limits.park_after:
+            self.activity = Activity.HOLDING
+            return self.joints.copy()
+        self._approach(np.array(self.limits.park), dt, together=True)
+        self.activity = Activity.PARKED
+        return self.joints.copy()
+
+    def _interpolated(self, now: float) -> FloatArray:
+        i = int(np.searchsorted(self._times, now, side="right"))
+        if i == 0 or i == len(self._times):
+            return self._points[min(i, len(self._times) - 1)].copy()
+        t0, t1 = self._times[i - 1], self._times[i]
+        w = (now - t0) / (t1 - t0)
+        return (1 - w) * self._points[i - 1] + w * self._points[i]
+
+    def _approach(self, goal: FloatArray, dt: float, *, together: bool) -> None:
+        step = goal - self.joints
+        ratio = np.abs(step) / np.maximum(self.limits.speed * dt, 1e-300)
+        scale = np.maximum(1.0, ratio.max() if together else ratio)
+        self.joints = np.clip(self.joints + step / scale, self.limits.lower, self.limits.upper)
+
+    def _checked(
+        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]]
+    ) -> FloatArray:
+        known = (*SERVOS, SLIDE)
+        if len(set(names)) != len(names):
+            raise CommandError(f"joint named twice in {list(names)}")
+        if unknown := [n for n in names if n not in known]:
+            raise CommandError(f"unknown joint {unknown[0]!r}; joints: {', '.join(known)}")
+        if missing := [n for n in SERVOS if n not in names]:
+            raise CommandError(f"joint {missing[0]!r} is missing; a command names all of {', '.join(SERVOS)}")
+        if len(times) == 0 or len(times) != len(positions):
+            raise CommandError(f"{len(positions)} points with {len(times)} times; at least one of each is needed")
+        t = np.asarray(times, float)
+        if not (np.isfinite(t).all() and t[0] >= 0 and (np.diff(t) >= 0).all()):
+            raise CommandError(f"times {[float(x) for x in t[:8]]} must be finite, not negative and not falling")
+        points = np.tile(self.joints, (len(t), 1))
+        order = [known.index(n) for n in names]
+        for i, row in enumerate(positions):
+            if len(row) != len(names):
+                raise CommandError(f"point {i} has {len(row)} positions for {len(names)} joints")
+            points[i, order] = row
+            self.limits.check(points[i], f"point {i}")
+        return points

@@ -1,0 +1,39 @@
+"""Names of topics, services, frames and joints: the table of docs/architecture.md, written once.
+
+Topic names are relative, so that a namespace holds a whole robot.
+"""
+
+from typing import Final
+
+JOINT_TRAJECTORY: Final = "joint_trajectory"
+CONTROL_MODE: Final = "control_mode"
+TARGET_POSE: Final = "target_pose"
+BODY_STATE: Final = "sim/body_state"
+MESH: Final = "sim/mesh"
+MARKERS: Final = "sim/markers"
+POINT_CLOUD: Final = "sim/point_cloud"
+SIM_JOINT_STATES: Final = "sim/joint_states"
+EFFECTOR_POSE: Final = "sim/effector_pose"
+COMPLIANCE: Final = "sim/compliance"
+SIM_STATUS: Final = "sim/status"
+IK_STATUS: Final = "ik/status"
+ROBOT_JOINT_STATES: Final = "robot/joint_states"
+ROBOT_STATUS: Final = "robot/status"
+DIAGNOSTICS: Final = "/diagnostics"
+
+SIM_RESET: Final = "sim/reset"
+SIM_PAUSE: Final = "sim/pause"
+SIM_STEP: Final = "sim/step"
+ROBOT_STOP: Final = "robot/stop"
+RECORD_START: Final = "record/start"
+RECORD_STOP: Final = "record/stop"
+
+WORLD: Final = "world"
+BASE_LINK: Final = "base_link"
+
+SERVOS: Final = ("servo_0", "servo_1", "servo_2")
+"""Revolute joints [rad]; 0 is the flat piece, negative bends the strip down."""
+
+SLIDE: Final = "slide"
+"""Prismatic joint [m] of the simulated assembly: all servo bodies move inward by it. The real robot has no such motor,
+so the driver accepts the name and does nothing with it."""

@@ -1,0 +1,89 @@
+"""Parameters of a node as one table: name, default, meaning, unit and range; declared, checked and printed from it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+
+class ParameterError(ValueError):
+    """A parameter with a value that is refused; the message names the parameter, the value and what is allowed."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a node, set once when the node starts.
+
+    Attributes:
+        name: As in `NAME:=VALUE`.
+        default: Its value unless set; the type of it is the type of the parameter.
+        help: What it does, one line.
+        unit: SI unit, empty if none.
+        low: Smallest value allowed.
+        high: Largest value allowed.
+        choices: The values allowed, where they are a closed set.
+    """
+
+    name: str
+    default: bool | int | float | str | list[float]
+    help: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+
+    @property
+    def allowed(self) -> str:
+        """What is allowed, for messages and help."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        unit = f" {self.unit}" if self.unit else ""
+        if self.low is not None and self.high is not None:
+            return f"{self.low:g} to {self.high:g}{unit}"
+        if self.low is not None:
+            return f"at least {self.low:g}{unit}"
+        return f"at most {self.high:g}{unit}" if self.high is not None else ""
+
+    def check(self, value: Any) -> None:
+        """Raise ParameterError unless `value` is within the range or the choices."""
+        values = value if isinstance(value, list | tuple) else [value]
+        for v in values:
+            number = isinstance(v, int | float) and not isinstance(v, bool)
+            low_ok = self.low is None or (number and v >= self.low)  # NaN fails both comparisons
+            high_ok = self.high is None or (number and v <= self.high)
+            if not (low_ok and high_ok) or (self.choices and v not in self.choices):
+                raise ParameterError(f"parameter '{self.name}' is {value!r}; allowed: {self.allowed}")
+
+
+def declare(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
+    """Declare every parameter of `table` (read-only) and return their values by name.
+
+    An integer given for a float is taken as the float that it is. Raises ParameterError.
+    """
+    overrides = node._parameter_overrides  # noqa: SLF001: rclpy offers no other way to list what was set
+    names = {p.name for p in table}
+    known = names | {"use_sim_time", "start_type_description_service"}
+    for name in overrides:
+        if name not in known and not name.startswith("qos_overrides."):
+            raise ParameterError(f"parameter '{name}' is unknown; parameters: {', '.join(sorted(names))}")
+    values: dict[str, Any] = {}
+    for p in table:
+        given = overrides.get(p.name)
+        if given is not None and isinstance(p.default, float) and given.type_ == RosParameter.Type.INTEGER:
+            overrides[p.name] = RosParameter(p.name, value=float(given.value))
+        text = f"{p.help} [{p.unit}]" if p.unit else p.help
+        descriptor = ParameterDescriptor(description=text, additional_constraints=p.allowed, read_only=True)
+        try:
+            value = node.declare_parameter(p.name, p.default, descriptor).value
+        except InvalidParameterTypeException:
+            wanted = type(p.default).__name__
+            shown = given.value if given is not None else None
+            raise ParameterError(f"parameter '{p.name}' is {shown!r}; it must be of type {wanted}") from None
+        value = list(value) if isinstance(p.default, list) else value
+        p.check(value)
+        values[p.name] = value
+    return values
