@@ -52,7 +52,15 @@ class CommandLimits:
     park: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("angle_min", "angle_max", "angle_speed", "slide_max", "slide_speed", "timeout", "park_after"):
+        for name in (
+            "angle_min",
+            "angle_max",
+            "angle_speed",
+            "slide_max",
+            "slide_speed",
+            "timeout",
+            "park_after",
+        ):
             if not np.isfinite(getattr(self, name)):
                 raise CommandError(f"{name} is {getattr(self, name)}; it must be finite")
         if not self.angle_min < self.angle_max:
@@ -80,30 +88,59 @@ class CommandLimits:
         """Slew rates, shape (4,) [rad/s, m/s]."""
         return np.array([self.angle_speed] * 3 + [self.slide_speed])
 
+    def inside(self, joints: FloatArray) -> NDArray[np.bool_]:
+        """Return which of `joints`, shape (..., 4), are finite and within the limits."""
+        return (joints >= self.lower - 1e-9) & (joints <= self.upper + 1e-9)  # NaN fails both
+
     def check(self, joints: FloatArray, what: str) -> None:
         """Raise CommandError unless `joints`, shape (4,), is finite and within the limits."""
-        for name, value, low, high in zip((*SERVOS, SLIDE), joints, self.lower, self.upper, strict=True):
-            unit = "m" if name == SLIDE else "rad"
-            if not low - 1e-9 <= value <= high + 1e-9:  # written so that NaN is refused too
-                raise CommandError(f"{what}: {name} is {value:g} {unit}, allowed is {low:g} to {high:g} {unit}")
+        if joints.shape != (4,):
+            names = ", ".join((*SERVOS, SLIDE))
+            raise CommandError(f"{what} has {joints.size} values; it needs 4: {names}")
+        inside = self.inside(joints)
+        if inside.all():
+            return
+        i = int(np.argmin(inside))
+        name, unit = (*SERVOS, SLIDE)[i], "m" if i == 3 else "rad"
+        allowed = f"{self.lower[i]:g} to {self.upper[i]:g} {unit}"
+        raise CommandError(f"{what}: {name} is {joints[i]:g} {unit}, allowed is {allowed}")
 
 
 class CommandFollower:
     """Turns joint trajectories into set-points that never exceed limits and slew rates.
 
-    A trajectory starts where the joints are when it arrives and is interpolated linearly. After its last point the
-    joints hold; `timeout` after the last point (or message) they count as silent, and after `park_after` more they
-    move to the park position, all joints in proportion so that they arrive together. `stop` makes them silent at
-    once. The follower begins parked at `start`.
+    A trajectory starts where the joints are when it arrives and is interpolated linearly. After its last
+    point the joints hold; `timeout` after the last point (or message) they count as silent, and after
+    `park_after` more they move to the park position, all joints in proportion so that they arrive together.
+    `stop` makes them silent at once. The follower begins parked at `start`.
+
+    Attributes:
+        limits: Bounds of what may be commanded.
+        joints: The set-point, shape (4,) [rad, rad, rad, m].
+        goal: What `joints` approaches at its limited speed, shape (4,).
+        activity: What the follower is doing.
+        rejected: Number of trajectories refused.
+        last_rejection: Why the newest of them was refused.
     """
 
-    def __init__(self, limits: CommandLimits, start: Sequence[float] | None = None) -> None:
-        """`start`: joint values now, shape (4,) [rad, rad, rad, m]; None means the park position."""
+    def __init__(
+        self, limits: CommandLimits, start: Sequence[float] | None = None, *, longest_step: float = 0.1
+    ) -> None:
+        """Begin at rest.
+
+        Args:
+            limits: Bounds of what may be commanded.
+            start: Joint values now, shape (4,) [rad, rad, rad, m]; None means the park position.
+            longest_step: A caller that comes later than this after its last call has stalled [s]: the joints
+                then move no further than in this time, instead of catching up in one jump.
+        """
         self.limits = limits
         self.joints: FloatArray = np.array(limits.park if start is None else start, float)
         limits.check(self.joints, "start position")
+        self.goal: FloatArray = self.joints.copy()
         self.rejected = 0
         self.last_rejection = ""
+        self._longest_step = longest_step
         self._times = np.zeros(1)
         self._points = self.joints[None].copy()
         self._silent_at = float("-inf")
@@ -137,25 +174,32 @@ class CommandFollower:
         self._held_since = None
 
     def stop(self, now: float) -> None:
-        """Hold the present position at once and count as silent."""
+        """Hold the present position at once, also on the way to the park position, and count as silent."""
         self._times, self._points = np.array([now]), self.joints[None].copy()
-        self._silent_at = now
+        self._silent_at = self._held_since = now
 
     def setpoint(self, now: float) -> FloatArray:
-        """Return the joint values at `now` [s], shape (4,); call it at a regular rate, it keeps the slew limit."""
-        dt = 0.0 if self._now is None else max(0.0, now - self._now)
-        self._now = now
+        """Return the joint values at `now` [s], shape (4,).
+
+        Call it at a regular rate: the joints move by at most their speed times the time since the last call.
+        """
+        last = now if self._now is None else self._now
+        dt = min(max(0.0, now - last), self._longest_step)
+        self._now = max(now, last)
         if now < self._silent_at:
             self.activity = Activity.ACTIVE
-            self._approach(self._interpolated(now), dt, together=False)
+            self.goal = self._interpolated(now)
+            self._approach(dt, together=False)
             return self.joints.copy()
         if self._held_since is None:
             self._held_since = now
         if now - self._held_since < self.limits.park_after:
             self.activity = Activity.HOLDING
+            self.goal = self.joints.copy()
             return self.joints.copy()
-        self._approach(np.array(self.limits.park), dt, together=True)
         self.activity = Activity.PARKED
+        self.goal = np.array(self.limits.park)
+        self._approach(dt, together=True)
         return self.joints.copy()
 
     def _interpolated(self, now: float) -> FloatArray:
@@ -166,8 +210,8 @@ class CommandFollower:
         w = (now - t0) / (t1 - t0)
         return (1 - w) * self._points[i - 1] + w * self._points[i]
 
-    def _approach(self, goal: FloatArray, dt: float, *, together: bool) -> None:
-        step = goal - self.joints
+    def _approach(self, dt: float, *, together: bool) -> None:
+        step = self.goal - self.joints
         ratio = np.abs(step) / np.maximum(self.limits.speed * dt, 1e-300)
         scale = np.maximum(1.0, ratio.max() if together else ratio)
         self.joints = np.clip(self.joints + step / scale, self.limits.lower, self.limits.upper)
@@ -176,22 +220,31 @@ class CommandFollower:
         self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]]
     ) -> FloatArray:
         known = (*SERVOS, SLIDE)
-        if len(set(names)) != len(names):
-            raise CommandError(f"joint named twice in {list(names)}")
         if unknown := [n for n in names if n not in known]:
-            raise CommandError(f"unknown joint {unknown[0]!r}; joints: {', '.join(known)}")
+            raise CommandError(f"unknown joint {unknown[0]!r:.60}; joints: {', '.join(known)}")
+        if twice := [n for n in known if list(names).count(n) > 1]:
+            raise CommandError(f"joint {twice[0]!r} is named twice; a command names each joint once")
         if missing := [n for n in SERVOS if n not in names]:
             raise CommandError(f"joint {missing[0]!r} is missing; a command names all of {', '.join(SERVOS)}")
         if len(times) == 0 or len(times) != len(positions):
-            raise CommandError(f"{len(positions)} points with {len(times)} times; at least one of each is needed")
+            raise CommandError(
+                f"{len(positions)} points with {len(times)} times; at least one of each is needed"
+            )
         t = np.asarray(times, float)
-        if not (np.isfinite(t).all() and t[0] >= 0 and (np.diff(t) >= 0).all()):
-            raise CommandError(f"times {[float(x) for x in t[:8]]} must be finite, not negative and not falling")
+        before = np.concatenate([[0.0], t[:-1]])
+        if not (ok := np.isfinite(t) & (t >= before)).all():
+            i = int(np.argmin(ok))
+            raise CommandError(
+                f"time of point {i} is {t[i]:g} s; allowed is finite and at least {before[i]:g} s"
+            )
         points = np.tile(self.joints, (len(t), 1))
         order = [known.index(n) for n in names]
         for i, row in enumerate(positions):
             if len(row) != len(names):
                 raise CommandError(f"point {i} has {len(row)} positions for {len(names)} joints")
             points[i, order] = row
+        inside = self.limits.inside(points).all(axis=1)
+        if not inside.all():
+            i = int(np.argmin(inside))
             self.limits.check(points[i], f"point {i}")
         return points

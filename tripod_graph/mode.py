@@ -17,8 +17,8 @@ class Mode(IntEnum):
 class ModeTracker:
     """Keeps the newest mode.
 
-    Several operators publish `control_mode` and a late joiner receives the last word of each, in any order; the stamp
-    decides.
+    Several operators publish `control_mode` and a late joiner receives the last word of each, in any order;
+    the stamp decides.
 
     Attributes:
         mode: The mode in force.
@@ -35,7 +35,7 @@ class ModeTracker:
         except ValueError:
             names = ", ".join(f"{m.value} {m.name}" for m in Mode)
             raise ValueError(f"control mode {mode} is unknown; modes: {names}") from None
-        if stamp < self.stamp:
+        if not stamp >= self.stamp:  # NaN decides nothing
             return False
         changed = known is not self.mode
         self.mode, self.stamp = known, stamp

@@ -35,8 +35,9 @@ SERVOS: Final = ("servo_0", "servo_1", "servo_2")
 """Revolute joints [rad]; 0 is the flat piece, negative bends the strip down."""
 
 SLIDE: Final = "slide"
-"""Prismatic joint [m] of the simulated assembly: all servo bodies move inward by it. The real robot has no such motor,
-so the driver accepts the name and does nothing with it."""
+"""Prismatic joint [m] of the simulated assembly: all servo bodies move inward by it. The real robot has no
+such motor, so the driver accepts the name and does nothing with it."""
 
 WORKING_POSE: Final = (-1.4965, -1.4965, -1.4965, 0.035)
-"""Three servo angles [rad] and the slide [m] in which the robot plays: arms tipped outward, effector 8 mm below flat."""
+"""Three servo angles [rad] and the slide [m] in which the robot plays: arms tipped outward, effector 8 mm
+below flat."""

@@ -1,5 +1,6 @@
-"""Parameters of a node as one table: name, default, meaning, unit and range; declared, checked and printed from it."""
+"""Parameters of a node as one table, from which they are declared, checked and printed."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 
 class ParameterError(ValueError):
-    """A parameter with a value that is refused; the message names the parameter, the value and what is allowed."""
+    """A value that is refused; the message names the parameter, the value and what is allowed."""
 
 
 @dataclass(frozen=True)
@@ -53,18 +54,20 @@ class Parameter:
         values = value if isinstance(value, list | tuple) else [value]
         for v in values:
             number = isinstance(v, int | float) and not isinstance(v, bool)
-            low_ok = self.low is None or (number and v >= self.low)  # NaN fails both comparisons
+            nan = isinstance(v, float) and math.isnan(v)
+            low_ok = self.low is None or (number and v >= self.low)
             high_ok = self.high is None or (number and v <= self.high)
-            if not (low_ok and high_ok) or (self.choices and v not in self.choices):
-                raise ParameterError(f"parameter '{self.name}' is {value!r}; allowed: {self.allowed}")
+            if nan or not (low_ok and high_ok) or (self.choices and v not in self.choices):
+                allowed = self.allowed or "any number"
+                raise ParameterError(f"parameter '{self.name}' is {value!r}; allowed: {allowed}")
 
 
 def declare(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
     """Declare every parameter of `table` (read-only) and return their values by name.
 
-    An integer given for a float is taken as the float that it is. Raises ParameterError.
+    Integers given for floats are taken as the floats that they are. Raises ParameterError.
     """
-    overrides = node._parameter_overrides  # noqa: SLF001: rclpy offers no other way to list what was set
+    overrides = node._parameter_overrides  # rclpy offers no other way to list what was set
     names = {p.name for p in table}
     known = names | {"use_sim_time", "start_type_description_service"}
     for name in overrides:
@@ -73,17 +76,27 @@ def declare(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for p in table:
         given = overrides.get(p.name)
-        if given is not None and isinstance(p.default, float) and given.type_ == RosParameter.Type.INTEGER:
-            overrides[p.name] = RosParameter(p.name, value=float(given.value))
+        if given is not None:
+            overrides[p.name] = RosParameter(p.name, value=_as_float(given.value, p.default))
         text = f"{p.help} [{p.unit}]" if p.unit else p.help
         descriptor = ParameterDescriptor(description=text, additional_constraints=p.allowed, read_only=True)
         try:
             value = node.declare_parameter(p.name, p.default, descriptor).value
         except InvalidParameterTypeException:
-            wanted = type(p.default).__name__
+            wanted = "list of numbers" if isinstance(p.default, list) else type(p.default).__name__
             shown = given.value if given is not None else None
             raise ParameterError(f"parameter '{p.name}' is {shown!r}; it must be of type {wanted}") from None
         value = list(value) if isinstance(p.default, list) else value
         p.check(value)
         values[p.name] = value
     return values
+
+
+def _as_float(value: Any, default: object) -> Any:
+    """Return integers as floats where `default` is a float or a list of floats; anything else as it is."""
+    if isinstance(default, float) and type(value) is int:
+        return float(value)
+    floats = isinstance(default, list) and all(isinstance(v, float) for v in default)
+    if floats and not isinstance(value, str | bytes) and hasattr(value, "__len__"):
+        return [float(v) if type(v) is int else v for v in value]
+    return value
