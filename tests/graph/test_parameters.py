@@ -1,0 +1,96 @@
+"""The parameter table: defaults, conversions, and refusals that name parameter, value and what is allowed."""
+
+import math
+import os
+import random
+import re
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from tripod_graph.parameters import Parameter, ParameterError, declare
+
+TABLE = (
+    Parameter("rate", 50.0, "Packets a second", "Hz", low=1.0, high=50.0),
+    Parameter("count", 3, "A number of things", low=0),
+    Parameter("gain", 1.0, "Any gain", high=9.0),
+    Parameter("offset", 0.0, "Any offset"),
+    Parameter("mode", "slow", "How", choices=("slow", "fast")),
+    Parameter("joints", [0.0, 0.0], "Angles", "rad", low=-1.0, high=1.0),
+    Parameter("enabled", True, "Whether"),
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("rate", 51.0, "1 to 50 Hz"),
+        ("rate", math.nan, "1 to 50 Hz"),
+        ("rate", True, "1 to 50 Hz"),
+        ("count", -1, "at least 0"),
+        ("gain", 10.0, "at most 9"),
+        ("offset", math.nan, "any number"),
+        ("mode", "warp", "one of slow, fast"),
+        ("joints", [0.0, 1.5], "-1 to 1 rad"),
+        ("joints", [math.nan, 0.0], "-1 to 1 rad"),
+    ],
+)
+def test_value_out_of_range_is_refused_with_what_is_allowed(name: str, value: object, allowed: str) -> None:
+    parameter = next(p for p in TABLE if p.name == name)
+    message = f"parameter '{name}' is {value!r}; allowed: {allowed}"
+    with pytest.raises(ParameterError, match=re.escape(message) + "$"):
+        parameter.check(value)
+
+
+@pytest.mark.parametrize("value", [1.0, 50.0, 7])
+def test_value_within_the_range_passes(value: float) -> None:
+    TABLE[0].check(value)
+
+
+def declared(overrides: dict[str, object]) -> dict[str, object]:
+    import rclpy
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter as RosParameter
+
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    context = rclpy.Context()
+    context.init(domain_id=random.randint(1, 100))
+    node = None
+    try:
+        given = [RosParameter(name, value=value) for name, value in overrides.items()]
+        node = Node("declares", context=context, parameter_overrides=given, enable_rosout=False)
+        return declare(node, TABLE)
+    finally:
+        if node is not None:
+            node.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.mark.ros
+def test_declare_returns_defaults_and_takes_integers_for_floats() -> None:
+    defaults = {p.name: p.default for p in TABLE}
+    values = declared({"rate": 20, "joints": [1, 0], "mode": "fast"})
+    assert values == {**defaults, "rate": 20.0, "joints": [1.0, 0.0], "mode": "fast"}
+    assert type(values["rate"]) is float
+    assert type(values["count"]) is int
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            {"speed": 1.0},
+            "parameter 'speed' is unknown; parameters: count, enabled, gain, joints, mode, offset",
+        ),
+        ({"rate": "quick"}, "parameter 'rate' is 'quick'; it must be of type float"),
+        ({"count": 1.5}, "parameter 'count' is 1.5; it must be of type int"),
+        ({"enabled": 1}, "parameter 'enabled' is 1; it must be of type bool"),
+        ({"joints": ["a"]}, "parameter 'joints' is ['a']; it must be of type list of numbers"),
+        ({"rate": 100}, "parameter 'rate' is 100.0; allowed: 1 to 50 Hz"),
+    ],
+)
+def test_declare_refuses_by_name(overrides: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(message)):
+        declared(overrides)

@@ -1,0 +1,122 @@
+"""How a node starts and ends, seen from outside: exit codes, messages, and that it is always closed."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.ros
+
+DEADLINE = 20.0  # [s], for a loaded machine
+PROGRAM = """
+import os, sys
+from tripod_graph.run import run_node
+
+def make():
+    print("range", os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"])
+    if {failing!r} == "make":
+        raise ValueError("a bad parameter")
+    from rclpy.node import Node
+
+    class Probe(Node):
+        def __init__(self):
+            super().__init__("probe")
+            print("ready", flush=True)
+            if {failing!r} == "run":
+                self.create_timer(0.01, lambda: 1 / 0)
+
+        def close(self):
+            print("closed", flush=True)
+            if {failing!r} == "close":
+                raise RuntimeError("the port is gone")
+
+    return Probe()
+
+sys.exit(run_node("probe", make, {arguments!r}))
+"""
+
+
+def start(failing: str = "", arguments: tuple[str, ...] = (), **options) -> subprocess.Popen[str]:
+    environment = {
+        k: v for k, v in os.environ.items() if k not in ("TRIPOD_SUBNET", "ROS_AUTOMATIC_DISCOVERY_RANGE")
+    }
+    environment["ROS_DOMAIN_ID"] = str(random.randint(1, 100))
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM.format(failing=failing, arguments=list(arguments))],
+        cwd=Path(__file__).parents[2],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def finish(process: subprocess.Popen[str], number: signal.Signals | None = None) -> tuple[int, str, str]:
+    """Send the signal once the node is ready; return exit code, output and errors."""
+    head = ""
+    try:
+        if number is not None:
+            assert process.stdout is not None
+            for line in process.stdout:
+                head += line
+                if line == "ready\n":
+                    break
+            process.send_signal(number)
+        out, errors = process.communicate(timeout=DEADLINE)
+    finally:
+        process.kill()
+    return process.returncode, head + out, errors
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_it_in_order(number: signal.Signals) -> None:
+    code, out, errors = finish(start(), number)
+    assert (code, errors) == (0, "")
+    assert out == "range LOCALHOST\nready\nclosed\n"
+
+
+def test_it_outlives_its_terminal_under_nohup() -> None:
+    process = start(preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    assert process.stdout is not None
+    while process.stdout.readline() != "ready\n":
+        assert process.poll() is None
+    process.send_signal(signal.SIGHUP)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(timeout=0.5)
+    process.send_signal(signal.SIGINT)
+    assert finish(process) == (0, "closed\n", "")
+
+
+def test_an_exception_while_running_is_named_and_the_node_closed() -> None:
+    code, out, errors = finish(start("run"))
+    assert code == 1
+    assert out.endswith("closed\n")
+    assert "probe: stopped by ZeroDivisionError: division by zero" in errors
+
+
+def test_a_failure_to_close_is_reported_by_exit_code() -> None:
+    code, _, errors = finish(start("close"), signal.SIGINT)
+    assert code == 1
+    assert errors == "probe: closing failed, RuntimeError: the port is gone\n"
+
+
+def test_a_node_that_cannot_be_made_is_refused_in_one_line() -> None:
+    code, out, errors = finish(start("make"))
+    assert (code, out, errors) == (2, "range LOCALHOST\n", "probe: a bad parameter\n")
+
+
+def test_a_word_it_does_not_understand_is_refused_in_one_line() -> None:
+    code, out, errors = finish(start(arguments=("port=mock",)))
+    assert (code, out) == (2, "")
+    assert errors == "probe: argument 'port=mock' is not understood; NAME:=VALUE sets a parameter\n"
+
+
+def test_discovery_reaches_the_subnet_only_when_asked() -> None:
+    _, out, _ = finish(start("make", arguments=("--subnet",)))  # no node is made: nothing leaves the machine
+    assert out == "range SUBNET\n"
