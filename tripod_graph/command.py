@@ -162,16 +162,26 @@ class CommandFollower:
         Raises:
             CommandError: the trajectory is refused; the motion goes on as before and `rejected` counts it.
         """
-        try:
-            points = self._checked(names, times, positions)
-        except CommandError as error:
-            self.rejected += 1
-            self.last_rejection = str(error)
-            raise
+        points = self.check(names, times, positions)
         self._times = now + np.concatenate([[0.0], np.asarray(times, float)])
         self._points = np.vstack([self.joints, points])
         self._silent_at = self._times[-1] + self.limits.timeout
         self._held_since = None
+
+    def check(
+        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]]
+    ) -> FloatArray:
+        """Return the points of a trajectory, shape (n, 4), without following it.
+
+        Raises:
+            CommandError: the trajectory is refused; `rejected` counts it.
+        """
+        try:
+            return self._checked(names, times, positions)
+        except CommandError as error:
+            self.rejected += 1
+            self.last_rejection = str(error)
+            raise
 
     def stop(self, now: float) -> None:
         """Hold the present position at once, also on the way to the park position, and count as silent."""

@@ -1,0 +1,28 @@
+"""The command limits as parameters, the same in every node that follows commands."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, Final
+
+from tripod_graph.command import CommandLimits
+from tripod_graph.parameters import Parameter
+
+_DEFAULTS = CommandLimits()
+
+LIMIT_PARAMETERS: Final = (
+    Parameter("angle_min", _DEFAULTS.angle_min, "Smallest servo angle", "rad", low=-3.2, high=3.2),
+    Parameter("angle_max", _DEFAULTS.angle_max, "Largest servo angle", "rad", low=-3.2, high=3.2),
+    Parameter("angle_speed", _DEFAULTS.angle_speed, "Slew rate of a servo", "rad/s", low=0.01, high=50.0),
+    Parameter("slide_max", _DEFAULTS.slide_max, "Largest inward slide", "m", low=0.0, high=0.1),
+    Parameter("slide_speed", _DEFAULTS.slide_speed, "Slew rate of the slide", "m/s", low=0.001, high=10.0),
+    Parameter("timeout", _DEFAULTS.timeout, "Silence after which the joints hold", "s", low=0.02, high=60.0),
+    Parameter("park_after", _DEFAULTS.park_after, "Holding after which they park", "s", low=0.0, high=3600.0),
+    Parameter("park", list(_DEFAULTS.park), "Park position: three angles [rad] and the slide [m]"),
+)
+"""To be part of a node's table; `limits_from` reads the values."""
+
+
+def limits_from(values: Mapping[str, Any]) -> CommandLimits:
+    """Return the limits that the parameters set; raise CommandError if they contradict each other."""
+    chosen = {field.name: values[field.name] for field in fields(CommandLimits)}
+    return CommandLimits(**{**chosen, "park": tuple(chosen["park"])})
