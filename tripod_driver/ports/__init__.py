@@ -1,0 +1,1 @@
+"""Where the bytes go: a serial port, a pseudo-terminal or memory, behind one interface."""

@@ -1,0 +1,23 @@
+"""From the word that a user gives to the port that it means."""
+
+from tripod_driver.ports.mock import MockPort
+from tripod_driver.ports.port import Port
+from tripod_driver.ports.pseudo_terminal import PseudoTerminalPort
+from tripod_driver.ports.serial_port import AUTO, SerialPort
+
+CHOICES = "mock, pty, auto, or the path of a device such as /dev/ttyACM0"
+
+
+def choose_port(word: str, *, baud: int, boot_time: float, write_timeout: float) -> Port:
+    """Return the port for `word`: one of CHOICES. The settings are those of a serial port.
+
+    Raises:
+        ValueError: `word` is none of them.
+    """
+    if word == "mock":
+        return MockPort()
+    if word == "pty":
+        return PseudoTerminalPort()
+    if word == AUTO or word.startswith("/"):
+        return SerialPort(word, baud=baud, boot_time=boot_time, write_timeout=write_timeout)
+    raise ValueError(f"port {word!r} is none of: {CHOICES}")

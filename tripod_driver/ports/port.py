@@ -1,0 +1,45 @@
+"""What every port can do."""
+
+from abc import ABC, abstractmethod
+from types import TracebackType
+from typing import Self
+
+
+class PortError(OSError):
+    """A port that cannot be opened or that was lost; the message names it and says what to do."""
+
+
+class Port(ABC):
+    """A way for bytes to the servos. `with port:` opens it and closes it whatever happens inside.
+
+    Attributes:
+        boot_time: Time after opening in which the board may lose bytes [s].
+    """
+
+    boot_time: float = 0.0
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """The device while open, else what was asked for."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open the port, without waiting for the board to boot; raise PortError if that fails."""
+
+    @abstractmethod
+    def write(self, data: bytes) -> None:
+        """Hand over all of `data`, or raise PortError within a short time: the port is then lost."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let what was written leave, within a bounded time, and release the port; never raises."""
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
