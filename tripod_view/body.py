@@ -1,0 +1,106 @@
+"""The deforming body: a triangle mesh, and node positions that fit it or are refused with the reason."""
+
+from dataclasses import dataclass
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.uint32]
+
+
+class BodyError(ValueError):
+    """A mesh or a set of node positions that cannot be drawn; the message says why."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The surface of the body.
+
+    Attributes:
+        nodes: Undeformed node positions [m], shape (n, 3), finite.
+        triangles: Node indices, shape (m, 3), each below n.
+    """
+
+    nodes: FloatArray
+    triangles: IndexArray
+
+    def __post_init__(self) -> None:
+        if self.nodes.ndim != 2 or self.nodes.shape[1] != 3 or len(self.nodes) == 0:
+            raise BodyError(f"mesh nodes have shape {self.nodes.shape}; (n, 3) with n at least 1 is needed")
+        if self.triangles.ndim != 2 or self.triangles.shape[1] != 3 or len(self.triangles) == 0:
+            raise BodyError(
+                f"mesh triangles have shape {self.triangles.shape}; (m, 3), m at least 1, is needed"
+            )
+        bad = np.flatnonzero(~np.isfinite(self.nodes).all(axis=1))
+        if bad.size:
+            raise BodyError(f"mesh node {bad[0]} is not finite")
+        worst = int(self.triangles.max())
+        if worst >= len(self.nodes):
+            raise BodyError(f"mesh triangle names node {worst}; the mesh has {len(self.nodes)}")
+
+    @property
+    def connectivity(self) -> int:
+        """Checksum of the triangles: equal for the same nodes in the same order."""
+        return crc32(self.triangles.tobytes())
+
+
+class Body:
+    """Fits node positions to the newest mesh.
+
+    The mesh message carries no topology id, so the first positions that fit a mesh tell the id of its
+    connectivity; an id belongs to one connectivity for ever. Positions left over from an older mesh are
+    therefore refused even if their count fits.
+
+    Attributes:
+        surface: The newest mesh, None before the first.
+        skipped: Positions refused since start.
+        reason: Why the newest of them was refused.
+    """
+
+    def __init__(self) -> None:
+        self.surface: Surface | None = None
+        self.skipped = 0
+        self.reason = ""
+        self._id_of: dict[int, int] = {}
+        self._connectivity = 0
+
+    def rebuild(self, surface: Surface) -> bool:
+        """Take a mesh; return whether it differs from the one before."""
+        old = self.surface
+        if (
+            old is not None
+            and np.array_equal(old.triangles, surface.triangles)
+            and np.array_equal(old.nodes, surface.nodes)
+        ):
+            return False
+        self.surface, self._connectivity = surface, surface.connectivity
+        return True
+
+    def fit(self, topology_id: int, positions: FloatArray) -> FloatArray | None:
+        """Return flat `positions` [m] as shape (n, 3), None (counted) if they do not fit."""
+        try:
+            return self._fitted(topology_id, positions)
+        except BodyError as error:
+            self.skipped += 1
+            self.reason = str(error)
+            return None
+
+    def _fitted(self, topology_id: int, positions: FloatArray) -> FloatArray:
+        if self.surface is None:
+            raise BodyError("no mesh yet")
+        n = len(self.surface.nodes)
+        if positions.size != 3 * n:
+            raise BodyError(f"{positions.size} coordinates for a mesh of {n} nodes")
+        known = self._id_of.get(self._connectivity)
+        if known is None and topology_id in self._id_of.values():
+            raise BodyError(f"topology id {topology_id} belongs to an older mesh")
+        if known is not None and topology_id != known:
+            raise BodyError(f"topology id {topology_id}, the mesh has {known}")
+        shaped = positions.reshape(n, 3)
+        bad = np.flatnonzero(~np.isfinite(shaped).all(axis=1))
+        if bad.size:
+            raise BodyError(f"node {bad[0]} is not finite")
+        self._id_of[self._connectivity] = topology_id
+        return shaped

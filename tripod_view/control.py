@@ -1,0 +1,206 @@
+"""Who commands the robot and what this page sends: rules of the sliders, the motions and the stop button."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.names import SERVOS
+from tripod_view.motion import Trajectory, motion
+
+FloatArray = NDArray[np.float64]
+
+PERIOD = 0.05
+"""Time between two commands of the sliders [s]."""
+
+TAKEOVER = 0.2
+"""Pause between taking control and the first command [s]: the former source hears of it and falls silent."""
+
+STALE = 1.0
+"""Age at which measured joint values are no longer believed [s]."""
+
+ARRIVED = 0.02
+"""A motion whose measured angles end farther than this from its goal is reported [rad]."""
+
+STAMP_STEP = 1e-3
+"""A decision is stamped at least this much after the one it overrules [s], whatever the clocks say."""
+
+LAST_STAMP = 2**31 - 1e-6
+"""The last instant that a ROS time can hold [s]."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the page may ask of the joints.
+
+    Attributes:
+        angle_min: Smallest servo angle [rad].
+        angle_max: Largest servo angle [rad].
+        speed: Mean speed of a motion [rad/s].
+    """
+
+    angle_min: float
+    angle_max: float
+    speed: float
+
+    def __post_init__(self) -> None:
+        if not self.angle_min < self.angle_max:
+            raise ValueError(
+                f"angle_min {self.angle_min:g} rad must be below angle_max {self.angle_max:g} rad"
+            )
+
+    def allow(self, joints: Sequence[float] | FloatArray) -> bool:
+        """Whether the three angles of `joints`, shape (4,), are within the limits."""
+        angles = np.asarray(joints, float)[:3]
+        return bool((angles >= self.angle_min).all() and (angles <= self.angle_max).all())
+
+
+class Control:
+    """The page as an operator.
+
+    The page is in control while the newest decision about the mode is its own and not STOP. It commands only
+    in mode TELEOP and in control, and only while it knows where the joints are; it starts from there.
+
+    Times are of two clocks: `stamp` is the node's clock, which all operators share; `now` is steady and
+    private.
+
+    Attributes:
+        angles: What the sliders ask for [rad], shape (3,).
+        source: Who made the newest decision.
+        synced: Set when `angles` changed otherwise than by a slider; whoever shows the sliders clears it.
+        moving: Name of the motion under way, empty if none.
+        notice: One line for the user about the newest request that was refused; empty if none.
+    """
+
+    def __init__(self, name: str, limits: Limits) -> None:
+        """`name`: of this node, to tell its own decisions from those of others."""
+        self.name, self.limits = name, limits
+        self.angles: FloatArray = np.zeros(3)
+        self.synced = True
+        self.source = ""
+        self.moving = ""
+        self.notice = ""
+        self._tracker = ModeTracker()
+        self._measured: FloatArray | None = None
+        self._measured_at = float("-inf")
+        self._ready_at = float("-inf")
+        self._goal: FloatArray = np.zeros(4)
+        self._motion_until: float | None = None
+
+    @property
+    def mode(self) -> Mode:
+        """The mode in force."""
+        return self._tracker.mode
+
+    @property
+    def in_control(self) -> bool:
+        """Whether this page is the operator."""
+        return self.mode is not Mode.STOP and self.source == self.name
+
+    @property
+    def streaming(self) -> bool:
+        """Whether the sliders command the servos."""
+        return self.in_control and self.mode is Mode.TELEOP
+
+    def measured(self, now: float) -> FloatArray | None:
+        """Return the joint values, shape (4,) [rad, rad, rad, m], None when they are not known or too old."""
+        return None if now - self._measured_at > STALE else self._measured
+
+    def hear(self, mode: int, source: str, stamp: float) -> None:
+        """Take a decision of any operator, the page's own included. Raises ValueError for an unknown mode."""
+        before = self._tracker.stamp
+        self._tracker.update(mode, stamp)
+        if stamp < before:
+            return
+        self.source = source
+        if not self.streaming:
+            self._end_motion()
+
+    def decide(self, mode: Mode, stamp: float, now: float) -> float | None:
+        """Decide on `mode`; return the stamp to publish it with, None if it is refused (see `notice`).
+
+        STOP is never refused.
+        """
+        if mode is Mode.TELEOP and self.measured(now) is None:
+            self.notice = "The joint angles are not known: is the simulator or the driver running?"
+            return None
+        self.notice = ""
+        stamp = min(max(stamp, self._tracker.stamp + STAMP_STEP), LAST_STAMP)
+        began = mode is Mode.TELEOP and not self.streaming
+        self._tracker.update(mode, stamp)
+        self.source = self.name
+        self._end_motion()
+        self._ready_at = now + TAKEOVER if began else self._ready_at
+        self._follow_measured(now)
+        return stamp
+
+    def measure(self, joints: FloatArray, now: float) -> None:
+        """Take measured joint values, shape (4,) [rad, rad, rad, m], finite.
+
+        While the page does not command, and after a gap, the sliders follow them.
+        """
+        gap = now - self._measured_at > STALE
+        self._measured, self._measured_at = np.array(joints, float), now
+        if gap or not self.streaming or self._motion_until is not None:
+            self._follow_measured(now)
+
+    def set_angle(self, servo: int, angle: float) -> bool:
+        """Ask for `angle` [rad] of `servo`; return whether it is taken: in control, finite. It is clamped.
+
+        A motion under way ends where it is.
+        """
+        if not self.streaming or not np.isfinite(angle):
+            self.synced = True  # the slider goes back to where it was
+            return False
+        if self.moving:
+            self._end_motion()
+        self.angles[servo] = np.clip(angle, self.limits.angle_min, self.limits.angle_max)
+        self.synced |= bool(self.angles[servo] != angle)
+        return True
+
+    def go(self, name: str, goal: Sequence[float], now: float) -> bool:
+        """Begin a motion to `goal`, shape (4,) [rad, rad, rad, m]; return whether it is taken (see `notice`).
+
+        The page must be in control in mode TELEOP.
+        """
+        if not self.streaming:
+            return False
+        if self.measured(now) is None:
+            self.notice = "The joint angles are not known: is the simulator or the driver running?"
+            return False
+        if not self.limits.allow(goal):
+            self.notice = f"The {name} is outside the limits of the servo angles."
+            return False
+        self.notice, self.moving = "", name
+        self._goal = np.array(goal, float)
+        self._motion_until = None
+        return True
+
+    def command(self, now: float) -> Trajectory | None:
+        """Return what to publish at `now`, None for nothing; call it every PERIOD while `streaming`."""
+        joints = self.measured(now)
+        if not self.streaming or joints is None or now < self._ready_at:
+            return None
+        if self.moving and self._motion_until is None:
+            path = motion(joints, self._goal, self.limits.speed)
+            self._motion_until = now + float(path.times[-1]) + 2 * PERIOD
+            return path
+        if self._motion_until is not None:
+            if now < self._motion_until:
+                return None
+            if np.abs(joints[:3] - self._goal[:3]).max() > ARRIVED:
+                self.notice = f"The servos did not reach the {self.moving}."
+            self._end_motion()
+            self._follow_measured(now)
+        return Trajectory(SERVOS, np.array([PERIOD]), self.angles[None].copy())
+
+    def _end_motion(self) -> None:
+        self.moving, self._motion_until = "", None
+
+    def _follow_measured(self, now: float) -> None:
+        joints = self.measured(now)
+        if joints is not None:
+            self.angles = np.clip(joints[:3], self.limits.angle_min, self.limits.angle_max)
+            self.synced = True

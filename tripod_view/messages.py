@@ -1,0 +1,70 @@
+"""Messages to and from the plain values that the rest works with."""
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from rclpy.duration import Duration
+from shape_msgs.msg import Mesh
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from tripod_msgs.msg import BodyState, ControlMode
+
+from tripod_graph import names
+from tripod_graph.mode import Mode
+from tripod_view.body import Surface
+from tripod_view.motion import Trajectory
+from tripod_view.pose import Pose, PoseError
+
+FloatArray = NDArray[np.float64]
+
+
+def seconds_of(stamp: Time) -> float:
+    """Return a stamp in [s]."""
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
+
+
+def surface_of(message: Mesh) -> Surface:
+    """Return the surface of a mesh message. Raises BodyError."""
+    nodes = np.array([(p.x, p.y, p.z) for p in message.vertices], float).reshape(-1, 3)
+    triangles = np.array([t.vertex_indices for t in message.triangles], np.uint32).reshape(-1, 3)
+    return Surface(nodes, triangles)
+
+
+def state_of(message: BodyState) -> tuple[int, FloatArray]:
+    """Return topology id and flat node positions [m], shape (3 n,)."""
+    return message.topology_id, np.asarray(message.positions, float)
+
+
+def pose_of(message: PoseStamped) -> Pose:
+    """Return the pose of a message in frame `world`. Raises PoseError."""
+    if message.header.frame_id != names.WORLD:
+        raise PoseError(f"frame '{message.header.frame_id}'; only '{names.WORLD}' is understood")
+    p, q = message.pose.position, message.pose.orientation
+    return Pose.of((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+
+def trajectory_message(trajectory: Trajectory, stamp: Time) -> JointTrajectory:
+    """Return `trajectory` as a message stamped `stamp`."""
+    message = JointTrajectory(joint_names=list(trajectory.names))
+    message.header.stamp = stamp
+    for seconds, row in zip(trajectory.times, trajectory.positions, strict=True):
+        point = JointTrajectoryPoint(positions=[float(v) for v in row])
+        point.time_from_start = Duration(seconds=float(seconds)).to_msg()
+        message.points.append(point)
+    return message
+
+
+def target_message(position: FloatArray, stamp: Time) -> PoseStamped:
+    """Return a target at `position` [m] in frame `world`, not turned."""
+    message = PoseStamped()
+    message.header.stamp, message.header.frame_id = stamp, names.WORLD
+    p = message.pose.position
+    p.x, p.y, p.z = (float(v) for v in position)
+    return message
+
+
+def mode_message(mode: Mode, source: str, stamp: float) -> ControlMode:
+    """Return the decision of `source` at `stamp` [s]."""
+    message = ControlMode(mode=int(mode), source=source)
+    message.header.stamp = Time(sec=int(stamp), nanosec=int(1e9 * (stamp % 1)))
+    return message

@@ -1,0 +1,55 @@
+"""A smooth motion from the present joint values to given ones, as the points of a trajectory."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_graph.names import SERVOS, SLIDE
+
+FloatArray = NDArray[np.float64]
+
+POINTS = 24
+"""Points of a motion; followers interpolate linearly between them."""
+
+SLIDE_SPEED = 0.01
+"""Mean speed of the slide in a motion [m/s]."""
+
+SHORTEST = 0.5
+"""Least duration of a motion [s]."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Points for the joints to pass, from when it is received.
+
+    Attributes:
+        names: Joint names.
+        times: Time of each point from the start [s], shape (m,).
+        positions: Joint values at each point [rad, m], shape (m, len(names)).
+    """
+
+    names: tuple[str, ...]
+    times: FloatArray
+    positions: FloatArray
+
+
+def motion_duration(start: FloatArray, goal: FloatArray, speed: float) -> float:
+    """Return the time [s] from `start` to `goal`, shape (4,) [rad, rad, rad, m], at mean `speed` [rad/s]."""
+    travel = np.abs(goal - start)
+    return float(max(travel[:3].max() / speed, travel[3] / SLIDE_SPEED, SHORTEST))
+
+
+def motion(
+    start: Sequence[float] | FloatArray, goal: Sequence[float] | FloatArray, speed: float
+) -> Trajectory:
+    """Return the motion from `start` to `goal`, both shape (4,): three angles [rad] and the slide [m].
+
+    All joints move in proportion along s(u) = u^3 (10 - 15 u + 6 u^2): speed and acceleration are zero at
+    both ends, and the strips keep about their length on the way, because angle and slide go together.
+    """
+    a, b = np.asarray(start, float), np.asarray(goal, float)
+    u = np.arange(1, POINTS + 1) / POINTS
+    s = u**3 * (10 - 15 * u + 6 * u**2)
+    return Trajectory((*SERVOS, SLIDE), motion_duration(a, b, speed) * u, a + s[:, None] * (b - a))

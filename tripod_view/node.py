@@ -1,0 +1,336 @@
+"""The page as a ROS node: topics in, scene and panel out; what people do on the page in, topics out.
+
+Threads. Everything in this file runs on the executor's thread. viser serves the page on a thread of its own;
+there, the callbacks of buttons, sliders and the handle only put an event into the `Inbox`, which wakes the
+executor by a guard condition. The executor's thread alone touches `Control`, `TargetHandle` and `Display`,
+and it alone changes scene and panel (viser queues such changes under its own lock).
+
+While no browser is connected the timers rest and nothing is drawn; only the newest messages are kept.
+"""
+
+import sys
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from shape_msgs.msg import Mesh
+from trajectory_msgs.msg import JointTrajectory
+from tripod_msgs.msg import BodyState, ControlMode, IkStatus, RobotStatus, SimStatus
+
+from tripod_graph import names
+from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.mode import Mode
+from tripod_graph.parameters import declare
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.run import run_node
+from tripod_view import events
+from tripod_view.body import BodyError
+from tripod_view.control import PERIOD, STALE, Control
+from tripod_view.display import Display
+from tripod_view.events import Button, Event, Inbox
+from tripod_view.joints import JointError, joint_values
+from tripod_view.messages import (
+    mode_message,
+    pose_of,
+    seconds_of,
+    state_of,
+    surface_of,
+    target_message,
+    trajectory_message,
+)
+from tripod_view.panel import Panel
+from tripod_view.pose import PoseError
+from tripod_view.rejects import Rejects
+from tripod_view.scene import Scene
+from tripod_view.server import HOST, PageServer
+from tripod_view.settings import PARAMETERS, checked_settings
+from tripod_view.target import TargetError
+
+FloatArray = NDArray[np.float64]
+
+OWN_STAMPS = 256
+"""Stamps of own targets remembered, to know their echo."""
+
+
+class ViewNode(Node):
+    """Serves the page; see the module."""
+
+    def __init__(self) -> None:
+        super().__init__("view")
+        settings = checked_settings(declare(self, PARAMETERS))
+        self._park, self._target = settings.park, settings.target
+        self._control, self._rejects = Control(self.get_name(), settings.limits), Rejects()
+        self._browsers: set[int] = set()
+        self._sim_joints_at = float("-inf")
+        self._target_asked: FloatArray | None = None
+        self._own_targets: deque[tuple[int, int]] = deque(maxlen=OWN_STAMPS)
+
+        self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
+        self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self._target_pose = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._draw_timer = self.create_timer(1 / settings.rate, self._on_draw, clock=steady, autostart=False)
+        self._command_timer = self.create_timer(PERIOD, self._on_command, clock=steady, autostart=False)
+        self._guard = self.create_guard_condition(self._on_events)
+        self._inbox = Inbox(self._guard.trigger)
+        self._server, self._url = open_page(self, settings.port)
+        scene = Scene(self._server, self._inbox, settings.geometry, (self._target.low, self._target.high))
+        panel = Panel(self._server, self._inbox, settings.limits)
+        self._display = Display(self._server, scene, panel)
+        self._watch_browsers()
+        self._subscribe()
+        self._diagnostics = Diagnostics(self, self._report)
+
+    def close(self) -> None:
+        """Give up control, if it is the page's, and stop serving."""
+        try:
+            if self._control.in_control:
+                self._decide(Mode.STOP)
+                self._mode.wait_for_all_acked(Duration(seconds=0.5))
+        finally:
+            self._server.close()
+            self.destroy_node()
+
+    def _watch_browsers(self) -> None:
+        async def on_connect(client: Any) -> None:  # async: on the server's thread, in order
+            self._inbox.put(events.Joined(client.client_id))
+
+        async def on_disconnect(client: Any) -> None:
+            self._inbox.put(events.Left(client.client_id))
+
+        self._server.on_client_connect(on_connect)
+        self._server.on_client_disconnect(on_disconnect)
+
+    def _subscribe(self) -> None:
+        keep = self._display
+        for kind, topic, callback, qos in (
+            (Mesh, names.MESH, self._on_mesh, LATCHED),
+            (BodyState, names.BODY_STATE, lambda m: keep.keep_state(lambda: state_of(m)), SENSOR),
+            (JointState, names.SIM_JOINT_STATES, self._on_sim_joints, RELIABLE),
+            (JointState, names.ROBOT_JOINT_STATES, self._on_robot_joints, RELIABLE),
+            (PoseStamped, names.EFFECTOR_POSE, self._on_effector_pose, RELIABLE),
+            (PoseStamped, names.TARGET_POSE, self._on_target_pose, RELIABLE),
+            (ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED),
+            (SimStatus, names.SIM_STATUS, keep.keep_sim, RELIABLE),
+            (IkStatus, names.IK_STATUS, keep.keep_ik, RELIABLE),
+            (RobotStatus, names.ROBOT_STATUS, keep.keep_robot, RELIABLE),
+        ):
+            self.create_subscription(kind, topic, callback, qos)
+
+    # What comes from the graph: checked and kept, drawn later.
+
+    def _on_mesh(self, message: Mesh) -> None:
+        try:
+            self._display.keep_surface(surface_of(message))
+        except BodyError as error:
+            self._refuse(names.MESH, error)
+
+    def _on_sim_joints(self, message: JointState) -> None:
+        if self._on_joints(names.SIM_JOINT_STATES, message):
+            self._sim_joints_at = time.monotonic()
+
+    def _on_robot_joints(self, message: JointState) -> None:
+        if time.monotonic() - self._sim_joints_at > STALE:  # the simulator knows the slide too
+            self._on_joints(names.ROBOT_JOINT_STATES, message)
+
+    def _on_joints(self, topic: str, message: JointState) -> bool:
+        try:
+            joints = joint_values(message.name, message.position)
+        except JointError as error:
+            self._refuse(topic, error)
+            return False
+        self._control.measure(joints, time.monotonic())
+        self._display.keep_joints(joints)
+        return True
+
+    def _on_effector_pose(self, message: PoseStamped) -> None:
+        try:
+            pose = pose_of(message)
+        except PoseError as error:
+            self._refuse(names.EFFECTOR_POSE, error)
+            return
+        self._display.keep_effector(pose)
+        if self._target.ride(pose.position):
+            self._display.touch_target()
+
+    def _on_target_pose(self, message: PoseStamped) -> None:
+        stamp = message.header.stamp
+        if (stamp.sec, stamp.nanosec) in self._own_targets:
+            return
+        try:
+            target = pose_of(message)
+        except PoseError as error:
+            self._refuse(names.TARGET_POSE, error)
+            return
+        if self._target.hear(target.position):
+            self._display.touch_target()
+
+    def _on_control_mode(self, message: ControlMode) -> None:
+        before = self._control.mode
+        try:
+            self._control.hear(message.mode, message.source, seconds_of(message.header.stamp))
+        except ValueError as error:
+            self._refuse(names.CONTROL_MODE, error)
+        self._mode_changed(before)
+
+    def _refuse(self, where: str, reason: object) -> None:
+        self.get_logger().warning(self._rejects.note(where, reason), throttle_duration_sec=5.0)
+
+    # What people do on the page.
+
+    def _on_events(self) -> None:
+        for event in self._inbox.drain():
+            self._on_event(event)
+
+    def _on_event(self, event: Event) -> None:
+        match event:
+            case events.Pressed(button):
+                self._on_press(button)
+            case events.SliderMoved(servo):
+                self._control.set_angle(servo, event.radians)
+            case events.Grabbed(client):
+                self._target.grab(client)
+                self._display.touch_target()
+            case events.Dragged(client, position):
+                self._on_drag(client, position)
+            case events.Dropped(client):
+                self._on_drop(client)
+            case events.Joined(client):
+                self._browsers.add(client)
+                self._draw_timer.reset()
+            case events.Left(client):
+                self._browsers.discard(client)
+                self._on_drop(client)
+                if not self._browsers:
+                    self._on_nobody()
+
+    def _on_press(self, button: Button) -> None:
+        match button:
+            case Button.STOP:
+                self._decide(Mode.STOP)
+            case Button.TELEOP:
+                self._decide(Mode.TELEOP)
+            case Button.IK:
+                if self._target.position is not None:
+                    self._publish_target(self._target.position)  # what is shown is what is followed
+                self._decide(Mode.IK)
+            case Button.WORKING_POSE:
+                self._go("working pose", names.WORKING_POSE)
+            case Button.PARK:
+                self._go("park pose", self._park)
+            case Button.FETCH_TARGET:
+                self._fetch_target()
+
+    def _go(self, name: str, goal: Sequence[float]) -> None:
+        if not self._control.streaming:
+            self._decide(Mode.TELEOP)
+        self._control.go(name, goal, time.monotonic())
+
+    def _fetch_target(self) -> None:
+        effector = self._display.effector
+        if effector is None or self._target.dragging:
+            return
+        self._target.release()
+        self._target.ride(effector.position)
+        self._display.touch_target()
+        self._publish_target(effector.position)
+
+    def _on_drag(self, client: int, position: Any) -> None:
+        try:
+            self._target_asked = self._target.drag(client, position)
+        except TargetError as error:
+            self._refuse("page", error)
+        self._display.touch_target()
+
+    def _on_drop(self, client: int) -> None:
+        self._target.drop(client)
+        self._display.touch_target()
+        if self._target_asked is not None:
+            self._publish_target(self._target_asked)
+
+    def _on_nobody(self) -> None:
+        self._draw_timer.cancel()
+        if self._control.in_control:
+            self.get_logger().warning("the last browser left while the page was in control: STOP")
+            self._decide(Mode.STOP)
+
+    # What goes out.
+
+    def _decide(self, mode: Mode) -> None:
+        before, seconds = self._control.mode, 1e-9 * self.get_clock().now().nanoseconds
+        stamp = self._control.decide(mode, seconds, time.monotonic())
+        if stamp is not None:
+            self._mode.publish(mode_message(mode, self.get_name(), stamp))
+            self._mode_changed(before)
+
+    def _mode_changed(self, before: Mode) -> None:
+        if before is Mode.IK and self._control.mode is not Mode.IK:
+            self._target.release()
+        if not self._control.streaming:
+            self._command_timer.cancel()
+        elif self._command_timer.is_canceled():
+            self._command_timer.reset()
+
+    def _on_command(self) -> None:
+        trajectory = self._control.command(time.monotonic())
+        if trajectory is not None:
+            self._trajectory.publish(trajectory_message(trajectory, self.get_clock().now().to_msg()))
+
+    def _publish_target(self, position: FloatArray) -> None:
+        self._target_asked, stamp = None, self.get_clock().now().to_msg()
+        self._own_targets.append((stamp.sec, stamp.nanosec))
+        self._target_pose.publish(target_message(position, stamp))
+
+    def _on_draw(self) -> None:
+        if self._target_asked is not None:  # at the rate of the pictures, however fast the hand is
+            self._publish_target(self._target_asked)
+        skipped = self._display.body.skipped
+        self._display.draw(self._control, self._target, self._rejects, len(self._browsers))
+        if self._display.body.skipped > skipped:
+            text = f"{names.BODY_STATE}: {self._display.body.reason}"
+            self.get_logger().warning(text, throttle_duration_sec=5.0)
+
+    def _report(self) -> Report:
+        body, rejects, lost = self._display.body, self._rejects, self._inbox.lost
+        values = {
+            "page": self._url,
+            "browsers": len(self._browsers),
+            "pictures per second": self._display.pictures_per_second if self._browsers else 0.0,
+            "skipped body states": body.skipped,
+            "last skipped": body.reason,
+            "refused messages": rejects.total,
+            "last refused": rejects.last,
+            "lost events": lost,
+        }
+        return Level.WARN if body.skipped or rejects.total or lost else Level.OK, f"page {self._url}", values
+
+
+def open_page(node: Node, port: int) -> tuple[PageServer, str]:
+    """Return the server of the page and its URL, said on stdout and in the log. Raises OSError."""
+    server = PageServer(port)
+    taken = server.get_port()
+    if port not in (0, taken):
+        text = f"port {port} is taken: the page is on port {taken}"
+        print(text, flush=True)
+        node.get_logger().warning(text)
+    url = f"http://{HOST}:{taken}"
+    print(f"page {url}", flush=True)
+    node.get_logger().info(f"page {url}")
+    return server, url
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node; see tripod_graph.run for the exit code."""
+    return run_node("view", ViewNode, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

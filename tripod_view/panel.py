@@ -1,0 +1,164 @@
+"""The controls of the page: stop, mode, sliders, status, plots; degrees and millimetres on the screen."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+import viser.uplot
+from numpy.typing import NDArray
+
+from tripod_view.control import Limits
+from tripod_view.events import Button, Inbox, Pressed, SliderMoved
+from tripod_view.scene import SERVO_COLOURS
+from tripod_view.words import Line, lines_html
+
+FloatArray = NDArray[np.float64]
+
+STEP = 0.5
+"""Step of the sliders [degrees]."""
+
+MODES = {"TELEOP: sliders": Button.TELEOP, "IK: green target": Button.IK}
+MOTIONS = {"working pose": Button.WORKING_POSE, "park": Button.PARK}
+
+
+class Panel:
+    """Shows what it is told; every method is called from the thread of ROS only.
+
+    Callbacks of viser are coroutines: they run in order on the web server's thread and only put an event into
+    the inbox. What the code itself sets (no client in the event) is not an event.
+    """
+
+    def __init__(self, server: viser.ViserServer, inbox: Inbox, limits: Limits) -> None:
+        self._gui, self._inbox, self._limits = server.gui, inbox, limits
+        self._shown: dict[str, str] = {}
+        gui = self._gui
+        gui.configure_theme(
+            control_layout="floating", control_width="medium", show_logo=False, show_share_button=False
+        )
+        gui.set_panel_label("Tripod")
+        gui.main_panel.dock_right()
+        self._mode = gui.add_html("")
+        stop = gui.add_button(
+            "STOP", color="red", icon="hand-stop", hint="All commands off: the servos hold, then park"
+        )
+        self._on_press(stop, Button.STOP)
+        modes = gui.add_button_group("Control by", tuple(MODES))
+        self._on_choice(modes, MODES)
+        with gui.add_folder("Servo angles"):
+            self._sliders = [self._add_slider(i) for i in range(len(SERVO_COLOURS))]
+            motions = gui.add_button_group("Go to", tuple(MOTIONS), hint="A slow motion of several seconds")
+            self._on_choice(motions, MOTIONS)
+            self._notice = gui.add_html("")
+        with gui.add_folder("Target"):
+            self._target = gui.add_html("")
+            fetch = gui.add_button("Bring target to effector", color="gray")
+            self._on_press(fetch, Button.FETCH_TARGET)
+        with gui.add_folder("Status"):
+            self._status = gui.add_html("")
+            self._mesh_lines = gui.add_checkbox("Show mesh", True)
+        with gui.add_folder("Plots"):
+            self._angles = self._add_plot(
+                "servo angles (°)", ("servo 0", "servo 1", "servo 2"), SERVO_COLOURS
+            )
+            self._factor = self._add_plot(
+                "simulated / real time", ("factor",), ((47, 158, 68),), low=0.0, high=1.2
+            )
+
+    @property
+    def mesh_lines(self) -> bool:
+        """Whether the user wants to see the lines of the mesh."""
+        return bool(self._mesh_lines.value)
+
+    def enable_sliders(self, enabled: bool) -> None:
+        """Let the sliders be moved or not."""
+        for slider in self._sliders:
+            slider.disabled = not enabled
+
+    def set_sliders(self, angles: FloatArray) -> None:
+        """Set the sliders to `angles` [rad], shape (3,)."""
+        for slider, angle in zip(self._sliders, angles, strict=True):
+            shown = round(np.degrees(float(angle)) / STEP) * STEP
+            if slider.value != shown:  # also true for the NaN that a browser may have put there
+                slider.value = float(np.clip(shown, slider.min, slider.max))
+
+    def show_mode(self, line: Line) -> None:
+        """Show who commands the robot."""
+        self._set("mode", self._mode, lines_html([line]))
+
+    def show_notice(self, lines: Sequence[Line]) -> None:
+        """Show what was refused, nothing if `lines` is empty."""
+        self._set("notice", self._notice, lines_html(lines) if lines else "")
+
+    def show_target(self, lines: Sequence[Line]) -> None:
+        """Show where target and effector are."""
+        self._set("target", self._target, lines_html(lines))
+
+    def show_status(self, lines: Sequence[Line]) -> None:
+        """Show the states of the other nodes."""
+        self._set("status", self._status, lines_html(lines))
+
+    def plot_angles(self, series: Sequence[FloatArray]) -> None:
+        """Plot ages [s] and three angles [rad], all of one length."""
+        ages, *angles = series
+        self._angles.data = (ages, *(np.degrees(a) for a in angles))
+
+    def plot_factor(self, series: Sequence[FloatArray]) -> None:
+        """Plot ages [s] and the real-time factor, of one length."""
+        self._factor.data = tuple(series)
+
+    def _set(self, key: str, handle: viser.GuiHtmlHandle, html: str) -> None:
+        if self._shown.get(key) != html:
+            self._shown[key] = handle.content = html
+
+    def _add_slider(self, servo: int) -> viser.GuiSliderHandle[float]:
+        low, high = np.degrees(self._limits.angle_min), np.degrees(self._limits.angle_max)
+        low, high = float(np.ceil(low / STEP) * STEP), float(np.floor(high / STEP) * STEP)
+        slider = self._gui.add_slider(
+            f"servo {servo} (°)", low, high, STEP, float(np.clip(0.0, low, high)), disabled=True
+        )
+
+        async def on_update(event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
+            if event.client is not None:
+                self._inbox.put(SliderMoved(servo, event.target.value))
+
+        slider.on_update(on_update)
+        return slider
+
+    def _on_press(self, handle: viser.GuiButtonHandle, button: Button) -> None:
+        async def on_click(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+            if event.client is not None:
+                self._inbox.put(Pressed(button))
+
+        handle.on_click(on_click)
+
+    def _on_choice(self, handle: viser.GuiButtonGroupHandle, choices: dict[str, Button]) -> None:
+        async def on_click(event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
+            button = choices.get(str(event.target.value))
+            if event.client is not None and button is not None:
+                self._inbox.put(Pressed(button))
+
+        handle.on_click(on_click)
+
+    def _add_plot(
+        self,
+        title: str,
+        names: Sequence[str],
+        colours: Sequence[tuple[int, int, int]],
+        *,
+        low: float | None = None,
+        high: float | None = None,
+    ) -> viser.GuiUplotHandle:
+        scales: dict[str, viser.uplot.Scale] = {"x": viser.uplot.Scale(time=False, auto=True)}
+        if low is not None and high is not None:
+            scales["y"] = viser.uplot.Scale(range=(low, high))
+        series = [viser.uplot.Series(label="s")]
+        for name, (r, g, b) in zip(names, colours, strict=True):
+            series.append(viser.uplot.Series(label=name, stroke=f"rgb({r},{g},{b})", width=2))
+        return self._gui.add_uplot(
+            tuple(np.zeros(0) for _ in range(1 + len(names))),
+            tuple(series),
+            title=title,
+            scales=scales,
+            legend=viser.uplot.Legend(show=len(names) > 1),
+            height=170,
+        )

@@ -1,0 +1,192 @@
+"""States of the other nodes in plain words, as lines of the page."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from html import escape
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_graph.mode import Mode
+
+SILENT = 1.5
+"""Age of the newest status after which a node counts as silent [s]; status comes at 10 Hz."""
+
+SLOW = 0.95
+"""Real-time factor below which the simulation counts as slow."""
+
+
+class Light(Enum):
+    """Colour of a line's light."""
+
+    GOOD = "#2f9e44"
+    WATCH = "#f08c00"
+    BAD = "#e03131"
+    OFF = "#adb5bd"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the status list: a light, who it is about, and a sentence; plain text."""
+
+    light: Light
+    who: str
+    text: str
+
+
+class SimFields(Protocol):
+    """What is read of tripod_msgs/SimStatus."""
+
+    state: int
+    message: str
+    dt: float
+    real_time_factor: float
+    step_time_median: float
+
+
+class IkFields(Protocol):
+    """What is read of tripod_msgs/IkStatus."""
+
+    state: int
+    message: str
+    error: float
+    active_limits: Sequence[str]
+    solver_status: str
+
+
+class RobotFields(Protocol):
+    """What is read of tripod_msgs/RobotStatus."""
+
+    state: int
+    message: str
+    port: str
+    packets_sent: int
+
+
+def silence(who: str, age: float | None) -> Line | None:
+    """Return the line for a node not heard for `age` [s] (None: never), None if its status is fresh."""
+    if age is None:
+        return Line(Light.OFF, who, "not heard yet")
+    return Line(Light.BAD, who, f"silent for {age:.0f} s") if age > SILENT else None
+
+
+def sim_line(status: SimFields) -> Line:
+    """Return the line for a fresh status of the simulator."""
+    factor = status.real_time_factor
+    steps = f"{factor:.2f} x, step {1e3 * status.step_time_median:.2f} of {1e3 * status.dt:.0f} ms"
+    slow = not factor >= SLOW
+    texts = {
+        0: (Light.WATCH, f"slower than real time: {steps}") if slow else (Light.GOOD, f"real time: {steps}"),
+        1: (Light.WATCH, "paused"),
+        2: (Light.WATCH, "holds: no commands come in"),
+        3: (Light.GOOD, "parked: waits for commands"),
+        4: (Light.BAD, f"failed: {status.message or 'no reason given'}"),
+    }
+    return Line(*_stated("Simulator", status.state, texts))
+
+
+def ik_line(status: IkFields) -> Line:
+    """Return the line for a fresh status of the inverse kinematics."""
+    off, limits = f"{1e3 * status.error:.2f} mm off", ", ".join(status.active_limits)
+    texts = {
+        0: (Light.OFF, "idle"),
+        1: (Light.GOOD, f"on target: {off}"),
+        2: (Light.WATCH, f"target out of reach: {off}" + (f" (at limit: {limits})" if limits else "")),
+        3: (Light.WATCH, "holds: no fresh data from the simulator"),
+        4: (Light.BAD, f"solver failed: {status.message or status.solver_status}"),
+    }
+    return Line(*_stated("Inverse kinematics", status.state, texts))
+
+
+def ik_silence(age: float | None, mode: Mode) -> Line | None:
+    """Return the line for inverse kinematics without a fresh status: it comes once per solve, in mode IK."""
+    if age is not None and age <= SILENT:
+        return None
+    if mode is not Mode.IK:
+        return Line(Light.OFF, "Inverse kinematics", "off: the mode is not IK")
+    return Line(
+        Light.BAD, "Inverse kinematics", "does not answer" if age is None else f"silent for {age:.0f} s"
+    )
+
+
+def robot_line(status: RobotFields) -> Line:
+    """Return the line for a fresh status of the driver."""
+    packets = f"{status.port}, {status.packets_sent} packets"
+    texts = {
+        0: (Light.BAD, "not connected"),
+        1: (Light.WATCH, "connecting"),
+        2: (Light.WATCH, f"connected, not allowed to move ({packets})"),
+        3: (Light.GOOD, f"follows commands ({packets})"),
+        4: (Light.WATCH, f"holds its angles ({packets})"),
+        5: (Light.GOOD, f"parked ({packets})"),
+        6: (Light.BAD, "fault"),
+    }
+    line = Line(*_stated("Robot", status.state, texts))
+    return replace(line, text=f"{line.text}: {status.message}") if status.message else line
+
+
+def mode_line(mode: Mode, source: str, *, own: bool) -> Line:
+    """Return the line that says who commands the robot; `own`: this page decided."""
+    by = "this page" if own else (source or "nobody yet")
+    texts = {
+        Mode.STOP: (Light.BAD, "all commands off: the servos hold, then park"),
+        Mode.TELEOP: (Light.GOOD, "the sliders command" if own else "the keyboard commands"),
+        Mode.IK: (Light.GOOD, "the servos follow the green target"),
+        Mode.REPLAY: (Light.GOOD, "a recording is played"),
+    }
+    light, text = texts[mode]
+    return Line(light, f"{mode.name}, by {by}", text)
+
+
+def target_lines(target: NDArray[np.float64] | None, effector: NDArray[np.float64] | None) -> list[Line]:
+    """Return the lines about positions of `target` and `effector` [m], None where not known yet."""
+    lines = [
+        Line(
+            light,
+            who,
+            "not known yet" if p is None else "x {:.1f}, y {:.1f}, z {:.1f} mm".format(*(1e3 * p + 0.0)),
+        )
+        for light, who, p in ((Light.GOOD, "Target", target), (Light.WATCH, "Effector", effector))
+    ]
+    if target is not None and effector is not None:
+        lines.append(Line(Light.OFF, "Distance", f"{1e3 * np.linalg.norm(target - effector):.2f} mm"))
+    return lines
+
+
+def page_line(browsers: int, pictures: float, skipped: tuple[int, str], refused: tuple[int, str]) -> Line:
+    """Return the line about this page.
+
+    Args:
+        browsers: How many show the page.
+        pictures: Body states drawn per second.
+        skipped: Number of body states that did not fit the mesh, since start, and the newest reason.
+        refused: Number of other messages refused, since start, and the newest with its topic.
+    """
+    text = f"{pictures:.0f} pictures/s, {browsers} browser" + ("s" if browsers != 1 else "")
+    if skipped[0]:
+        text += f"; {skipped[0]} body states skipped ({skipped[1]})"
+    if refused[0]:
+        text += f"; {refused[0]} messages refused ({refused[1]})"
+    return Line(Light.WATCH if skipped[0] or refused[0] else Light.GOOD, "This page", text)
+
+
+def lines_html(lines: Sequence[Line]) -> str:
+    """Return `lines` as HTML. Every text is escaped: some come from the network."""
+    rows = "".join(
+        f'<div style="display:flex;gap:.5em;margin:.25em 0">{_dot(line.light)}'
+        f"<span><b>{escape(line.who)}</b><br>{escape(line.text)}</span></div>"
+        for line in lines
+    )
+    return f'<div style="font-size:.85em;line-height:1.35;padding:0 .8em .3em .8em">{rows}</div>'
+
+
+def _dot(light: Light) -> str:
+    size = "flex:none;width:.7em;height:.7em;border-radius:50%;margin-top:.35em"
+    return f'<span style="{size};background:{light.value}"></span>'
+
+
+def _stated(who: str, state: int, texts: Mapping[int, tuple[Light, str]]) -> tuple[Light, str, str]:
+    light, text = texts.get(state, (Light.BAD, f"unknown state {state}"))
+    return light, who, text
