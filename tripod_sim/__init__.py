@@ -1,0 +1,27 @@
+"""Real-time simulation of soft bodies: a pure library.
+
+>>> from tripod_sim import Simulation, load_scene
+>>> simulation = Simulation(load_scene("tripod"))
+>>> report = simulation.step()
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from tripod_sim.errors import SceneError, StepError
+
+if TYPE_CHECKING:
+    from tripod_sim.scene_file import load_scene, scene_names
+    from tripod_sim.simulation import Simulation
+
+__all__ = ["SceneError", "Simulation", "StepError", "load_scene", "scene_names"]
+
+_HOMES = {"Simulation": "simulation", "load_scene": "scene_file", "scene_names": "scene_file"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the public names when they are first used: listing scenes need not load numba."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'tripod_sim' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"tripod_sim.{_HOMES[name]}"), name)

@@ -1,0 +1,142 @@
+"""Scene to simulation: each named effect becomes one term or stage; an absent one is not even imported."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.groups import Groups, Kind
+from tripod_sim.elements.hexahedron import h8_node_volumes
+from tripod_sim.errors import SceneError
+from tripod_sim.integrators.newton import Newton
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.materials.lame import lame_constants
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
+from tripod_sim.scene import FixedBox, Mesh, Scene
+from tripod_sim.state import State
+from tripod_sim.system import System
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+class Stepper(Protocol):
+    """Advances a state by one step."""
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """Advance in place, or raise StepError and leave `state` as it was."""
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What `build` made of a scene.
+
+    Attributes:
+        mesh: The solid's mesh.
+        mass: Of nodes [kg], shape (n,).
+        system: The potential.
+        stepper: The time integrator or the static solver.
+    """
+
+    mesh: SolidMesh
+    mass: FloatArray
+    system: System
+    stepper: Stepper
+
+
+def build(scene: Scene) -> Parts:
+    """Return the parts of a simulation of `scene`. Raises SceneError."""
+    from tripod_sim.forces.solid import Solid
+
+    mesh = _mesh(scene.mesh)
+    nodes = mesh.nodes
+    volumes = np.zeros(len(nodes))
+    np.add.at(volumes, mesh.elements, h8_node_volumes(nodes[mesh.elements]))
+    mass = volumes * (scene.material.mass / volumes.sum())
+    groups = _groups(scene, nodes)
+    lam, mu = lame_constants(scene.material.young, scene.material.poisson)
+    solid = Solid(nodes, _strained(mesh.elements, groups), scene.material.law, lam, mu)
+    gravity = inertia = damping = None
+    if scene.gravity:
+        from tripod_sim.forces.gravity import GravityForce
+
+        gravity = GravityForce(mass, scene.gravity.acceleration, nodes)
+    if scene.inertia:
+        from tripod_sim.forces.anchor import Anchor
+
+        inertia = Anchor(len(nodes))
+    if scene.damping and scene.damping.stiffness > 0:
+        from tripod_sim.forces.rayleigh import StiffnessDamping
+
+        damping = StiffnessDamping(scene.damping.stiffness, solid.elements, len(nodes))
+    system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=damping)
+    newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
+    stepper: Stepper
+    if inertia:
+        from tripod_sim.integrators.implicit_euler import ImplicitEuler
+
+        drag = scene.damping.mass if scene.damping else 0.0
+        stepper = ImplicitEuler(newton, inertia, mass, drag, scene.solver.max_halvings)
+    else:
+        from tripod_sim.integrators.quasi_static import QuasiStatic
+
+        reach = scene.servos.axis_depth if scene.servos and scene.servos.axis_depth > 0 else 0.03
+        stepper = QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach)
+    return Parts(mesh, mass, system, stepper)
+
+
+def _mesh(description: Mesh) -> SolidMesh:
+    if description.source == "y_piece":
+        from tripod_sim.mesh.y_piece import LEVELS, y_piece
+
+        mesh = y_piece(LEVELS[description.level])
+    elif "." in description.source:
+        from tripod_sim.mesh.read import read_hexahedra
+
+        mesh = read_hexahedra(Path(description.source), description.scale)
+    else:
+        raise SceneError(
+            f"mesh.source is {description.source!r}; allowed: y_piece, or the path of a mesh file"
+        )
+    check_mesh(mesh, f"mesh.source {description.source!r}")
+    return mesh
+
+
+def _groups(scene: Scene, nodes: FloatArray) -> Groups:
+    rigid: tuple[IndexArray, ...] = ()
+    driven = ()
+    if scene.effector:
+        from tripod_sim.robot.arms import effector_disc
+
+        rigid = (effector_disc(nodes, scene.effector),)
+    if scene.servos:
+        from tripod_sim.robot.arms import servo_arms
+
+        driven = servo_arms(nodes, scene.servos)
+    boxes = [_inside(nodes, box, i) for i, box in enumerate(scene.fixed)]
+    fixed = np.unique(np.concatenate(boxes)) if boxes else np.zeros(0, dtype=np.int64)
+    return Groups(len(nodes), rigid, driven, fixed)
+
+
+def _inside(nodes: FloatArray, box: FixedBox, i: int) -> IndexArray:
+    held = np.flatnonzero(
+        ((nodes >= np.array(box.low) - 1e-9) & (nodes <= np.array(box.high) + 1e-9)).all(axis=1)
+    )
+    if held.size < 3:
+        low, high = nodes.min(axis=0).round(4).tolist(), nodes.max(axis=0).round(4).tolist()
+        raise SceneError(
+            f"fixed.{i} holds {held.size} nodes; it needs at least 3, not in a line. The box is {box.low} to {box.high} m, "
+            f"the body {low} to {high} m"
+        )
+    if np.linalg.matrix_rank(nodes[held] - nodes[held[0]], tol=1e-9) < 2:
+        raise SceneError(f"fixed.{i} holds nodes in one line only; the body's rotation about it is free")
+    return held
+
+
+def _strained(elements: IndexArray, groups: Groups) -> IndexArray:
+    """Return the elements that can deform: not all nodes in one group."""
+    kind, number = groups.kinds()
+    key = np.where(kind == Kind.FREE, -1 - np.arange(groups.size), 1000 * kind + number)[elements]
+    return np.ascontiguousarray(elements[~(key == key[:, :1]).all(axis=1)])

@@ -1,0 +1,97 @@
+"""The compliance of effector and servos, W = H A^-1 H^T.
+
+A is the static tangent with the servo angles as unknowns. With K the block of the body's unknowns, K_s its coupling to the
+angles and K_ss theirs, and H_e the rows of the effector,
+
+    S = K_ss - K_s^T K^-1 K_s          dtau / dangle
+    J = -H_e K^-1 K_s                  d(effector) / dangle
+    W = [H_e K^-1 H_e^T + J S^-1 J^T, J S^-1; (J S^-1)^T, S^-1]
+
+[Duriez2013], [CoevoetEtAl2017].
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.groups import quaternion
+from tripod_sim.errors import SceneError, StepError
+from tripod_sim.state import State
+from tripod_sim.system import System
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Compliance:
+    """Linearised static response about one state.
+
+    Attributes:
+        w: W, shape (6 + s, 6 + s): effector translation [m] and rotation vector [rad], then servo angles [rad], per
+            force [N] or torque [N m]; symmetric.
+        angles: Of the servos [rad], shape (s,).
+        slide: [m].
+        torques: Static torque that each servo exerts on the body [N m], shape (s,).
+        position: Of the effector [m], shape (3,).
+        quaternion: Of the effector (x, y, z, w), shape (4,).
+        equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
+            and rotation vector [rad], shape (6,).
+    """
+
+    w: FloatArray
+    angles: FloatArray
+    slide: float
+    torques: FloatArray
+    position: FloatArray
+    quaternion: FloatArray
+    equilibrium_offset: FloatArray
+
+
+def compliance(system: System, state: State) -> Compliance:
+    """Return the compliance of `system` at `state`.
+
+    Raises:
+        SceneError: the system has no effector.
+        StepError: the static tangent is singular there.
+    """
+    if not system.groups.rigid:
+        raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
+    reduction, s = system.reduction, len(system.groups.driven)
+    for project in (False, True):
+        if system.assemble(state, project=project) < 0:
+            break
+    system.evaluate(state, static=True)
+    torques = system.torques.copy()
+    if not system.factor_static():
+        raise StepError(
+            f"the static tangent is singular at {state.time:.4g} s; the compliance is not defined"
+        )
+    first = 3 * reduction.free_count
+    effector = slice(first, first + 6)
+    answers = np.empty((reduction.unknowns, 6 + s))
+    for k in range(6):
+        unit = np.zeros(reduction.unknowns)
+        unit[first + k] = 1.0
+        answers[:, k] = system.ldl.solve(unit)
+    for k in range(s):
+        answers[:, 6 + k] = system.ldl.solve(reduction.drive[:, k])
+    offset = -system.ldl.solve(system.residual)[effector]
+    w = np.empty((6 + s, 6 + s))
+    jacobian = -answers[effector, 6:]
+    stiffness = reduction.drive_drive - reduction.drive.T @ answers[:, 6:]
+    try:
+        inverse = np.linalg.inv(0.5 * (stiffness + stiffness.T))
+    except np.linalg.LinAlgError:
+        raise StepError(
+            f"the servos' stiffness is singular at {state.time:.4g} s; the compliance is not defined"
+        ) from None
+    w[6:, 6:] = inverse
+    w[:6, 6:] = jacobian @ inverse
+    w[6:, :6] = w[:6, 6:].T
+    w[:6, :6] = answers[effector, :6] + w[:6, 6:] @ jacobian.T
+    w = 0.5 * (w + w.T)
+    return Compliance(
+        w, state.joints[:-1].copy(), float(state.joints[-1]), torques, state.centres[0].copy(),
+        quaternion(state.rotations[0]), offset,
+    )  # fmt: skip

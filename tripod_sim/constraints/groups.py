@@ -1,0 +1,127 @@
+"""Node groups that constraints tie together exactly: no springs, no multipliers, fewer unknowns.
+
+A node is free, belongs to a rigid body (six unknowns), to a driven frame (moved by the caller; its angle is the only
+coordinate that matters for torque and compliance), or is fixed.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import names_of
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+class Kind(IntEnum):
+    """What a node is tied to."""
+
+    FREE = 0
+    RIGID = 1
+    DRIVEN = 2
+    FIXED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenFrame:
+    """Nodes held by a servo arm, which turns about a horizontal axis and slides with the servo body.
+
+    Attributes:
+        nodes: Node indices.
+        axis: Unit vector of the axis in world.
+        point: A point on the axis when `slide` is 0 [m].
+        inward: Direction in which a positive slide moves the axis, unit vector.
+    """
+
+    nodes: IndexArray
+    axis: FloatArray
+    point: FloatArray
+    inward: FloatArray
+
+    def place(self, rest: FloatArray, angle: float, slide: float) -> FloatArray:
+        """Return the positions [m] of nodes at `rest` (n, 3) when the arm stands at `angle` [rad] and `slide` [m]."""
+        return rotate(rest - self.point, self.axis * angle) + self.point + slide * self.inward
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """All groups of one mesh; no node may be in two.
+
+    Attributes:
+        size: Number of nodes.
+        rigid: Node indices of each rigid body.
+        driven: The driven frames.
+        fixed: Fixed nodes.
+    """
+
+    size: int
+    rigid: tuple[IndexArray, ...] = ()
+    driven: tuple[DrivenFrame, ...] = ()
+    fixed: IndexArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def __post_init__(self) -> None:
+        owner: dict[int, str] = {}
+        named = [(f"rigid body {i}", nodes) for i, nodes in enumerate(self.rigid)]
+        named += [(f"servo {i}", frame.nodes) for i, frame in enumerate(self.driven)]
+        for name, nodes in [*named, ("the fixed regions", self.fixed)]:
+            if name != "the fixed regions" and len(nodes) < 3:
+                raise SceneError(f"{name} holds {len(nodes)} nodes of the mesh; it needs at least 3")
+            if shared := [n for n in nodes.tolist() if n in owner]:
+                raise SceneError(
+                    f"{name} and {owner[shared[0]]} overlap at nodes {names_of(np.array(shared))}"
+                )
+            owner.update(dict.fromkeys(nodes.tolist(), name))
+        if len(owner) == self.size:
+            raise SceneError("the groups hold every node of the mesh; nothing is free to deform")
+
+    def kinds(self) -> tuple[IndexArray, IndexArray]:
+        """Return the kind of each node and the number of its body or frame, both of shape (size,)."""
+        kind, number = np.zeros(self.size, dtype=np.int64), np.zeros(self.size, dtype=np.int64)
+        for i, nodes in enumerate(self.rigid):
+            kind[nodes], number[nodes] = Kind.RIGID, i
+        for i, frame in enumerate(self.driven):
+            kind[frame.nodes], number[frame.nodes] = Kind.DRIVEN, i
+        kind[self.fixed] = Kind.FIXED
+        return kind, number
+
+
+def rotate(vectors: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Return `vectors` (n, 3) turned by the rotation vector `rotation` [rad] (Rodrigues' formula)."""
+    angle = float(np.linalg.norm(rotation))
+    if angle == 0.0:
+        return vectors.copy()
+    k = rotation / angle
+    along = np.outer(vectors @ k, k)
+    return np.asarray(along + np.cos(angle) * (vectors - along) + np.sin(angle) * np.cross(k, vectors))
+
+
+def rotation_matrix(rotation: FloatArray) -> FloatArray:
+    """Return the matrix of the rotation vector `rotation` [rad], shape (3, 3)."""
+    return rotate(np.eye(3), rotation).T
+
+
+def quaternion(matrix: FloatArray) -> FloatArray:
+    """Return the unit quaternion (x, y, z, w), w >= 0, of a rotation matrix [Shepperd1978]."""
+    m = matrix
+    squares = np.array(
+        [
+            1 + m[0, 0] - m[1, 1] - m[2, 2],
+            1 - m[0, 0] + m[1, 1] - m[2, 2],
+            1 - m[0, 0] - m[1, 1] + m[2, 2],
+            1 + np.trace(m),
+        ]
+    )
+    i = int(np.argmax(squares))
+    q = np.empty(4)
+    q[i] = squares[i]
+    if i == 3:
+        q[:3] = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[j], q[k], q[3] = m[i, j] + m[j, i], m[i, k] + m[k, i], m[k, j] - m[j, k]
+    q /= np.linalg.norm(q)
+    return -q if q[3] < 0 else q

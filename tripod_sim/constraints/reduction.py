@@ -1,0 +1,310 @@
+"""Elimination of constraints: from nodal gradients and element matrices to the unknowns that remain.
+
+Unknowns: the positions of free nodes, then six per rigid body: translation c and a rotation vector theta that turns it
+from the left, x_i = c + r_i, dx_i = dc + theta x r_i. With g_i = dPhi/dx_i the reduced gradient is J^T g and the reduced
+Hessian J^T H J plus, for a body, the second-order term of the rotation,
+
+    sum_i sym(g_i r_i^T) - (g_i . r_i) I,
+
+and for a driven frame with axis a through the lever r_i: d²x_i/d angle² = a x (a x r_i).
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import sparse
+
+from tripod_sim.constraints.groups import Groups, Kind
+from tripod_sim.errors import SceneError
+
+Array = Any
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+FREE, RIGID, DRIVEN, FIXED = int(Kind.FREE), int(Kind.RIGID), int(Kind.DRIVEN), int(Kind.FIXED)
+
+
+class Reduction:
+    """Maps between nodes and unknowns for one mesh and one set of groups.
+
+    Attributes:
+        unknowns: Number of unknowns n.
+        pattern: Upper triangle of the reduced Hessian, scipy CSC; its `data` is what `hessian` writes.
+        drive: Mixed derivatives with respect to unknowns and driven angles, shape (n, s).
+        drive_drive: Second derivatives with respect to driven angles, shape (s, s).
+    """
+
+    def __init__(self, elements: IndexArray, groups: Groups) -> None:
+        self.kind, self.number = groups.kinds()
+        free = np.flatnonzero(self.kind == FREE)
+        self.bodies, self.driven = len(groups.rigid), len(groups.driven)
+        self.free_count = len(free)
+        self.unknowns = 3 * len(free) + 6 * self.bodies
+        self.base = np.full(groups.size, -1, dtype=np.int64)
+        self.base[free] = 3 * np.arange(len(free))
+        rigid = self.kind == RIGID
+        self.base[rigid] = 3 * len(free) + 6 * self.number[rigid]
+        self.free, self.elements = free, elements
+        for e, nodes in enumerate(elements):
+            if len(set(self.number[nodes[self.kind[nodes] == RIGID]].tolist())) > 1:
+                raise SceneError(f"element {e} touches two rigid bodies; refine the mesh between them")
+        self.pattern, self._slots, self._body_slots, self._node_slots = self._symbolic()
+        self.drive = np.zeros((self.unknowns, self.driven))
+        self.drive_drive = np.zeros((self.driven, self.driven))
+        self._body = np.zeros((max(self.bodies, 1), 6, 6))
+
+    def _symbolic(self) -> tuple[sparse.csc_matrix, IndexArray, IndexArray, IndexArray]:
+        width = np.where(self.kind == FREE, 3, np.where(self.kind == RIGID, 6, 0))
+        pairs = set()
+        for nodes in self.elements:
+            starts = {(int(self.base[n]), int(width[n])) for n in nodes if width[n]}
+            pairs |= {(p, q) for p in starts for q in starts if p[0] <= q[0]}
+        rows, cols = [], []
+        for (p, m), (q, n) in sorted(pairs):
+            i, j = np.meshgrid(p + np.arange(m), q + np.arange(n), indexing="ij")
+            keep = i <= j
+            rows.append(i[keep])
+            cols.append(j[keep])
+        r, c = np.concatenate(rows), np.concatenate(cols)
+        pattern = sparse.csc_matrix((np.ones(len(r)), (r, c)), shape=(self.unknowns, self.unknowns))
+        pattern.sort_indices()
+
+        def slot(row: int, col: int) -> int:
+            lo, hi = pattern.indptr[col], pattern.indptr[col + 1]
+            return int(lo + np.searchsorted(pattern.indices[lo:hi], row))
+
+        count, size = self.elements.shape
+        slots = np.full((count, size, size, 6), -1, dtype=np.int64)
+        for e, nodes in enumerate(self.elements):
+            for a, na in enumerate(nodes):
+                if self.kind[na] != FREE:
+                    continue
+                for b, nb in enumerate(nodes):
+                    if self.base[nb] >= self.base[na]:
+                        slots[e, a, b, : width[nb]] = [
+                            slot(self.base[na], self.base[nb] + k) for k in range(width[nb])
+                        ]
+        bodies = [
+            [slot(3 * self.free_count + 6 * i, 3 * self.free_count + 6 * i + k) for k in range(6)]
+            for i in range(self.bodies)
+        ]
+        diagonal = [[slot(self.base[n] + k, self.base[n] + k) for k in range(3)] for n in self.free]
+        return (
+            pattern,
+            slots,
+            np.array(bodies, dtype=np.int64).reshape(-1, 6),
+            np.array(diagonal, dtype=np.int64).reshape(-1, 3),
+        )
+
+    def gradient(
+        self, g: FloatArray, lever: FloatArray, axes: FloatArray, out: FloatArray, torque: FloatArray
+    ) -> None:
+        """Write the reduced gradient J^T g.
+
+        Args:
+            g: Nodal gradient [N], shape (nodes, 3).
+            lever: r_i of nodes of bodies and frames [m], shape (nodes, 3).
+            axes: Axis of each driven frame, shape (s, 3).
+            out: Reduced gradient [N, N m], shape (unknowns,).
+            torque: Derivative with respect to each driven angle [N m], shape (s,).
+        """
+        _gradient(g, lever, axes, self.kind, self.number, self.base, out, torque)
+
+    def hessian(
+        self, stiffness: FloatArray, mass: FloatArray, g: FloatArray, lever: FloatArray, axes: FloatArray
+    ) -> None:
+        """Write the reduced Hessian into `pattern.data`, `drive` and `drive_drive`.
+
+        Args:
+            stiffness: Element matrices [N/m], shape (m, 24, 24).
+            mass: Isotropic nodal term [N/m] (mass over dt², or zero), shape (nodes,).
+            g: Nodal gradient [N] of the whole potential, for the second-order terms.
+            lever, axes: As in `gradient`.
+        """
+        _hessian(
+            stiffness, mass, g, lever, axes, self.kind, self.number, self.base, self.elements, self._slots,
+            self._body_slots, self._node_slots, self.free, 3 * self.free_count, self.pattern.data, self.drive,
+            self.drive_drive, self._body,
+        )  # fmt: skip
+
+    def moves(self, solution: FloatArray, lever: FloatArray, out: FloatArray) -> None:
+        """Write the first-order move of free and rigid nodes for a step of the unknowns; other rows stay as they are."""
+        _moves(solution, lever, self.kind, self.base, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _gradient(
+    g: Array, lever: Array, axes: Array, kind: Array, number: Array, base: Array, out: Array, torque: Array
+) -> None:
+    out[:] = 0.0
+    torque[:] = 0.0
+    for n in range(g.shape[0]):
+        if kind[n] == FREE:
+            for i in range(3):
+                out[base[n] + i] += g[n, i]
+        elif kind[n] == FIXED:
+            continue
+        else:
+            r, f = lever[n], g[n]
+            m0, m1, m2 = r[1] * f[2] - r[2] * f[1], r[2] * f[0] - r[0] * f[2], r[0] * f[1] - r[1] * f[0]
+            if kind[n] == RIGID:
+                for i in range(3):
+                    out[base[n] + i] += f[i]
+                out[base[n] + 3] += m0
+                out[base[n] + 4] += m1
+                out[base[n] + 5] += m2
+            else:
+                a = axes[number[n]]
+                torque[number[n]] += a[0] * m0 + a[1] * m1 + a[2] * m2
+
+
+@njit(cache=True, error_model="numpy")
+def _moves(solution: Array, lever: Array, kind: Array, base: Array, out: Array) -> None:
+    for n in range(out.shape[0]):
+        if kind[n] == FREE:
+            for i in range(3):
+                out[n, i] = solution[base[n] + i]
+        elif kind[n] == RIGID:
+            r, c, w = lever[n], solution[base[n] : base[n] + 3], solution[base[n] + 3 : base[n] + 6]
+            out[n, 0] = c[0] + w[1] * r[2] - w[2] * r[1]
+            out[n, 1] = c[1] + w[2] * r[0] - w[0] * r[2]
+            out[n, 2] = c[2] + w[0] * r[1] - w[1] * r[0]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _jacobian(r: Array, J: Array) -> None:
+    """Write dx / d(c, theta) = [I, -[r]x], shape (3, 6)."""
+    J[:] = 0.0
+    J[0, 0] = J[1, 1] = J[2, 2] = 1.0
+    J[0, 4], J[0, 5] = r[2], -r[1]
+    J[1, 3], J[1, 5] = -r[2], r[0]
+    J[2, 3], J[2, 4] = r[1], -r[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _hessian(
+    stiffness: Array,
+    mass: Array,
+    g: Array,
+    lever: Array,
+    axes: Array,
+    kind: Array,
+    number: Array,
+    base: Array,
+    elements: Array,
+    slots: Array,
+    body_slots: Array,
+    node_slots: Array,
+    free: Array,
+    first_body: int,
+    data: Array,
+    drive: Array,
+    drive_drive: Array,
+    body: Array,
+) -> None:
+    data[:] = 0.0
+    drive[:] = 0.0
+    drive_drive[:] = 0.0
+    body[:] = 0.0
+    J, JA, B = np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6))
+    j, ja = np.empty(3), np.empty(3)
+    size = elements.shape[1]
+    for e in range(elements.shape[0]):
+        K = stiffness[e]
+        for b in range(size):
+            nb = elements[e, b]
+            kb = kind[nb]
+            if kb == FIXED:
+                continue
+            if kb == RIGID:
+                _jacobian(lever[nb], J)
+            elif kb == DRIVEN:
+                a3, r = axes[number[nb]], lever[nb]
+                j[0], j[1], j[2] = (
+                    a3[1] * r[2] - a3[2] * r[1],
+                    a3[2] * r[0] - a3[0] * r[2],
+                    a3[0] * r[1] - a3[1] * r[0],
+                )
+            for a in range(size):
+                na = elements[e, a]
+                ka = kind[na]
+                if ka == FIXED:
+                    continue
+                if kb == FREE:
+                    if ka != FREE or base[na] > base[nb]:
+                        continue
+                    for c in range(3):
+                        start = slots[e, a, b, c]
+                        for i in range(3 if na != nb else c + 1):
+                            data[start + i] += K[3 * a + i, 3 * b + c]
+                elif kb == RIGID:
+                    if ka == DRIVEN:
+                        continue
+                    for i in range(3):
+                        for c in range(6):
+                            B[i, c] = (
+                                K[3 * a + i, 3 * b] * J[0, c]
+                                + K[3 * a + i, 3 * b + 1] * J[1, c]
+                                + K[3 * a + i, 3 * b + 2] * J[2, c]
+                            )
+                    if ka == FREE:
+                        for c in range(6):
+                            start = slots[e, a, b, c]
+                            for i in range(3):
+                                data[start + i] += B[i, c]
+                    else:
+                        _jacobian(lever[na], JA)
+                        for k in range(6):
+                            for c in range(6):
+                                body[number[nb], k, c] += (
+                                    JA[0, k] * B[0, c] + JA[1, k] * B[1, c] + JA[2, k] * B[2, c]
+                                )
+                else:
+                    s = number[nb]
+                    for i in range(3):
+                        ja[i] = (
+                            K[3 * a + i, 3 * b] * j[0]
+                            + K[3 * a + i, 3 * b + 1] * j[1]
+                            + K[3 * a + i, 3 * b + 2] * j[2]
+                        )
+                    if ka == FREE:
+                        for i in range(3):
+                            drive[base[na] + i, s] += ja[i]
+                    elif ka == RIGID:
+                        _jacobian(lever[na], JA)
+                        for k in range(6):
+                            drive[base[na] + k, s] += JA[0, k] * ja[0] + JA[1, k] * ja[1] + JA[2, k] * ja[2]
+                    else:
+                        a3, r = axes[number[na]], lever[na]
+                        drive_drive[number[na], s] += (
+                            (a3[1] * r[2] - a3[2] * r[1]) * ja[0]
+                            + (a3[2] * r[0] - a3[0] * r[2]) * ja[1]
+                            + (a3[0] * r[1] - a3[1] * r[0]) * ja[2]
+                        )
+    for k in range(free.shape[0]):
+        for i in range(3):
+            data[node_slots[k, i]] += mass[free[k]]
+    for n in range(g.shape[0]):
+        if kind[n] == RIGID:
+            r, f, D = lever[n], g[n], body[number[n]]
+            _jacobian(r, J)
+            for k in range(6):
+                for c in range(6):
+                    D[k, c] += mass[n] * (J[0, k] * J[0, c] + J[1, k] * J[1, c] + J[2, k] * J[2, c])
+            dot = f[0] * r[0] + f[1] * r[1] + f[2] * r[2]
+            for k in range(3):
+                for c in range(3):
+                    D[3 + k, 3 + c] += 0.5 * (f[k] * r[c] + f[c] * r[k])
+                D[3 + k, 3 + k] -= dot
+        elif kind[n] == DRIVEN:
+            a3, r, f, s = axes[number[n]], lever[n], g[n], number[n]
+            along = a3[0] * r[0] + a3[1] * r[1] + a3[2] * r[2]
+            for i in range(3):
+                across = a3[i] * along - r[i]  # a x (a x r)
+                drive_drive[s, s] += f[i] * across + mass[n] * across * across
+    for b in range(body_slots.shape[0]):
+        for c in range(6):
+            for k in range(c + 1):
+                data[body_slots[b, c] + k] += body[b, k, c]

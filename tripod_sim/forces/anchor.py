@@ -1,0 +1,36 @@
+"""Quadratic pull of each node to a point: what inertia and mass damping are within one implicit step."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class Anchor:
+    """Potential Q(x) = 1/2 sum_i w_i |x_i - y_i|²; dQ/dx_i = w_i (x_i - y_i).
+
+    Implicit Euler's inertia is w = m / dt², y = x_n + dt v_n; mass damping adds w = a m / dt, y = x_n.
+
+    Attributes:
+        weight: w [N/m], shape (n,).
+        point: y [m], shape (n, 3).
+    """
+
+    def __init__(self, size: int) -> None:
+        self.weight, self.point = np.zeros(size), np.zeros((size, 3))
+
+    def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
+        """Add dQ/dx [N] to `g` and return Q [J]."""
+        return float(_add(x, self.weight, self.point, g))
+
+
+@njit(cache=True, error_model="numpy")
+def _add(x: FloatArray, weight: FloatArray, point: FloatArray, g: FloatArray) -> float:
+    total = 0.0
+    for n in range(x.shape[0]):
+        for i in range(3):
+            d = x[n, i] - point[n, i]
+            g[n, i] += weight[n] * d
+            total += 0.5 * weight[n] * d * d
+    return total

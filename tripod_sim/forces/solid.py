@@ -1,0 +1,78 @@
+"""Elastic solid: hexahedra with incompatible modes and one material."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.elements.hexahedron import h8_gradients
+from tripod_sim.forces import solid_kernels as kernels
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+LAWS = {"neo_hooke": kernels.NEO_HOOKE, "corotational": kernels.COROTATIONAL}
+
+
+class Solid:
+    """Strain energy E = sum over elements and points of weight psi(F), its gradient and its condensed stiffness.
+
+    Each element carries incompatible modes, condensed with the stiffness of the last call of `stiffness`; a Newton
+    step of the nodes by dx moves them by -y - X dx (see `solid_kernels`).
+
+    Attributes:
+        elements: Node indices, shape (m, 8).
+        matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, 24, 24).
+        mode_residual_squared: |dE/d modes|² of the last `add_gradient` [N²].
+    """
+
+    def __init__(self, nodes: FloatArray, elements: IndexArray, law: str, lam: float, mu: float) -> None:
+        """`nodes`: undeformed positions [m], shape (n, 3); `lam`, `mu`: Lame's constants [Pa]."""
+        self.elements = elements
+        self._G, self._weight = h8_gradients(nodes[elements])
+        self._law, self._lam, self._mu = LAWS[law], lam, mu
+        self.mode_residual_squared = 0.0
+        count, columns = len(elements), self._G.shape[2]
+        extra = 3 * (columns - 8)
+        self.matrices = np.zeros((count, 24, 24))
+        self._X = np.zeros((count, extra, 24))
+        self._inverse = np.zeros((count, extra, extra))
+        self._y = np.zeros((count, extra))
+        self._C, self._CB = np.zeros((9, 9)), np.zeros((3, 3, 3 * columns))
+        self._K, self._work = np.zeros((3 * columns, 3 * columns)), np.zeros((2 * columns + 6, 3))
+
+    def rest_modes(self) -> FloatArray:
+        """Return the mode amplitudes of the undeformed solid [m], shape (m, 3, 3)."""
+        return np.zeros((len(self.elements), 3, 3))
+
+    def energy(self, x: FloatArray, modes: FloatArray) -> float:
+        """Return E [J] at positions `x` [m], shape (n, 3); infinite where the material has none."""
+        return float(
+            kernels.solid_energy(
+                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._work
+            )
+        )
+
+    def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
+        """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
+        energy, self.mode_residual_squared = kernels.solid_gradient(
+            x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._X, self._inverse,
+            self._y, g, self._work,
+        )  # fmt: skip
+        return float(energy)
+
+    def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
+        """Write `matrices`; return -1, or the first element whose modes are unstable (only without `project`)."""
+        return int(
+            kernels.solid_stiffness(
+                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, project, self._X,
+                self._inverse, self.matrices, self._C, self._CB, self._K, self._work,
+            )
+        )  # fmt: skip
+
+    def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
+        """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
+        kernels.update_modes(modes, self.elements, self._X, self._y, dx, scale, out)
+
+    def worst_element(self, x: FloatArray, modes: FloatArray) -> tuple[int, float]:
+        """Return the element with the smallest volume ratio det F, and that ratio."""
+        element, ratio = kernels.smallest_volume_ratio(x, modes, self.elements, self._G, self._work)
+        return int(element), float(ratio)

@@ -1,0 +1,171 @@
+"""Newton's method with line search on the potential of one step.
+
+Every step goes down: the Hessian is made positive definite (first as it is; if it is not, with each point's tangent
+projected; at last with a shift), and a step is shortened until the potential falls [NocedalWright2006, chapter 3].
+A factorisation is kept while it still halves the residual (chord steps), and renewed where it does not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.state import State
+from tripod_sim.system import System
+
+FloatArray = NDArray[np.float64]
+
+
+class NewtonError(RuntimeError):
+    """No solution was found; the message says why and where."""
+
+
+@dataclass
+class NewtonReport:
+    """What a solve took.
+
+    Attributes:
+        iterations: Linear solves.
+        factorisations: Hessians assembled and factored.
+        residual: Unbalanced force at the end [N].
+    """
+
+    iterations: int = 0
+    factorisations: int = 0
+    residual: float = np.inf
+
+
+class Newton:
+    """Moves a state to the minimum of its system's potential, with scratch of its own."""
+
+    SHORTEST = 1e-4
+    """Smallest fraction of a Newton step that is tried."""
+
+    def __init__(self, system: System, tolerance: float, max_iterations: int) -> None:
+        """`tolerance`: unbalanced force [N] at which a state counts as solved."""
+        self.system, self.tolerance, self.max_iterations = system, tolerance, max_iterations
+        self._dx = np.zeros_like(system.rest)
+        self._trial: State | None = None
+        self._driven = np.concatenate(
+            [f.nodes for f in system.groups.driven] or [np.zeros(0, dtype=np.int64)]
+        )
+
+    def solve(self, state: State, joints: FloatArray) -> NewtonReport:
+        """Move `state` to equilibrium with its driven frames at `joints`, in place.
+
+        The first solve carries the driven nodes along with the linearised response of all others, so that the clamped
+        elements do not take the whole move.
+
+        Raises:
+            NewtonError: an element turned inside out, or no convergence; `state` is then in between.
+        """
+        system = self.system
+        if self._trial is None:
+            self._trial = state.copy()
+        trial, report = self._trial, NewtonReport()
+        trial.time, trial.step = state.time, state.step
+        trial.velocities[:] = state.velocities
+        self._renew(state, report, first=True)
+        self._dx[:] = 0.0
+        trial.positions[:] = state.positions
+        system.drive(trial, joints)
+        self._dx[self._driven] = trial.positions[self._driven] - state.positions[self._driven]
+        moved = bool(np.any(self._dx[self._driven]))
+        if moved:
+            system.add_driven(self._dx)
+        if moved or system.unbalanced() > self.tolerance:
+            phi = self._step(state, trial, 1.0, report)
+            if not np.isfinite(phi):
+                raise NewtonError(f"{self._culprit(trial)} as the servos moved")
+            trial.copy_to(state)
+        else:
+            system.drive(state, joints)
+            phi = system.evaluate(state)
+        self._dx[:] = 0.0
+        self._descend(state, trial, phi, report)
+        return report
+
+    def _descend(self, state: State, trial: State, phi: float, report: NewtonReport) -> None:
+        """Iterate from an evaluated `state` until the residual is below the tolerance."""
+        system = self.system
+        size = system.unbalanced()
+        while size > self.tolerance:
+            if report.iterations >= self.max_iterations:
+                raise NewtonError(
+                    f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
+                    f"largest at {self._largest()}"
+                )
+            before = size
+            lower = self._step(state, trial, 1.0, report)  # chord: with the factorisation at hand
+            size = system.unbalanced() if np.isfinite(lower) else np.inf
+            if not (size < 0.5 * before and lower <= phi + self._slack(phi)):
+                lower = self._newton_step(state, trial, report)
+                size = system.unbalanced()
+            phi = lower
+            trial.copy_to(state)
+        report.residual = size
+
+    def _newton_step(self, state: State, trial: State, report: NewtonReport) -> float:
+        """Renew the Hessian at `state`, write a lower state to `trial` and return its potential."""
+        system = self.system
+        phi = self._renew(state, report)
+        before = system.unbalanced()
+        slope = float(system.residual @ system.ldl.solve(system.residual))
+        scale = 1.0
+        while scale >= self.SHORTEST:
+            trial_phi = self._step(state, trial, scale, report)
+            if trial_phi <= phi - 1e-4 * scale * slope + self._slack(phi) or (
+                np.isfinite(trial_phi) and system.unbalanced() < 0.1 * before
+            ):
+                return trial_phi
+            scale *= 0.5
+            system.evaluate(state)
+        raise NewtonError(f"no descent from an unbalanced force of {before:.3g} N; {self._culprit(trial)}")
+
+    def _renew(self, state: State, report: NewtonReport, *, first: bool = False) -> float:
+        """Assemble and factor at `state`, positive definite; leave gradient and residual of `state`; return Phi."""
+        system = self.system
+        phi = np.inf
+        report.factorisations += 1
+        for project in (False, True):
+            if system.assemble(state, project=project) >= 0:
+                continue
+            if first and system.damping:
+                system.damping.matrices[:] = system.solid.matrices
+            phi = system.evaluate(state)
+            if not np.isfinite(phi):
+                raise NewtonError(f"{self._culprit(state)} at the start of the step")
+            if system.factor():
+                return phi
+        shift = 1e-8 * float(np.abs(system.solid.matrices).max())
+        for _ in range(4):
+            if np.isfinite(phi) and system.factor(shift):
+                return phi
+            shift *= 100
+        raise NewtonError("the tangent is singular: is a part of the body held by nothing?")
+
+    def _step(self, state: State, trial: State, scale: float, report: NewtonReport) -> float:
+        """Solve for a step from the evaluated `state`, write `scale` of it to `trial`, evaluate and return Phi there."""
+        system = self.system
+        report.iterations += 1
+        solution = system.ldl.solve(system.residual)
+        np.negative(solution, out=solution)
+        system.reduction.moves(solution, system.lever, self._dx)
+        system.move(state, solution, self._dx, scale, trial)
+        return system.evaluate(trial)
+
+    @staticmethod
+    def _slack(phi: float) -> float:
+        """Rounding of the potential [J]."""
+        return 1e-12 * max(abs(phi), 1e-6)
+
+    def _culprit(self, state: State) -> str:
+        element, ratio = self.system.solid.worst_element(state.positions, state.modes)
+        return f"element {element} is turned inside out or crushed (volume ratio {ratio:.3g})"
+
+    def _largest(self) -> str:
+        reduction = self.system.reduction
+        index = int(np.argmax(np.abs(self.system.residual)))
+        if index < 3 * reduction.free_count:
+            return f"node {reduction.free[index // 3]}"
+        return f"rigid body {(index - 3 * reduction.free_count) // 6}"

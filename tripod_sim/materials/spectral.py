@@ -1,0 +1,169 @@
+"""Spectral tools for isotropic materials: singular values, rotations, projected tangents of 3x3 gradients.
+
+An isotropic energy is a function psi(s1, s2, s3) of the singular values of F = U diag(s) V^T. Its second derivative
+d²psi/dF² has nine eigen-directions in the frame of U and V: three that scale (a 3x3 problem), and for each pair (i, j)
+a twist with eigenvalue (psi_i + psi_j) / (s_i + s_j) and a flip with eigenvalue (psi_i - psi_j) / (s_i - s_j). Clamping
+the negative ones to (almost) zero gives the nearest positive definite tangent [SmithEtAl2019].
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+Array = Any  # numba kernels take plain arrays
+
+
+@njit(cache=True, error_model="numpy")
+def svd3(F: Array, U: Array, s: Array, V: Array) -> None:
+    """Write F = U diag(s) V^T with rotations U and V (both of determinant +1); s[2] carries the sign of det F.
+
+    One-sided Jacobi: columns of B = F V are made orthogonal by plane rotations, to rounding. s falls in magnitude.
+    """
+    B = F.copy()
+    for i in range(3):
+        for j in range(3):
+            V[i, j] = 1.0 if i == j else 0.0
+    for _ in range(12):
+        largest = 0.0
+        for p in range(2):
+            for q in range(p + 1, 3):
+                a = b = c = 0.0
+                for i in range(3):
+                    a += B[i, p] * B[i, p]
+                    b += B[i, q] * B[i, q]
+                    c += B[i, p] * B[i, q]
+                size = np.sqrt(a * b)
+                if abs(c) <= 1e-16 * size or size == 0.0:
+                    continue
+                largest = max(largest, abs(c) / size)
+                z = (b - a) / (2 * c)
+                t = (1.0 if z >= 0 else -1.0) / (abs(z) + np.sqrt(1 + z * z))
+                cs = 1 / np.sqrt(1 + t * t)
+                sn = cs * t
+                for i in range(3):
+                    B[i, p], B[i, q] = cs * B[i, p] - sn * B[i, q], sn * B[i, p] + cs * B[i, q]
+                    V[i, p], V[i, q] = cs * V[i, p] - sn * V[i, q], sn * V[i, p] + cs * V[i, q]
+        if largest < 1e-15:
+            break
+    for i in range(3):
+        s[i] = np.sqrt(B[0, i] * B[0, i] + B[1, i] * B[1, i] + B[2, i] * B[2, i])
+    for p, q in ((0, 1), (0, 2), (1, 2)):  # sort; a swap with one sign change keeps det V = 1
+        if s[p] < s[q]:
+            s[p], s[q] = s[q], s[p]
+            for i in range(3):
+                B[i, p], B[i, q] = B[i, q], -B[i, p]
+                V[i, p], V[i, q] = V[i, q], -V[i, p]
+    _rotation_from_columns(B, s, U)
+    sign = 0.0
+    for i in range(3):
+        sign += U[i, 2] * B[i, 2]
+    if sign < 0:
+        s[2] = -s[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _rotation_from_columns(B: Array, s: Array, U: Array) -> None:
+    """Write the rotation whose first columns are the normalised columns of B, completed where those vanish."""
+    tiny = 1e-300
+    if s[0] > tiny:
+        for i in range(3):
+            U[i, 0] = B[i, 0] / s[0]
+    else:
+        U[0, 0], U[1, 0], U[2, 0] = 1.0, 0.0, 0.0
+    norm = 0.0
+    if s[1] > 1e-14 * s[0]:
+        d = 0.0
+        for i in range(3):
+            d += U[i, 0] * B[i, 1]
+        for i in range(3):
+            U[i, 1] = B[i, 1] - d * U[i, 0]
+            norm += U[i, 1] * U[i, 1]
+    if norm <= tiny:  # any unit vector across the first
+        k = 0
+        for i in range(1, 3):
+            if abs(U[i, 0]) < abs(U[k, 0]):
+                k = i
+        norm = 0.0
+        for i in range(3):
+            U[i, 1] = (1.0 if i == k else 0.0) - U[k, 0] * U[i, 0]
+            norm += U[i, 1] * U[i, 1]
+    norm = np.sqrt(norm)
+    for i in range(3):
+        U[i, 1] /= norm
+    U[0, 2] = U[1, 0] * U[2, 1] - U[2, 0] * U[1, 1]
+    U[1, 2] = U[2, 0] * U[0, 1] - U[0, 0] * U[2, 1]
+    U[2, 2] = U[0, 0] * U[1, 1] - U[1, 0] * U[0, 1]
+
+
+@njit(cache=True, error_model="numpy")
+def eigen3(A: Array, w: Array, Q: Array) -> None:
+    """Write the eigenvalues w and orthonormal eigenvectors (columns of Q) of the symmetric A; A is destroyed."""
+    for i in range(3):
+        for j in range(3):
+            Q[i, j] = 1.0 if i == j else 0.0
+    for _ in range(12):
+        scale = abs(A[0, 0]) + abs(A[1, 1]) + abs(A[2, 2])
+        if abs(A[0, 1]) + abs(A[0, 2]) + abs(A[1, 2]) <= 1e-15 * scale:
+            break
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if A[p, q] == 0.0:
+                    continue
+                z = (A[q, q] - A[p, p]) / (2 * A[p, q])
+                t = (1.0 if z >= 0 else -1.0) / (abs(z) + np.sqrt(1 + z * z))
+                cs = 1 / np.sqrt(1 + t * t)
+                sn = cs * t
+                for i in range(3):
+                    A[i, p], A[i, q] = cs * A[i, p] - sn * A[i, q], sn * A[i, p] + cs * A[i, q]
+                for i in range(3):
+                    A[p, i], A[q, i] = cs * A[p, i] - sn * A[q, i], sn * A[p, i] + cs * A[q, i]
+                for i in range(3):
+                    Q[i, p], Q[i, q] = cs * Q[i, p] - sn * Q[i, q], sn * Q[i, p] + cs * Q[i, q]
+    for i in range(3):
+        w[i] = A[i, i]
+
+
+@njit(cache=True, error_model="numpy")
+def tangent_from_stretches(
+    U: Array, s: Array, V: Array, first: Array, second: Array, clamp: bool, floor: float, C: Array
+) -> None:
+    """Write d²psi/dF² into C, shape (9, 9), rows and columns F_iJ with index 3 i + J.
+
+    Args:
+        U, s, V: Singular value decomposition of F by `svd3`.
+        first: dpsi/ds, shape (3,).
+        second: d²psi/ds², shape (3, 3); destroyed.
+        clamp: Whether eigenvalues below `floor` become `floor`.
+        floor: A small positive stiffness [Pa].
+        C: Output.
+    """
+    C[:] = 0.0
+    direction = np.empty(9)
+    for i in range(2):
+        for j in range(i + 1, 3):
+            total, gap = s[i] + s[j], s[i] - s[j]
+            limit = second[i, i] - second[i, j]
+            twist = (first[i] + first[j]) / total if abs(total) > 1e-9 else limit
+            flip = (first[i] - first[j]) / gap if abs(gap) > 1e-6 * (abs(s[i]) + 1e-9) else limit
+            for sign, value in ((-1.0, twist), (1.0, flip)):
+                for a in range(3):
+                    for b in range(3):
+                        direction[3 * a + b] = (U[a, i] * V[b, j] + sign * U[a, j] * V[b, i]) / np.sqrt(2.0)
+                _add_rank_one(max(value, floor) if clamp else value, direction, C)
+    w = np.empty(3)
+    Q = np.empty((3, 3))
+    eigen3(second, w, Q)
+    for k in range(3):
+        for a in range(3):
+            for b in range(3):
+                direction[3 * a + b] = U[a, 0] * Q[0, k] * V[b, 0] + U[a, 1] * Q[1, k] * V[b, 1]
+                direction[3 * a + b] += U[a, 2] * Q[2, k] * V[b, 2]
+        _add_rank_one(max(w[k], floor) if clamp else w[k], direction, C)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_rank_one(value: float, d: Array, C: Array) -> None:
+    for a in range(9):
+        for b in range(9):
+            C[a, b] += value * d[a] * d[b]

@@ -1,0 +1,129 @@
+"""Generator of the silicone Y: three strips, a centre hole, one layer of graded hexahedra.
+
+Each strip is one mapped grid. Its cross lines run from the arc of the hole over the arc of the effector disc and the straight
+line through the inner corners, where neighbouring strips meet, to the clamp edge and the tip. Lines lie densest at the disc
+and at the clamp edge, where the sheet bends most.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import FloatArray, SolidMesh
+
+
+@dataclass(frozen=True)
+class YShape:
+    """Dimensions of the piece [m]; the defaults are the public tutorial's.
+
+    Attributes:
+        thickness: Of the sheet.
+        width: Of a strip.
+        tip_radius: From the centre to the end of a strip.
+        clamp_radius: From the centre to the edge of the clamped end.
+        disc_radius: Of the rigid effector disc.
+        hole_radius: Of the centre hole.
+    """
+
+    thickness: float = 0.005
+    width: float = 0.030
+    tip_radius: float = 0.055
+    clamp_radius: float = 0.045
+    disc_radius: float = 0.0075
+    hole_radius: float = 0.005
+
+    def __post_init__(self) -> None:
+        inner = self.width / 2 / np.tan(np.pi / 3)
+        chain = (0.0, self.hole_radius, self.disc_radius, inner, self.clamp_radius, self.tip_radius)
+        if not (all(a < b for a, b in zip(chain, chain[1:], strict=False)) and self.thickness > 0):
+            raise SceneError(
+                "y_piece: need 0 < hole_radius < disc_radius < width / (2 sqrt 3) < clamp_radius < tip_radius and "
+                f"thickness > 0 [m], got {self}"
+            )
+
+
+@dataclass(frozen=True)
+class YLevel:
+    """Resolution of the grid of one strip.
+
+    Attributes:
+        across: Elements over the width.
+        inner: Elements from the disc to the line through the inner corners.
+        along: Elements from there to the clamp edge.
+        grading: Ratio of neighbouring element lengths along the strip; above 1 they shrink towards the clamp edge.
+        layers: Elements through the thickness.
+    """
+
+    across: int
+    inner: int
+    along: int
+    grading: float
+    layers: int = 1
+
+
+LEVELS = {1: YLevel(2, 1, 5, 1.4), 2: YLevel(4, 1, 5, 1.4), 3: YLevel(6, 2, 7, 1.2), 4: YLevel(8, 2, 8, 1.2)}
+"""Mesh levels by number. The sheet bends along its strips: elements across matter least, those along most. Finer meshes than
+these resolve the singular edge of the sharp clamp and leave the smooth branch in the working pose."""
+
+
+def y_piece(level: YLevel, shape: YShape | None = None) -> SolidMesh:
+    """Return the mesh of the piece, mid-plane at z = 0, strip i along azimuth 2 pi i / 3.
+
+    Args:
+        level: Resolution.
+        shape: Dimensions; None takes the tutorial's.
+    """
+    shape = shape or YShape()
+    lines = _cross_lines(level, shape)  # (k, across + 1, 2), strip 0
+    n_lines, n_across = lines.shape[:2]
+    plane: list[FloatArray] = []
+    index = np.empty((3, n_lines, n_across), dtype=np.int64)
+    shared = 2 + level.inner  # lines whose ends lie on the seam with the neighbouring strip
+    for arm in range(3):
+        c, s = np.cos(2 * np.pi * arm / 3), np.sin(2 * np.pi * arm / 3)
+        turned = lines @ np.array([[c, s], [-s, c]])
+        for k in range(n_lines):
+            for j in range(n_across):
+                if k < shared and j == 0 and arm > 0:
+                    index[arm, k, j] = index[arm - 1, k, -1]
+                elif k < shared and j == n_across - 1 and arm == 2:
+                    index[arm, k, j] = index[0, k, 0]
+                else:
+                    index[arm, k, j] = len(plane)
+                    plane.append(turned[k, j])
+    flat = np.array(plane)
+    levels = np.linspace(-shape.thickness / 2, shape.thickness / 2, level.layers + 1)
+    nodes = np.concatenate([np.column_stack([flat, np.full(len(flat), z)]) for z in levels])
+    quads = np.stack(
+        [index[:, :-1, :-1], index[:, 1:, :-1], index[:, 1:, 1:], index[:, :-1, 1:]], axis=-1
+    ).reshape(-1, 4)
+    elements = np.concatenate(
+        [
+            np.hstack([quads + layer * len(flat), quads + (layer + 1) * len(flat)])
+            for layer in range(level.layers)
+        ]
+    )
+    return SolidMesh(nodes, elements)
+
+
+def _cross_lines(level: YLevel, shape: YShape) -> FloatArray:
+    """Return the nodes of strip 0, line by line from the hole to the tip, shape (lines, across + 1, 2) [m]."""
+    t = np.linspace(-1, 1, level.across + 1)
+    half = shape.width / 2
+    corner = half / np.tan(np.pi / 3)  # x of the inner corners
+
+    def arc(radius: float) -> FloatArray:
+        return radius * np.column_stack([np.cos(t * np.pi / 3), np.sin(t * np.pi / 3)])
+
+    def cross(x: float) -> FloatArray:
+        return np.column_stack([np.full_like(t, x), half * t])
+
+    disc, first = arc(shape.disc_radius), cross(corner)
+    lines = [arc(shape.hole_radius), disc]
+    lines += [disc + (first - disc) * (i + 1) / level.inner for i in range(level.inner)]
+    lengths = level.grading ** -np.arange(level.along, dtype=float)
+    where = np.cumsum(lengths) / lengths.sum()
+    lines += [cross(corner + (shape.clamp_radius - corner) * w) for w in where]
+    lines.append(cross(shape.tip_radius))
+    return np.array(lines)

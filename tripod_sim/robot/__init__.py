@@ -1,0 +1,1 @@
+"""Prefabs of the robot, built of the parts of mechanics."""

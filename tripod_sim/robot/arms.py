@@ -1,0 +1,55 @@
+"""The three servo arms of the Tripod as driven frames.
+
+Servo i stands at azimuth phi = 2 pi i / 3. Its axis is horizontal and perpendicular to the strip, a = (sin phi, -cos phi, 0),
+so that a negative angle tips the arm outward and down.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.groups import DrivenFrame
+from tripod_sim.errors import SceneError
+from tripod_sim.scene import Effector, Servos
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+def servo_arms(nodes: FloatArray, servos: Servos) -> tuple[DrivenFrame, ...]:
+    """Return the driven frames that hold the nodes beyond `servos.clamp_radius` along each strip.
+
+    Args:
+        nodes: Undeformed positions [m], shape (n, 3).
+        servos: Geometry.
+
+    Raises:
+        SceneError: no node lies beyond the clamp radius.
+    """
+    frames = []
+    for i in range(3):
+        phi = 2 * np.pi * i / 3
+        outward = np.array([np.cos(phi), np.sin(phi), 0.0])
+        held = np.flatnonzero(nodes @ outward >= servos.clamp_radius - 1e-9)
+        if not held.size:
+            raise SceneError(
+                f"servos.clamp_radius is {servos.clamp_radius} m: servo {i} holds no node; strip {i} of the mesh reaches "
+                f"{float((nodes @ outward).max()):.4g} m"
+            )
+        axis = np.array([np.sin(phi), -np.cos(phi), 0.0])
+        frames.append(
+            DrivenFrame(
+                held, axis, servos.axis_radius * outward - np.array([0, 0, servos.axis_depth]), -outward
+            )
+        )
+    return tuple(frames)
+
+
+def effector_disc(nodes: FloatArray, effector: Effector) -> IndexArray:
+    """Return the nodes within the effector's radius of the Z axis. Raises SceneError if there are none."""
+    radius = np.hypot(nodes[:, 0], nodes[:, 1])
+    held = np.flatnonzero(radius <= effector.radius + 1e-9)
+    if not held.size:
+        raise SceneError(
+            f"effector.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from the axis"
+        )
+    return held

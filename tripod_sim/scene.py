@@ -1,0 +1,251 @@
+"""What a user describes: a scene is a set of named effects, each a frozen table of numbers, checked once.
+
+A table that is absent is an effect that is off: it is not imported, allocates nothing and takes no time.
+"""
+
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any, Literal
+
+from tripod_sim.errors import SceneError
+
+
+def number(
+    default: Any = MISSING,
+    *,
+    unit: str = "",
+    above: float | None = None,
+    low: float | None = None,
+    high: float | None = None,
+) -> Any:
+    """Declare a field with its unit and range: `above` excludes the bound, `low` and `high` include it."""
+    return field(default=default, metadata={"unit": unit, "above": above, "low": low, "high": high})
+
+
+def one_of(*choices: str, default: str) -> Any:
+    """Declare a field that takes one of some words."""
+    return field(default=default, metadata={"choices": choices})
+
+
+def check_fields(table: Any, path: str) -> None:
+    """Raise SceneError if a field of a dataclass is out of the range that its declaration names."""
+    for f in fields(table):
+        value, meta = getattr(table, f.name), f.metadata
+        where = f"{path}.{f.name}" if path else f.name
+        if choices := meta.get("choices"):
+            if value not in choices:
+                raise SceneError(f"{where} is {value!r}; allowed: {', '.join(choices)}")
+            continue
+        if "unit" not in meta:
+            continue
+        for v in value if isinstance(value, tuple) else (value,):
+            ok = v - v == 0  # finite: inf - inf and nan - nan are nan
+            ok &= meta["above"] is None or v > meta["above"]
+            ok &= (meta["low"] is None or v >= meta["low"]) and (meta["high"] is None or v <= meta["high"])
+            if not ok:
+                raise SceneError(f"{where} is {value}; {allowed(meta)}")
+
+
+def allowed(meta: Any) -> str:
+    """Return in words what a numeric field may be."""
+    unit = f" {meta['unit']}" if meta["unit"] else ""
+    bounds = []
+    if meta["above"] is not None:
+        bounds.append(f"above {meta['above']:g}{unit}")
+    if meta["low"] is not None:
+        bounds.append(f"at least {meta['low']:g}{unit}")
+    if meta["high"] is not None:
+        bounds.append(f"at most {meta['high']:g}{unit}")
+    return "it must be " + (" and ".join(bounds) if bounds else f"a finite number{unit}")
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Where the solid's mesh comes from.
+
+    Attributes:
+        source: The generator `y_piece`, or the path of a file with hexahedra (relative to the scene's file).
+        level: Resolution of the generator, 1 (coarse) to 4.
+        scale: Length unit of a file [m]: 0.001 for millimetres.
+    """
+
+    source: str = "y_piece"
+    level: int = number(2, low=1, high=4)
+    scale: float = number(1.0, unit="m", above=0)
+
+
+@dataclass(frozen=True)
+class Material:
+    """The solid's elastic law.
+
+    Attributes:
+        law: `neo_hooke` or `corotational`.
+        young: E [Pa].
+        poisson: nu.
+        mass: Of the whole solid [kg], spread evenly over its volume.
+    """
+
+    law: str = one_of("neo_hooke", "corotational", default="neo_hooke")
+    young: float = number(250e3, unit="Pa", above=0)
+    poisson: float = number(0.45, low=0, high=0.499)
+    mass: float = number(0.032, unit="kg", above=0)
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Weight.
+
+    Attributes:
+        acceleration: [m/s²], three components in world.
+    """
+
+    acceleration: tuple[float, float, float] = number((0.0, 0.0, -9.81), unit="m/s²")
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass and velocity; without it every step is a static equilibrium.
+
+    Attributes:
+        scheme: Time integrator, `implicit_euler`.
+    """
+
+    scheme: str = one_of("implicit_euler", default="implicit_euler")
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Rayleigh damping: the force -(a M + b K) v, K the tangent at the start of the step. Needs inertia.
+
+    Attributes:
+        mass: a [1/s].
+        stiffness: b [s].
+    """
+
+    mass: float = number(0.0, unit="1/s", low=0)
+    stiffness: float = number(5e-4, unit="s", low=0)
+
+
+@dataclass(frozen=True)
+class FixedBox:
+    """Nodes that never move: those whose undeformed position lies in a box.
+
+    Attributes:
+        low: Smallest corner [m].
+        high: Largest corner [m].
+    """
+
+    low: tuple[float, float, float] = number(unit="m")
+    high: tuple[float, float, float] = number(unit="m")
+
+
+@dataclass(frozen=True)
+class Servos:
+    """Three servo arms that hold the ends of the strips.
+
+    Attributes:
+        axis_radius: Of the servo axes from the centre, before sliding [m].
+        axis_depth: Of the axes below the mid-plane [m].
+        clamp_radius: Nodes beyond it, along each strip, are held [m].
+        angle_min: Smallest angle [rad].
+        angle_max: Largest angle [rad].
+        slide_max: Largest inward slide [m].
+        angles: At the start [rad].
+        slide: At the start [m].
+    """
+
+    axis_radius: float = number(0.060, unit="m", above=0)
+    axis_depth: float = number(0.02885, unit="m", low=0)
+    clamp_radius: float = number(0.045, unit="m", above=0)
+    angle_min: float = number(-2.1, unit="rad", low=-3.2, high=0)
+    angle_max: float = number(0.6, unit="rad", low=0, high=3.2)
+    slide_max: float = number(0.04, unit="m", low=0)
+    angles: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="rad")
+    slide: float = number(0.0, unit="m")
+
+
+@dataclass(frozen=True)
+class Effector:
+    """A rigid disc in the centre of the piece.
+
+    Attributes:
+        radius: Nodes within it of the Z axis belong to the disc [m].
+    """
+
+    radius: float = number(0.0075, unit="m", above=0)
+
+
+@dataclass(frozen=True)
+class Solver:
+    """Newton's method.
+
+    Attributes:
+        tolerance: Unbalanced force at which a step counts as solved [N].
+        max_iterations: Before a step is rolled back and halved.
+        max_halvings: Before the simulation gives up.
+        max_turn: Largest servo move of one static load increment [rad].
+    """
+
+    tolerance: float = number(1e-4, unit="N", above=0)
+    max_iterations: int = number(30, low=1, high=1000)
+    max_halvings: int = number(8, low=0, high=20)
+    max_turn: float = number(0.1, unit="rad", above=0)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A soft body, what holds it and what acts on it.
+
+    Attributes:
+        name: For people and file names.
+        description: One line.
+        dt: Time step [s].
+        duration: How long `tripod run` simulates unless told [s].
+        mesh, material: The solid.
+        gravity, inertia, damping, fixed, servos, effector: Effects; None or empty is off.
+        solver: Of each step.
+    """
+
+    name: str
+    mesh: Mesh
+    material: Material
+    description: str = ""
+    dt: float = number(0.005, unit="s", above=0, high=1.0)
+    duration: float = number(1.0, unit="s", above=0)
+    gravity: Gravity | None = None
+    inertia: Inertia | None = None
+    damping: Damping | None = None
+    fixed: tuple[FixedBox, ...] = ()
+    servos: Servos | None = None
+    effector: Effector | None = None
+    solver: Solver = Solver()
+
+    def __post_init__(self) -> None:
+        check_fields(self, "")
+        for f in fields(self):
+            value = getattr(self, f.name)
+            for i, part in enumerate(value) if isinstance(value, tuple) else ((None, value),):
+                if hasattr(part, "__dataclass_fields__"):
+                    check_fields(part, f.name if i is None else f"{f.name}.{i}")
+        if self.damping and not self.inertia:
+            raise SceneError("damping needs inertia: without velocity there is nothing to damp")
+        if not (self.inertia or self.servos or self.fixed):
+            raise SceneError(
+                "nothing holds the body (no servos, no fixed box), so its translation and rotation are free and it has no "
+                "static equilibrium; add [inertia] or hold it"
+            )
+        for i, box in enumerate(self.fixed):
+            if not all(a <= b for a, b in zip(box.low, box.high, strict=True)):
+                raise SceneError(f"fixed.{i}: low {box.low} must not exceed high {box.high} [m]")
+        if self.servos:
+            s = self.servos
+            for i, angle in enumerate(s.angles):
+                if not s.angle_min <= angle <= s.angle_max:
+                    raise SceneError(
+                        f"servos.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
+                    )
+            if not 0 <= s.slide <= s.slide_max:
+                raise SceneError(f"servos.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
+
+
+Effect = Literal["gravity", "inertia", "damping", "fixed", "servos", "effector"]
+EFFECTS: tuple[Effect, ...] = ("gravity", "inertia", "damping", "fixed", "servos", "effector")

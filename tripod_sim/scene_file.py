@@ -1,0 +1,193 @@
+"""Scenes as TOML: reading, overriding single fields, writing."""
+
+import difflib
+import math
+import tomllib
+import types
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from tripod_sim.errors import SceneError
+from tripod_sim.scene import Scene
+
+MAX_BYTES = 1_000_000
+"""A scene file larger than this is refused unread."""
+
+
+def scene_names() -> list[str]:
+    """Return the names of the shipped scenes."""
+    folder = resources.files("tripod_sim") / "scenes"
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
+    """Return a scene by name, or from a TOML file.
+
+    Args:
+        source: Name of a shipped scene, or a path that ends in `.toml`.
+        overrides: Words `dotted.path=value`, the value in TOML; an effect set to `off` is removed.
+
+    Raises:
+        SceneError: no such scene, unknown field, wrong type or value out of range; the message names the path.
+    """
+    text, folder = _read(source)
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"scene {str(source)!r} is not valid TOML: {error}") from None
+    for word in overrides:
+        override(table, word)
+    mesh = table.get("mesh")
+    if folder and isinstance(mesh, dict) and isinstance(mesh.get("source"), str) and "." in mesh["source"]:
+        mesh["source"] = str(folder / mesh["source"])
+    scene = _build(Scene, table, "")
+    assert isinstance(scene, Scene)
+    return scene
+
+
+def _read(source: str | Path) -> tuple[str, Path | None]:
+    if str(source).endswith(".toml"):
+        path = Path(source)
+        try:
+            with path.open("rb") as file:
+                data = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            raise SceneError(f"scene file {str(path)!r} cannot be read: {error.strerror}") from None
+        if len(data) > MAX_BYTES:
+            raise SceneError(f"scene file {str(path)!r} is larger than {MAX_BYTES} bytes")
+        try:
+            return data.decode(), path.parent
+        except UnicodeDecodeError:
+            raise SceneError(f"scene file {str(path)!r} is not UTF-8 text") from None
+    if source not in scene_names():
+        near = difflib.get_close_matches(str(source), scene_names(), 1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        names = ", ".join(scene_names())
+        raise SceneError(
+            f"scene {str(source)!r} is unknown; scenes: {names}, or the path of a .toml file{hint}"
+        )
+    return (resources.files("tripod_sim") / "scenes" / f"{source}.toml").read_text(), None
+
+
+def override(table: dict[str, Any], word: str) -> None:
+    """Apply one `dotted.path=value` to a parsed scene, in place; `path=off` removes an effect. Raises SceneError."""
+    path, equals, text = word.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        raise SceneError(f"override {word!r} is not of the form dotted.path=value")
+    try:
+        value = tomllib.loads(f"v = {text}")["v"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()  # a bare word is a string
+    node: Any = table
+    for depth, key in enumerate(keys[:-1]):
+        where = ".".join(keys[: depth + 1])
+        if isinstance(node, list):
+            node = node[_index(node, key, where)]
+        elif isinstance(node, dict):
+            node = node.setdefault(key, {})
+        else:
+            raise SceneError(f"override {word!r}: {'.'.join(keys[:depth])} is a value, not a table")
+    last = keys[-1]
+    if isinstance(node, list):
+        i = _index(node, last, path)
+        if value == "off":
+            del node[i]
+        else:
+            node[i] = value
+    elif not isinstance(node, dict):
+        raise SceneError(f"override {word!r}: {'.'.join(keys[:-1])} is a value, not a table")
+    elif value == "off":
+        if last not in {f.name for f in fields(Scene)} or len(keys) > 1:
+            raise SceneError(f"override {word!r}: only an effect can be switched off")
+        node.pop(last, None)
+    else:
+        node[last] = value
+
+
+def _index(node: list[Any], key: str, where: str) -> int:
+    if not key.isdecimal() or int(key) >= len(node):
+        raise SceneError(f"{where}: index {key!r} is not in 0..{len(node) - 1}")
+    return int(key)
+
+
+def _build(cls: Any, table: Any, path: str) -> Any:
+    """Return the dataclass `cls` made from a TOML table."""
+    if not isinstance(table, Mapping):
+        raise SceneError(f"{path} is {table!r}; it must be a table")
+    hints = get_type_hints(cls)
+    for key in table:
+        if key not in hints:
+            near = difflib.get_close_matches(key, hints, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            where = f"{path}.{key}" if path else key
+            raise SceneError(f"field {where} is unknown; fields: {', '.join(hints)}{hint}")
+    values = {}
+    for f in fields(cls):
+        where = f"{path}.{f.name}" if path else f.name
+        if f.name in table:
+            values[f.name] = _convert(hints[f.name], table[f.name], where)
+        elif f.default is MISSING and f.default_factory is MISSING:
+            raise SceneError(f"field {where} is missing")
+    return cls(**values)
+
+
+def _convert(kind: Any, value: Any, path: str) -> Any:
+    """Return `value` as the annotated type `kind`, or raise SceneError."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        return _convert(next(a for a in arguments if a is not type(None)), value, path)
+    if is_dataclass(kind):
+        return _build(kind, value, path)
+    if origin is tuple:
+        if not isinstance(value, list | tuple):
+            raise SceneError(f"{path} is {value!r}; it must be a list")
+        if arguments[-1] is Ellipsis:
+            return tuple(_convert(arguments[0], v, f"{path}.{i}") for i, v in enumerate(value))
+        if len(value) != len(arguments):
+            raise SceneError(f"{path} has {len(value)} values; it needs {len(arguments)}")
+        return tuple(
+            _convert(a, v, f"{path}.{i}") for i, (a, v) in enumerate(zip(arguments, value, strict=True))
+        )
+    number_given = isinstance(value, int | float) and not isinstance(value, bool)
+    if kind is float and number_given:
+        return float(value)
+    if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
+        return value
+    words = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
+    raise SceneError(f"{path} is {value!r}; it must be {words[kind]}")
+
+
+def scene_to_toml(scene: Scene) -> str:
+    """Return the scene as TOML text that `load_scene` reads back equal."""
+    return "\n".join(_lines(scene, "")) + "\n"
+
+
+def _lines(table: Any, path: str) -> list[str]:
+    own, nested = [], []
+    for f in fields(table):
+        value = getattr(table, f.name)
+        where = f"{path}.{f.name}" if path else f.name
+        if value is None or value == ():
+            continue
+        if is_dataclass(value):
+            nested += ["", f"[{where}]", *_lines(value, where)]
+        elif isinstance(value, tuple) and is_dataclass(value[0]):
+            for part in value:
+                nested += ["", f"[[{where}]]", *_lines(part, where)]
+        else:
+            own.append(f"{f.name} = {_literal(value)}")
+    return own + nested
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_literal(v) for v in value) + "]"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    assert not isinstance(value, float) or math.isfinite(value)
+    return repr(value)

@@ -1,0 +1,152 @@
+"""The loop: a scene that lives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.build import build
+from tripod_sim.compliance import Compliance, compliance
+from tripod_sim.constraints.groups import quaternion
+from tripod_sim.errors import SceneError
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Position [m], shape (3,), and unit quaternion (x, y, z, w), shape (4,), in world."""
+
+    position: FloatArray
+    quaternion: FloatArray
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Energies [J]; gravity is zero in the undeformed shape."""
+
+    kinetic: float
+    strain: float
+    gravity: float
+
+
+class Simulation:
+    """A soft body, stepped in time.
+
+    Attributes:
+        scene: What is simulated.
+        mesh: Undeformed nodes, elements, surface triangles and topology id.
+        state: Positions, velocities, joints, time; read it, change it only through the methods.
+        report: What the last step took.
+        torques: Torque that each servo exerts on the body, about its axis towards growing angle [N m], shape (s,).
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Build the simulation and put it in its start state. Kernels compile here, never in the first step.
+
+        Raises:
+            SceneError: the scene cannot be built.
+            StepError: no equilibrium in the start configuration.
+        """
+        self.scene = scene
+        parts = build(scene)
+        self.mesh, self._mass, self._system, self._stepper = (
+            parts.mesh,
+            parts.mass,
+            parts.system,
+            parts.stepper,
+        )
+        count = len(self._system.groups.driven)
+        joints = np.array([*scene.servos.angles, scene.servos.slide]) if scene.servos else np.zeros(count + 1)
+        self.state = self._system.start_state(np.zeros(count + 1))
+        self.torques = np.zeros(count)
+        self.report = StepReport()
+        self._warm_up()
+        if scene.servos and joints.any():
+            self._pose(joints)
+        self._start = self.state.copy()
+        self._start_torques = self.torques.copy()
+
+    def _warm_up(self) -> None:
+        """Compile or load every kernel by one step of a copy."""
+        keep = self.state.copy()
+        self._stepper.step(self.state, self.state.joints.copy(), self.scene.dt)
+        if len(self._system.groups.driven):
+            self._stepper.step(
+                self.state, self.state.joints + np.array([1e-4] * len(self.torques) + [0.0]), self.scene.dt
+            )
+        if self._system.groups.rigid:
+            self.compliance()
+        keep.copy_to(self.state)
+
+    def _pose(self, joints: FloatArray) -> None:
+        """Bring the body to static equilibrium with its driven frames at `joints`."""
+        static = build(_without_inertia(self.scene))
+        static.stepper.step(self.state, joints, 0.0)
+        self.torques[:] = static.system.torques
+        self.state.velocities[:] = 0.0
+        self.state.time, self.state.step = 0.0, 0
+
+    def step(self, joints: FloatArray | None = None) -> StepReport:
+        """Advance by the scene's dt.
+
+        Args:
+            joints: Angle of each servo [rad] and the slide [m] at the end of the step, shape (s + 1,); None holds them.
+
+        Raises:
+            SceneError: `joints` has another shape, is not finite or is out of the scene's limits.
+            StepError: the step could not be saved; the state is the last good one.
+        """
+        goal = self.state.joints.copy() if joints is None else self._checked(joints)
+        self.report = self._stepper.step(self.state, goal, self.scene.dt)
+        self.torques[:] = self._system.torques
+        return self.report
+
+    def _checked(self, joints: FloatArray) -> FloatArray:
+        goal = np.array(joints, dtype=float)
+        if goal.shape != self.state.joints.shape:
+            raise SceneError(f"joints have shape {goal.shape}; the scene needs {self.state.joints.shape}")
+        if not np.isfinite(goal).all():
+            raise SceneError(f"joints {goal.tolist()} are not finite")
+        if s := self.scene.servos:
+            for i, angle in enumerate(goal[:-1].tolist()):
+                if not s.angle_min - 1e-9 <= angle <= s.angle_max + 1e-9:
+                    raise SceneError(
+                        f"servo {i}: angle {angle:g} rad; allowed is {s.angle_min:g} to {s.angle_max:g} rad"
+                    )
+            if not -1e-9 <= goal[-1] <= s.slide_max + 1e-9:
+                raise SceneError(f"slide {goal[-1]:g} m; allowed is 0 to {s.slide_max:g} m")
+        return goal
+
+    def reset(self) -> None:
+        """Return to the start state, bit for bit."""
+        self._start.copy_to(self.state)
+        self.torques[:] = self._start_torques
+        self.report = StepReport()
+
+    @property
+    def effector(self) -> Pose | None:
+        """Pose of the effector disc; None in a scene without one."""
+        if not self._system.groups.rigid:
+            return None
+        return Pose(self.state.centres[0].copy(), quaternion(self.state.rotations[0]))
+
+    def energies(self) -> Energies:
+        """Return the energies of the present state."""
+        s = self.state
+        kinetic = 0.5 * float(self._mass @ (s.velocities**2).sum(axis=1))
+        strain = self._system.solid.energy(s.positions, s.modes)
+        gravity = self._system.gravity.energy(s.positions) if self._system.gravity else 0.0
+        return Energies(kinetic, strain, gravity)
+
+    def compliance(self) -> Compliance:
+        """Return the linearised static response about the present state. Raises SceneError without an effector."""
+        return compliance(self._system, self.state)
+
+
+def _without_inertia(scene: Scene) -> Scene:
+    from dataclasses import replace
+
+    return replace(scene, inertia=None, damping=None)

@@ -1,0 +1,44 @@
+"""What changes each step, and nothing else."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class State:
+    """Configuration and velocity at one instant.
+
+    Attributes:
+        positions: Of nodes [m], shape (n, 3).
+        velocities: Of nodes [m/s], shape (n, 3); zero in statics.
+        modes: Amplitudes of the elements' incompatible modes [m], shape (m, 3, 3).
+        centres: Of the rigid bodies [m], shape (b, 3).
+        rotations: Of the rigid bodies, matrices, shape (b, 3, 3).
+        joints: Angle of each driven frame [rad] and then their common slide [m], shape (s + 1,).
+        time: Since the last reset [s].
+        step: Completed steps since the last reset.
+    """
+
+    positions: FloatArray
+    velocities: FloatArray
+    modes: FloatArray
+    centres: FloatArray
+    rotations: FloatArray
+    joints: FloatArray
+    time: float = 0.0
+    step: int = 0
+
+    def copy_to(self, other: "State") -> None:
+        """Overwrite `other` with this state, without allocating."""
+        for name in ("positions", "velocities", "modes", "centres", "rotations", "joints"):
+            getattr(other, name)[:] = getattr(self, name)
+        other.time, other.step = self.time, self.step
+
+    def copy(self) -> "State":
+        """Return an independent copy."""
+        arrays = (self.positions, self.velocities, self.modes, self.centres, self.rotations, self.joints)
+        return State(*(a.copy() for a in arrays), self.time, self.step)

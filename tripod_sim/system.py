@@ -1,0 +1,183 @@
+"""The potential that one step minimises, in nodes and in the unknowns that constraints leave.
+
+    Phi(x, modes) = E(x, modes) + V(x) + Q(x) + D(x)
+
+strain energy, gravity, inertia (with mass damping) and lagged stiffness damping; absent effects are None.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.groups import Groups, Kind, rotation_matrix
+from tripod_sim.constraints.reduction import Reduction
+from tripod_sim.forces.anchor import Anchor
+from tripod_sim.forces.gravity import GravityForce
+from tripod_sim.forces.rayleigh import StiffnessDamping
+from tripod_sim.forces.solid import Solid
+from tripod_sim.forces.solid_kernels import add_element_products
+from tripod_sim.linear.ldl import Ldl
+from tripod_sim.state import State
+
+FloatArray = NDArray[np.float64]
+
+
+class System:
+    """Evaluates Phi, its gradient and Hessian, and moves a state along a step of the unknowns.
+
+    Attributes:
+        gradient: dPhi/dx of the last `evaluate` [N], shape (n, 3).
+        residual: Reduced gradient of the last `evaluate` [N, N m], shape (unknowns,).
+        torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
+        lever: r_i of nodes of bodies and frames [m], shape (n, 3).
+        strain_energy, gravity_energy: Of the last `evaluate` [J].
+    """
+
+    def __init__(
+        self,
+        rest: FloatArray,
+        solid: Solid,
+        groups: Groups,
+        *,
+        gravity: GravityForce | None = None,
+        inertia: Anchor | None = None,
+        damping: StiffnessDamping | None = None,
+    ) -> None:
+        self.rest, self.solid, self.groups = rest, solid, groups
+        self.gravity, self.inertia, self.damping = gravity, inertia, damping
+        self.reduction = Reduction(solid.elements, groups)
+        self.ldl = Ldl(self.reduction.pattern)
+        n, s = len(rest), len(groups.driven)
+        self.gradient, self.lever = np.zeros((n, 3)), np.zeros((n, 3))
+        self.residual, self.torques = np.zeros(self.reduction.unknowns), np.zeros(s)
+        self.axes = np.array([f.axis for f in groups.driven]).reshape(s, 3)
+        self._no_weight = np.zeros(n)
+        self._combined = np.zeros_like(solid.matrices) if damping else None
+        self._rest_centres = np.array([rest[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
+        self.strain_energy = self.gravity_energy = 0.0
+        self._change, self._reduced, self._unused = (
+            np.zeros((n, 3)),
+            np.zeros_like(self.residual),
+            np.zeros(s),
+        )
+        self._free = np.flatnonzero(self.reduction.kind == Kind.FREE)
+        self._scale = np.ones(self.reduction.unknowns)
+        for b, nodes in enumerate(groups.rigid):
+            radius = np.sqrt(((rest[nodes] - self._rest_centres[b]) ** 2).sum(axis=1).mean())
+            first = 3 * self.reduction.free_count + 6 * b
+            self._scale[first + 3 : first + 6] = 1 / radius
+
+    def start_state(self, joints: FloatArray) -> State:
+        """Return the undeformed state at the joint values `joints`, shape (s + 1,); driven nodes stay where they are."""
+        n, b = len(self.rest), len(self.groups.rigid)
+        rotations = np.tile(np.eye(3), (b, 1, 1))
+        return State(
+            self.rest.copy(),
+            np.zeros((n, 3)),
+            self.solid.rest_modes(),
+            self._rest_centres.copy(),
+            rotations,
+            joints.copy(),
+        )
+
+    def drive(self, state: State, joints: FloatArray) -> None:
+        """Put the driven frames at `joints`, shape (s + 1,): angles [rad], then the slide [m]."""
+        for i, frame in enumerate(self.groups.driven):
+            state.positions[frame.nodes] = frame.place(self.rest[frame.nodes], joints[i], joints[-1])
+        state.joints[:] = joints
+
+    def update_levers(self, state: State) -> None:
+        """Write `lever` for the positions of `state`."""
+        for b, nodes in enumerate(self.groups.rigid):
+            self.lever[nodes] = state.positions[nodes] - state.centres[b]
+        for frame in self.groups.driven:
+            self.lever[frame.nodes] = (
+                state.positions[frame.nodes] - frame.point - state.joints[-1] * frame.inward
+            )
+
+    def evaluate(self, state: State, *, static: bool = False) -> float:
+        """Write `gradient`, `residual` and `torques`; return Phi [J], infinite where there is no solution to improve.
+
+        `static` leaves inertia and damping out.
+        """
+        g = self.gradient
+        g[:] = 0.0
+        self.strain_energy = self.solid.add_gradient(state.positions, state.modes, g)
+        if not np.isfinite(self.strain_energy):
+            return np.inf
+        phi = self.strain_energy
+        if self.gravity:
+            self.gravity_energy = self.gravity.add_gradient(state.positions, g)
+            phi += self.gravity_energy
+        if self.inertia and not static:
+            phi += self.inertia.add_gradient(state.positions, g)
+        if self.damping and not static:
+            phi += self.damping.add_gradient(state.positions, g)
+        self.update_levers(state)
+        self.reduction.gradient(g, self.lever, self.axes, self.residual, self.torques)
+        return phi
+
+    def unbalanced(self) -> float:
+        """Return the norm of the residual and of the modes' gradients [N].
+
+        Torques on bodies count divided by the body's radius of gyration.
+        """
+        scaled = self.residual * self._scale
+        return float(np.sqrt(scaled @ scaled + self.solid.mode_residual_squared))
+
+    def assemble(self, state: State, *, project: bool) -> int:
+        """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""
+        return self.solid.stiffness(state.positions, state.modes, project=project)
+
+    def factor(self, shift: float = 0.0) -> bool:
+        """Reduce and factor the Hessian of Phi with the assembled matrices; return whether it is positive definite.
+
+        `shift` [N/m] is added for each node: a matrix that is only semi-definite then has a descent direction.
+        """
+        matrices, weight = self.solid.matrices, self._no_weight
+        if self.damping and self._combined is not None:
+            np.multiply(self.damping.matrices, self.damping.factor, out=self._combined)
+            self._combined += matrices
+            matrices = self._combined
+        if self.inertia:
+            weight = self.inertia.weight
+        if shift:
+            weight = weight + shift
+        self.reduction.hessian(matrices, weight, self.gradient, self.lever, self.axes)
+        return self.ldl.factor() and self.ldl.is_positive()
+
+    def factor_static(self) -> bool:
+        """The same with strain and gravity energy alone: the static tangent, which may be indefinite."""
+        self.reduction.hessian(self.solid.matrices, self._no_weight, self.gradient, self.lever, self.axes)
+        return self.ldl.factor()
+
+    def add_driven(self, dx: FloatArray) -> None:
+        """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""
+        self._change[:] = 0.0
+        add_element_products(self.solid.matrices, self.solid.elements, dx, 1.0, self._change)
+        if self.damping:
+            add_element_products(
+                self.damping.matrices, self.solid.elements, dx, self.damping.factor, self._change
+            )
+        self.reduction.gradient(self._change, self.lever, self.axes, self._reduced, self._unused)
+        self.residual += self._reduced
+
+    def move(self, start: State, solution: FloatArray, dx: FloatArray, scale: float, out: State) -> None:
+        """Write to `out` the state after `scale` times a step.
+
+        Args:
+            start: Where the step begins; its driven nodes already stand at the end of the step in `out`.
+            solution: Step of the unknowns, shape (unknowns,).
+            dx: First-order move of every node for the whole step [m], shape (n, 3), driven nodes included.
+            scale: Fraction of the step, 1 when driven nodes move.
+            out: The result; may not be `start`.
+        """
+        free = self._free
+        out.positions[free] = start.positions[free] + scale * dx[free]
+        for b, nodes in enumerate(self.groups.rigid):
+            first = 3 * self.reduction.free_count + 6 * b
+            out.centres[b] = start.centres[b] + scale * solution[first : first + 3]
+            out.rotations[b] = rotation_matrix(scale * solution[first + 3 : first + 6]) @ start.rotations[b]
+            out.positions[nodes] = (
+                out.centres[b] + (self.rest[nodes] - self._rest_centres[b]) @ out.rotations[b].T
+            )
+        self.solid.advance_modes(start.modes, dx, scale, out.modes)
