@@ -1,0 +1,86 @@
+"""What the demo says at its end, and what it refuses to say."""
+
+from pathlib import Path
+
+import pytest
+
+from tripod_bringup.demo_summary import (
+    NOT_MEASURED,
+    Measurements,
+    RecordingFacts,
+    Spread,
+    problems,
+    summary_rows,
+)
+
+RECORDING = RecordingFacts(Path("recordings/one"), 2_500_000, 1234)
+
+
+def full() -> Measurements:
+    measured = Measurements(
+        real_time_factor=[0.9, 1.0, 1.0],
+        step_time_median=[0.5e-3, 0.7e-3, 0.6e-3],
+        step_time_p99=[2e-3, 3e-3, 10e-3],
+        ik_states={"TRACKING": 50},
+        body_states=60,
+        packets=300,
+        packets_before=100,
+        port="mock",
+    )
+    for error in (3e-4, 4e-4):
+        measured.tracking.add(error)
+    measured.ik_residual.add(1e-5)
+    return measured
+
+
+def test_every_figure_is_told_with_its_unit() -> None:
+    rows = dict(summary_rows(full(), RECORDING, "http://127.0.0.1:8080"))
+    assert rows["real-time factor, median"] == "1.00x"
+    assert rows["step time, median"] == "0.60 ms"
+    assert rows["step time, p99 (median of seconds)"] == "3.00 ms"
+    assert rows["tracking error after 1 s, rms"] == "0.354 mm (below 0.5 mm; 2 samples)"
+    assert rows["tracking error after 1 s, largest"] == "0.400 mm"
+    assert rows["IK residual, rms"] == "0.010 mm"
+    assert rows["IK states"] == "tracking 50"
+    assert rows["packets sent"] == "300 on mock"
+    assert rows["recording"] == "recordings/one (2.5 MB, 1234 messages)"
+    assert rows["page"] == "http://127.0.0.1:8080"
+    assert problems(full(), RECORDING) == []
+    assert problems(full(), None) == []
+
+
+def test_an_error_above_what_is_wanted_is_named_so() -> None:
+    measured = full()
+    measured.tracking.add(2e-3)
+    assert "NOT below 0.5 mm" in dict(summary_rows(measured, None, ""))["tracking error after 1 s, rms"]
+
+
+def test_what_was_not_measured_is_no_number() -> None:
+    rows = dict(summary_rows(Measurements(), None, ""))
+    figures = [name for name in rows if name not in ("recording", "page", "body states received")]
+    assert {rows[name] for name in figures} == {NOT_MEASURED}
+    assert rows["recording"] == "none (not recorded)"
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"real_time_factor": []}, "no status of the simulation"),
+        ({"body_states": 0}, "no body states"),
+        ({"tracking": Spread()}, "the effector was not measured against the target"),
+        ({"ik_residual": Spread()}, "inverse kinematics solved nothing"),
+        ({"packets": None}, "no packets to the servos"),
+        ({"packets": 100}, "no packets to the servos"),
+        ({"session_failure": "stopped while waiting"}, "stopped while waiting"),
+    ],
+)
+def test_each_missing_part_of_the_chain_is_a_problem(change: dict[str, object], expected: str) -> None:
+    measured = full()
+    for name, value in change.items():
+        setattr(measured, name, value)
+    assert problems(measured, RECORDING) == [expected]
+
+
+def test_an_empty_or_torn_recording_is_a_problem() -> None:
+    assert problems(full(), RecordingFacts(Path("x"), 10, 0)) == ["nothing was recorded"]
+    assert problems(full(), RecordingFacts(Path("x"), 10, None, "torn")) == ["torn"]

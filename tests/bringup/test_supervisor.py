@@ -1,0 +1,253 @@
+"""The supervisor with fake children: order, codes, signals, and that nothing is left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tripod_bringup.process import ProcessSpec
+from tripod_bringup.supervisor import KILLED_BY_USER, Ending, Supervisor
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(autouse=True)
+def children_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(HERE))
+
+
+class Log:
+    """What the fake children noted."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def events(self) -> list[str]:
+        """Return events and names without process ids, such as "started sim"."""
+        return [" ".join(line.split()[:2]) for line in self._lines()]
+
+    def pids(self) -> set[int]:
+        return {int(line.split()[2]) for line in self._lines()}
+
+    def has(self, event: str) -> bool:
+        return event in self.events()
+
+    def _lines(self) -> list[str]:
+        return self.path.read_text().splitlines() if self.path.exists() else []
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Log:
+    return Log(tmp_path / "events")
+
+
+def spec(log: Log, name: str, *options: str, code: int = 1, **more: object) -> ProcessSpec:
+    more.setdefault("ready", lambda: log.has(f"started {name}"))
+    return ProcessSpec(name, "fake_child", [name, str(log.path), *options], code, **more)  # type: ignore[arg-type]
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    stat = Path(f"/proc/{pid}/stat").read_text()
+    return stat.rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_until(condition: Callable[[], bool], timeout: float = 10.0) -> bool:
+    deadline = time.monotonic() + timeout
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def interrupt_when(condition: Callable[[], bool], number: int = signal.SIGINT) -> threading.Thread:
+    def wait() -> None:
+        if wait_until(condition):
+            os.kill(os.getpid(), number)
+
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    return thread
+
+
+def never() -> str:
+    return ""
+
+
+def test_stages_start_in_order_and_stop_in_reverse(log: Log) -> None:
+    stages = [
+        [spec(log, "record")],
+        [spec(log, "sim"), spec(log, "ik")],
+        [spec(log, "driver", "--stop-time", "0.3")],
+    ]
+    stopped: list[list[str]] = []
+    supervisor = Supervisor(stages, before_stop=lambda: stopped.append(log.events()))
+    ending = supervisor.run(lambda: "enough" if supervisor.running else "")
+    assert ending == Ending(0, "enough")
+    events = log.events()
+    assert events[0] == "started record"
+    assert sorted(events[1:3]) == ["started ik", "started sim"]
+    assert events[3] == "started driver"
+    assert len(stopped) == 1 and stopped[0] == events[:4], "STOP is said before anybody is asked to stop"
+    assert events[4:6] == ["asked driver", "ended driver"]
+    assert sorted(events[6:10]) == ["asked ik", "asked sim", "ended ik", "ended sim"]
+    assert events[10:] == ["asked record", "ended record"]
+
+
+@pytest.mark.parametrize(("victim", "code"), [("record", 14), ("sim", 10), ("driver", 12)])
+def test_death_of_a_child_stops_the_others_and_gives_its_code(log: Log, victim: str, code: int) -> None:
+    codes = {"record": 14, "sim": 10, "driver": 12}
+    options = {victim: ["--die-after", "0.6", "--code", "3"]}
+    stages = [[spec(log, name, *options.get(name, []), code=codes[name])] for name in codes]
+    ending = Supervisor(stages).run(never)
+    assert ending.code == code
+    assert ending.cause == f"{victim} exited with code 3"
+    assert ending.output == [f"{victim} breaks"]
+    others = [name for name in ("driver", "sim", "record") if name != victim]
+    assert [e for e in log.events() if e.startswith("ended")] == [f"ended {name}" for name in others]
+    assert not any(map(alive, log.pids()))
+
+
+def test_a_child_that_exits_with_0_unasked_counts_as_dead(log: Log) -> None:
+    ending = Supervisor([[spec(log, "sim", "--die-after", "0.2", code=10)]]).run(never)
+    assert (ending.code, ending.cause) == (10, "sim exited with code 0")
+
+
+def test_a_child_killed_by_a_signal_is_reported_by_its_name(log: Log) -> None:
+    supervisor = Supervisor([[spec(log, "ik", code=11)]])
+
+    def kill() -> str:
+        os.kill(supervisor.processes["ik"].pid, signal.SIGKILL)
+        return ""
+
+    ending = supervisor.run(kill)
+    assert (ending.code, ending.cause) == (11, "ik was ended by SIGKILL")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_in_order_with_code_0_and_does_not_reach_the_children(log: Log, number: int) -> None:
+    interrupt_when(lambda: log.has("started driver"), number)
+    ending = Supervisor([[spec(log, "sim")], [spec(log, "driver")]]).run(never)
+    assert ending.code == 0
+    assert ending.cause == ("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
+    assert log.events()[2:] == ["asked driver", "ended driver", "asked sim", "ended sim"]
+
+
+def test_a_second_interruption_kills(log: Log) -> None:
+    supervisor = Supervisor([[spec(log, "driver", "--deaf", stop_time=60.0)]])
+    interrupt_when(lambda: log.has("started driver"))
+    asked: list[float] = []
+
+    def half_a_second_after_asking() -> bool:
+        if log.has("asked driver") and not asked:
+            asked.append(time.monotonic())
+        return bool(asked) and time.monotonic() > asked[0] + 0.7
+
+    interrupt_when(half_a_second_after_asking)
+    begun = time.monotonic()
+    ending = supervisor.run(never)
+    assert ending.code == KILLED_BY_USER
+    assert time.monotonic() - begun < 30
+    assert not any(map(alive, log.pids()))
+
+
+def test_two_signals_at_once_are_one_interruption(log: Log) -> None:
+    def both() -> bool:
+        if log.has("started driver"):
+            os.kill(os.getpid(), signal.SIGINT)
+            return True
+        return False
+
+    interrupt_when(both, signal.SIGTERM)
+    ending = Supervisor([[spec(log, "driver", "--stop-time", "0.3")]]).run(never)
+    assert ending.code == 0
+    assert log.has("ended driver")
+
+
+def test_a_child_that_does_not_stop_is_killed_and_named(log: Log) -> None:
+    stages = [[spec(log, "record")], [spec(log, "driver", "--deaf", code=12, stop_time=0.4)]]
+    ending = Supervisor(stages).run(lambda: "enough")
+    assert (ending.code, ending.cause) == (12, "driver did not stop within 0.4 s")
+    assert log.events()[-1] == "ended record", "the rest stops in order all the same"
+
+
+def test_a_child_that_fails_while_stopping_is_named(log: Log) -> None:
+    ending = Supervisor([[spec(log, "driver", "--stop-code", "1", code=12)]]).run(lambda: "enough")
+    assert (ending.code, ending.cause) == (12, "driver exited with code 1 while stopping")
+
+
+def test_a_child_that_never_becomes_ready_ends_the_start(log: Log) -> None:
+    slow = spec(log, "sim", code=10, ready=lambda: False, start_time=0.5)
+    phases: set[str] = set()
+    supervisor = Supervisor([[slow], [spec(log, "driver")]], on_tick=phases.add)
+    ending = supervisor.run(never)
+    assert (ending.code, ending.cause) == (10, "sim did not come up within 0.5 s")
+    assert "started driver" not in log.events()
+    assert "starting sim" in phases
+
+
+def test_lines_arrive_with_the_name_of_their_process(log: Log) -> None:
+    heard: list[tuple[str, str]] = []
+    child = spec(log, "view", "--say", "page http://127.0.0.1:8080", "--say", "ünï")
+    Supervisor([[child]], on_line=lambda *pair: heard.append(pair)).run(lambda: "enough")
+    assert heard == [("view", "page http://127.0.0.1:8080"), ("view", "ünï")]
+
+
+def test_a_failing_callback_still_stops_the_children_in_order(log: Log) -> None:
+    def fail(_phase: str) -> None:
+        raise RuntimeError("the screen broke")
+
+    with pytest.raises(RuntimeError, match="the screen broke"):
+        Supervisor([[spec(log, "driver", ready=lambda: False)]], on_tick=fail).run(never)
+    assert not any(map(alive, log.pids()))
+
+
+def test_only_the_main_thread_may_run_a_supervisor() -> None:
+    caught: list[str] = []
+
+    def run() -> None:
+        try:
+            Supervisor([]).run(lambda: "enough")
+        except RuntimeError as error:
+            caught.append(str(error))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert caught and "main thread" in caught[0]
+
+
+ORPHANS = """
+import sys
+from tripod_bringup.process import ProcessSpec
+from tripod_bringup.supervisor import Supervisor
+log = sys.argv[1]
+polite = ProcessSpec("driver", "fake_child", ["driver", log])
+deaf = ProcessSpec("sim", "fake_child", ["sim", log, "--deaf"])
+Supervisor([[polite, deaf]]).run(lambda: "")
+"""
+
+
+def test_no_orphan_survives_the_death_of_the_supervisor(log: Log) -> None:
+    root = str(HERE.parents[1])
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(HERE), root]), TRIPOD_GRACE="0.5")
+    holder = subprocess.Popen([sys.executable, "-c", ORPHANS, str(log.path)], env=environment)
+    try:
+        assert wait_until(lambda: log.has("started driver") and log.has("started sim"))
+        assert all(map(alive, log.pids()))
+    finally:
+        holder.kill()
+        holder.wait()
+    assert wait_until(lambda: not any(map(alive, log.pids())))
+    assert log.has("ended driver"), "the polite child was asked and stopped in order"
+    assert log.has("asked sim"), "the deaf child was asked before it was killed"

@@ -1,0 +1,225 @@
+"""The `tripod` command: options and help of every subcommand; what they do is imported when they run."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
+
+app = typer.Typer(
+    name="tripod",
+    help="Simulate, drive and record the Tripod soft robot.",
+    epilog="Begin with `tripod doctor`, then `tripod up --demo`.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+)
+bag = typer.Typer(help="Look into recordings.", no_args_is_help=True)
+app.add_typer(bag, name="bag")
+
+
+def examples(*lines: str) -> str:
+    """Return the epilogue of a help page: one example a line."""
+    return "Examples:\n" + "\n".join(f"[dim]$[/] {line}" for line in lines)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+
+        try:
+            print(f"tripod {version('tripod')}")
+        except PackageNotFoundError:
+            print("tripod (not installed)")
+        raise typer.Exit
+
+
+UP_HELP = (
+    "Start simulator, inverse kinematics, page and driver, and watch over them.\n\n"
+    "Ctrl-C stops all in order: the driver parks the servos, the recording is closed last. "
+    "A second Ctrl-C kills.\n\n"
+    "Exit codes: 0 stopped as asked; 2 bad arguments; 3 another `tripod up` runs on this ROS domain; 10 sim, "
+    "11 ik, 12 driver, 13 view, 14 record ended by itself or could not stop in order; 20 the demo's chain "
+    "did not run; 130 killed by a second Ctrl-C."
+)
+
+
+@app.callback()
+def root(
+    *,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Simulate, drive and record the Tripod soft robot."""
+
+
+@app.command(
+    epilog=examples(
+        "tripod run tripod --json",
+        'tripod run tripod --duration 2 --servo "0:0,0,0; 1:-0.7854,-0.7854,-0.7854"',
+        'tripod run tripod --servo "0:0,0,0; 2:-1.4965,-1.4965,-1.4965" --slide "0:0; 2:0.035" --out run.npz',
+        "tripod run silicone --set material.young=3e5",
+    )
+)
+def run(
+    scene: Annotated[str, typer.Argument(help="Name of a shipped scene, or path of a scene file.")],
+    *,
+    duration: Annotated[
+        float | None, typer.Option(help="Simulated time [s]; the scene's own by default.")
+    ] = None,
+    servo: Annotated[str | None, typer.Option(help='Servo angles [rad]: "time:a,b,c; time:a,b,c".')] = None,
+    slide: Annotated[
+        str | None, typer.Option(help='Inward slide [m]: a number, or "time:value; ...".')
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the motion to this .npz file.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
+) -> None:
+    """Simulate a scene, as fast as it goes, without ROS."""
+    from tripod_bringup.run_command import run_scene  # noqa: PLC0415
+
+    raise typer.Exit(
+        run_scene(
+            scene,
+            duration=duration,
+            servo=servo,
+            slide=slide,
+            overrides=set_ or [],
+            out=out,
+            as_json=json,
+            quiet=quiet,
+        )
+    )
+
+
+@app.command(epilog=examples("tripod scenes", "tripod scenes --json"))
+def scenes(*, json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
+    """List the scenes that come with tripod."""
+    from tripod_bringup.run_command import list_scenes  # noqa: PLC0415
+
+    list_scenes(as_json=json)
+
+
+@app.command(
+    help=UP_HELP,
+    epilog=examples(
+        "tripod up",
+        "tripod up --port auto --record recordings",
+        "tripod up --demo --duration 20",
+        "tripod up --no-view driver.angle_max:=0.3",
+    ),
+)
+def up(
+    values: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NODE.NAME:=VALUE", help="More parameters, of sim, ik, driver, view, record."),
+    ] = None,
+    *,
+    scene: Annotated[str, typer.Option(help="Name of a scene, or path of a scene file.")] = "tripod",
+    port: Annotated[str, typer.Option(help="Serial port of the servos, as for `tripod driver`.")] = "mock",
+    record: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Record everything into a new file here.")
+    ] = None,
+    view: Annotated[bool, typer.Option("--view/--no-view", help="Serve the page.")] = True,
+    view_port: Annotated[
+        int | None, typer.Option(min=1, max=65535, help="Port of the page on this machine.")
+    ] = None,
+    demo: Annotated[bool, typer.Option("--demo", help="Follow a circle; records into ./recordings.")] = False,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, help="Stop after so many seconds (with --demo: of targets); until Ctrl-C by default."
+        ),
+    ] = None,
+    subnet: Annotated[bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show all that the nodes log.")] = False,
+) -> None:
+    """Start the whole chain; the help is `UP_HELP`."""
+    from tripod_bringup.up_command import up_command  # noqa: PLC0415
+
+    raise typer.Exit(
+        up_command(
+            values or [],
+            scene=scene,
+            port=port,
+            record=record,
+            view=view,
+            view_port=view_port,
+            demo=demo,
+            duration=duration,
+            subnet=subnet,
+            verbose=verbose,
+        )
+    )
+
+
+@app.command(epilog=examples("tripod doctor", "tripod doctor --json", "tripod doctor --record /data"))
+def doctor(
+    *,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    record: Annotated[Path, typer.Option(metavar="DIR", help="Where recordings would go.")] = Path(
+        "recordings"
+    ),
+) -> None:
+    """Check this machine and say what to do; exit code 1 if something must be done."""
+    from tripod_bringup.doctor_command import doctor_command  # noqa: PLC0415
+
+    raise typer.Exit(doctor_command(record, as_json=json))
+
+
+@bag.command(
+    epilog=examples(
+        "tripod bag info recordings/tripod_2030-01-31_12-00-00",
+        "tripod bag info recording.mcap --check --json",
+    )
+)
+def info(
+    file: Annotated[Path, typer.Argument(help="An .mcap file, or the directory of a recording.")],
+    *,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Read every message, believe no summary.")] = False,
+) -> None:
+    """Tell what a recording holds: topics, types, counts, rates, time span."""
+    from tripod_record.info import info_command  # noqa: PLC0415
+
+    raise typer.Exit(info_command(file, as_json=json, check=check))
+
+
+def _add_node_command(name: str, node: NodeInfo) -> None:
+    def command(
+        values: Annotated[
+            list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters; see the table below.")
+        ] = None,
+        *,
+        subnet: Annotated[
+            bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")
+        ] = False,
+    ) -> None:
+        raise typer.Exit(run_node_command(name, values or [], subnet=subnet))
+
+    app.command(name, cls=NodeCommand, help=node.help, epilog=examples(*node.examples))(command)
+
+
+for _name, _node in NODES.items():
+    _add_node_command(_name, _node)
+
+
+def main() -> None:
+    """Run the command line, as the console script `tripod`; ends by SystemExit with the exit code."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,175 @@
+"""The demo's node: plays `demo_session` into the graph and measures how well it is followed."""
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import PoseStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from tripod_msgs.msg import BodyState, ControlMode, IkStatus, RobotStatus, SimStatus
+
+from tripod_bringup.demo_session import Action, DemoSession, Heard, Phase, SessionTimes
+from tripod_bringup.demo_summary import Measurements
+from tripod_bringup.demo_target import DemoTarget
+from tripod_bringup.watch import IK_STATES
+from tripod_graph import names
+from tripod_graph.mode import Mode
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+
+PERIOD = 0.02
+"""Between two targets [s]."""
+
+SETTLED_AFTER = 1.0
+"""Targets older than this count in the tracking error [s]."""
+
+FOLLOWERS = 2
+"""Who must hear a joint trajectory: simulator and driver."""
+
+JOINTS = (*names.SERVOS, names.SLIDE)
+
+
+class DemoNode(Node):
+    """Publishes modes, the way to the working pose and the targets; `DemoSession` decides which and when.
+
+    Attributes:
+        session: The script.
+        measured: What was heard while the targets lasted; read it after the executor stopped.
+    """
+
+    def __init__(self, track: float | None, shape: DemoTarget | None = None) -> None:
+        """`track`: how long the targets last [s], None until told; `shape`: the circle, or None."""
+        super().__init__("demo")
+        self.session = DemoSession(SessionTimes(track=track), shape)
+        self.measured = Measurements()
+        self._go = threading.Event()
+        self._joints, self._effector = np.full(4, np.nan), np.full(3, np.nan)
+        self._stamp_start = 0.0
+        self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
+        self._target = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
+        self.create_subscription(SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE)
+        self.create_subscription(IkStatus, names.IK_STATUS, self._on_ik_status, RELIABLE)
+        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
+        self.create_subscription(JointState, names.SIM_JOINT_STATES, self._on_joints, RELIABLE)
+        self.create_subscription(PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE)
+        self.create_subscription(BodyState, names.BODY_STATE, self._on_body_state, SENSOR, raw=True)
+        # a steady clock: the demo goes on when the system's clock is set
+        self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def go(self) -> None:
+        """Let the session begin; call it when every node is up."""
+        self._go.set()
+
+    def finish(self) -> None:
+        """Note how the session stands when it is cut off; call it before the last STOP."""
+        if not self.session.finished and self.session.phase is not Phase.TRACK:
+            self.measured.session_failure = f"stopped while {self.session.phase.value}"
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.destroy_node()
+
+    @property
+    def _tracking(self) -> bool:
+        return self.session.phase is Phase.TRACK
+
+    def _on_timer(self) -> None:
+        if not self._go.is_set() or self.session.finished:
+            return
+        linked = (
+            self._trajectory.get_subscription_count() >= FOLLOWERS
+            and self._mode.get_subscription_count() > FOLLOWERS
+            and self._target.get_subscription_count() >= 1
+            and self.measured.packets is not None
+        )
+        was = self.session.phase
+        self._publish(self.session.step(time.monotonic(), Heard(linked, self._joints, self._effector)))
+        if was is not Phase.TRACK and self._tracking:
+            self._stamp_start = seconds(self.get_clock().now().to_msg())
+            self.measured.packets_before = self.measured.packets
+        if self.session.failure:
+            self.measured.session_failure = self.session.failure
+
+    def _publish(self, action: Action) -> None:
+        stamp = self.get_clock().now().to_msg()
+        if action.mode is not None:
+            self._mode.publish(mode_message(action.mode, self.get_name(), stamp))
+        if action.pose is not None:
+            self._trajectory.publish(trajectory_message(action.pose, action.move_time, stamp))
+        if action.target is not None:
+            self._target.publish(target_message(action.target, stamp))
+
+    def _on_sim_status(self, message: Any) -> None:
+        if self._tracking:
+            self.measured.real_time_factor.append(message.real_time_factor)
+            self.measured.step_time_median.append(message.step_time_median)
+            self.measured.step_time_p99.append(message.step_time_p99)
+
+    def _on_ik_status(self, message: Any) -> None:
+        if not self._tracking:
+            return
+        state = IK_STATES.get(message.state, str(message.state))
+        self.measured.ik_states[state] = self.measured.ik_states.get(state, 0) + 1
+        solved = message.state in (IkStatus.TRACKING, IkStatus.CLOSEST)
+        if solved and seconds(message.header.stamp) - self._stamp_start > SETTLED_AFTER:
+            self.measured.ik_residual.add(message.residual)
+
+    def _on_robot_status(self, message: Any) -> None:
+        self.measured.packets, self.measured.port = int(message.packets_sent), message.port
+
+    def _on_joints(self, message: Any) -> None:
+        for name, value in zip(message.name, message.position, strict=False):
+            if name in JOINTS:
+                self._joints[JOINTS.index(name)] = value
+
+    def _on_effector(self, message: Any) -> None:
+        position = message.pose.position
+        self._effector = np.array([position.x, position.y, position.z])
+        if self._tracking and self.session.target is not None:
+            age = seconds(message.header.stamp) - self._stamp_start
+            if age > SETTLED_AFTER:
+                error = np.linalg.norm(self._effector - self.session.target(age))
+                self.measured.tracking.add(float(error))
+
+    def _on_body_state(self, _raw: bytes) -> None:
+        if self._tracking:
+            self.measured.body_states += 1
+
+
+def seconds(stamp: Time) -> float:
+    """Return a message's time stamp [s]."""
+    return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+def mode_message(mode: Mode, source: str, stamp: Time) -> ControlMode:
+    """Return the announcement of `mode` by the node `source`."""
+    message = ControlMode(mode=int(mode), source=source)
+    message.header.stamp = stamp
+    return message
+
+
+def trajectory_message(pose: tuple[float, ...], duration: float, stamp: Time) -> JointTrajectory:
+    """Return a trajectory of one point: joint values `pose` [rad, rad, rad, m] after `duration` [s]."""
+    whole = int(duration)
+    point = JointTrajectoryPoint(
+        positions=list(pose),
+        time_from_start=Duration(sec=whole, nanosec=round((duration - whole) * 1e9)),
+    )
+    message = JointTrajectory(joint_names=list(JOINTS), points=[point])
+    message.header.stamp = stamp
+    return message
+
+
+def target_message(position: tuple[float, float, float], stamp: Time) -> PoseStamped:
+    """Return the target `position` [m] in `world`, upright."""
+    message = PoseStamped()
+    message.header.stamp, message.header.frame_id = stamp, names.WORLD
+    p = message.pose.position
+    p.x, p.y, p.z = position
+    message.pose.orientation.w = 1.0
+    return message

@@ -1,0 +1,45 @@
+"""The end of the demo: looks at the recording, prints the table, says whether the chain ran."""
+
+import sys
+from pathlib import Path
+
+from tripod_bringup.demo_summary import Measurements, RecordingFacts, problems, summary_rows
+from tripod_bringup.screen import Screen
+
+
+def report_demo(
+    measured: Measurements, *, page: str, recording: str, expect_recording: bool, screen: Screen
+) -> bool:
+    """Print what was measured; return whether the whole chain ran.
+
+    Args:
+        measured: By the demo's node.
+        page: Address of the page, empty if none.
+        recording: Path that the recorder told, empty if none.
+        expect_recording: Whether there should be one.
+        screen: Where to print.
+    """
+    facts = recording_facts(Path(recording)) if recording else None
+    if facts is None and expect_recording:
+        facts = RecordingFacts(Path(), 0, None, "the recorder told no path")
+    rows = summary_rows(measured, facts, page)
+    width = max(len(name) for name, _ in rows)
+    for name, figure in rows:
+        screen.line(f"{name:<{width}}  {figure}")
+    found = problems(measured, facts)
+    for problem in found:
+        print(f"tripod up: the demo did not run as it should: {problem}", file=sys.stderr)
+    return not found
+
+
+def recording_facts(path: Path) -> RecordingFacts:
+    """Return size and message count of a closed recording."""
+    from tripod_record.errors import RecordError  # noqa: PLC0415 - only where something was recorded
+    from tripod_record.info import read_info  # noqa: PLC0415
+
+    try:
+        info = read_info(path)
+    except (RecordError, OSError) as error:
+        return RecordingFacts(path, 0, None, str(error))
+    damage = info.truncated or "; ".join(info.damage)
+    return RecordingFacts(path, info.size, None if damage else info.messages, damage)

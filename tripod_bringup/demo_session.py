@@ -1,0 +1,177 @@
+"""The script of the demo as a rule: what to publish next, given what was heard. Pure."""
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_bringup.demo_target import DemoTarget
+from tripod_graph.mode import Mode
+from tripod_graph.names import WORKING_POSE
+
+FloatArray = NDArray[np.float64]
+
+
+class Phase(Enum):
+    """Where the script is."""
+
+    WAIT = "waiting for the chain"
+    MOVE = "moving to the working pose"
+    SETTLE = "letting the effector come to rest"
+    TRACK = "following the circle"
+    DONE = "done"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What the session knows of the chain.
+
+    Attributes:
+        linked: Whether everybody who must hear the session is connected and alive.
+        joints: Simulated joint values [rad, rad, rad, m], shape (4,), NaN before the first.
+        effector: Simulated effector position [m], shape (3,), NaN before the first.
+    """
+
+    linked: bool = False
+    joints: FloatArray = field(default_factory=lambda: np.full(4, np.nan))
+    effector: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+
+    @property
+    def complete(self) -> bool:
+        """Whether the script can begin."""
+        return self.linked and bool(np.isfinite(self.joints).all() and np.isfinite(self.effector).all())
+
+
+@dataclass(frozen=True)
+class Action:
+    """What to publish now.
+
+    Attributes:
+        mode: A control mode to announce.
+        pose: Joint values [rad, rad, rad, m] to command, to be reached in `move_time` [s].
+        move_time: See `pose`.
+        target: Effector target x, y, z [m].
+    """
+
+    mode: Mode | None = None
+    pose: tuple[float, ...] | None = None
+    move_time: float = 0.0
+    target: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class SessionTimes:
+    """Durations of the script [s].
+
+    Attributes:
+        track: How long the targets last; None: until told otherwise.
+        link: Longest wait for the chain.
+        move: From park to working pose.
+        arrive: Longest wait for the joints to be there after `move`.
+        settle: Rest before the circle.
+    """
+
+    track: float | None = 20.0
+    link: float = 60.0
+    move: float = 3.0
+    arrive: float = 4.0
+    settle: float = 1.0
+
+
+class DemoSession:
+    """Working pose by TELEOP, a circle by IK, STOP.
+
+    Attributes:
+        phase: Where the script is.
+        failure: Why it failed, empty otherwise.
+        target: The target as a function of time since `track_start`; None before.
+        track_start: When the targets began [s], in the caller's time; None before.
+    """
+
+    ANGLE_TOLERANCE = 0.03  # [rad]
+    SLIDE_TOLERANCE = 0.001  # [m]
+
+    def __init__(self, times: SessionTimes, shape: DemoTarget | None = None) -> None:
+        """`shape`: the circle to follow; its centre is replaced by the effector position found."""
+        self.times = times
+        self.phase, self.failure = Phase.WAIT, ""
+        self.target: DemoTarget | None = None
+        self.track_start: float | None = None
+        self._shape = DemoTarget((0.0, 0.0, 0.0)) if shape is None else shape
+        self._since: float | None = None
+        self._commanded = False
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing more will be published."""
+        return self.phase in (Phase.DONE, Phase.FAILED)
+
+    def step(self, now: float, heard: Heard) -> Action:
+        """Return what to publish at `now` [s], the caller's steady time; call it at a regular rate."""
+        if self._since is None:
+            self._since = now
+        elapsed = now - self._since
+        match self.phase:
+            case Phase.WAIT:
+                return self._wait(now, elapsed, heard)
+            case Phase.MOVE:
+                return self._move(now, elapsed, heard)
+            case Phase.SETTLE:
+                return self._settle(now, elapsed, heard)
+            case Phase.TRACK:
+                return self._track(now, elapsed)
+        return Action()
+
+    def _enter(self, phase: Phase, now: float) -> None:
+        self.phase, self._since = phase, now
+
+    def _fail(self, reason: str, now: float) -> Action:
+        self.failure = reason
+        self._enter(Phase.FAILED, now)
+        return Action(mode=Mode.STOP)
+
+    def _wait(self, now: float, elapsed: float, heard: Heard) -> Action:
+        if heard.complete:
+            self._enter(Phase.MOVE, now)
+            return Action(mode=Mode.TELEOP)
+        if elapsed > self.times.link:
+            return self._fail(f"the chain was not complete after {self.times.link:g} s", now)
+        return Action()
+
+    def _move(self, now: float, elapsed: float, heard: Heard) -> Action:
+        if not self._commanded:
+            if elapsed < 0.3:  # the mode travels on another topic: let it arrive first
+                return Action()
+            self._commanded = True
+            return Action(pose=WORKING_POSE, move_time=self.times.move)
+        if elapsed < 0.3 + self.times.move:
+            return Action()
+        off = np.abs(heard.joints - WORKING_POSE)
+        if (off <= [self.ANGLE_TOLERANCE] * 3 + [self.SLIDE_TOLERANCE]).all():
+            self._enter(Phase.SETTLE, now)
+        elif elapsed > 0.3 + self.times.move + self.times.arrive:
+            joints = ", ".join(f"{value:.4f}" for value in heard.joints)
+            return self._fail(f"the simulated joints stayed at {joints} instead of the working pose", now)
+        return Action()
+
+    def _settle(self, now: float, elapsed: float, heard: Heard) -> Action:
+        if elapsed < self.times.settle:
+            return Action()
+        self.target = replace(self._shape, centre=point(heard.effector))
+        self.track_start = now
+        self._enter(Phase.TRACK, now)
+        return Action(mode=Mode.IK, target=point(self.target(0.0)))
+
+    def _track(self, now: float, elapsed: float) -> Action:
+        if self.times.track is not None and elapsed >= self.times.track:
+            self._enter(Phase.DONE, now)
+            return Action(mode=Mode.STOP)
+        return Action(target=point(self.target(elapsed)) if self.target else None)
+
+
+def point(position: FloatArray) -> tuple[float, float, float]:
+    """Return a position of shape (3,) as numbers."""
+    x, y, z = position.tolist()
+    return x, y, z

@@ -1,0 +1,149 @@
+"""What the demo measured and how it says so; what was not measured is never printed as a number. Pure."""
+
+import statistics
+from dataclasses import dataclass, field
+from math import sqrt
+from pathlib import Path
+
+ERROR_WANTED = 0.5e-3
+"""Root mean square of the tracking error that the demo should stay below [m]."""
+
+
+@dataclass
+class Spread:
+    """Running root mean square and maximum of a stream of numbers."""
+
+    count: int = 0
+    square_sum: float = 0.0
+    largest: float = 0.0
+
+    def add(self, value: float) -> None:
+        """Take one number."""
+        self.count += 1
+        self.square_sum += value * value
+        self.largest = max(self.largest, abs(value))
+
+    @property
+    def rms(self) -> float | None:
+        """Root mean square, None before the first number."""
+        return sqrt(self.square_sum / self.count) if self.count else None
+
+
+@dataclass
+class Measurements:
+    """What the demo node heard while the targets lasted.
+
+    Attributes:
+        real_time_factor: One a status message.
+        step_time_median: The same [s].
+        step_time_p99: The same [s].
+        tracking: Distance of the simulated effector from the target of the same moment [m], after the first
+            second.
+        ik_residual: Distance that each command should leave [m], after the first second.
+        ik_states: How often inverse kinematics was in which state.
+        body_states: Messages of node positions.
+        packets: Packets that the driver sent since it started; None if it never said.
+        packets_before: The same when the session began.
+        port: What the driver calls its port.
+        session_failure: Why the session broke off, empty if it did not.
+    """
+
+    real_time_factor: list[float] = field(default_factory=list)
+    step_time_median: list[float] = field(default_factory=list)
+    step_time_p99: list[float] = field(default_factory=list)
+    tracking: Spread = field(default_factory=Spread)
+    ik_residual: Spread = field(default_factory=Spread)
+    ik_states: dict[str, int] = field(default_factory=dict)
+    body_states: int = 0
+    packets: int | None = None
+    packets_before: int | None = None
+    port: str = ""
+    session_failure: str = ""
+
+
+@dataclass(frozen=True)
+class RecordingFacts:
+    """What is on the disk.
+
+    Attributes:
+        path: The recording.
+        size: In bytes.
+        messages: In all topics; None if the file could not be read.
+        problem: Why it could not.
+    """
+
+    path: Path
+    size: int
+    messages: int | None
+    problem: str = ""
+
+
+def summary_rows(
+    measured: Measurements, recording: RecordingFacts | None, page: str
+) -> list[tuple[str, str]]:
+    """Return the rows of the closing table: what, and the figure or why there is none."""
+    tracking, residual = measured.tracking, measured.ik_residual
+    return [
+        ("real-time factor, median", _median(measured.real_time_factor, 1.0, "x", 2)),
+        ("step time, median", _median(measured.step_time_median, 1e3, " ms", 2)),
+        ("step time, p99 (median of seconds)", _median(measured.step_time_p99, 1e3, " ms", 2)),
+        ("tracking error after 1 s, rms", _tracking(tracking)),
+        ("tracking error after 1 s, largest", _millimetres(tracking.largest if tracking.count else None)),
+        ("IK residual, rms", _millimetres(residual.rms)),
+        ("IK states", ", ".join(f"{k.lower()} {n}" for k, n in measured.ik_states.items()) or NOT_MEASURED),
+        ("packets sent", _packets(measured)),
+        ("body states received", str(measured.body_states)),
+        ("recording", _recording(recording)),
+        ("page", page or "none (no view)"),
+    ]
+
+
+def problems(measured: Measurements, recording: RecordingFacts | None) -> list[str]:
+    """Return what shows that the chain did not run, empty if it ran."""
+    found = []
+    if measured.session_failure:
+        found.append(measured.session_failure)
+    if not measured.real_time_factor:
+        found.append("no status of the simulation")
+    if not measured.body_states:
+        found.append("no body states")
+    if not measured.tracking.count:
+        found.append("the effector was not measured against the target")
+    if not measured.ik_residual.count:
+        found.append("inverse kinematics solved nothing")
+    if not measured.packets or measured.packets == measured.packets_before:
+        found.append("no packets to the servos")
+    if recording is not None and not recording.messages:
+        found.append(recording.problem or "nothing was recorded")
+    return found
+
+
+NOT_MEASURED = "not measured"
+
+
+def _median(values: list[float], scale: float, unit: str, digits: int) -> str:
+    return f"{statistics.median(values) * scale:.{digits}f}{unit}" if values else NOT_MEASURED
+
+
+def _millimetres(value: float | None) -> str:
+    return NOT_MEASURED if value is None else f"{value * 1e3:.3f} mm"
+
+
+def _tracking(spread: Spread) -> str:
+    if spread.rms is None:
+        return NOT_MEASURED
+    verdict = "below" if spread.rms < ERROR_WANTED else "NOT below"
+    return f"{_millimetres(spread.rms)} ({verdict} {ERROR_WANTED * 1e3:g} mm; {spread.count} samples)"
+
+
+def _packets(measured: Measurements) -> str:
+    if measured.packets is None:
+        return NOT_MEASURED
+    return f"{measured.packets} on {measured.port or 'an unnamed port'}"
+
+
+def _recording(recording: RecordingFacts | None) -> str:
+    if recording is None:
+        return "none (not recorded)"
+    count = recording.problem if recording.messages is None else f"{recording.messages} messages"
+    return f"{recording.path} ({recording.size / 1e6:.1f} MB, {count})"

@@ -1,0 +1,271 @@
+"""Checks of the machine, each a small function of what it looks at, each with what to do when it fails."""
+
+import errno
+import importlib
+import importlib.metadata
+import os
+import socket
+import statistics
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Protocol
+
+from tripod_bringup.lock import DomainError, domain_id
+from tripod_record.errors import RecordError
+from tripod_record.place import check_place, free_space
+
+PYTHON_NEEDED = (3, 11)
+ENOUGH_SPACE = 200_000_000
+"""Free space without which no recording begins [bytes]."""
+SLOW_PRODUCT = 0.080
+"""Time of the calibration product above which the default scene may not keep up with real time [s]."""
+
+
+class Verdict(Enum):
+    """Result of a check."""
+
+    OK = "ok"
+    WARN = "warn"
+    FAIL = "fail"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One finding.
+
+    Attributes:
+        name: What was looked at.
+        verdict: Its result.
+        found: What was found.
+        advice: What to do; empty when all is well.
+    """
+
+    name: str
+    verdict: Verdict
+    found: str
+    advice: str = ""
+
+
+class Port(Protocol):
+    """A serial port as `serial.tools.list_ports` describes it."""
+
+    device: str
+    description: str
+    vid: int | None
+    pid: int | None
+
+
+def check_python(version: Sequence[int] = tuple(sys.version_info[:3])) -> Check:
+    """Whether the interpreter is new enough."""
+    found = ".".join(str(n) for n in version[:3])
+    wanted = ".".join(str(n) for n in PYTHON_NEEDED)
+    if tuple(version[:2]) < PYTHON_NEEDED:
+        return Check("Python", Verdict.FAIL, found, f"install Python {wanted} or newer")
+    return Check("Python", Verdict.OK, found)
+
+
+def check_rclpy(
+    environment: Mapping[str, str] = os.environ,
+    load: Callable[[str], object] = importlib.import_module,
+    version: Callable[[], str] | None = None,
+) -> Check:
+    """Whether rclpy can be imported, its version and its middleware."""
+    try:
+        load("rclpy")
+        middleware = load("rclpy.utilities").get_rmw_implementation_identifier()  # type: ignore[attr-defined]
+    except ImportError as error:
+        return Check(
+            "rclpy", Verdict.FAIL, str(error), "run `make setup`, or source /opt/ros/jazzy/setup.bash"
+        )
+    number = (version or _rclpy_version)()
+    wanted = environment.get("RMW_IMPLEMENTATION", "")
+    found = f"{number}, {middleware}"
+    if wanted and wanted != middleware:
+        return Check(
+            "rclpy", Verdict.WARN, found, f"RMW_IMPLEMENTATION asks for {wanted}, which is not loaded"
+        )
+    return Check("rclpy", Verdict.OK, found)
+
+
+def _rclpy_version() -> str:
+    for name in ("ros-jazzy-rclpy", "rclpy"):
+        try:
+            return importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return "unknown version"
+
+
+def check_discovery(environment: Mapping[str, str] = os.environ) -> Check:
+    """How far ROS discovery reaches: the nodes of this suite choose it themselves, other tools read it."""
+    try:
+        domain = domain_id(environment)
+    except DomainError as error:
+        return Check("ROS discovery", Verdict.FAIL, str(error), "unset ROS_DOMAIN_ID or correct it")
+    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+    if environment.get("ROS_LOCALHOST_ONLY") == "1":
+        return Check(
+            "ROS discovery",
+            Verdict.WARN,
+            f"domain {domain}, ROS_LOCALHOST_ONLY=1",
+            "unset it: it is out of date and overrides ROS_AUTOMATIC_DISCOVERY_RANGE",
+        )
+    found = f"domain {domain}, {reach or 'range not set'}"
+    if reach != "LOCALHOST":
+        advice = "nodes of this suite stay on this machine unless --subnet is given; for other ROS tools: "
+        return Check(
+            "ROS discovery", Verdict.OK, found, advice + "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
+        )
+    return Check("ROS discovery", Verdict.OK, found)
+
+
+def check_messages(load: Callable[[str], object] = importlib.import_module) -> Check:
+    """Whether the messages are built and complete."""
+    wanted = ("BodyState", "Compliance", "ControlMode", "IkStatus", "RobotStatus", "SimStatus")
+    try:
+        messages = load("tripod_msgs.msg")
+    except ImportError as error:
+        return Check("tripod_msgs", Verdict.FAIL, str(error), "run `make setup`, which builds msgs/")
+    if missing := [name for name in wanted if not hasattr(messages, name)]:
+        return Check("tripod_msgs", Verdict.FAIL, f"without {', '.join(missing)}", "run `make setup` again")
+    return Check("tripod_msgs", Verdict.OK, f"{len(wanted)} messages")
+
+
+def check_ports(
+    ports: Iterable[Port] | None = None,
+    accessible: Callable[[str], bool] = lambda device: os.access(device, os.R_OK | os.W_OK),
+    by_id: Mapping[str, str] | None = None,
+    user: str = "",
+) -> Check:
+    """Which serial ports could be the robot, and whether this user may open them."""
+    found_ports = [p for p in (_serial_ports() if ports is None else ports) if p.vid is not None]
+    links = _links_by_id() if by_id is None else by_id
+    if not found_ports:
+        return Check(
+            "serial port",
+            Verdict.WARN,
+            "no USB serial port",
+            "plug the board in, or use --port mock to go without",
+        )
+    found = ", ".join(
+        f"{p.device} {p.vid:04x}:{p.pid or 0:04x} {links.get(os.path.realpath(p.device), p.description)}"
+        for p in found_ports
+    )
+    closed = [p.device for p in found_ports if not accessible(p.device)]
+    if closed:
+        name = user or os.environ.get("USER", "$USER")
+        advice = f"no permission for {', '.join(closed)}: sudo usermod -aG dialout {name}, then log in again"
+        return Check("serial port", Verdict.FAIL, found, advice)
+    return Check("serial port", Verdict.OK, found)
+
+
+def _serial_ports() -> list[Port]:
+    from serial.tools.list_ports import comports  # noqa: PLC0415 - only this check needs it
+
+    return list(comports())
+
+
+def _links_by_id(directory: Path = Path("/dev/serial/by-id")) -> dict[str, str]:
+    if not directory.is_dir():
+        return {}
+    return {os.path.realpath(link): str(link) for link in sorted(directory.iterdir())}
+
+
+def check_page_port(number: int = 8080) -> Check:
+    """Whether the page can have its port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", number))
+        except OSError as error:
+            reason = "in use" if error.errno == errno.EADDRINUSE else error.strerror
+            advice = "the page will take the next free port and say which; or choose one with --view-port"
+            return Check("page port", Verdict.WARN, f"127.0.0.1:{number} {reason}", advice)
+    return Check("page port", Verdict.OK, f"127.0.0.1:{number} free")
+
+
+def check_recordings(directory: Path, enough: int = ENOUGH_SPACE) -> Check:
+    """Whether `directory`, which is not created, can take recordings; `enough`: space needed [bytes]."""
+    place = directory.absolute()
+    while not place.is_dir() and place != place.parent:
+        place = place.parent
+    try:
+        check_place(place, enough)
+        space = free_space(place)
+    except (RecordError, OSError) as error:
+        return Check("recordings", Verdict.FAIL, str(error), "or record elsewhere with --record DIR")
+    return Check("recordings", Verdict.OK, f"{directory}: {space / 1e9:.1f} GB free")
+
+
+def check_kernel_cache(candidates: Sequence[Path] | None = None) -> Check:
+    """Whether compiled kernels can be kept; otherwise every start compiles them anew."""
+    places = _kernel_caches() if candidates is None else candidates
+    for place in places:
+        parent = place
+        while not parent.exists() and parent != parent.parent:
+            parent = parent.parent
+        if os.access(parent, os.W_OK | os.X_OK) and parent.is_dir():
+            return Check("kernel cache", Verdict.OK, str(place))
+    shown = ", ".join(str(place) for place in places)
+    advice = "set NUMBA_CACHE_DIR to a writable directory, or every start compiles for a minute"
+    return Check("kernel cache", Verdict.WARN, f"not writable: {shown}", advice)
+
+
+def _kernel_caches() -> list[Path]:
+    """Return where numba looks for a cache, in its order."""
+    if given := os.environ.get("NUMBA_CACHE_DIR"):
+        return [Path(given)]
+    package = Path(__file__).resolve().parents[1] / "tripod_sim"
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return [package / "__pycache__", user / "numba"]
+
+
+_PRODUCT = """
+import os
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"): os.environ[name] = "1"
+import numpy, time
+a = numpy.random.default_rng(0).standard_normal((1000, 1000))
+a @ a
+for _ in range(5):
+    start = time.perf_counter(); a @ a; print(time.perf_counter() - start)
+"""
+
+
+def measure_product() -> float:
+    """Return the median time of a 1000 x 1000 float64 matrix product in one thread [s]."""
+    done = subprocess.run(
+        [sys.executable, "-c", _PRODUCT], check=True, capture_output=True, text=True, timeout=60
+    )
+    return statistics.median(float(line) for line in done.stdout.split())
+
+
+def check_speed(measure: Callable[[], float] = measure_product) -> Check:
+    """How fast one core is, by the calibration that the benchmarks print."""
+    try:
+        seconds = measure()
+    except (subprocess.SubprocessError, OSError, statistics.StatisticsError) as error:
+        return Check("speed", Verdict.FAIL, f"numpy does not run: {error}", "run `make setup`")
+    found = f"1000 x 1000 product in {seconds * 1e3:.0f} ms, one thread"
+    if seconds > SLOW_PRODUCT:
+        advice = "slow or busy: the simulation may fall behind real time; choose a coarser mesh"
+        return Check("speed", Verdict.WARN, found, advice)
+    return Check("speed", Verdict.OK, found)
+
+
+def examine(recordings: Path) -> list[Check]:
+    """Run every check; `recordings` is where recordings would go."""
+    return [
+        check_python(),
+        check_rclpy(),
+        check_discovery(),
+        check_messages(),
+        check_ports(),
+        check_page_port(),
+        check_recordings(recordings),
+        check_kernel_cache(),
+        check_speed(),
+    ]

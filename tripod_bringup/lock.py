@@ -1,0 +1,66 @@
+"""One `tripod up` a user and ROS domain: a lock file that the kernel releases however its holder ends."""
+
+import fcntl
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+HIGHEST_DOMAIN = 232
+"""Above it the UDP ports of DDS would exceed 65535."""
+
+
+class DomainError(ValueError):
+    """ROS_DOMAIN_ID is no domain; the message says what is allowed."""
+
+
+class DomainBusyError(RuntimeError):
+    """Another `tripod up` runs on the domain; the message names its process.
+
+    Attributes:
+        pid: Process of the holder, None if it has not written it yet.
+    """
+
+    def __init__(self, domain: int, pid: int | None) -> None:
+        super().__init__(
+            f"another `tripod up` (process {pid or 'unknown'}) runs on ROS domain {domain}: "
+            "stop it, or set ROS_DOMAIN_ID to another number"
+        )
+        self.pid = pid
+
+
+def domain_id(environment: Mapping[str, str]) -> int:
+    """Return the ROS domain that `environment` names, 0 if none. Raises DomainError."""
+    text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdecimal() or int(text) > HIGHEST_DOMAIN:
+        raise DomainError(f"ROS_DOMAIN_ID is {text!r}; allowed: a whole number from 0 to {HIGHEST_DOMAIN}")
+    return int(text)
+
+
+def runtime_directory(environment: Mapping[str, str]) -> Path:
+    """Return where lock files belong: XDG_RUNTIME_DIR, or else the directory for temporary files."""
+    given = environment.get("XDG_RUNTIME_DIR", "")
+    return Path(given) if given and os.access(given, os.W_OK) else Path(tempfile.gettempdir())
+
+
+@contextmanager
+def only_one(domain: int, directory: Path) -> Iterator[Path]:
+    """Hold the lock of `domain` for this user; yields the file. Raises DomainBusyError.
+
+    The lock belongs to the open file, not to its content: a holder that was killed leaves a file, not a lock.
+    """
+    path = directory / f"tripod-up-{os.getuid()}-{domain}.lock"
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            text = os.pread(handle, 32, 0).decode("ascii", "replace").strip()
+            raise DomainBusyError(domain, int(text) if text.isdecimal() else None) from None
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, f"{os.getpid()}\n".encode("ascii"), 0)
+        yield path
+        os.ftruncate(handle, 0)
+    finally:
+        os.close(handle)

@@ -1,0 +1,144 @@
+"""`tripod sim|ik|driver|teleop|view|record`: one node in this process, its parameters in its help."""
+
+import difflib
+import importlib
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from typer.core import TyperCommand
+
+from tripod_bringup.node_values import ValueSyntaxError, node_arguments, split_word, typed
+
+if TYPE_CHECKING:
+    from tripod_graph.parameters import Parameter
+
+BAD_ARGUMENTS = 2
+
+
+@dataclass(frozen=True)
+class NodeInfo:
+    """A node as the command line shows it.
+
+    Attributes:
+        help: What it does, one line.
+        examples: Command lines.
+    """
+
+    help: str
+    examples: tuple[str, ...]
+
+
+NODES: Final[Mapping[str, NodeInfo]] = {
+    "sim": NodeInfo("Run the simulator as a ROS node.", ("tripod sim", "tripod sim scene:=silicone")),
+    "ik": NodeInfo("Run inverse kinematics: target poses in, servo angles out.", ("tripod ik",)),
+    "driver": NodeInfo(
+        "Run the driver of the servos.",
+        ("tripod driver port:=mock", "tripod driver port:=/dev/ttyACM0"),
+    ),
+    "teleop": NodeInfo("Steer with the keys of this terminal.", ("tripod teleop",)),
+    "view": NodeInfo("Serve the page that shows the robot.", ("tripod view", "tripod view port:=8081")),
+    "record": NodeInfo(
+        "Record all topics to an mcap file.", ("tripod record", "tripod record directory:=/data")
+    ),
+}
+
+
+class UnknownParameterError(ValueError):
+    """A node has no such parameter; the message says which one may be meant."""
+
+
+def parameter_table(name: str) -> tuple["Parameter", ...]:
+    """Return the parameters of the node `name`. Raises ImportError where it, or ROS, is not installed."""
+    parameters: tuple[Parameter, ...] = importlib.import_module(f"tripod_{name}.node").PARAMETERS
+    return parameters
+
+
+def parse_values(words: Sequence[str], table: Sequence["Parameter"], node: str) -> dict[str, object]:
+    """Return the values that `words` (NAME:=VALUE) set. Raises ValueSyntaxError, UnknownParameterError."""
+    kinds = {p.name: type(p.default) for p in table}
+    values: dict[str, object] = {}
+    for word in words:
+        key, value = split_word(word)
+        if (
+            key not in kinds and key != "use_sim_time" and not key.startswith("__")
+        ):  # __ns:= and __node:= remap
+            raise UnknownParameterError(unknown_name(f"parameter of {node}", key, sorted(kinds)))
+        values[key] = typed(value, kinds.get(key, object))
+    return values
+
+
+def unknown_name(what: str, name: str, known: Sequence[str]) -> str:
+    """Return the message for a name that does not exist: with what is meant, perhaps, and what does exist."""
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"no {what} is named {name!r}; {hint}known: {', '.join(known)}"
+
+
+def run_node_command(name: str, words: Sequence[str], *, subnet: bool) -> int:
+    """Run the node `name` until it is told to stop; return its exit code."""
+    from tripod_graph.run import keep_local  # noqa: PLC0415
+
+    keep_local(subnet=subnet)
+    try:
+        module = importlib.import_module(f"tripod_{name}.node")
+    except ImportError as error:
+        print(f"tripod {name}: {missing_import(error)}", file=sys.stderr)
+        return 1
+    try:
+        values = parse_values(words, module.PARAMETERS, name)
+    except (ValueSyntaxError, UnknownParameterError) as error:
+        print(f"tripod {name}: {error}", file=sys.stderr)
+        return BAD_ARGUMENTS
+    code: int = module.main([*node_arguments(values), *(["--subnet"] if subnet else [])])
+    return code
+
+
+def missing_import(error: ImportError) -> str:
+    """Return what to do when a module cannot be imported."""
+    return f"{error}; run `make setup`, and `tripod doctor` to see what is missing"
+
+
+class NodeCommand(TyperCommand):
+    """A command whose help ends with the table of the node's parameters."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the usual help, then the table."""
+        super().format_help(ctx, formatter)
+        name = ctx.info_name
+        try:
+            table = parameter_table(name)
+        except ImportError as error:
+            print(f"The parameters cannot be listed: {missing_import(error)}")
+            return
+        print_parameters(name, table)
+
+
+def print_parameters(name: str, table: Sequence["Parameter"]) -> None:
+    """Print the parameters: name, default, unit, what is allowed, meaning."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    shown = Table(
+        title=f"Parameters of {name}", title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0)
+    )
+    for heading in ("name", "default", "unit", "allowed", "meaning"):
+        shown.add_column(heading, no_wrap=heading in ("name", "unit"), overflow="fold")
+    for p in table:
+        shown.add_row(p.name, _default(p.default), p.unit, _allowed(p), p.help)
+    Console(markup=False, highlight=False).print(shown)
+
+
+def _default(value: object) -> str:
+    if isinstance(value, str):
+        return value or '""'
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(list(value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _allowed(parameter: "Parameter") -> str:
+    text = parameter.allowed
+    unit = f" {parameter.unit}"
+    return text.removesuffix(unit) if parameter.unit else text

@@ -1,0 +1,54 @@
+"""Values of node parameters on their way from a command line or from Python to a node's command line."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+
+class ValueSyntaxError(ValueError):
+    """A word that is no `NAME:=VALUE`; the message says which."""
+
+
+def split_word(word: str) -> tuple[str, str]:
+    """Return name and value of `NAME:=VALUE`. Raises ValueSyntaxError.
+
+    >>> split_word("port:=mock")
+    ('port', 'mock')
+    """
+    name, sign, value = word.partition(":=")
+    if not sign or not name:
+        raise ValueSyntaxError(f"{word!r} is no parameter; write NAME:=VALUE, such as port:=mock")
+    return name, value
+
+
+def node_arguments(values: Mapping[str, object]) -> list[str]:
+    """Return the words NAME:=VALUE that set `values`, as `tripod_graph.run.run_node` takes them.
+
+    rclpy reads a value as YAML, so that text is quoted: a directory named 2024 stays text.
+
+    >>> node_arguments({"scene": "tripod", "port": 8080})
+    ['scene:="tripod"', 'port:=8080']
+    """
+    return [f"{name}:={_yaml(value)}" for name, value in values.items()]
+
+
+class RawYaml(str):
+    """YAML as the user wrote it."""
+
+    __slots__ = ()
+
+
+def typed(text: str, kind: type) -> object:
+    """Return `text` from a command line for a parameter of type `kind`: as text where text is wanted."""
+    quoted = len(text) > 1 and text[0] == text[-1] and text[0] in "'\""
+    return text if kind is str and not quoted else RawYaml(text)
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, RawYaml):
+        return value
+    if isinstance(value, str | Path):
+        return json.dumps(str(value), ensure_ascii=False)  # a JSON string is a YAML string
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(_yaml(v) for v in value) + "]"
+    return json.dumps(value)

@@ -1,0 +1,132 @@
+"""`tripod run` and `tripod scenes`: from the command line to `tripod_sim` and back to people or JSON."""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+FAILED = 1
+BAD_ARGUMENTS = 2
+
+Progress = Callable[[float], None]
+
+
+def run_scene(
+    scene: str,
+    *,
+    duration: float | None,
+    servo: str | None,
+    slide: str | None,
+    overrides: list[str],
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Simulate, print the result and return the exit code: 2 bad scene or option, 1 the motion broke off."""
+    from tripod_sim.run import run  # noqa: PLC0415
+
+    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
+
+    try:
+        with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
+            result = run(
+                scene,
+                duration=duration,
+                servo=servo,
+                slide=slide,
+                overrides=overrides,
+                out=out,
+                progress=progress,
+            )
+    except SceneError as error:
+        return _complain(error, BAD_ARGUMENTS)
+    except StepError as error:
+        return _complain(error, FAILED)
+    except OSError as error:  # the file to write
+        return _complain(error, BAD_ARGUMENTS)
+    if as_json:
+        print(json.dumps(plain(result)))
+    elif not quiet:
+        print_result(result)
+    return 0
+
+
+def _complain(error: Exception, code: int) -> int:
+    print("tripod run: " + " ".join(str(error).split()), file=sys.stderr)
+    return code
+
+
+@contextmanager
+def progress_bar(*, shown: bool) -> Iterator[Progress | None]:
+    """Yield what draws the fraction done (0 to 1) on standard error; None where nothing is shown."""
+    if not shown:
+        yield None
+        return
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn  # noqa: PLC0415
+
+    columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def plain(value: Any) -> Any:
+    """Return `value` with arrays as lists, and what JSON lacks, NaN and infinity, as None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value) if isinstance(value, Path) else value
+
+
+def print_result(result: Mapping[str, Any]) -> None:
+    """Print the result as a table, the keys of inner objects joined by dots."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    for key, value in flat(plain(result)):
+        table.add_row(key, value)
+    Console(markup=False, highlight=False).print(table)
+
+
+def flat(value: Any, prefix: str = "") -> list[tuple[str, str]]:
+    """Return names and values as text of a nested result.
+
+    >>> flat({"energy": {"strain": 0.5}, "steps": 3})
+    [('energy.strain', '0.5'), ('steps', '3')]
+    """
+    if isinstance(value, Mapping):
+        return [
+            row
+            for key, item in value.items()
+            for row in flat(item, f"{prefix}.{key}" if prefix else str(key))
+        ]
+    return [(prefix, _shown(value))]
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_shown(item) for item in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def list_scenes(*, as_json: bool) -> None:
+    """Print name and description of every shipped scene."""
+    from tripod_sim.scene_file import load_scene, scene_names  # noqa: PLC0415
+
+    listing = [(name, load_scene(name).description) for name in scene_names()]
+    if as_json:
+        print(json.dumps([{"name": name, "description": text} for name, text in listing]))
+        return
+    width = max((len(name) for name, _ in listing), default=0)
+    for name, text in listing:
+        print(f"{name:<{width}}  {text}".rstrip())

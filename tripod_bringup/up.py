@@ -1,0 +1,248 @@
+"""`tripod up`: the whole chain as supervised processes, one status line, and an exit code that says why.
+
+Exit codes: 0 stopped as asked; 2 bad arguments, or nothing could start; 3 another `tripod up` on the domain;
+10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself, did not come up or could not stop in order;
+20 the demo ran but not the whole chain did; 130 killed by a second Ctrl-C.
+"""
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tripod_bringup.demo_report import report_demo
+from tripod_bringup.doctor import ENOUGH_SPACE
+from tripod_bringup.lock import DomainBusyError, DomainError, domain_id, only_one, runtime_directory
+from tripod_bringup.log_lines import Level, parse
+from tripod_bringup.node_values import node_arguments
+from tripod_bringup.process import ProcessSpec
+from tripod_bringup.screen import Screen
+from tripod_bringup.status_line import status_line
+from tripod_bringup.supervisor import Ending, Supervisor
+from tripod_graph import names
+from tripod_record.errors import RecordError
+from tripod_record.place import check_place
+
+if TYPE_CHECKING:
+    from tripod_bringup.demo import DemoNode
+    from tripod_bringup.watch import Watch
+
+BAD_ARGUMENTS = 2
+ALREADY_UP = 3
+CHAIN_INCOMPLETE = 20
+EXIT_CODES: Mapping[str, int] = {"sim": 10, "ik": 11, "driver": 12, "view": 13, "record": 14}
+DEMO_TIME = 20.0
+"""How long the demo's targets last where no terminal is attached [s]."""
+
+
+@dataclass(frozen=True)
+class UpOptions:
+    """What `tripod up` shall do.
+
+    Attributes:
+        scene: Name of a scene or path of a scene file.
+        port: Of the servos, as the driver takes it.
+        record: Directory of recordings, None for no recording.
+        view: Whether to serve the page.
+        view_port: Where, None for the default of the view.
+        demo: Whether to play the scripted session.
+        duration: How long the chain (or with `demo` the targets) shall run [s], None until told.
+        subnet: Whether ROS discovery may leave this machine.
+        values: More parameters, by node and name.
+        verbose: Whether to show what the nodes log as information.
+    """
+
+    scene: str = "tripod"
+    port: str = "mock"
+    record: Path | None = None
+    view: bool = True
+    view_port: int | None = None
+    demo: bool = False
+    duration: float | None = None
+    subnet: bool = False
+    values: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    verbose: bool = False
+
+
+@dataclass
+class Facts:
+    """What the nodes told about themselves.
+
+    Attributes:
+        page: Address of the page.
+        recording: Path of the recording.
+        last: The newest line shown of each node.
+    """
+
+    page: str = ""
+    recording: str = ""
+    last: dict[str, str] = field(default_factory=dict)
+
+
+def up(options: UpOptions, screen: Screen) -> int:
+    """Bring the chain up, keep it up, take it down; return the exit code. Call it in the main thread."""
+    try:
+        domain = domain_id(os.environ)
+        with only_one(domain, runtime_directory(os.environ)):
+            if options.record is not None:
+                check_place(options.record, ENOUGH_SPACE)
+            return _run(options, screen)
+    except DomainBusyError as error:
+        print(f"tripod up: {error}", file=sys.stderr)
+        return ALREADY_UP
+    except (DomainError, RecordError) as error:
+        print(f"tripod up: {error}", file=sys.stderr)
+        return BAD_ARGUMENTS
+
+
+def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[ProcessSpec]]:
+    """Return what to start, in order: the recorder sees all, the driver moves last."""
+
+    def spec(name: str, values: Mapping[str, object], **more: object) -> ProcessSpec:
+        given = {**values, **options.values.get(name, {})}
+        arguments = [*node_arguments(given), *(["--subnet"] if options.subnet else [])]
+        return ProcessSpec(name, f"tripod_{name}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
+
+    record = spec(
+        "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=15.0
+    )
+    sim = spec("sim", {"scene": options.scene}, ready=lambda: watch.heard(names.SIM_STATUS))
+    ik = spec("ik", {}, ready=lambda: watch.is_published(names.IK_STATUS))
+    view_values = {} if options.view_port is None else {"port": options.view_port}
+    view = spec("view", view_values, ready=lambda: bool(facts.page))
+    driver = spec(
+        "driver", {"port": options.port}, ready=lambda: watch.heard(names.ROBOT_STATUS), stop_time=10.0
+    )
+    return [
+        [record] if options.record is not None else [],
+        [sim, ik, *([view] if options.view else [])],
+        [driver],
+    ]
+
+
+def _run(options: UpOptions, screen: Screen) -> int:
+    facts = Facts()
+    with _graph(options) as (watch, demo):
+        supervisor = Supervisor(
+            stages(options, facts, watch),
+            on_line=lambda name, line: _show(name, line, facts, options, screen),
+            on_tick=lambda phase: screen.status(phase or _status(watch, facts)),
+            before_stop=lambda: _stop(watch, demo),
+        )
+        watch.describe_processes(lambda: {name: p.end for name, p in supervisor.processes.items()})
+        ending = supervisor.run(_Until(options.duration, demo))
+    screen.close()
+    return _report(ending, demo, facts, options, screen)
+
+
+@contextmanager
+def _graph(options: UpOptions) -> Iterator[tuple["Watch", "DemoNode | None"]]:
+    """Run the nodes of this process, `watch` and for a demo the script, in a thread of their own."""
+    from tripod_graph.run import keep_local  # noqa: PLC0415 - rclpy only once a node runs
+
+    keep_local(subnet=options.subnet)
+    import rclpy  # noqa: PLC0415
+    from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
+    from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
+
+    from tripod_bringup.watch import Watch  # noqa: PLC0415
+
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor()
+    over = threading.Event()
+
+    def spin() -> None:
+        while not over.is_set():
+            executor.spin_once(timeout_sec=0.1)
+
+    thread = threading.Thread(target=spin, name="graph", daemon=True)
+    try:
+        watch, demo = Watch(), _demo(options)
+        for node in (watch, demo):
+            if node is not None:
+                executor.add_node(node)
+        thread.start()
+        yield watch, demo
+    finally:
+        over.set()
+        if thread.is_alive():
+            thread.join(2.0)
+        executor.shutdown()
+        rclpy.try_shutdown()
+
+
+def _demo(options: UpOptions) -> "DemoNode | None":
+    if not options.demo:
+        return None
+    from tripod_bringup.demo import DemoNode  # noqa: PLC0415
+
+    return DemoNode(options.duration)
+
+
+@dataclass
+class _Until:
+    """Says when the chain shall stop; called once everything is up, and then again and again."""
+
+    duration: float | None
+    demo: "DemoNode | None"
+    _since: float | None = None
+
+    def __call__(self) -> str:
+        if self._since is None:
+            self._since = time.monotonic()
+        if self.demo is not None:
+            self.demo.go()
+            return "the demo is over" if self.demo.session.finished else ""
+        over = self.duration is not None and time.monotonic() - self._since >= self.duration
+        return f"{self.duration:g} s are over" if over else ""
+
+
+def _show(name: str, line: str, facts: Facts, options: UpOptions, screen: Screen) -> None:
+    parsed = parse(line)
+    text = f"[{name}] {parsed.text}"
+    if facts.last.get(name) == text:  # nodes both print and log what matters
+        return
+    facts.last[name] = text
+    if parsed.fact == "page":
+        facts.page = parsed.value
+        screen.line(parsed.text)
+    elif parsed.fact == "recording":
+        facts.recording = parsed.value
+        screen.line(parsed.text)
+    elif parsed.level >= Level.WARN or options.verbose:
+        screen.line(text)
+
+
+def _status(watch: "Watch", facts: Facts) -> str:
+    return status_line(watch.status()) + (f" | {facts.page}" if facts.page else "")
+
+
+def _stop(watch: "Watch", demo: "DemoNode | None") -> None:
+    if demo is not None:
+        demo.finish()
+    watch.say_stop()
+
+
+def _report(ending: Ending, demo: "DemoNode | None", facts: Facts, options: UpOptions, screen: Screen) -> int:
+    for line in ending.output if not options.verbose else []:
+        print(f"  {parse(line).text}", file=sys.stderr)
+    stopped = f"stopped: {ending.cause}"
+    if ending.code:
+        print(f"tripod up: {stopped}", file=sys.stderr)
+    else:
+        screen.line(stopped)
+    if demo is None:
+        return ending.code
+    ran = report_demo(
+        demo.measured,
+        page=facts.page,
+        recording=facts.recording,
+        expect_recording=options.record is not None,
+        screen=screen,
+    )
+    return ending.code or (0 if ran else CHAIN_INCOMPLETE)

@@ -1,0 +1,129 @@
+"""The ear and mouth of `tripod up` in the graph: hears every status, can say STOP."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from tripod_msgs.msg import ControlMode, IkStatus, RobotStatus, SimStatus
+
+from tripod_bringup.status_line import ChainStatus
+from tripod_graph import names
+from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.qos import LATCHED, RELIABLE
+
+SILENT_AFTER = 2.0
+"""A status older than this is not shown [s]."""
+
+SIM_STATES: Mapping[int, str] = {
+    getattr(SimStatus, n): n for n in ("RUNNING", "PAUSED", "HOLDING", "PARKED", "FAILED")
+}
+IK_STATES: Mapping[int, str] = {
+    getattr(IkStatus, n): n for n in ("IDLE", "TRACKING", "CLOSEST", "STALE", "SOLVER_FAILED")
+}
+SOLVED = (IkStatus.TRACKING, IkStatus.CLOSEST)
+ROBOT_STATES: Mapping[int, str] = {
+    getattr(RobotStatus, n): n
+    for n in ("DISCONNECTED", "CONNECTING", "READY", "ACTIVE", "HOLDING", "PARKED", "FAULT")
+}
+
+
+class Watch(Node):
+    """Hears the status of every node and publishes STOP; its methods may be called from any thread."""
+
+    def __init__(self) -> None:
+        super().__init__("bringup")
+        self._lock = threading.Lock()
+        self._heard: dict[str, tuple[float, Any]] = {}
+        self._tracker = ModeTracker()
+        self._mode_known = False
+        self._processes: Callable[[], Mapping[str, str]] = dict
+        self._mode_publisher = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED)
+        for topic, kind in (
+            (names.SIM_STATUS, SimStatus),
+            (names.IK_STATUS, IkStatus),
+            (names.ROBOT_STATUS, RobotStatus),
+        ):
+            self.create_subscription(kind, topic, self._keeper(topic), RELIABLE)
+        self._diagnostics = Diagnostics(self, self._report)
+        self.steady = Clock(clock_type=ClockType.STEADY_TIME)
+
+    def describe_processes(self, describe: Callable[[], Mapping[str, str]]) -> None:
+        """Let diagnostics show what `describe` says of each supervised process."""
+        self._processes = describe
+
+    def heard(self, topic: str) -> bool:
+        """Whether the status `topic` was ever heard."""
+        with self._lock:
+            return topic in self._heard
+
+    def is_published(self, topic: str) -> bool:
+        """Whether anybody offers `topic`."""
+        return bool(self.count_publishers(topic) > 0)
+
+    def status(self) -> ChainStatus:
+        """Return the newest status of the chain; what fell silent is None, and the note says so."""
+        sim, ik, robot = (self._fresh(t) for t in (names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS))
+        return ChainStatus(
+            mode=self._tracker.mode.name if self._mode_known else None,
+            sim_state=None if sim is None else SIM_STATES.get(sim.state, str(sim.state)),
+            real_time_factor=None if sim is None else sim.real_time_factor,
+            step_time=None if sim is None else sim.step_time_median,
+            ik_state=None if ik is None else IK_STATES.get(ik.state, str(ik.state)),
+            ik_error=ik.error if ik is not None and ik.state in SOLVED else None,
+            robot_state=None if robot is None else ROBOT_STATES.get(robot.state, str(robot.state)),
+            packets=None if robot is None else robot.packets_sent,
+            note=self._note(sim, ik, robot),
+        )
+
+    def say_stop(self, timeout: float = 0.5) -> None:
+        """Publish STOP and wait until the receivers have it, at most `timeout` [s]."""
+        message = ControlMode(mode=int(Mode.STOP), source=self.get_name())
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._mode_publisher.publish(message)
+        self._mode_publisher.wait_for_all_acked(Duration(seconds=timeout))
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.destroy_node()
+
+    def _keeper(self, topic: str) -> Callable[[Any], None]:
+        def keep(message: Any) -> None:
+            with self._lock:
+                self._heard[topic] = (time.monotonic(), message)
+
+        return keep
+
+    def _fresh(self, topic: str) -> Any | None:
+        with self._lock:
+            seen, message = self._heard.get(topic, (float("-inf"), None))
+        return message if time.monotonic() - seen < SILENT_AFTER else None
+
+    def _note(self, sim: Any | None, ik: Any | None, robot: Any | None) -> str:
+        for name, message in (("sim", sim), ("ik", ik), ("driver", robot)):
+            if message is not None and message.message:
+                return f"{name}: {message.message}"
+        for name, topic, message in (
+            ("sim", names.SIM_STATUS, sim),
+            ("driver", names.ROBOT_STATUS, robot),
+        ):
+            if message is None and self.heard(topic):
+                return f"{name} is silent"
+        return ""
+
+    def _on_mode(self, message: Any) -> None:
+        stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        with suppress(ValueError):  # an unknown mode is reported by those who obey
+            self._tracker.update(message.mode, stamp)
+            self._mode_known = True
+
+    def _report(self) -> Report:
+        processes = self._processes()
+        bad = [f"{name} {state}" for name, state in processes.items() if state != "is running"]
+        return (Level.ERROR, ", ".join(bad), processes) if bad else (Level.OK, "all run", processes)
