@@ -1,0 +1,267 @@
+"""Records every topic of the graph to an mcap file.
+
+Prints `recording PATH` when it begins and `recorded PATH` with a count when it ends.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from std_srvs.srv import Trigger
+
+from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.names import RECORD_START, RECORD_STOP
+from tripod_graph.parameters import Parameter, declare
+from tripod_graph.run import run_node
+from tripod_record.definitions import definition_text, message_class
+from tripod_record.errors import RecordError
+from tripod_record.place import MEGABYTE, check_place, recording_directory
+from tripod_record.recorder import Progress, Recorder, State
+from tripod_record.selection import is_selected, listening, patterns
+from tripod_record.topic import Qos, Topic
+from tripod_record.writer import COMPRESSIONS, BagWriter
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("directory", "recordings", "Directory in which recordings are made."),
+    Parameter(
+        "name", "", "Name of the recording; empty for date and time. A number is added if it is taken."
+    ),
+    Parameter(
+        "topics", "", "Topics or patterns (*, ?) to record, parted by spaces or commas; empty for all."
+    ),
+    Parameter("exclude", "/rosout /parameter_events", "Topics or patterns not to record."),
+    Parameter("autostart", True, "Record from the start on, without waiting for record/start."),
+    Parameter("compression", "zstd", "Compression of the file.", choices=tuple(COMPRESSIONS)),
+    Parameter(
+        "sync_period", 0.5, "Time between two writes that reach the disk.", unit="s", low=0.05, high=1.0
+    ),
+    Parameter("min_free", 100 * MEGABYTE, "Free space needed to begin; a tenth of it ends.", unit="B", low=0),
+    Parameter("queue_size", 64 * MEGABYTE, "Messages that may wait for the disk.", unit="B", low=MEGABYTE),
+)
+
+LOOK_PERIOD = 0.25
+"""Time between two looks for new topics [s]."""
+DEPTH = 200
+"""Messages of one topic that may wait to be taken from the middleware."""
+
+
+UNKNOWN = ""
+"""Stands for the type of a topic whose type is not installed."""
+
+
+@dataclass(frozen=True)
+class Listener:
+    """A subscription and what it asks for; it hears only publishers that offer as much."""
+
+    subscription: Subscription
+    reliable: bool
+    latched: bool
+
+
+class RecordNode(Node):
+    """Listens to the topics of the graph and hands their bytes to a `Recorder`."""
+
+    def __init__(self) -> None:
+        super().__init__("record")
+        values = declare(self, PARAMETERS)
+        self._directory = Path(values["directory"]).expanduser()
+        self._name: str = values["name"]
+        self._wanted = patterns(values["topics"], self.get_namespace())
+        self._unwanted = patterns(values["exclude"], self.get_namespace())
+        self._values = values
+        self._recorder: Recorder | None = None
+        self._ended: Progress | None = None
+        self._listeners: dict[str, Listener] = {}
+        self._types: dict[str, str] = {}
+        self._refused: dict[str, str] = {}
+        self._lost = 0
+        self.create_service(Trigger, RECORD_START, self._on_start)
+        self.create_service(Trigger, RECORD_STOP, self._on_stop)
+        self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._diagnostics = Diagnostics(self, self._report)
+        if values["autostart"]:
+            self.start()
+
+    def start(self) -> Path:
+        """Begin a recording and return its mcap file; raises RecordError."""
+        if self._recorder is not None:
+            raise RecordError(f"already recording {self._recorder.progress.path}")
+        min_free: int = self._values["min_free"]
+        check_place(self._directory, min_free)
+        directory = recording_directory(self._directory, self._name, datetime.now())
+        writer = BagWriter(directory, compression=self._values["compression"])
+        self._lost = 0
+        self._types.clear()
+        self._refused.clear()
+        self._recorder = Recorder(
+            writer,
+            period=self._values["sync_period"],
+            queue_size=self._values["queue_size"],
+            low_space=min_free // 10,
+        )
+        print(f"recording {writer.path}", flush=True)
+        self._look()
+        return writer.path
+
+    def stop(self) -> Progress | None:
+        """End the recording and return how it ended; None if there is none."""
+        if self._recorder is None:
+            return None
+        for listener in self._listeners.values():
+            self.destroy_subscription(listener.subscription)
+        self._listeners.clear()
+        self._ended, self._recorder = self._recorder.stop(), None
+        if self._ended.state is State.FAILED:
+            self.get_logger().error(f"recording ended: {self._ended.error}")
+        else:
+            print(f"recorded {self._ended.path} {self._summary(self._ended)}", flush=True)
+        return self._ended
+
+    def close(self) -> None:
+        """End the recording."""
+        self.stop()
+
+    def _look(self) -> None:
+        """Listen to new topics, anew to those that offer less by now; notice that writing failed."""
+        if self._recorder is None:
+            return
+        if self._recorder.progress.state is State.FAILED:
+            self.stop()
+            return
+        for name, types in self.get_topic_names_and_types():
+            if is_selected(name, self.get_namespace(), self._wanted, self._unwanted):
+                self._look_at(self._recorder, name, types)
+
+    def _look_at(self, recorder: Recorder, name: str, types: list[str]) -> None:
+        kind = self._types.get(name, types[0])
+        if others := [t for t in types if t != kind]:
+            self._refuse(name, f"recorded as {kind}, not as {others[0]}")
+        publishers = [p for p in self.get_publishers_info_by_topic(name) if p.topic_type == kind]
+        if not publishers or self._types.get(name) == UNKNOWN:
+            return
+        offered = tuple(dict.fromkeys(offered_qos(p) for p in publishers))
+        reliable, latched = listening(offered)
+        if (listener := self._listeners.get(name)) is not None:
+            if listener.reliable <= reliable and listener.latched <= latched:
+                return
+            reliable, latched = reliable and listener.reliable, latched and listener.latched
+            self.destroy_subscription(listener.subscription)
+        try:
+            topic = Topic(name, kind, definition_text(kind), offered, str(publishers[0].topic_type_hash))
+            subscription = self._subscribe(recorder, topic, reliable=reliable, latched=latched)
+        except RecordError as error:
+            self._types[name] = UNKNOWN
+            self._refuse(name, str(error))
+            return
+        self._types[name] = kind
+        self._listeners[name] = Listener(subscription, reliable, latched)
+
+    def _subscribe(self, recorder: Recorder, topic: Topic, *, reliable: bool, latched: bool) -> Subscription:
+        profile = QoSProfile(
+            depth=DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        )
+        recorder.add_topic(topic)
+        events = SubscriptionEventCallbacks(message_lost=self._on_lost, use_default_callbacks=False)
+        take = self._taker(recorder, topic.name)
+        message_type = message_class(topic.type)
+        try:
+            return self.create_subscription(
+                message_type, topic.name, take, profile, event_callbacks=events, raw=True
+            )
+        except Exception as error:  # rosidl raises several kinds where the library of a type is missing
+            raise RecordError(f"type {topic.type!r} cannot be loaded: {error}") from error
+
+    @staticmethod
+    def _taker(recorder: Recorder, name: str) -> Callable[[bytes, dict[str, Any]], None]:
+        def take(data: bytes, info: dict[str, Any]) -> None:
+            sent, sequence = info["source_timestamp"], info["publication_sequence_number"]
+            recorder.offer(name, data, publish_time=sent or 0, sequence=sequence or 0)
+
+        return take
+
+    def _refuse(self, name: str, reason: str) -> None:
+        if self._refused.get(name) != reason:
+            self._refused[name] = reason
+            self.get_logger().warning(f"topic {name}: {reason}")
+
+    def _on_lost(self, event: Any) -> None:
+        self._lost += event.total_count_change
+
+    def _on_start(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            response.message, response.success = f"recording {self.start()}", True
+        except RecordError as error:
+            response.message, response.success = str(error), False
+        return response
+
+    def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        ended = self.stop()
+        if ended is None:
+            response.message, response.success = "not recording", False
+        elif ended.state is State.FAILED:
+            response.message, response.success = ended.error, False
+        else:
+            response.message = f"recorded {ended.path} {self._summary(ended)}"
+            response.success = True
+        return response
+
+    def _summary(self, progress: Progress) -> str:
+        return f"{progress.messages} messages, {progress.dropped + self._lost} lost"
+
+    def _report(self) -> Report:
+        progress = self._ended if self._recorder is None else self._recorder.progress
+        if progress is None:
+            return Level.OK, "not recording", {}
+        values = {
+            "path": progress.path,
+            "messages": progress.messages,
+            "topics": len(self._listeners),
+            "dropped, disk too slow": progress.dropped,
+            "lost, recorder too slow": self._lost,
+            "waiting [B]": progress.waiting,
+            **{f"refused {name}": reason for name, reason in self._refused.items()},
+        }
+        if progress.state is State.FAILED:
+            return Level.ERROR, f"recording ended: {progress.error}", values
+        if progress.state is State.CLOSED:
+            return Level.OK, "not recording", values
+        if progress.dropped or self._lost:
+            return Level.WARN, f"recording, {progress.dropped + self._lost} messages lost", values
+        if self._refused:
+            return Level.WARN, f"recording without {', '.join(sorted(self._refused))}", values
+        return Level.OK, "recording", values
+
+
+def offered_qos(publisher: TopicEndpointInfo) -> Qos:
+    """Return the quality of service that a publisher offers, as it is recorded."""
+    profile = publisher.qos_profile
+    return Qos(
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        deadline=profile.deadline.nanoseconds,
+        lifespan=profile.lifespan.nanoseconds,
+        liveliness=profile.liveliness.name.lower(),
+        lease=profile.liveliness_lease_duration.nanoseconds,
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node; returns its exit code."""
+    return run_node("record", RecordNode, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,254 @@
+"""Reads mcap files that may be torn, damaged or hostile: record by record, in bounded memory.
+
+`mcap.reader` wants whole files and trusts their lengths; what a lost battery leaves is read here.
+"""
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
+from mcap.opcode import Opcode
+
+from tripod_record.append_file import MAGIC
+from tripod_record.errors import RecordError
+from tripod_record.fields import Fields
+
+RECORD_LIMIT = 2**27
+"""Largest record and largest chunk that is read [B]."""
+CHANNEL_LIMIT = 10_000
+"""Most channels that are believed."""
+NOT_CLOSED = "not closed: still being recorded, or its recorder was killed and up to a second is missing"
+
+_RECORD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+
+
+@dataclass(frozen=True)
+class Schema:
+    """A message type: its name and the encoding of its definition."""
+
+    name: str
+    encoding: str
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A topic in a file: its name, type, encoding of its messages and rosbag2's text of the QoS offered."""
+
+    topic: str
+    type: str
+    encoding: str
+    qos: str
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message: channel in the file, when it was received and sent [ns since 1970], its bytes."""
+
+    channel: int
+    log_time: int
+    publish_time: int
+    data: memoryview
+
+
+@dataclass
+class Reader:
+    """One mcap file, read from its start as far as it can be.
+
+    Attributes:
+        path: The file.
+        profile: "ros2" for recordings of ROS 2.
+        library: What wrote it.
+        channels: Channels by their number, those met so far.
+        compressions: Compressions of the chunks met so far; "none" for no compression.
+        truncated: Where the file ends too early, empty if it does not.
+        damage: What could not be read, one line for each place.
+    """
+
+    path: Path
+    profile: str = ""
+    library: str = ""
+    channels: dict[int, Channel] = field(default_factory=dict)
+    compressions: set[str] = field(default_factory=set)
+    truncated: str = ""
+    damage: list[str] = field(default_factory=list)
+    _schemas: dict[int, Schema] = field(default_factory=dict)
+
+    def messages(self) -> Iterator[Message]:
+        """Yield every message that can be read, in the order of the file.
+
+        The end of a torn file and damaged chunks are noted in `truncated` and `damage`, not raised.
+
+        Raises:
+            RecordError: the file cannot be opened or is no mcap file.
+        """
+        with open_mcap(self.path) as file:
+            yield from self._messages(file)
+
+    def _messages(self, file: BinaryIO) -> Iterator[Message]:
+        size = file.seek(0, io.SEEK_END)
+        at = file.seek(len(MAGIC))
+        while True:
+            head = file.read(_RECORD.size)
+            if len(head) < _RECORD.size:
+                self.truncated = f"the file ends at byte {size} without an end mark"
+                return
+            opcode, length = _RECORD.unpack(head)
+            left = size - at - _RECORD.size
+            if length > left and length <= RECORD_LIMIT:
+                self.truncated = (
+                    f"the file ends at byte {size} within a record of {length} bytes that begins at {at}"
+                )
+                return
+            if length > RECORD_LIMIT:
+                self._note(
+                    f"byte {at}: a record of {length} bytes, allowed are {RECORD_LIMIT}; the rest is not read"
+                )
+                return
+            if opcode == 0:  # what a file system leaves of blocks that were never written
+                self.truncated = f"the file ends in zeros from byte {at} on"
+                return
+            data = file.read(length)
+            try:
+                if opcode == Opcode.FOOTER:
+                    self._footer(Fields(data), file.read(len(MAGIC)))
+                    return
+                yield from self.take(opcode, data)
+            except RecordError as error:
+                self._note(f"byte {at}: {error}")
+                if opcode not in (Opcode.CHUNK, Opcode.MESSAGE):  # no sense in what follows
+                    return
+            at += _RECORD.size + length
+
+    def take(self, opcode: int, data: bytes | memoryview) -> Iterator[Message]:
+        """Take in one record and yield the messages that it holds; raises RecordError if it is damaged."""
+        if opcode == Opcode.MESSAGE:
+            yield self._message(data)
+        elif opcode == Opcode.CHUNK:
+            self.compressions.add(chunk_compression(data) or "none")
+            yield from self._chunk(chunk_data(data))
+        elif opcode == Opcode.CHANNEL:
+            self._channel(Fields(data))
+        elif opcode == Opcode.SCHEMA:
+            self._schema(Fields(data))
+        elif opcode == Opcode.HEADER:
+            fields = Fields(data)
+            self.profile, self.library = fields.text(), fields.text()
+
+    def _chunk(self, data: bytes) -> Iterator[Message]:
+        at, view = 0, memoryview(data)
+        while at < len(view):
+            if len(view) - at < _RECORD.size:
+                raise RecordError("a chunk ends within a record")
+            opcode, length = _RECORD.unpack_from(view, at)
+            at += _RECORD.size
+            if length > len(view) - at:
+                raise RecordError("a chunk ends within a record")
+            if opcode == Opcode.CHUNK:
+                raise RecordError("a chunk within a chunk")
+            yield from self.take(opcode, view[at : at + length])
+            at += length
+
+    def _message(self, data: bytes | memoryview) -> Message:
+        if len(data) < _MESSAGE.size:
+            raise RecordError("a message is too short")
+        channel, _, log_time, publish_time = _MESSAGE.unpack_from(data)
+        if channel not in self.channels:
+            raise RecordError(f"a message of channel {channel}, which is not described before it")
+        return Message(channel, log_time, publish_time, memoryview(data)[_MESSAGE.size :])
+
+    def _schema(self, fields: Fields) -> None:
+        number = fields.number(2)
+        self._schemas[number] = Schema(fields.text(), fields.text())
+
+    def _channel(self, fields: Fields) -> None:
+        number, schema = fields.number(2), fields.number(2)
+        topic, encoding, qos = fields.text(), fields.text(), ""
+        details = fields.table()
+        while not details.is_empty:
+            key, value = details.text(), details.text(2**20)
+            if key == "offered_qos_profiles":
+                qos = value[: 2**14]
+        if len(self.channels) >= CHANNEL_LIMIT and number not in self.channels:
+            raise RecordError(f"more than {CHANNEL_LIMIT} channels")
+        kind = self._schemas[schema].name if schema in self._schemas else "unknown"
+        self.channels[number] = Channel(topic, kind, encoding, qos)
+
+    def _footer(self, fields: Fields, magic: bytes) -> None:
+        if magic != MAGIC:
+            self.truncated = "the file ends without an end mark"
+        elif fields.number(8) == 0:
+            self.truncated = NOT_CLOSED
+
+    def _note(self, text: str) -> None:
+        if len(self.damage) < 20:
+            self.damage.append(text)
+        elif len(self.damage) == 20:
+            self.damage.append("more damage is not listed")
+
+
+def open_mcap(path: Path) -> BinaryIO:
+    """Open a file and check that it begins as an mcap file; raises RecordError that names it."""
+    try:
+        if not path.is_file():
+            raise RecordError(f"{path} is not a file" if path.exists() else f"{path} does not exist")
+        file = path.open("rb")
+    except OSError as error:
+        raise RecordError(f"cannot read {path}: {error.strerror}") from None
+    try:
+        begin = file.read(len(MAGIC) + 1)
+    except OSError as error:
+        file.close()
+        raise RecordError(f"cannot read {path}: {error.strerror}") from None
+    if begin != MAGIC + bytes([Opcode.HEADER]):
+        file.close()
+        if not begin:
+            raise RecordError(f"{path} is empty")
+        raise RecordError(f"{path} is not an mcap file")
+    file.seek(0)
+    return file
+
+
+def chunk_compression(data: bytes | memoryview) -> str:
+    """Return the name of a chunk's compression, "" for none."""
+    fields = Fields(data)
+    fields.take(28)
+    return fields.text()
+
+
+def chunk_data(data: bytes | memoryview) -> bytes:
+    """Return the records of a chunk; raises RecordError if it is damaged or larger than `RECORD_LIMIT`."""
+    fields = Fields(data)
+    fields.take(16)
+    size, checksum, compression = fields.number(8), fields.number(4), fields.text()
+    packed = fields.take(fields.number(8))
+    if size > RECORD_LIMIT:
+        raise RecordError(f"a chunk of {size} bytes, allowed are {RECORD_LIMIT}")
+    records = unpacked(packed, compression, size)
+    if len(records) != size:
+        raise RecordError(f"a chunk of {len(records)} bytes instead of {size}")
+    if checksum and zlib.crc32(records) != checksum:
+        raise RecordError("a chunk with a wrong checksum")
+    return records
+
+
+def unpacked(packed: memoryview, compression: str, size: int) -> bytes:
+    """Return what was packed, at most `size` + 1 bytes of it; raises RecordError."""
+    try:
+        if compression == "":
+            return bytes(packed[: size + 1])
+        if compression == "zstd":
+            decompressor = zstandard.ZstdDecompressor(max_window_size=RECORD_LIMIT)
+            with decompressor.stream_reader(io.BytesIO(packed)) as stream:
+                return bytes(stream.read(size + 1))
+        if compression == "lz4":
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
+    except (zstandard.ZstdError, RuntimeError, EOFError, ValueError) as error:
+        raise RecordError(f"a chunk that does not unpack ({error})") from None
+    raise RecordError(f"a chunk with unknown compression {compression[:20]!r}")
