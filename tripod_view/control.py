@@ -1,14 +1,14 @@
 """Who commands the robot and what this page sends: rules of the sliders, the motions and the stop button."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.mode import Mode, ModeTracker
 from tripod_graph.names import SERVOS
-from tripod_view.motion import Trajectory, motion
+from tripod_view.motion import PEAK, Trajectory, motion
 
 FloatArray = NDArray[np.float64]
 
@@ -31,32 +31,6 @@ LAST_STAMP = 2**31 - 1e-6
 """The last instant that a ROS time can hold [s]."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What the page may ask of the joints.
-
-    Attributes:
-        angle_min: Smallest servo angle [rad].
-        angle_max: Largest servo angle [rad].
-        speed: Mean speed of a motion [rad/s].
-    """
-
-    angle_min: float
-    angle_max: float
-    speed: float
-
-    def __post_init__(self) -> None:
-        if not self.angle_min < self.angle_max:
-            raise ValueError(
-                f"angle_min {self.angle_min:g} rad must be below angle_max {self.angle_max:g} rad"
-            )
-
-    def allow(self, joints: Sequence[float] | FloatArray) -> bool:
-        """Whether the three angles of `joints`, shape (4,), are within the limits."""
-        angles = np.asarray(joints, float)[:3]
-        return bool((angles >= self.angle_min).all() and (angles <= self.angle_max).all())
-
-
 class Control:
     """The page as an operator.
 
@@ -74,9 +48,10 @@ class Control:
         notice: One line for the user about the newest request that was refused; empty if none.
     """
 
-    def __init__(self, name: str, limits: Limits) -> None:
-        """`name`: of this node, to tell its own decisions from those of others."""
+    def __init__(self, name: str, limits: CommandLimits, speed: float) -> None:
+        """`name`: of this node, to tell its own decisions; `speed`: mean speed of a motion [rad/s]."""
         self.name, self.limits = name, limits
+        self._speed = min(speed, limits.angle_speed / PEAK)  # followers keep up
         self.angles: FloatArray = np.zeros(3)
         self.synced = True
         self.source = ""
@@ -170,8 +145,10 @@ class Control:
         if self.measured(now) is None:
             self.notice = "The joint angles are not known: is the simulator or the driver running?"
             return False
-        if not self.limits.allow(goal):
-            self.notice = f"The {name} is outside the limits of the servo angles."
+        try:
+            self.limits.check(np.array(goal, float), name)
+        except CommandError as error:
+            self.notice = f"Outside the limits: {error}."
             return False
         self.notice, self.moving = "", name
         self._goal = np.array(goal, float)
@@ -184,7 +161,7 @@ class Control:
         if not self.streaming or joints is None or now < self._ready_at:
             return None
         if self.moving and self._motion_until is None:
-            path = motion(joints, self._goal, self.limits.speed)
+            path = motion(joints, self._goal, self._speed)
             self._motion_until = now + float(path.times[-1]) + 2 * PERIOD
             return path
         if self._motion_until is not None:

@@ -66,7 +66,7 @@ class Display:
             self._surface_changed, self._newest = True, None
 
     def keep_state(self, read: Callable[[], tuple[int, FloatArray]]) -> None:
-        """Keep node positions: `read` returns topology id and flat positions [m]; called only to draw them."""
+        """Keep node positions: `read` returns topology id and flat positions [m], when they are drawn."""
         self._newest = read
 
     def keep_joints(self, joints: FloatArray) -> None:

@@ -13,6 +13,9 @@ FloatArray = NDArray[np.float64]
 POINTS = 24
 """Points of a motion; followers interpolate linearly between them."""
 
+PEAK = 15 / 8
+"""Largest speed of a motion over its mean speed."""
+
 SLIDE_SPEED = 0.01
 """Mean speed of the slide in a motion [m/s]."""
 

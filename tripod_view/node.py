@@ -66,8 +66,8 @@ class ViewNode(Node):
     def __init__(self) -> None:
         super().__init__("view")
         settings = checked_settings(declare(self, PARAMETERS))
-        self._park, self._target = settings.park, settings.target
-        self._control, self._rejects = Control(self.get_name(), settings.limits), Rejects()
+        self._target, self._rejects = settings.target, Rejects()
+        self._control = Control(self.get_name(), settings.limits, settings.move_speed)
         self._browsers: set[int] = set()
         self._sim_joints_at = float("-inf")
         self._target_asked: FloatArray | None = None
@@ -225,7 +225,7 @@ class ViewNode(Node):
             case Button.WORKING_POSE:
                 self._go("working pose", names.WORKING_POSE)
             case Button.PARK:
-                self._go("park pose", self._park)
+                self._go("park pose", self._control.limits.park)
             case Button.FETCH_TARGET:
                 self._fetch_target()
 

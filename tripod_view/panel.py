@@ -7,7 +7,7 @@ import viser
 import viser.uplot
 from numpy.typing import NDArray
 
-from tripod_view.control import Limits
+from tripod_graph.command import CommandLimits
 from tripod_view.events import Button, Inbox, Pressed, SliderMoved
 from tripod_view.scene import SERVO_COLOURS
 from tripod_view.words import Line, lines_html
@@ -28,7 +28,7 @@ class Panel:
     the inbox. What the code itself sets (no client in the event) is not an event.
     """
 
-    def __init__(self, server: viser.ViserServer, inbox: Inbox, limits: Limits) -> None:
+    def __init__(self, server: viser.ViserServer, inbox: Inbox, limits: CommandLimits) -> None:
         self._gui, self._inbox, self._limits = server.gui, inbox, limits
         self._shown: dict[str, str] = {}
         gui = self._gui
