@@ -167,6 +167,7 @@ class CommandFollower:
         self._points = np.vstack([self.joints, points])
         self._silent_at = self._times[-1] + self.limits.timeout
         self._held_since = None
+        self.activity = Activity.ACTIVE
 
     def check(
         self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]]
@@ -187,6 +188,7 @@ class CommandFollower:
         """Hold the present position at once, also on the way to the park position, and count as silent."""
         self._times, self._points = np.array([now]), self.joints[None].copy()
         self._silent_at = self._held_since = now
+        self.activity = Activity.HOLDING
 
     def setpoint(self, now: float) -> FloatArray:
         """Return the joint values at `now` [s], shape (4,).

@@ -21,7 +21,8 @@ class Parameter:
 
     Attributes:
         name: As in `NAME:=VALUE`.
-        default: Its value unless set; the type of it is the type of the parameter.
+        default: Its value unless set; the type of it is the type of the parameter. An empty list is one of
+            numbers.
         help: What it does, one line.
         unit: SI unit, empty if none.
         low: Smallest value allowed.
@@ -78,15 +79,18 @@ def declare(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
         given = overrides.get(p.name)
         if given is not None:
             overrides[p.name] = RosParameter(p.name, value=_as_float(given.value, p.default))
+        numbers = RosParameter.Type.DOUBLE_ARRAY
         text = f"{p.help} [{p.unit}]" if p.unit else p.help
         descriptor = ParameterDescriptor(description=text, additional_constraints=p.allowed, read_only=True)
         try:
-            value = node.declare_parameter(p.name, p.default, descriptor).value
+            value = node.declare_parameter(
+                p.name, numbers if p.default == [] else p.default, descriptor
+            ).value
         except InvalidParameterTypeException:
             wanted = "list of numbers" if isinstance(p.default, list) else type(p.default).__name__
             shown = given.value if given is not None else None
             raise ParameterError(f"parameter '{p.name}' is {shown!r}; it must be of type {wanted}") from None
-        value = list(value) if isinstance(p.default, list) else value
+        value = list(value or []) if isinstance(p.default, list) else value
         p.check(value)
         values[p.name] = value
     return values

@@ -18,6 +18,7 @@ TABLE = (
     Parameter("offset", 0.0, "Any offset"),
     Parameter("mode", "slow", "How", choices=("slow", "fast")),
     Parameter("joints", [0.0, 0.0], "Angles", "rad", low=-1.0, high=1.0),
+    Parameter("start", [], "Angles, if known", "rad", low=-1.0, high=1.0),
     Parameter("enabled", True, "Whether"),
 )
 
@@ -70,8 +71,10 @@ def declared(overrides: dict[str, object]) -> dict[str, object]:
 @pytest.mark.ros
 def test_declare_returns_defaults_and_takes_integers_for_floats() -> None:
     defaults = {p.name: p.default for p in TABLE}
-    values = declared({"rate": 20, "joints": [1, 0], "mode": "fast"})
-    assert values == {**defaults, "rate": 20.0, "joints": [1.0, 0.0], "mode": "fast"}
+    assert declared({}) == defaults
+    values = declared({"rate": 20, "joints": [1, 0], "mode": "fast", "start": [1, -1]})
+    changed = {"rate": 20.0, "joints": [1.0, 0.0], "mode": "fast", "start": [1.0, -1.0]}
+    assert values == {**defaults, **changed}
     assert type(values["rate"]) is float
     assert type(values["count"]) is int
 
@@ -87,6 +90,7 @@ def test_declare_returns_defaults_and_takes_integers_for_floats() -> None:
         ({"rate": "quick"}, "parameter 'rate' is 'quick'; it must be of type float"),
         ({"count": 1.5}, "parameter 'count' is 1.5; it must be of type int"),
         ({"enabled": 1}, "parameter 'enabled' is 1; it must be of type bool"),
+        ({"start": ["a"]}, "parameter 'start' is ['a']; it must be of type list of numbers"),
         ({"joints": ["a"]}, "parameter 'joints' is ['a']; it must be of type list of numbers"),
         ({"rate": 100}, "parameter 'rate' is 100.0; allowed: 1 to 50 Hz"),
     ],
