@@ -8,6 +8,7 @@ import socket
 import statistics
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -190,9 +191,7 @@ def check_page_port(number: int = 8080) -> Check:
 
 def check_recordings(directory: Path, enough: int = ENOUGH_SPACE) -> Check:
     """Whether `directory`, which is not created, can take recordings; `enough`: space needed [bytes]."""
-    place = directory.absolute()
-    while not place.is_dir() and place != place.parent:
-        place = place.parent
+    place = existing(directory)
     try:
         check_place(place, enough)
         space = free_space(place)
@@ -205,14 +204,27 @@ def check_kernel_cache(candidates: Sequence[Path] | None = None) -> Check:
     """Whether compiled kernels can be kept; otherwise every start compiles them anew."""
     places = _kernel_caches() if candidates is None else candidates
     for place in places:
-        parent = place
-        while not parent.exists() and parent != parent.parent:
-            parent = parent.parent
-        if os.access(parent, os.W_OK | os.X_OK) and parent.is_dir():
+        if _can_write(existing(place)):
             return Check("kernel cache", Verdict.OK, str(place))
     shown = ", ".join(str(place) for place in places)
     advice = "set NUMBA_CACHE_DIR to a writable directory, or every start compiles for a minute"
     return Check("kernel cache", Verdict.WARN, f"not writable: {shown}", advice)
+
+
+def existing(path: Path) -> Path:
+    """Return `path`, or the nearest parent that exists."""
+    path = path.absolute()
+    while not path.exists() and path != path.parent:
+        path = path.parent
+    return path
+
+
+def _can_write(directory: Path) -> bool:
+    try:
+        with tempfile.TemporaryFile(dir=directory):
+            return True
+    except OSError:
+        return False
 
 
 def _kernel_caches() -> list[Path]:

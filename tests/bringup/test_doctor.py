@@ -1,0 +1,171 @@
+"""Each check of the doctor, in environments made for it."""
+
+import json
+import socket
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from tripod_bringup import doctor, doctor_command
+from tripod_bringup.doctor import Check, Verdict
+
+
+def loader(**modules: object) -> object:
+    """Return an import function that finds only `modules`, their dots written as two underlines."""
+
+    def load(name: str) -> object:
+        try:
+            return modules[name.replace(".", "__")]
+        except KeyError:
+            raise ImportError(f"No module named {name!r}") from None
+
+    return load
+
+
+RCLPY = {
+    "rclpy": SimpleNamespace(),
+    "rclpy__utilities": SimpleNamespace(get_rmw_implementation_identifier=lambda: "rmw_fastrtps_cpp"),
+}
+
+
+@pytest.mark.parametrize(
+    ("version", "verdict"), [((3, 10, 9), "fail"), ((3, 11, 0), "ok"), ((4, 0, 0), "ok")]
+)
+def test_python(version: tuple[int, int, int], verdict: str) -> None:
+    check = doctor.check_python(version)
+    assert check.verdict.value == verdict
+    assert bool(check.advice) == (verdict == "fail")
+
+
+def test_rclpy_present() -> None:
+    check = doctor.check_rclpy({}, loader(**RCLPY), lambda: "7.1.6")
+    assert check == Check("rclpy", Verdict.OK, "7.1.6, rmw_fastrtps_cpp")
+
+
+def test_rclpy_missing_says_how_to_get_it() -> None:
+    check = doctor.check_rclpy({}, loader())
+    assert check.verdict is Verdict.FAIL and "rclpy" in check.found and "make setup" in check.advice
+
+
+def test_another_middleware_than_asked_for_is_told() -> None:
+    check = doctor.check_rclpy({"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}, loader(**RCLPY), lambda: "7.1.6")
+    assert check.verdict is Verdict.WARN and "rmw_zenoh_cpp" in check.advice
+
+
+@pytest.mark.parametrize(
+    ("environment", "verdict", "found"),
+    [
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "5"}, "ok", "domain 5, LOCALHOST"),
+        ({}, "ok", "domain 0, range not set"),
+        ({"ROS_LOCALHOST_ONLY": "1"}, "warn", "ROS_LOCALHOST_ONLY=1"),
+        ({"ROS_DOMAIN_ID": "999"}, "fail", "'999'"),
+    ],
+)
+def test_discovery(environment: dict[str, str], verdict: str, found: str) -> None:
+    check = doctor.check_discovery(environment)
+    assert check.verdict.value == verdict and found in check.found
+
+
+def test_messages() -> None:
+    names = ("BodyState", "Compliance", "ControlMode", "IkStatus", "RobotStatus", "SimStatus")
+    full = SimpleNamespace(**dict.fromkeys(names))
+    assert doctor.check_messages(loader(tripod_msgs__msg=full)).verdict is Verdict.OK
+    old = SimpleNamespace(**dict.fromkeys(names[1:]))
+    assert "BodyState" in doctor.check_messages(loader(tripod_msgs__msg=old)).found
+    missing = doctor.check_messages(loader())
+    assert missing.verdict is Verdict.FAIL and "make setup" in missing.advice
+
+
+@dataclass
+class FakePort:
+    """A port as pyserial lists it."""
+
+    device: str
+    description: str = "Arduino Uno"
+    vid: int | None = 0x2341
+    pid: int | None = 0x0043
+
+
+def test_no_port_is_a_warning_and_on_board_ports_do_not_count() -> None:
+    check = doctor.check_ports([FakePort("/dev/ttyS0", vid=None, pid=None)], by_id={})
+    assert check.verdict is Verdict.WARN and "mock" in check.advice
+
+
+def test_a_port_is_told_with_its_identity_and_lasting_name() -> None:
+    lasting = "/dev/serial/by-id/usb-Arduino"
+    check = doctor.check_ports([FakePort("/dev/ttyACM0")], lambda _d: True, {"/dev/ttyACM0": lasting})
+    assert check == Check("serial port", Verdict.OK, f"/dev/ttyACM0 2341:0043 {lasting}")
+
+
+def test_a_port_without_permission_fails_with_the_command() -> None:
+    ports = [FakePort("/dev/ttyACM0"), FakePort("/dev/ttyUSB1")]
+    check = doctor.check_ports(ports, lambda d: d == "/dev/ttyACM0", {}, user="ada")
+    assert check.verdict is Verdict.FAIL
+    assert "/dev/ttyUSB1" in check.advice and "/dev/ttyACM0" not in check.advice
+    assert "sudo usermod -aG dialout ada" in check.advice
+
+
+def test_page_port() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        number = taken.getsockname()[1]
+        busy = doctor.check_page_port(number)
+    assert busy.verdict is Verdict.WARN and f"{number} in use" in busy.found and "--view-port" in busy.advice
+    assert doctor.check_page_port(number).verdict is Verdict.OK
+
+
+def test_recordings_are_tried_where_they_would_go_without_making_the_directory(tmp_path: Path) -> None:
+    wanted = tmp_path / "a" / "b"
+    assert doctor.check_recordings(wanted).verdict is Verdict.OK
+    assert not wanted.parent.exists() and not list(tmp_path.iterdir())
+    full = doctor.check_recordings(wanted, enough=10**18)
+    assert full.verdict is Verdict.FAIL and "MB" in full.found
+    assert doctor.check_recordings(Path("/proc/none")).verdict is Verdict.FAIL
+
+
+def test_kernel_cache_is_the_first_place_that_can_be_written(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    bad, good = file / "cache", tmp_path / "new" / "cache"
+    assert doctor.check_kernel_cache([bad, good]) == Check("kernel cache", Verdict.OK, str(good))
+    check = doctor.check_kernel_cache([bad])
+    assert check.verdict is Verdict.WARN and "NUMBA_CACHE_DIR" in check.advice
+    assert list(tmp_path.iterdir()) == [file], "looking leaves nothing behind"
+
+
+def test_speed() -> None:
+    assert doctor.check_speed(lambda: 0.030) == Check(
+        "speed", Verdict.OK, "1000 x 1000 product in 30 ms, one thread"
+    )
+    assert doctor.check_speed(lambda: 0.5).verdict is Verdict.WARN
+
+    def broken() -> float:
+        raise subprocess.CalledProcessError(1, "python")
+
+    assert doctor.check_speed(broken).verdict is Verdict.FAIL
+
+
+def test_the_calibration_measures_something() -> None:
+    assert 1e-3 < doctor.measure_product() < 10.0
+
+
+@pytest.mark.parametrize(("worst", "code"), [(Verdict.OK, 0), (Verdict.WARN, 0), (Verdict.FAIL, 1)])
+def test_exit_code_and_output(
+    worst: Verdict, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    checks = [Check("one", Verdict.OK, "found"), Check("two", worst, "[found]", "do [this]")]
+    monkeypatch.setattr(doctor_command, "examine", lambda _directory: checks)
+    assert doctor_command.doctor_command(Path("x"), as_json=False) == code
+    text = capsys.readouterr().out
+    assert "[found]" in text and "do [this]" in text
+    assert doctor_command.doctor_command(Path("x"), as_json=True) == code
+    assert json.loads(capsys.readouterr().out)[1] == {
+        "name": "two",
+        "verdict": worst.value,
+        "found": "[found]",
+        "advice": "do [this]",
+    }

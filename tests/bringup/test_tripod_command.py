@@ -1,0 +1,335 @@
+"""The `tripod` command: options in, exit codes out, and a start that is quick."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tripod_bringup import cli, node_command, up_command
+from tripod_sim.errors import SceneError, StepError
+
+ROOT = Path(__file__).parents[2]
+RESULT = {
+    "effector": {"position": np.array([0.0, 0.0, -0.00825])},
+    "steps": np.int64(200),
+    "residual": float("nan"),
+}
+
+
+def tripod(*words: str) -> Any:
+    """Run the command line in this process; the result has exit_code, stdout and stderr."""
+    return CliRunner().invoke(cli.app, list(words))
+
+
+class FakeRun:
+    """Stands for `tripod_sim.run.run`: keeps what it was given."""
+
+    def __init__(self) -> None:
+        self.scene = ""
+        self.given: dict[str, Any] = {}
+        self.error: Exception | None = None
+
+    def __call__(self, scene: str, **given: Any) -> dict[str, Any]:
+        self.scene, self.given = scene, given
+        if self.error:
+            raise self.error
+        return dict(RESULT)
+
+
+@pytest.fixture
+def fake_run(monkeypatch: pytest.MonkeyPatch) -> FakeRun:
+    fake = FakeRun()
+    module = types.ModuleType("tripod_sim.run")
+    module.run = fake  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "tripod_sim.run", module)
+    return fake
+
+
+def test_run_passes_its_options_on(fake_run: FakeRun, tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    words = ["run", "tripod", "--duration", "2", "--servo", "0:0,0,0; 1:-1,-1,-1", "--slide", "0.035"]
+    result = tripod(
+        *words, "--set", "material.young=3e5", "--set", "gravity=off", "--out", str(out), "--json"
+    )
+    assert result.exit_code == 0
+    assert fake_run.scene == "tripod"
+    assert fake_run.given == {
+        "duration": 2.0,
+        "servo": "0:0,0,0; 1:-1,-1,-1",
+        "slide": "0.035",
+        "overrides": ["material.young=3e5", "gravity=off"],
+        "out": out,
+        "progress": None,
+    }
+
+
+def test_run_without_options_leaves_all_to_the_scene(fake_run: FakeRun) -> None:
+    tripod("run", "silicone")
+    nothing = dict.fromkeys(("duration", "servo", "slide", "out", "progress"))
+    assert fake_run.given == {**nothing, "overrides": []}
+
+
+def test_run_prints_one_json_object_that_any_reader_takes(fake_run: FakeRun) -> None:
+    result = tripod("run", "tripod", "--json")
+    assert result.stderr == ""
+    assert json.loads(result.stdout, parse_constant=pytest.fail) == {
+        "effector": {"position": [0.0, 0.0, -0.00825]},
+        "steps": 200,
+        "residual": None,
+    }
+
+
+def test_run_prints_a_table_for_people_and_nothing_when_quiet(fake_run: FakeRun) -> None:
+    lines = tripod("run", "tripod").stdout.splitlines()
+    assert [line.split() for line in lines[:2]] == [
+        ["effector.position", "0,", "0,", "-0.00825"],
+        ["steps", "200"],
+    ]
+    assert tripod("run", "tripod", "--quiet").output == ""
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (SceneError("material.young is -1;\nit must be positive"), 2),
+        (StepError("element 7 inverted"), 1),
+        (PermissionError(13, "Permission denied", "run.npz"), 2),
+    ],
+)
+def test_run_tells_what_is_wrong_in_one_line(fake_run: FakeRun, error: Exception, code: int) -> None:
+    fake_run.error = error
+    result = tripod("run", "tripod", "--json")
+    assert result.exit_code == code
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1 and result.stderr.startswith("tripod run: ")
+    assert str(error).split("\n", maxsplit=1)[0] in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "suggestion"),
+    [
+        (["dcotor"], "doctor"),
+        (["run", "tripod", "--durtion", "1"], "--duration"),
+        (["up", "--no-veiw"], "--no-view"),
+    ],
+)
+def test_a_word_that_is_unknown_is_refused_with_a_suggestion(words: list[str], suggestion: str) -> None:
+    result = tripod(*words)
+    assert result.exit_code == 2
+    assert suggestion in result.stderr
+
+
+def test_an_option_of_the_wrong_type_is_refused_by_name() -> None:
+    result = tripod("run", "tripod", "--duration", "soon")
+    assert result.exit_code == 2
+    assert "--duration" in result.stderr and "number" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "words", [["run"], ["up"], ["doctor"], ["scenes"], ["bag", "info"], *[[n] for n in node_command.NODES]]
+)
+def test_every_command_has_help_with_examples(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(_name: str) -> tuple[()]:
+        raise ImportError("not here")
+
+    monkeypatch.setattr(node_command, "parameter_table", absent)  # importing the nodes is tested elsewhere
+    result = tripod(*words, "--help")
+    assert result.exit_code == 0
+    assert f"$ tripod {' '.join(words)}" in result.stdout
+
+
+def test_help_of_a_node_lists_its_parameters(monkeypatch: pytest.MonkeyPatch) -> None:
+    parameters = pytest.importorskip("tripod_graph.parameters")
+    table = (parameters.Parameter("rate", 50.0, "Packets a second.", unit="Hz", low=1, high=100),)
+    monkeypatch.setattr(node_command, "parameter_table", lambda _name: table)
+    text = tripod("driver", "--help").stdout
+    assert ["rate", "50.0", "Hz", "1", "to", "100", "Packets", "a", "second."] in [
+        line.split() for line in text.splitlines()
+    ]
+
+
+def fake_node(monkeypatch: pytest.MonkeyPatch, name: str) -> list[list[str]]:
+    """Put a node in the place of the real one; returns the command lines it gets."""
+    calls: list[list[str]] = []
+    module = types.ModuleType(f"tripod_{name}.node")
+    module.PARAMETERS = (types.SimpleNamespace(name="port", default="auto"),)  # type: ignore[attr-defined]
+
+    def main(arguments: list[str]) -> int:
+        calls.append(arguments)
+        return 5
+
+    module.main = main  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, f"tripod_{name}.node", module)
+    return calls
+
+
+def test_a_node_command_runs_the_node_and_returns_its_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    calls = fake_node(monkeypatch, "driver")
+    assert tripod("driver", "port:=mock").exit_code == 5
+    assert calls == [['port:="mock"']]
+    tripod("driver", "--subnet")
+    assert calls[1] == ["--subnet"]
+
+
+def test_a_node_command_refuses_what_the_node_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    calls = fake_node(monkeypatch, "driver")
+    result = tripod("driver", "prot:=mock")
+    assert result.exit_code == 2
+    assert "did you mean 'port'" in result.stderr
+    assert tripod("driver", "port").exit_code == 2
+    assert calls == []
+
+
+def test_scenes_are_listed_with_what_they_are() -> None:
+    lines = tripod("scenes").stdout.splitlines()
+    assert {line.split()[0] for line in lines} >= {"silicone", "tripod"}
+    listing = json.loads(tripod("scenes", "--json").stdout)
+    assert {entry["name"] for entry in listing} >= {"silicone", "tripod"}
+    assert all(entry["description"] for entry in listing)
+
+
+def test_bag_info_of_nothing_says_so(tmp_path: Path) -> None:
+    result = tripod("bag", "info", str(tmp_path / "gone.mcap"))
+    assert result.exit_code == 2
+    assert "gone.mcap" in result.stderr
+
+
+@pytest.fixture
+def options(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Keep what `tripod up` would do instead of doing it."""
+    kept: list[Any] = []
+
+    def up(given: Any, _screen: Any) -> int:
+        kept.append(given)
+        return 12
+
+    monkeypatch.setattr(up_command, "up", up)
+    return kept
+
+
+def test_up_passes_its_options_on_and_returns_the_code(options: list[Any]) -> None:
+    words = [
+        "--port",
+        "/dev/ttyACM0",
+        "--record",
+        "bags",
+        "--no-view",
+        "--view-port",
+        "9000",
+        "--duration",
+        "3",
+    ]
+    assert tripod("up", *words, "--subnet", "driver.rate:=25").exit_code == 12
+    given = options[0]
+    assert (given.port, given.record, given.view, given.view_port) == (
+        "/dev/ttyACM0",
+        Path("bags"),
+        False,
+        9000,
+    )
+    assert (given.duration, given.subnet, given.demo) == (3.0, True, False)
+    assert given.values == {"driver": {"rate": "25"}}
+
+
+def test_a_demo_without_a_terminal_records_and_ends_by_itself(options: list[Any]) -> None:
+    tripod("up", "--demo")
+    assert (options[0].record, options[0].duration, options[0].port) == (Path("recordings"), 20.0, "mock")
+    tripod("up")
+    assert (options[1].record, options[1].duration) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--scene", "tirpod"], "tripod"),
+        (["--duration", "nan"], "--duration"),
+        (["drvier.rate:=1"], "did you mean 'driver'"),
+        (["--view-port", "70000"], "--view-port"),
+    ],
+)
+def test_up_refuses_bad_arguments_before_it_does_anything(
+    options: list[Any], words: list[str], message: str
+) -> None:
+    result = tripod("up", *words)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert options == []
+
+
+def command(*words: str) -> list[str]:
+    return [sys.executable, "-c", "from tripod_bringup.cli import main; main()", *words]
+
+
+def environment(**more: str) -> dict[str, str]:
+    return dict(os.environ, PYTHONPATH=str(ROOT), **more)
+
+
+def test_help_starts_quickly_and_imports_neither_ros_nor_numpy() -> None:
+    code = (
+        "import sys\nfrom tripod_bringup.cli import main\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        "print(sorted({'rclpy', 'numpy', 'numba', 'scipy', 'tripod_sim'} & set(sys.modules)))"
+    )
+
+    def once() -> float:
+        begun = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-c", code, "--help"],
+            env=environment(),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout.splitlines()[-1] == "[]"
+        return time.perf_counter() - begun
+
+    assert min(once() for _ in range(3)) < 0.5
+
+
+def test_the_version_is_that_of_the_distribution() -> None:
+    done = subprocess.run(command("--version"), env=environment(), capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("tripod ")
+
+
+def test_a_record_directory_that_cannot_be_written_stops_up_before_anything_starts(tmp_path: Path) -> None:
+    words = ["up", "--record", "/proc/none", "--no-view"]
+    more = {"XDG_RUNTIME_DIR": str(tmp_path), "ROS_DOMAIN_ID": "99"}
+    done = subprocess.run(
+        command(*words), env=environment(**more), capture_output=True, text=True, timeout=30, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("tripod up: cannot record into /proc/none") and done.stderr.count("\n") == 1
+
+
+def test_a_second_up_on_the_domain_is_refused_with_the_process_of_the_first(tmp_path: Path) -> None:
+    from tripod_bringup.lock import only_one
+
+    more = {"XDG_RUNTIME_DIR": str(tmp_path), "ROS_DOMAIN_ID": "99"}
+    with only_one(99, tmp_path):
+        done = subprocess.run(
+            command("up"), env=environment(**more), capture_output=True, text=True, timeout=30, check=False
+        )
+    assert done.returncode == 3
+    assert f"process {os.getpid()}" in done.stderr and "domain 99" in done.stderr
+
+
+def test_progress_is_drawn_only_in_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    from tripod_bringup.run_command import progress_bar
+
+    with progress_bar(shown=False) as hidden:
+        assert hidden is None
+    with progress_bar(shown=True) as shown:
+        assert isinstance(shown, Callable)  # type: ignore[arg-type]
+        shown(0.5)
+    assert capsys.readouterr().out == ""
