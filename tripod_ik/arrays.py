@@ -1,0 +1,34 @@
+"""Arrays that are kept: checked once, copied, made read-only."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_ik.errors import IkError
+
+FloatArray = NDArray[np.float64]
+
+
+def frozen(name: str, values: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Return a read-only copy of `values`; raise IkError unless it has that shape and is finite."""
+    try:
+        array = np.array(values, np.float64)
+    except (TypeError, ValueError):
+        raise IkError(f"{name} is not an array of numbers") from None
+    if array.shape != shape:
+        raise IkError(f"{name} has shape {array.shape}; it must be {shape}")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        where = tuple(int(i) for i in bad[0])
+        raise IkError(f"{name}{list(where)} is {array[where]}; it must be finite")
+    array.flags.writeable = False
+    return array
+
+
+def per_joint(name: str, value: float | FloatArray, n: int) -> FloatArray:
+    """Return `value`, one number for all or an array of shape (n,), as an array of shape (n,)."""
+    array = np.asarray(value, np.float64)
+    if array.shape not in ((), (n,)):
+        raise IkError(f"{name} has shape {array.shape}; it must be one number or have shape ({n},)")
+    return np.broadcast_to(array, (n,))

@@ -1,0 +1,174 @@
+"""The quadratic programs solved: one OSQP instance, set up once, and a result that certifies itself."""
+
+import signal
+from dataclasses import dataclass
+
+import numpy as np
+import osqp
+from scipy import sparse
+
+from tripod_ik.arrays import FloatArray
+from tripod_ik.certificate import kkt_residual, polish
+from tripod_ik.errors import IkError
+from tripod_ik.problem import IkProblem
+
+KKT_TOLERANCE = 1e-6
+"""Residual of the optimality conditions [rad] up to which a solution is used."""
+
+ACTIVE = 1e-7
+"""Multiplier [rad] from which on a limit counts as active: it keeps the effector from coming closer."""
+
+_RHO = 0.1  # OSQP's own first guess; restored before each solve, since its updates depend on what came before
+
+
+@dataclass(frozen=True, eq=False)
+class IkResult:
+    """What one step of inverse kinematics gives.
+
+    Attributes:
+        ok: Whether the program was solved; if not, `command` is the previous one and everything else refers
+            to it.
+        command: Servo angles to send [rad], shape (n,); finite and within all hard limits, always.
+        d_tau: Change of the torques that goes with them [N m], shape (n,).
+        error: Distance from the target to the equilibrium of the state [m].
+        residual: The same after this command, as the linear model predicts [m].
+        active_limits: Limits that keep the effector from coming closer, such as "servo_0 angle max", "servo_1
+            torque".
+        kkt: Residual of the optimality conditions, see `certificate.kkt_residual` [rad].
+        iterations: Of OSQP.
+        status: As OSQP names it.
+    """
+
+    ok: bool
+    command: FloatArray
+    d_tau: FloatArray
+    error: float
+    residual: float
+    active_limits: tuple[str, ...]
+    kkt: float
+    iterations: int
+    status: str
+
+
+class IkSolver:
+    """Solves programs of one size, each started from the solution of the last.
+
+    OSQP finds the active limits to four digits, `certificate.polish` the exact solution for them, and the
+    residual of the optimality conditions decides whether it is used: neither a false "solved" nor a false
+    "infeasible" gets through, and a solution that OSQP ran out of iterations for is used if it is one. All
+    settings are chosen so that equal sequences of problems give equal bits; only the time limit could spoil
+    that, and it is 50 times the usual.
+    """
+
+    def __init__(
+        self, n: int, *, torque: bool = False, max_iterations: int = 2000, time_limit: float = 5e-3
+    ) -> None:
+        """`n`: number of servos; `torque`: whether the problems have a torque limit; `time_limit`: [s]."""
+        self._size = 2 * n if torque else n
+        full = np.ones((n, n), bool)
+        self._P = np.eye(self._size, dtype=bool)
+        self._P[:n, :n] = np.triu(full)
+        self._A = np.eye(self._size, dtype=bool)
+        if torque:
+            self._A[n:, :n] = full
+        self._osqp = osqp.OSQP()
+        ones = np.ones(self._size)
+        self._osqp.setup(
+            _csc(np.eye(self._size), self._P),
+            np.zeros(self._size),
+            _csc(np.eye(self._size), self._A),
+            -ones,
+            ones,
+            verbose=False,
+            eps_abs=1e-4,  # [rad]
+            eps_rel=0.0,
+            max_iter=max_iterations,
+            time_limit=time_limit,
+            check_termination=5,
+            rho=_RHO,
+            adaptive_rho=1,  # by iterations: by time, the same problem would give other bits each time
+            adaptive_rho_interval=25,
+            polishing=False,
+        )
+
+    def solve(self, problem: IkProblem) -> IkResult:
+        """Return the solution, or the previous command with the reason why there is none.
+
+        Raises:
+            IkError: the problem has another size than this solver.
+            KeyboardInterrupt: Ctrl-C came meanwhile, unless the process handles it otherwise.
+        """
+        if len(problem.q) != self._size:
+            raise IkError(f"problem with {len(problem.q)} unknowns for a solver of {self._size}")
+        data = problem.P, problem.q, problem.A
+        if not (all(np.isfinite(a).all() for a in data) and (problem.l <= problem.u).all()):
+            return _held(problem, 0, "problem not finite or bounds crossed")
+        self._osqp.update(
+            q=problem.q, l=problem.l, u=problem.u, Px=problem.P.T[self._P.T], Ax=problem.A.T[self._A.T]
+        )
+        self._osqp.update_settings(rho=_RHO)
+        found = self._osqp.solve(raise_error=False)
+        if found.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
+            signal.raise_signal(signal.SIGINT)  # OSQP takes Ctrl-C for itself while it runs: pass it on
+        x, y, kkt = polish(problem, np.array(found.x), np.array(found.y))
+        iterations, status = int(found.info.iter), str(found.info.status)
+        if not kkt <= KKT_TOLERANCE:
+            self._osqp.warm_start(x=np.zeros(self._size), y=np.zeros(self._size))
+            return _held(problem, iterations, status, kkt)
+        return _solved(problem, x, y, iterations, status)
+
+
+def solve_ik(problem: IkProblem) -> IkResult:
+    """Solve one program by a solver of its own; to solve many, keep an `IkSolver`."""
+    n = len(problem.state.joint_names)
+    return IkSolver(n, torque=len(problem.q) > n).solve(problem)
+
+
+def _csc(matrix: FloatArray, pattern: np.ndarray) -> sparse.csc_matrix:
+    """Return `matrix` with the entries of `pattern` stored, zeros too, since updates cannot add any."""
+    columns, rows = np.nonzero(pattern.T)
+    ends = np.concatenate([[0], np.cumsum(pattern.sum(axis=0))])
+    return sparse.csc_matrix((matrix[rows, columns], rows, ends), shape=matrix.shape)
+
+
+def _solved(problem: IkProblem, x: FloatArray, y: FloatArray, iterations: int, status: str) -> IkResult:
+    state, box = problem.state, problem.box
+    n = len(state.joint_names)
+    command = np.clip(state.angles + x[:n], box.low, box.high)
+    kkt = kkt_residual(problem, np.concatenate([command - state.angles, x[n:]]), y)
+    names = [(box.high_names if y[i] > 0 else box.low_names)[i] for i in range(n) if abs(y[i]) > ACTIVE]
+    names += [
+        f"{name} torque" for name, push in zip(state.joint_names, y[n:], strict=False) if abs(push) > ACTIVE
+    ]
+    return _result(problem, command, tuple(names), ok=True, kkt=kkt, iterations=iterations, status=status)
+
+
+def _held(problem: IkProblem, iterations: int, status: str, kkt: float = float("inf")) -> IkResult:
+    kkt = kkt if np.isfinite(kkt) else float("inf")
+    return _result(problem, problem.hold, (), ok=False, kkt=kkt, iterations=iterations, status=status)
+
+
+def _result(
+    problem: IkProblem,
+    command: FloatArray,
+    active_limits: tuple[str, ...],
+    *,
+    ok: bool,
+    kkt: float,
+    iterations: int,
+    status: str,
+) -> IkResult:
+    state, task = problem.state, problem.task
+    step = command - state.angles
+    error = task.error(state)
+    return IkResult(
+        ok=ok,
+        command=command,
+        d_tau=state.stiffness @ step,
+        error=task.distance(error),
+        residual=task.distance(error - task.jacobian(state) @ step),
+        active_limits=active_limits,
+        kkt=kkt,
+        iterations=iterations,
+        status=status,
+    )

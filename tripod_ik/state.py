@@ -1,0 +1,92 @@
+"""The linearised state of the body: what inverse kinematics knows of the robot."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tripod_ik.arrays import FloatArray, frozen
+from tripod_ik.errors import IkError
+
+ASYMMETRY = 1e-6
+"""Largest |W - Wᵀ| accepted, relative to the largest entry of W."""
+
+SINGULAR = 1e-9
+"""Eigenvalues of W_aa below this part of the largest count as zero: no torque turns the servos that way."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearState:
+    """Linearised static response of the body about one state; the fields of tripod_msgs/Compliance.
+
+    With A the tangent stiffness and H the rows of effector and servos, W = H A⁻¹ Hᵀ maps forces to
+    displacements:
+
+        [d_effector]   [W_ee  W_ea] [force and torque on the effector]
+        [d_angles  ] = [W_ae  W_aa] [d_torques                       ]
+
+    Attributes:
+        joint_names: The n servos, in the order of the rows.
+        angles: Servo angles [rad], shape (n,).
+        torques: Torque of each servo on the body about its axis [N m], shape (n,).
+        effector: Position of the effector [m], shape (3,), in the frame `world`.
+        rotation: Orientation of the effector, unit quaternion (x, y, z, w), shape (4,).
+        equilibrium_offset: From that pose to the static equilibrium at the same angles: translation [m] (3)
+            and rotation vector [rad] (3), shape (6,).
+        W: Compliance, symmetric, shape (6 + n, 6 + n) [m/N, m/(N m), rad/N, rad/(N m)].
+    """
+
+    joint_names: tuple[str, ...]
+    angles: FloatArray
+    torques: FloatArray
+    effector: FloatArray
+    rotation: FloatArray
+    equilibrium_offset: FloatArray
+    W: FloatArray
+
+    def __post_init__(self) -> None:
+        names = tuple(self.joint_names)
+        n = len(names)
+        if n == 0 or len(set(names)) != n:
+            raise IkError(f"joint names {list(names)}: at least one, each once")
+        shapes = {
+            "angles": (n,),
+            "torques": (n,),
+            "effector": (3,),
+            "rotation": (4,),
+            "equilibrium_offset": (6,),
+            "W": (6 + n, 6 + n),
+        }
+        object.__setattr__(self, "joint_names", names)
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen(name, getattr(self, name), shape))
+        length = float(np.linalg.norm(self.rotation))
+        if not abs(length - 1.0) < 1e-3:
+            raise IkError(f"rotation has length {length:g}; it must be a unit quaternion")
+        asymmetry, largest = float(np.abs(self.W - self.W.T).max()), float(np.abs(self.W).max())
+        if not asymmetry <= ASYMMETRY * largest:
+            raise IkError(f"W differs from its transpose by {asymmetry:g}, its largest entry is {largest:g}")
+
+    @cached_property
+    def equilibrium(self) -> FloatArray:
+        """Position of the effector at rest at these angles [m], shape (3,)."""
+        return self.effector + self.equilibrium_offset[:3]
+
+    @cached_property
+    def stiffness(self) -> FloatArray:
+        """K = W_aa⁻¹: change of the torques with the angles [N m/rad], shape (n, n).
+
+        It is the pseudo-inverse by eigenvalues. A direction without compliance is one in which no torque
+        turns the servos; there K is zero, and inverse kinematics leaves it alone. W_aa may be indefinite: at
+        fixed angles the body can be stable where it would not be at fixed torques.
+        """
+        block = self.W[6:, 6:]
+        values, vectors = np.linalg.eigh(0.5 * (block + block.T))
+        cutoff = max(SINGULAR * float(np.abs(values).max()), 1e-12)
+        inverse = np.where(np.abs(values) > cutoff, 1.0 / np.where(values == 0.0, 1.0, values), 0.0)
+        return (vectors * inverse) @ vectors.T
+
+    @cached_property
+    def jacobian(self) -> FloatArray:
+        """W_ea W_aa⁻¹: motion of the resting effector with the angles [m/rad, rad/rad], shape (6, n)."""
+        return self.W[:6, 6:] @ self.stiffness

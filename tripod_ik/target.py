@@ -1,0 +1,52 @@
+"""Which targets are accepted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tripod_graph.names import WORLD
+from tripod_ik.arrays import FloatArray, frozen
+from tripod_ik.errors import IkError
+
+
+@dataclass(frozen=True, eq=False)
+class TargetBox:
+    """Targets lie in the frame `world`, within a box; so one in millimetres or in another frame is noticed.
+
+    The box may well be larger than the reach of the robot: a target out of reach gives the closest pose.
+
+    Attributes:
+        low: Smallest coordinates [m], shape (3,).
+        high: Largest coordinates [m], shape (3,).
+    """
+
+    low: FloatArray
+    high: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("low", "high"):
+            object.__setattr__(self, name, frozen(f"target_{name}", getattr(self, name), (3,)))
+        if not (self.low < self.high).all():
+            raise IkError(
+                f"target_low {self.low.tolist()} m must be below target_high {self.high.tolist()} m"
+            )
+
+    def check(self, frame: str, position: Sequence[float], orientation: Sequence[float]) -> FloatArray:
+        """Return the target position [m], shape (3,).
+
+        Args:
+            frame: Name of the frame that the target is expressed in.
+            position: x, y, z [m].
+            orientation: Quaternion x, y, z, w; it is not followed, but one that is not finite means a broken
+                sender.
+
+        Raises:
+            IkError: the target is refused.
+        """
+        if frame != WORLD:
+            raise IkError(f"target in frame {frame!r}; it must be {WORLD!r}")
+        target = frozen("target position", position, (3,))
+        frozen("target orientation", orientation, (4,))
+        for axis, value, low, high in zip("xyz", target, self.low, self.high, strict=True):
+            if not low <= value <= high:
+                raise IkError(f"target {axis} is {value:g} m; allowed is {low:g} to {high:g} m")
+        return target
