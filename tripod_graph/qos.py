@@ -1,4 +1,4 @@
-"""Quality of service of every topic: three profiles, named for what they are for."""
+"""Quality of service of every topic: profiles named for what they are for."""
 
 from typing import Final
 
@@ -19,6 +19,15 @@ LATCHED: Final = QoSProfile(
     depth=1,
 )
 """What a late joiner must know: control mode and mesh."""
+
+LATCHED_OF_ALL: Final = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=16,
+)
+"""For subscribers of a LATCHED topic with several publishers (control mode): with a depth of 1 a late joiner would
+keep only the word that happens to arrive last, not the last word of each."""
 
 SENSOR: Final = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT,
