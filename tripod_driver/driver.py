@@ -14,7 +14,7 @@ from tripod_graph.names import SERVOS
 
 
 class DriverState(IntEnum):
-    """Values of tripod_msgs/RobotStatus.state."""
+    """Values of tripod_msgs/RobotStatus.state; FAULT is for protocols whose board can report one."""
 
     DISCONNECTED = 0
     CONNECTING = 1
@@ -22,7 +22,6 @@ class DriverState(IntEnum):
     ACTIVE = 3
     HOLDING = 4
     PARKED = 5
-    FAULT = 6
 
 
 class Driver:
@@ -41,7 +40,6 @@ class Driver:
         last_rejection: Why the newest of them was refused.
         packets_sent: Packets handed to the port.
         bytes_sent: Their bytes.
-        fault: Why it cannot go on, empty if it can.
     """
 
     def __init__(
@@ -68,7 +66,6 @@ class Driver:
         self.link, self.protocol = link, protocol
         self.rejected, self.last_rejection = 0, ""
         self.packets_sent, self.bytes_sent = 0, 0
-        self.fault = ""
         self._longest_step, self._keep_alive = longest_step, keep_alive
         joints = None if start is None else [*start, limits.park[3]]
         self._follower = CommandFollower(limits, joints, longest_step=longest_step)
@@ -81,8 +78,6 @@ class Driver:
     @property
     def state(self) -> DriverState:
         """What it is doing."""
-        if self.fault:
-            return DriverState.FAULT
         if self.link.state is not LinkState.READY:
             return DriverState[self.link.state.name]
         if not self._active:
@@ -96,8 +91,8 @@ class Driver:
     @property
     def message(self) -> str:
         """What is wrong and what to do about it; empty when all is well."""
-        if self.fault or self.link.message:
-            return self.fault or self.link.message
+        if self.link.message:
+            return self.link.message
         if self._halted:
             return "stopped by service; change the control mode to go on"
         if self._ignored and not self._active:
@@ -127,6 +122,11 @@ class Driver:
         return self._sent
 
     @property
+    def can_move(self) -> bool:
+        """Whether packets may leave now."""
+        return self._active and self.link.state is LinkState.READY
+
+    @property
     def at_rest(self) -> bool:
         """Whether the set-point is where it should be and the last packet says so."""
         joints = self._follower.joints
@@ -134,7 +134,7 @@ class Driver:
 
     def connect(self) -> None:
         """Let `tick` open the port, and open it again whenever it is lost."""
-        self._connected, self.fault = True, ""
+        self._connected = True
 
     def disconnect(self) -> None:
         """Close the port."""
@@ -162,8 +162,7 @@ class Driver:
         Raises:
             CommandError: it is refused and counted, whether motion is allowed or not.
         """
-        allowed = self._active and self.link.state is LinkState.READY
-        allowed = allowed and not self._halted and self._mode.mode is not Mode.STOP
+        allowed = self.can_move and not self._halted and self._mode.mode is not Mode.STOP
         try:
             if allowed:
                 self._follower.accept(names, times, positions, now)
