@@ -1,6 +1,6 @@
 """The loop: a scene that lives."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,8 @@ class Simulation:
     def __init__(self, scene: Scene) -> None:
         """Build the simulation and put it in its start state. Kernels compile here, never in the first step.
 
+        A body that servos hold starts at rest, in static equilibrium at their start angles; any other starts undeformed.
+
         Raises:
             SceneError: the scene cannot be built.
             StepError: no equilibrium in the start configuration.
@@ -64,7 +66,7 @@ class Simulation:
         self.torques = np.zeros(count)
         self.report = StepReport()
         self._warm_up()
-        if scene.servos and joints.any():
+        if scene.servos:
             self._pose(joints)
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
@@ -83,7 +85,7 @@ class Simulation:
 
     def _pose(self, joints: FloatArray) -> None:
         """Bring the body to static equilibrium with its driven frames at `joints`."""
-        static = build(_without_inertia(self.scene))
+        static = build(replace(self.scene, inertia=None, damping=None))
         static.stepper.step(self.state, joints, 0.0)
         self.torques[:] = static.system.torques
         self.state.velocities[:] = 0.0
@@ -145,8 +147,3 @@ class Simulation:
         """Return the linearised static response about the present state. Raises SceneError without an effector."""
         return compliance(self._system, self.state)
 
-
-def _without_inertia(scene: Scene) -> Scene:
-    from dataclasses import replace
-
-    return replace(scene, inertia=None, damping=None)

@@ -1,0 +1,83 @@
+"""Joint values over time, written on one line: `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.errors import SceneError
+
+FloatArray = NDArray[np.float64]
+
+MOST_KEYS = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """Values at times, interpolated linearly, held before the first and after the last.
+
+    Attributes:
+        times: Rising [s], shape (k,).
+        values: Shape (k, width).
+    """
+
+    times: FloatArray
+    values: FloatArray
+
+    def at(self, time: float) -> FloatArray:
+        """Return the values at `time` [s], shape (width,)."""
+        return np.array([np.interp(time, self.times, column) for column in self.values.T])
+
+
+def parse_timeline(text: str, width: int, what: str) -> Timeline:
+    """Return the timeline that `text` writes, `time: value, value; ...`.
+
+    Args:
+        text: As above.
+        width: Number of values at each time.
+        what: Name of the option, for messages.
+
+    Raises:
+        SceneError: not of that form, not finite, or times that do not rise.
+    """
+    times, values = [], []
+    parts = [p for p in text.split(";") if p.strip()]
+    if not 0 < len(parts) <= MOST_KEYS:
+        raise SceneError(f"{what} has {len(parts)} entries; allowed is 1 to {MOST_KEYS}, 'time: value, ...; ...'")
+    for part in parts:
+        time, colon, rest = part.partition(":")
+        try:
+            numbers = [float(v) for v in rest.split(",")]
+            times.append(float(time))
+        except ValueError:
+            numbers = []
+        if not colon or len(numbers) != width or not np.isfinite([times[-1] if times else np.nan, *numbers]).all():
+            raise SceneError(f"{what}: {part.strip()!r} is not 'time: value, ...' with {width} finite values")
+        values.append(numbers)
+    t = np.array(times)
+    if t[0] < 0 or (np.diff(t) <= 0).any():
+        raise SceneError(f"{what}: times {', '.join(f'{x:g}' for x in t[:8])} s must rise, from 0 or later")
+    return Timeline(t, np.array(values))
+
+
+def parse_slide(text: str, servo: Timeline | None) -> Timeline:
+    """Return the slide over time: a timeline, or one number [m].
+
+    One number is reached in proportion with the servo timeline, from 0 at its first to the number at its last time: to
+    slide the servo bodies first would crush the flat piece. Without a servo timeline it holds from the start.
+
+    Raises:
+        SceneError: neither a number nor a timeline.
+    """
+    if ":" in text:
+        return parse_timeline(text, 1, "--slide")
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise SceneError(f"--slide {text!r} is neither a number [m] nor 'time: value; ...'")
+    if servo is not None and len(servo.times) > 1:
+        ends = servo.times[[0, -1]]
+        return Timeline(ends, np.array([[0.0], [value]]))
+    return Timeline(np.zeros(1), np.array([[value]]))
