@@ -18,7 +18,7 @@ class ModeTracker:
     """Keeps the newest mode.
 
     Several operators publish `control_mode` and a late joiner receives the last word of each, in any order;
-    the stamp decides.
+    the stamp decides. A message typed by hand has no stamp (0): it counts as decided after all that is known.
 
     Attributes:
         mode: The mode in force.
@@ -35,6 +35,7 @@ class ModeTracker:
         except ValueError:
             names = ", ".join(f"{m.value} {m.name}" for m in Mode)
             raise ValueError(f"control mode {mode} is unknown; modes: {names}") from None
+        stamp = max(self.stamp, 0.0) if stamp == 0 else stamp
         if not stamp >= self.stamp:  # NaN decides nothing
             return False
         changed = known is not self.mode

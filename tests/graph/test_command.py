@@ -152,6 +152,15 @@ def test_silence_holds_then_parks_all_joints_together() -> None:
     np.testing.assert_allclose(follow(follower, 6.6, 7.5)[-1], park, atol=1e-12)
 
 
+def test_the_activity_is_current_between_two_set_points() -> None:
+    follower = CommandFollower(LIMITS)
+    follower.setpoint(0.0)
+    goto(follower, [-0.5, -0.5, -0.5], 0.0)
+    assert follower.activity is Activity.ACTIVE
+    follower.stop(0.0)
+    assert follower.activity is Activity.HOLDING
+
+
 def test_stop_holds_at_once_on_the_way_to_a_point_and_on_the_way_to_park() -> None:
     follower = CommandFollower(LIMITS, (0.0, 0.0, 0.0, 0.0))
     goto(follower, [-2.0, -2.0, -2.0], 0.0, time=2.0)

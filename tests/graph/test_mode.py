@@ -20,6 +20,15 @@ def test_it_begins_stopped_and_reports_changes_only() -> None:
     assert tracker.mode is Mode.IK
 
 
+def test_a_word_without_a_stamp_is_taken_at_once_and_outlived_by_the_next_decision() -> None:
+    tracker = ModeTracker()
+    tracker.update(2, 100.0)
+    assert tracker.update(0, 0.0)
+    assert tracker.mode is Mode.STOP
+    assert not tracker.update(1, 99.0)
+    assert tracker.update(1, 100.5)
+
+
 def test_unknown_mode_is_refused_with_the_modes_that_exist() -> None:
     tracker = ModeTracker()
     tracker.update(1, 1.0)
@@ -39,7 +48,7 @@ def test_a_stamp_that_is_no_number_decides_nothing() -> None:
 
 @given(st.lists(st.sampled_from(list(Mode)), min_size=1, max_size=4))
 def test_any_order_of_arrival_ends_in_the_newest_decision(modes) -> None:
-    decisions = list(zip(modes, range(len(modes)), strict=True))
+    decisions = list(zip(modes, range(1, len(modes) + 1), strict=True))
     for order in itertools.permutations(decisions):
         tracker = ModeTracker()
         for mode, stamp in order:
