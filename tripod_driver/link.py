@@ -23,7 +23,6 @@ class Link:
         port: The port.
         state: How far the link is.
         message: Why it is not ready; empty when it is.
-        reconnects: How often the port was opened again.
     """
 
     def __init__(self, port: Port, *, retry_min: float, retry_max: float) -> None:
@@ -31,11 +30,16 @@ class Link:
         self.port = port
         self.state = LinkState.DISCONNECTED
         self.message = "the port was not opened yet"
-        self.reconnects = -1
+        self._opened = 0
         self._retry_min, self._retry_max = retry_min, retry_max
         self._delay = retry_min
         self._next_attempt = float("-inf")
         self._ready_at = 0.0
+
+    @property
+    def reconnects(self) -> int:
+        """How often the port was opened again."""
+        return max(0, self._opened - 1)
 
     def poll(self, now: float) -> LinkState:
         """Do what is due at `now` [s] and return the state."""
@@ -67,7 +71,7 @@ class Link:
         except PortError as error:
             self._fail(error, now)
             return
-        self.reconnects += 1
+        self._opened += 1
         self._ready_at = now + self.port.boot_time
         self.state = LinkState.CONNECTING
         self.message = f"{self.port.name} is open; the board starts within {self.port.boot_time:g} s"
