@@ -5,6 +5,7 @@
 >>> report = simulation.step()
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from tripod_sim.errors import SceneError, StepError
@@ -22,6 +23,4 @@ def __getattr__(name: str) -> Any:
     """Import the public names when they are first used: listing scenes need not load numba."""
     if name not in _HOMES:
         raise AttributeError(f"module 'tripod_sim' has no attribute {name!r}")
-    from importlib import import_module
-
     return getattr(import_module(f"tripod_sim.{_HOMES[name]}"), name)

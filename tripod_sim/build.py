@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.constraints.groups import Groups, Kind
+from tripod_sim.constraints.groups import DrivenFrame, Groups, Kind
 from tripod_sim.elements.hexahedron import h8_node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
@@ -106,7 +106,7 @@ def _mesh(description: Mesh) -> SolidMesh:
 
 def _groups(scene: Scene, nodes: FloatArray) -> Groups:
     rigid: tuple[IndexArray, ...] = ()
-    driven = ()
+    driven: tuple[DrivenFrame, ...] = ()
     if scene.effector:
         from tripod_sim.robot.arms import effector_disc
 
@@ -127,8 +127,8 @@ def _inside(nodes: FloatArray, box: FixedBox, i: int) -> IndexArray:
     if held.size < 3:
         low, high = nodes.min(axis=0).round(4).tolist(), nodes.max(axis=0).round(4).tolist()
         raise SceneError(
-            f"fixed.{i} holds {held.size} nodes; it needs at least 3, not in a line. The box is {box.low} to {box.high} m, "
-            f"the body {low} to {high} m"
+            f"fixed.{i} holds {held.size} nodes; it needs at least 3, not in a line. "
+            f"The box is {box.low} to {box.high} m, the body {low} to {high} m"
         )
     if np.linalg.matrix_rank(nodes[held] - nodes[held[0]], tol=1e-9) < 2:
         raise SceneError(f"fixed.{i} holds nodes in one line only; the body's rotation about it is free")

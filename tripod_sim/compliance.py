@@ -1,7 +1,7 @@
 """The compliance of effector and servos, W = H A^-1 H^T.
 
-A is the static tangent with the servo angles as unknowns. With K the block of the body's unknowns, K_s its coupling to the
-angles and K_ss theirs, and H_e the rows of the effector,
+A is the static tangent with the servo angles as unknowns. With K the block of the body's unknowns, K_s its
+coupling to the angles and K_ss theirs, and H_e the rows of the effector,
 
     S = K_ss - K_s^T K^-1 K_s          dtau / dangle
     J = -H_e K^-1 K_s                  d(effector) / dangle

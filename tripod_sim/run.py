@@ -83,7 +83,9 @@ def run(
     pose = simulation.effector
     return {
         "scene": description.name,
-        "effector": {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()} if pose else None,
+        "effector": {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
+        if pose
+        else None,
         "angles": simulation.state.joints[:-1].tolist(),
         "slide": float(simulation.state.joints[-1]),
         "torques": simulation.torques.tolist(),
@@ -111,7 +113,8 @@ def _timelines(scene: Scene, servo: str | None, slide: str | None) -> tuple[Time
             )
         if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
             raise SceneError(
-                f"--slide: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to {s.slide_max:g} m"
+                f"--slide: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to "
+                f"{s.slide_max:g} m"
             )
     return servos, slides
 
@@ -166,7 +169,11 @@ class _Recording:
     def add(self, k: int, simulation: Simulation) -> None:
         a, state, pose = self._arrays, simulation.state, simulation.effector
         a["time"][k], a["positions"][k] = state.time, state.positions
-        a["angles"][k], a["slide"][k], a["torques"][k] = state.joints[:-1], state.joints[-1], simulation.torques
+        a["angles"][k], a["slide"][k], a["torques"][k] = (
+            state.joints[:-1],
+            state.joints[-1],
+            simulation.torques,
+        )
         if pose:
             a["effector"][k, :3], a["effector"][k, 3:] = pose.position, pose.quaternion
 

@@ -230,8 +230,8 @@ class Scene:
             raise SceneError("damping needs inertia: without velocity there is nothing to damp")
         if not (self.inertia or self.servos or self.fixed):
             raise SceneError(
-                "nothing holds the body (no servos, no fixed box), so its translation and rotation are free and it has no "
-                "static equilibrium; add [inertia] or hold it"
+                "nothing holds the body (no servos, no fixed box), so its translation and rotation are free and it has "
+                "no static equilibrium; add [inertia] or hold it"
             )
         for i, box in enumerate(self.fixed):
             if not all(a <= b for a, b in zip(box.low, box.high, strict=True)):

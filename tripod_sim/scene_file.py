@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from tripod_sim.errors import SceneError
-from tripod_sim.scene import Scene
+from tripod_sim.scene import EFFECTS, Scene
 
 MAX_BYTES = 1_000_000
 """A scene file larger than this is refused unread."""
@@ -84,28 +84,37 @@ def override(table: dict[str, Any], word: str) -> None:
         value = text.strip()  # a bare word is a string
     node: Any = table
     for depth, key in enumerate(keys[:-1]):
-        where = ".".join(keys[: depth + 1])
-        if isinstance(node, list):
-            node = node[_index(node, key, where)]
-        elif isinstance(node, dict):
-            node = node.setdefault(key, {})
-        else:
-            raise SceneError(f"override {word!r}: {'.'.join(keys[:depth])} is a value, not a table")
+        node = _inside(node, key, ".".join(keys[: depth + 1]))
     last = keys[-1]
-    if isinstance(node, list):
-        i = _index(node, last, path)
-        if value == "off":
-            del node[i]
-        else:
-            node[i] = value
-    elif not isinstance(node, dict):
-        raise SceneError(f"override {word!r}: {'.'.join(keys[:-1])} is a value, not a table")
-    elif value == "off":
-        if last not in {f.name for f in fields(Scene)} or len(keys) > 1:
-            raise SceneError(f"override {word!r}: only an effect can be switched off")
-        node.pop(last, None)
-    else:
+    if value == "off":
+        _remove(node, last, keys)
+    elif isinstance(node, list):
+        node[_index(node, last, path)] = value
+    elif isinstance(node, dict):
         node[last] = value
+    else:
+        raise SceneError(f"override {word!r}: {'.'.join(keys[:-1])} is a value, not a table")
+
+
+def _inside(node: Any, key: str, where: str) -> Any:
+    """Return what `key` names in a table (made if absent) or list."""
+    if isinstance(node, list):
+        return node[_index(node, key, where)]
+    if isinstance(node, dict):
+        return node.setdefault(key, {})
+    raise SceneError(f"{where}: {where.rpartition('.')[0]} is a value, not a table")
+
+
+def _remove(node: Any, key: str, keys: list[str]) -> None:
+    """Switch an effect off, or one entry of an effect that is a list."""
+    if keys[0] not in EFFECTS or len(keys) > 2 or (len(keys) == 2 and not isinstance(node, list)):
+        raise SceneError(
+            f"override {'.'.join(keys)}=off: only an effect can be off; effects: {', '.join(EFFECTS)}"
+        )
+    if isinstance(node, list):
+        del node[_index(node, key, ".".join(keys))]
+    else:
+        node.pop(key, None)
 
 
 def _index(node: list[Any], key: str, where: str) -> int:

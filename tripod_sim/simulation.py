@@ -46,7 +46,7 @@ class Simulation:
     def __init__(self, scene: Scene) -> None:
         """Build the simulation and put it in its start state. Kernels compile here, never in the first step.
 
-        A body that servos hold starts at rest, in static equilibrium at their start angles; any other starts undeformed.
+        A body that servos hold starts in static equilibrium at their start angles; any other starts undeformed.
 
         Raises:
             SceneError: the scene cannot be built.
@@ -146,4 +146,3 @@ class Simulation:
     def compliance(self) -> Compliance:
         """Return the linearised static response about the present state. Raises SceneError without an effector."""
         return compliance(self._system, self.state)
-

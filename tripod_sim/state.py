@@ -41,4 +41,5 @@ class State:
     def copy(self) -> "State":
         """Return an independent copy."""
         arrays = (self.positions, self.velocities, self.modes, self.centres, self.rotations, self.joints)
-        return State(*(a.copy() for a in arrays), self.time, self.step)
+        x, v, modes, centres, rotations, joints = (a.copy() for a in arrays)
+        return State(x, v, modes, centres, rotations, joints, self.time, self.step)

@@ -67,7 +67,7 @@ class System:
             self._scale[first + 3 : first + 6] = 1 / radius
 
     def start_state(self, joints: FloatArray) -> State:
-        """Return the undeformed state at the joint values `joints`, shape (s + 1,); driven nodes stay where they are."""
+        """Return the undeformed state at the joint values `joints`, shape (s + 1,); no node is moved."""
         n, b = len(self.rest), len(self.groups.rigid)
         rotations = np.tile(np.eye(3), (b, 1, 1))
         return State(

@@ -43,7 +43,9 @@ def parse_timeline(text: str, width: int, what: str) -> Timeline:
     times, values = [], []
     parts = [p for p in text.split(";") if p.strip()]
     if not 0 < len(parts) <= MOST_KEYS:
-        raise SceneError(f"{what} has {len(parts)} entries; allowed is 1 to {MOST_KEYS}, 'time: value, ...; ...'")
+        raise SceneError(
+            f"{what} has {len(parts)} entries; allowed is 1 to {MOST_KEYS}, 'time: value, ...; ...'"
+        )
     for part in parts:
         time, colon, rest = part.partition(":")
         try:
@@ -51,7 +53,11 @@ def parse_timeline(text: str, width: int, what: str) -> Timeline:
             times.append(float(time))
         except ValueError:
             numbers = []
-        if not colon or len(numbers) != width or not np.isfinite([times[-1] if times else np.nan, *numbers]).all():
+        if (
+            not colon
+            or len(numbers) != width
+            or not np.isfinite([times[-1] if times else np.nan, *numbers]).all()
+        ):
             raise SceneError(f"{what}: {part.strip()!r} is not 'time: value, ...' with {width} finite values")
         values.append(numbers)
     t = np.array(times)

@@ -1,0 +1,1 @@
+"""Node groups tied exactly, and the elimination of what they tie."""

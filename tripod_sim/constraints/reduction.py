@@ -1,8 +1,8 @@
 """Elimination of constraints: from nodal gradients and element matrices to the unknowns that remain.
 
-Unknowns: the positions of free nodes, then six per rigid body: translation c and a rotation vector theta that turns it
-from the left, x_i = c + r_i, dx_i = dc + theta x r_i. With g_i = dPhi/dx_i the reduced gradient is J^T g and the reduced
-Hessian J^T H J plus, for a body, the second-order term of the rotation,
+Unknowns: the positions of free nodes, then six per rigid body: translation c and a rotation vector theta that
+turns it from the left, x_i = c + r_i, dx_i = dc + theta x r_i. With g_i = dPhi/dx_i the reduced gradient is J^T g
+and the reduced Hessian J^T H J plus, for a body, the second-order term of the rotation,
 
     sum_i sym(g_i r_i^T) - (g_i . r_i) I,
 
@@ -130,7 +130,7 @@ class Reduction:
         )  # fmt: skip
 
     def moves(self, solution: FloatArray, lever: FloatArray, out: FloatArray) -> None:
-        """Write the first-order move of free and rigid nodes for a step of the unknowns; other rows stay as they are."""
+        """Write the first-order move of free and rigid nodes for a step of the unknowns; others stay."""
         _moves(solution, lever, self.kind, self.base, out)
 
 

@@ -70,6 +70,6 @@ def h8_gradients(corners: FloatArray, *, modes: bool = True) -> tuple[FloatArray
 
 
 def h8_node_volumes(corners: FloatArray) -> FloatArray:
-    """Return the volume lumped at each node, int N_a dV [m³], shape (m, 8); the volumes of an element sum to its own."""
+    """Return the volume lumped at each node, int N_a dV [m³], shape (m, 8); they sum to the element's."""
     jacobian = np.einsum("qaj,eai->eqij", shape_gradients(GAUSS), corners)
     return np.einsum("qa,eq->ea", shape_functions(GAUSS), np.linalg.det(jacobian))

@@ -1,0 +1,1 @@
+"""Terms of the potential: what adds energy and force."""

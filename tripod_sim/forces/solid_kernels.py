@@ -271,6 +271,6 @@ def smallest_volume_ratio(
         for q in range(G.shape[1]):
             _deformation(e, q, xe, G, F)
             J = neo_hooke.determinant(F)
-            if not J >= smallest:
+            if not smallest <= J:
                 worst, smallest = e, J
     return worst, smallest

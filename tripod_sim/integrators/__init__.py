@@ -1,0 +1,1 @@
+"""Advancing a state: Newton, implicit Euler, quasi-static steps."""

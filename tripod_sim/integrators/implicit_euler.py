@@ -1,8 +1,8 @@
 """Implicit Euler: v' = v + dt M^-1 f(x', v'), x' = x + dt v'.
 
-With f = -dE/dx it is the minimum of E(x') + 1/(2 dt²) |x' - (x + dt v)|²_M, so that every step can be made safe by going
-down [MartinEtAl2011]. First order; it damps: a mode of angular frequency w loses a fraction of about w² dt² / 2 of its
-amplitude a step.
+With f = -dE/dx it is the minimum of E(x') + 1/(2 dt²) |x' - (x + dt v)|²_M, so that every step can be made safe
+by going down [MartinEtAl2011]. First order; it damps: a mode of angular frequency w loses a fraction of about
+w² dt² / 2 of its amplitude a step.
 """
 
 import numpy as np

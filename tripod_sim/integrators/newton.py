@@ -145,7 +145,7 @@ class Newton:
         raise NewtonError("the tangent is singular: is a part of the body held by nothing?")
 
     def _step(self, state: State, trial: State, scale: float, report: NewtonReport) -> float:
-        """Solve for a step from the evaluated `state`, write `scale` of it to `trial`, evaluate and return Phi there."""
+        """Solve for a step from the evaluated `state`, write `scale` of it to `trial`, return Phi there."""
         system = self.system
         report.iterations += 1
         solution = system.ldl.solve(system.residual)

@@ -19,7 +19,9 @@ class QuasiStatic:
         self._backup: State | None = None
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
-        """Move `state` to equilibrium with the driven frames at `joints`, shape (s + 1,), in place; time grows by `dt` [s].
+        """Move `state` to equilibrium with the driven frames at `joints`, shape (s + 1,), in place.
+
+        Time grows by `dt` [s].
 
         Raises:
             StepError: no equilibrium was found along the way; `state` is unchanged.

@@ -1,0 +1,1 @@
+"""Elastic laws: energy, stress, tangent."""

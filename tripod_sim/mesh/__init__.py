@@ -1,0 +1,1 @@
+"""Meshes: generators, readers, checks."""

@@ -26,7 +26,7 @@ def read_hexahedra(path: Path, scale: float) -> SolidMesh:
     if path.stat().st_size > MAX_BYTES:
         raise SceneError(f"mesh.source: file {str(path)!r} is larger than {MAX_BYTES} bytes")
     try:
-        import meshio  # noqa: PLC0415: only scenes with a mesh file need it
+        import meshio  # noqa: PLC0415 - only scenes with a mesh file need it
     except ImportError:
         raise SceneError(
             "mesh.source: reading mesh files needs the package meshio (pip install 'tripod[mesh]')"
@@ -34,7 +34,7 @@ def read_hexahedra(path: Path, scale: float) -> SolidMesh:
     try:
         with np.errstate(all="ignore"):
             mesh = meshio.read(path)
-    except (SystemExit, Exception) as error:  # noqa: BLE001: meshio exits, or raises whatever a parser meets
+    except (SystemExit, Exception) as error:  # noqa: BLE001 - meshio exits, or raises whatever a parser meets
         raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {error}") from None
     blocks = [block.data for block in mesh.cells if block.type == "hexahedron"]
     if not blocks:

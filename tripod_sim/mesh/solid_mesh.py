@@ -82,9 +82,7 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
         if scale > 0
         else np.zeros((len(mesh.nodes), 3))
     )
-    _, first, inverse, count = np.unique(
-        rounded, axis=0, return_index=True, return_inverse=True, return_counts=True
-    )
+    _, inverse, count = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
     if (bad := np.flatnonzero(count[inverse.ravel()] > 1)).size:
         raise SceneError(f"{source}: nodes {names_of(bad)} share their position with another node")
     quality = corner_quality(mesh)

@@ -1,11 +1,12 @@
 """Generator of the silicone Y: three strips, a centre hole, one layer of graded hexahedra.
 
-Each strip is one mapped grid. Its cross lines run from the arc of the hole over the arc of the effector disc and the straight
-line through the inner corners, where neighbouring strips meet, to the clamp edge and the tip. Lines lie densest at the disc
-and at the clamp edge, where the sheet bends most.
+Each strip is one mapped grid. Its cross lines run from the arc of the hole over the arc of the effector disc and
+the straight line through the inner corners, where neighbouring strips meet, to the clamp edge and the tip. Lines lie
+densest at the disc and at the clamp edge, where the sheet bends most.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class YShape:
     def __post_init__(self) -> None:
         inner = self.width / 2 / np.tan(np.pi / 3)
         chain = (0.0, self.hole_radius, self.disc_radius, inner, self.clamp_radius, self.tip_radius)
-        if not (all(a < b for a, b in zip(chain, chain[1:], strict=False)) and self.thickness > 0):
+        if not (all(a < b for a, b in pairwise(chain)) and self.thickness > 0):
             raise SceneError(
                 "y_piece: need 0 < hole_radius < disc_radius < width / (2 sqrt 3) < clamp_radius < tip_radius and "
                 f"thickness > 0 [m], got {self}"
@@ -63,8 +64,8 @@ class YLevel:
 
 
 LEVELS = {1: YLevel(2, 1, 5, 1.4), 2: YLevel(4, 1, 5, 1.4), 3: YLevel(6, 2, 7, 1.2), 4: YLevel(8, 2, 8, 1.2)}
-"""Mesh levels by number. The sheet bends along its strips: elements across matter least, those along most. Finer meshes than
-these resolve the singular edge of the sharp clamp and leave the smooth branch in the working pose."""
+"""Mesh levels by number. The sheet bends along its strips: elements across matter least, those along most.
+Finer meshes than these resolve the singular edge of the sharp clamp and leave the smooth branch in the working pose."""
 
 
 def y_piece(level: YLevel, shape: YShape | None = None) -> SolidMesh:

@@ -1,7 +1,7 @@
 """The three servo arms of the Tripod as driven frames.
 
-Servo i stands at azimuth phi = 2 pi i / 3. Its axis is horizontal and perpendicular to the strip, a = (sin phi, -cos phi, 0),
-so that a negative angle tips the arm outward and down.
+Servo i stands at azimuth phi = 2 pi i / 3. Its axis is horizontal and perpendicular to the strip,
+a = (sin phi, -cos phi, 0), so that a negative angle tips the arm outward and down.
 """
 
 import numpy as np
@@ -32,8 +32,8 @@ def servo_arms(nodes: FloatArray, servos: Servos) -> tuple[DrivenFrame, ...]:
         held = np.flatnonzero(nodes @ outward >= servos.clamp_radius - 1e-9)
         if not held.size:
             raise SceneError(
-                f"servos.clamp_radius is {servos.clamp_radius} m: servo {i} holds no node; strip {i} of the mesh reaches "
-                f"{float((nodes @ outward).max()):.4g} m"
+                f"servos.clamp_radius is {servos.clamp_radius} m: servo {i} holds no node; strip {i} of the mesh "
+                f"reaches {float((nodes @ outward).max()):.4g} m"
             )
         axis = np.array([np.sin(phi), -np.cos(phi), 0.0])
         frames.append(
@@ -50,6 +50,6 @@ def effector_disc(nodes: FloatArray, effector: Effector) -> IndexArray:
     held = np.flatnonzero(radius <= effector.radius + 1e-9)
     if not held.size:
         raise SceneError(
-            f"effector.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from the axis"
+            f"effector.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from Z"
         )
     return held

@@ -1,0 +1,106 @@
+"""Messages of the simulator from its snapshots."""
+
+import array
+
+import numpy as np
+from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import Pose as PoseMessage
+from numpy.typing import NDArray
+from sensor_msgs.msg import JointState, PointCloud2, PointField
+from shape_msgs.msg import Mesh, MeshTriangle
+from std_msgs.msg import ColorRGBA, Header
+from tripod_msgs.msg import BodyState, Compliance
+from visualization_msgs.msg import Marker, MarkerArray
+
+from tripod_graph.names import SERVOS, SLIDE, WORLD
+from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.realtime import Snapshot
+from tripod_sim.simulation import Pose
+
+FloatArray = NDArray[np.float64]
+
+
+def header(stamp: int) -> Header:
+    """Return a header in `world` at `stamp` [ns]."""
+    message = Header(frame_id=WORLD)
+    message.stamp.sec, message.stamp.nanosec = divmod(stamp, 1_000_000_000)
+    return message
+
+
+def flat(values: FloatArray) -> array.array:
+    """Return an array as rclpy takes it without a copy per number."""
+    return array.array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+
+def pose_message(pose: Pose) -> PoseMessage:
+    """Return a pose [m, unit quaternion]."""
+    message = PoseMessage()
+    p, q = pose.position.tolist(), pose.quaternion.tolist()
+    message.position.x, message.position.y, message.position.z = p
+    message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = q
+    return message
+
+
+def effector_message(snapshot: Snapshot, pose: Pose) -> PoseStamped:
+    """Return the effector's pose."""
+    return PoseStamped(header=header(snapshot.stamp), pose=pose_message(pose))
+
+
+def body_message(snapshot: Snapshot, mesh: SolidMesh) -> BodyState:
+    """Return the node positions."""
+    return BodyState(
+        header=header(snapshot.stamp), topology_id=mesh.topology_id, step=snapshot.step, time=snapshot.time,
+        positions=flat(snapshot.positions),
+    )  # fmt: skip
+
+
+def joint_message(snapshot: Snapshot) -> JointState:
+    """Return angles, slide and torques; the slide has no effort of its own."""
+    return JointState(
+        header=header(snapshot.stamp), name=[*SERVOS, SLIDE], position=flat(snapshot.joints),
+        effort=flat(np.append(snapshot.torques, 0.0)),
+    )  # fmt: skip
+
+
+def compliance_message(snapshot: Snapshot) -> Compliance | None:
+    """Return the compliance of the snapshot, or None if it has none."""
+    c = snapshot.compliance
+    if c is None:
+        return None
+    return Compliance(
+        header=header(snapshot.stamp), joint_names=list(SERVOS), angles=flat(c.angles), torques=flat(c.torques),
+        effector=pose_message(Pose(c.position, c.quaternion)), equilibrium_offset=c.equilibrium_offset,
+        w=flat(c.w), slide=c.slide,
+    )  # fmt: skip
+
+
+def mesh_message(mesh: SolidMesh) -> Mesh:
+    """Return the undeformed surface; its vertices are all nodes, so that indices are those of body_state."""
+    triangles = [MeshTriangle(vertex_indices=t.astype(np.uint32)) for t in mesh.surface]
+    vertices = [Point(x=x, y=y, z=z) for x, y, z in mesh.nodes.tolist()]
+    return Mesh(triangles=triangles, vertices=vertices)
+
+
+def marker_message(snapshot: Snapshot, mesh: SolidMesh) -> MarkerArray:
+    """Return the deformed surface for RViz or Foxglove."""
+    marker = Marker(
+        header=header(snapshot.stamp), ns="body", id=0, type=Marker.TRIANGLE_LIST, action=Marker.ADD
+    )
+    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+    marker.pose.orientation.w = 1.0
+    marker.color = ColorRGBA(r=0.85, g=0.75, b=0.62, a=1.0)
+    corners = snapshot.positions[mesh.surface.ravel()].tolist()
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in corners]
+    return MarkerArray(markers=[marker])
+
+
+def cloud_message(snapshot: Snapshot) -> PointCloud2:
+    """Return the nodes as a cloud of float32 points [m]."""
+    data = snapshot.positions.astype("<f4")
+    fields = [
+        PointField(name=n, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, n in enumerate("xyz")
+    ]
+    return PointCloud2(
+        header=header(snapshot.stamp), height=1, width=len(data), fields=fields, is_bigendian=False, point_step=12,
+        row_step=12 * len(data), data=array.array("B", data.tobytes()), is_dense=True,
+    )  # fmt: skip

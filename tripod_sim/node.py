@@ -1,0 +1,258 @@
+"""The simulator as a node: parameters, conversions, one call; the physics runs in its own thread."""
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import JointState, PointCloud2
+from shape_msgs.msg import Mesh
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+from tripod_msgs.msg import BodyState, Compliance, ControlMode, SimStatus
+from visualization_msgs.msg import MarkerArray
+
+from tripod_graph import names
+from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits
+from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
+from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.parameters import Parameter, ParameterError, declare
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.run import run_node
+from tripod_sim import messages, realtime
+from tripod_sim.realtime import RealTime, Snapshot
+from tripod_sim.scene import Scene
+from tripod_sim.scene_file import load_scene
+from tripod_sim.simulation import Simulation
+
+FloatArray = NDArray[np.float64]
+
+STATUS_PERIOD = 0.1
+"""Time between two status messages [s]."""
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("scene", "tripod", "Name of a shipped scene, or the path of a .toml file"),
+    Parameter("set", "", "Overrides of the scene, dotted.path=value, separated by semicolons"),
+    Parameter("body_rate", 30.0, "Node positions published a second", "Hz", low=0.1, high=1000.0),
+    Parameter("pose_rate", 100.0, "Effector poses and joint states a second", "Hz", low=0.1, high=1000.0),
+    Parameter(
+        "compliance_rate", 50.0, "Compliances a second, while someone listens", "Hz", low=0.1, high=1000.0
+    ),
+    *LIMIT_PARAMETERS,
+)
+
+
+class SimNode(Node):
+    """Feeds `RealTime` with the commands of the graph and publishes its snapshots."""
+
+    def __init__(self) -> None:
+        super().__init__("sim")
+        values = declare(self, PARAMETERS)
+        scene = load_scene(values["scene"], [w for w in values["set"].split(";") if w.strip()])
+        simulation = Simulation(scene)
+        self._scene, self._mesh = scene, simulation.mesh
+        self._lock = threading.Lock()
+        self._mode = ModeTracker()
+        self._limits = _within_scene(limits_from(values), scene)
+        self._follower = self._new_follower()
+        self._refused = 0
+        self._last_refusal = ""
+        self._publish_all(values)
+        self._physics = RealTime(
+            simulation,
+            self._setpoint,
+            compliance_period=1 / values["compliance_rate"],
+            on_snapshot=self._on_snapshot,
+        )
+        self._shown = -1
+        self._pose_every = max(1, round(1 / (values["pose_rate"] * scene.dt)))
+        self.create_timer(
+            1 / values["body_rate"], self._on_body_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+        self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._diagnostics = Diagnostics(self, self._report)
+        sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
+        self._physics.start()
+        self.get_logger().info(
+            f"scene {scene.name}: {len(self._mesh.nodes)} nodes, {len(self._mesh.elements)} elements, dt {scene.dt:g} s"
+        )
+
+    def _publish_all(self, _: object) -> None:
+        self._body = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
+        self._joints = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
+        self._pose = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
+        self._compliance = self.create_publisher(Compliance, names.COMPLIANCE, RELIABLE)
+        self._status = self.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
+        self._markers = self.create_publisher(MarkerArray, names.MARKERS, SENSOR)
+        self._cloud = self.create_publisher(PointCloud2, names.POINT_CLOUD, SENSOR)
+        self._mesh_publisher = self.create_publisher(Mesh, names.MESH, LATCHED)
+        self._mesh_publisher.publish(messages.mesh_message(self._mesh))
+        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
+        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED)
+        self.create_service(Trigger, names.SIM_RESET, self._on_reset)
+        self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
+        self.create_service(Trigger, names.SIM_STEP, self._on_step)
+
+    def close(self) -> None:
+        """End the physics."""
+        self._physics.stop()
+
+    def _new_follower(self) -> CommandFollower:
+        s = self._scene.servos
+        start = (*s.angles, s.slide) if s else (0.0, 0.0, 0.0, 0.0)
+        return CommandFollower(self._limits, None if start == self._limits.park else start)
+
+    # physics thread -------------------------------------------------------------------------------------------
+
+    def _setpoint(self, now: float) -> FloatArray | None:
+        if not self._scene.servos:
+            return None
+        with self._lock:
+            return self._follower.setpoint(now)
+
+    def _on_snapshot(self, snapshot: Snapshot) -> None:
+        if (c := messages.compliance_message(snapshot)) is not None:
+            self._compliance.publish(c)
+        if snapshot.step % self._pose_every == 0:
+            if snapshot.effector:
+                self._pose.publish(messages.effector_message(snapshot, snapshot.effector))
+            if self._scene.servos:
+                self._joints.publish(messages.joint_message(snapshot))
+
+    # executor -------------------------------------------------------------------------------------------------
+
+    def _on_body_timer(self) -> None:
+        snapshot = self._physics.latest
+        self._physics.want_compliance = (
+            self._scene.effector is not None and self._compliance.get_subscription_count() > 0
+        )
+        if snapshot.step == self._shown:
+            return
+        self._shown = snapshot.step
+        self._body.publish(messages.body_message(snapshot, self._mesh))
+        if self._markers.get_subscription_count():
+            self._markers.publish(messages.marker_message(snapshot, self._mesh))
+        if self._cloud.get_subscription_count():
+            self._cloud.publish(messages.cloud_message(snapshot))
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
+        positions = [p.positions for p in message.points]
+        try:
+            if not self._scene.servos:
+                raise CommandError(f"scene {self._scene.name!r} has no servos")
+            if self._mode.mode is Mode.STOP:
+                raise CommandError("control_mode is STOP; choose another mode first")
+            with self._lock:
+                self._follower.accept(message.joint_names, times, positions, time.monotonic())
+        except CommandError as error:
+            self._refuse(str(error))
+
+    def _on_control_mode(self, message: ControlMode) -> None:
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        try:
+            changed = self._mode.update(message.mode, stamp)
+        except ValueError as error:
+            self._refuse(str(error))
+            return
+        if changed and self._mode.mode is Mode.STOP:
+            with self._lock:
+                self._follower.stop(time.monotonic())
+
+    def _refuse(self, why: str) -> None:
+        self._refused += 1
+        self._last_refusal = why
+        self.get_logger().warning(f"command refused: {why}", throttle_duration_sec=2.0)
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._lock:
+            self._follower = self._new_follower()
+        response.success = self._physics.request_reset()
+        response.message = "back in the start state" if response.success else "the physics did not answer"
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._physics.pause(request.data)
+        response.success = self._physics.activity is not realtime.Activity.FAILED
+        response.message = self._physics.failure or ("paused" if request.data else "running")
+        return response
+
+    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._physics.request_step()
+        paused = self._physics.activity is realtime.Activity.PAUSED
+        response.message = (
+            f"step {self._physics.latest.step}" if paused else "not paused; call sim/pause first"
+        )
+        return response
+
+    def _on_status_timer(self) -> None:
+        self._status.publish(self._status_message())
+
+    def _state(self) -> int:
+        if self._physics.activity is realtime.Activity.FAILED:
+            return int(SimStatus.FAILED)
+        if self._physics.activity is realtime.Activity.PAUSED:
+            return int(SimStatus.PAUSED)
+        if not self._scene.servos or self._follower.activity is Activity.ACTIVE:
+            return int(SimStatus.RUNNING)
+        return int(SimStatus.HOLDING if self._follower.activity is Activity.HOLDING else SimStatus.PARKED)
+
+    def _status_message(self) -> SimStatus:
+        snapshot, speed = self._physics.latest, self._physics.speed()
+        dt, energies, report = self._scene.dt, snapshot.energies, snapshot.report
+        failure = f"{self._physics.failure}; call sim/reset" if self._physics.failure else ""
+        return SimStatus(
+            header=messages.header(time.time_ns()), state=self._state(), message=failure, scene=self._scene.name, dt=dt,
+            step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
+            capacity=dt / speed.median if speed.median else 0.0, step_time_median=speed.median,
+            step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings,
+            residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
+            gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
+            last_rejection=self._last_refusal,
+        )  # fmt: skip
+
+    def _report(self) -> Report:
+        speed = self._physics.speed()
+        values = {
+            "real-time factor": speed.real_time_factor,
+            "median step [s]": speed.median,
+            "missed": speed.missed,
+        }
+        if self._physics.failure:
+            return Level.ERROR, self._physics.failure, values
+        running = self._physics.activity is realtime.Activity.RUNNING
+        if running and 0 < speed.real_time_factor < 0.95:
+            return Level.WARN, f"slower than real time: factor {speed.real_time_factor:.2f}", values
+        return Level.OK, "running" if running else "paused", values
+
+
+def _within_scene(limits: CommandLimits, scene: Scene) -> CommandLimits:
+    """Return the limits narrowed to what the scene allows; raise ParameterError if nothing is left."""
+    if not (s := scene.servos):
+        return limits
+    low, high = max(limits.angle_min, s.angle_min), min(limits.angle_max, s.angle_max)
+    if not low < high:
+        raise ParameterError(
+            f"parameters angle_min {limits.angle_min} and angle_max {limits.angle_max} rad leave nothing of the "
+            f"scene's {s.angle_min} to {s.angle_max} rad"
+        )
+    return replace(limits, angle_min=low, angle_max=high, slide_max=min(limits.slide_max, s.slide_max))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node; see `tripod_graph.run.run_node`."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    return run_node("sim", SimNode, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,235 @@
+"""Physics in a thread of its own, at a fixed step on the steady clock.
+
+Other threads exchange only the latest command and the latest state with it.
+"""
+
+import threading
+import time as clock
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.compliance import Compliance
+from tripod_sim.errors import StepError
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.simulation import Energies, Pose, Simulation
+
+FloatArray = NDArray[np.float64]
+
+WINDOW = 1.0
+"""Time over which rates are measured [s]."""
+
+LATE = 0.1
+"""Delay after which missed periods are skipped instead of made up for [s]."""
+
+
+class Activity(IntEnum):
+    """What the thread is doing."""
+
+    RUNNING = 0
+    PAUSED = 1
+    FAILED = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The state after one step, never changed once made.
+
+    Attributes:
+        stamp: Wall clock [ns since the epoch].
+        step, time: Completed steps and simulated time [s] since the last reset.
+        positions: [m], shape (n, 3).
+        joints: Angles [rad] and slide [m], shape (s + 1,).
+        torques: [N m], shape (s,).
+        effector: Pose, or None.
+        compliance: If it was due at this step.
+        report, energies: Of this step.
+    """
+
+    stamp: int
+    step: int
+    time: float
+    positions: FloatArray
+    joints: FloatArray
+    torques: FloatArray
+    effector: Pose | None
+    compliance: Compliance | None
+    report: StepReport
+    energies: Energies
+
+
+@dataclass(frozen=True)
+class Speed:
+    """How fast the physics runs, over the last second.
+
+    Attributes:
+        real_time_factor: Simulated time over wall time.
+        median: Wall time of a step [s].
+        p99: 99th percentile of it [s].
+        missed: Periods skipped because the machine was late, since start.
+    """
+
+    real_time_factor: float
+    median: float
+    p99: float
+    missed: int
+
+
+class RealTime(threading.Thread):
+    """Steps a simulation once per dt of wall time.
+
+    Attributes:
+        latest: The newest snapshot.
+        activity: What the thread is doing.
+        failure: Why it failed, empty if it did not.
+        want_compliance: Whether anyone needs compliances now.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        command: Callable[[float], FloatArray | None],
+        *,
+        compliance_period: float = 0.02,
+        on_snapshot: Callable[[Snapshot], None] | None = None,
+    ) -> None:
+        """Prepare the thread; `start` starts it.
+
+        Args:
+            simulation: Belongs to the thread from `start` on.
+            command: Gives the joints (s + 1,) for the steady time [s] of a step; called in the thread.
+            compliance_period: Shortest time between two compliances [s].
+            on_snapshot: Called in the thread after each step; it must be short.
+        """
+        super().__init__(name="physics", daemon=True)
+        self._simulation, self._command, self._on_snapshot = simulation, command, on_snapshot
+        dt = simulation.scene.dt
+        self._every = max(1, round(compliance_period / dt))
+        self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
+        self._done: deque[float] = deque(maxlen=self._taken.maxlen)
+        self._missed = 0
+        self._requests = threading.Condition()
+        self._reset_wanted = self._stopping = False
+        self._steps_wanted = 0
+        self._finished = 0
+        self.activity, self.failure = Activity.RUNNING, ""
+        self.want_compliance = False
+        self.latest = self._snapshot(compliance=False)
+
+    def run(self) -> None:
+        """Step until `stop`."""
+        dt, due = self._simulation.scene.dt, clock.monotonic()
+        while not self._stopping:
+            if self._reset_wanted:
+                self._reset()
+                due = clock.monotonic()
+            stepping = self.activity is Activity.RUNNING or self._steps_wanted > 0
+            if stepping and self.activity is not Activity.FAILED:
+                self._advance()
+            with self._requests:
+                if self._steps_wanted:
+                    self._steps_wanted -= 1
+                self._finished += 1
+                self._requests.notify_all()
+                if self.activity is not Activity.RUNNING:
+                    self._requests.wait_for(self._is_wanted, timeout=0.1)
+                    due = clock.monotonic()
+                    continue
+            due += dt
+            ahead = due - clock.monotonic()
+            if ahead > 0:
+                clock.sleep(ahead)
+            elif ahead < -LATE:
+                skipped = int(-ahead / dt)
+                self._missed += skipped
+                due += skipped * dt
+
+    def _is_wanted(self) -> bool:
+        return (
+            self._stopping
+            or self._reset_wanted
+            or self._steps_wanted > 0
+            or self.activity is Activity.RUNNING
+        )
+
+    def _advance(self) -> None:
+        start = clock.perf_counter()
+        try:
+            self._simulation.step(self._command(clock.monotonic()))
+        except (StepError, ValueError) as error:  # ValueError: a command that the scene refuses
+            self.activity, self.failure = Activity.FAILED, str(error)
+            return
+        self._taken.append(clock.perf_counter() - start)
+        self._done.append(clock.perf_counter())
+        due = self.want_compliance and self._simulation.state.step % self._every == 0
+        self.latest = self._snapshot(compliance=due)
+        if self._on_snapshot:
+            self._on_snapshot(self.latest)
+
+    def _reset(self) -> None:
+        self._simulation.reset()
+        self.activity = Activity.PAUSED if self.activity is Activity.PAUSED else Activity.RUNNING
+        self.failure = ""
+        self._reset_wanted = False
+        self.latest = self._snapshot(compliance=False)
+
+    def _snapshot(self, *, compliance: bool) -> Snapshot:
+        simulation = self._simulation
+        state = simulation.state
+        answer = None
+        if compliance:
+            try:
+                answer = simulation.compliance()
+            except StepError:
+                answer = None  # singular just here; the next one follows
+        return Snapshot(
+            clock.time_ns(), state.step, state.time, state.positions.copy(), state.joints.copy(),
+            simulation.torques.copy(), simulation.effector, answer, simulation.report, simulation.energies(),
+        )  # fmt: skip
+
+    def speed(self) -> Speed:
+        """Return how fast the physics runs; callable from any thread."""
+        taken, done, dt = list(self._taken), list(self._done), self._simulation.scene.dt
+        if len(done) < 2:
+            return Speed(0.0, 0.0, 0.0, self._missed)
+        now = clock.perf_counter()
+        recent = [t for t in done if t > now - WINDOW]
+        factor = (len(recent) - 1) * dt / max(recent[-1] - recent[0], 1e-9) if len(recent) > 1 else 0.0
+        return Speed(factor, float(np.median(taken)), float(np.percentile(taken, 99)), self._missed)
+
+    def pause(self, paused: bool) -> None:
+        """Pause or go on."""
+        with self._requests:
+            if self.activity is not Activity.FAILED:
+                self.activity = Activity.PAUSED if paused else Activity.RUNNING
+            self._requests.notify_all()
+
+    def request_step(self, timeout: float = 2.0) -> bool:
+        """Make one step while paused and wait for it; return whether it was made."""
+        with self._requests:
+            if self.activity is not Activity.PAUSED:
+                return False
+            before = self.latest.step
+            self._steps_wanted += 1
+            self._requests.notify_all()
+            self._requests.wait_for(lambda: self._steps_wanted == 0, timeout)
+        return self.latest.step > before
+
+    def request_reset(self, timeout: float = 2.0) -> bool:
+        """Return to the start state and wait for it; return whether it happened in time."""
+        with self._requests:
+            self._reset_wanted = True
+            self._requests.notify_all()
+            return self._requests.wait_for(lambda: not self._reset_wanted, timeout)
+
+    def stop(self, timeout: float = 5.0) -> None:
+        """End the thread after the step at hand."""
+        self._stopping = True
+        with self._requests:
+            self._requests.notify_all()
+        if self.is_alive():
+            self.join(timeout)
