@@ -254,6 +254,7 @@ def test_a_demo_without_a_terminal_records_and_ends_by_itself(options: list[Any]
     [
         (["--scene", "tirpod"], "tripod"),
         (["--duration", "nan"], "--duration"),
+        (["--duration", "inf"], "--duration"),
         (["drvier.rate:=1"], "did you mean 'driver'"),
         (["--view-port", "70000"], "--view-port"),
     ],
