@@ -1,0 +1,315 @@
+"""Ports: what arrives at the other end, and what they say when something is wrong."""
+
+import errno
+import os
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import serial
+
+from tripod_driver.ports import boards, serial_port
+from tripod_driver.ports.boards import FoundPort, find_board, serial_ports
+from tripod_driver.ports.choose import choose_port
+from tripod_driver.ports.mock import MEMORY, Fault, MockPort
+from tripod_driver.ports.port import Port, PortError
+from tripod_driver.ports.pseudo_terminal import LINGER_TIME, PseudoTerminalPort
+from tripod_driver.ports.serial_port import DRAIN_TIME, SerialPort, group_of
+
+PACKET = bytes([255, 10, 13, 17])  # 10, 13 and 17 are what a terminal that is not raw would change
+SLACK = 1.0  # [s] a busy machine may need on top of a bounded wait
+
+
+@pytest.fixture
+def board() -> Iterator[SimpleNamespace]:
+    """A raw pseudo-terminal in place of a board: `near` is the board's end, `path` the computer's device."""
+    near, far = os.openpty()
+    tty.setraw(far)
+    yield SimpleNamespace(near=near, path=os.ttyname(far))
+    os.close(far)
+    os.close(near)
+
+
+# serial port ----------------------------------------------------------------------------------------------
+
+
+def test_serial_port_delivers_bytes_unchanged_and_counts_as_open_under_its_device(board) -> None:
+    port = SerialPort(board.path, boot_time=0.0)
+    with port:
+        assert port.name == board.path
+        port.write(PACKET)
+        port.write(PACKET)
+        assert os.read(board.near, 100) == 2 * PACKET
+    with pytest.raises(PortError, match="is not open"):
+        port.write(PACKET)
+
+
+def test_serial_port_closes_whatever_happens_inside(board) -> None:
+    port = SerialPort(board.path)
+    with pytest.raises(ZeroDivisionError), port:
+        1 / 0  # noqa: B018
+    with SerialPort(board.path):  # the lock is free again
+        pass
+    port.close()  # may be repeated
+
+
+def test_serial_port_is_held_exclusively(board) -> None:
+    with SerialPort(board.path), pytest.raises(PortError, match=f"{board.path} is in use by another program"):
+        SerialPort(board.path).open()
+
+
+def test_serial_port_that_takes_no_bytes_fails_within_the_time_out(board) -> None:
+    with SerialPort(board.path, write_timeout=0.05) as port:
+        start = time.monotonic()
+        with pytest.raises(PortError, match=r"took no bytes for 0\.05 s; is the board alive\?"):
+            for _ in range(100):
+                begun = time.monotonic()
+                port.write(bytes(65536))
+        assert time.monotonic() - begun < 0.05 + SLACK
+        start = time.monotonic()
+    assert time.monotonic() - start < DRAIN_TIME + SLACK  # closing waits no longer for a board that is stuck
+
+
+def test_serial_port_says_that_the_device_vanished() -> None:
+    near, far = os.openpty()
+    tty.setraw(far)
+    port = SerialPort(os.ttyname(far))
+    port.open()
+    path = port.name
+    os.close(near)
+    with pytest.raises(
+        PortError, match=rf"{path} was lost \(.*Input/output error.*\); check cable and power"
+    ):
+        for _ in range(3):
+            port.write(PACKET)
+    port.close()
+    os.close(far)
+
+
+def test_missing_device_lists_what_there_is(monkeypatch) -> None:
+    there = [FoundPort("/dev/ttyUSB3", 0x1A86, 0x7523, "USB Serial", "/dev/serial/by-id/usb-1a86")]
+    monkeypatch.setattr(serial_port, "serial_ports", lambda: there)
+    message = (
+        "/dev/ttyUSB0 does not exist; serial ports: "
+        r"/dev/ttyUSB3 \(1A86:7523, CH340, /dev/serial/by-id/usb-1a86\)"
+    )
+    with pytest.raises(PortError, match=message):
+        SerialPort("/dev/ttyUSB0").open()
+
+
+def test_missing_permission_names_the_command(monkeypatch) -> None:
+    def refuse(path: str, *_: object, **__: object) -> None:
+        raise serial.SerialException(errno.EACCES, f"could not open port {path}: Permission denied")
+
+    monkeypatch.setattr(serial_port.serial, "Serial", refuse)
+    monkeypatch.setattr(serial_port, "group_of", lambda _: "uucp")
+    message = (
+        r"no permission to open /dev/ttyACM0; run: sudo usermod -aG uucp \$USER, then log out and in again"
+    )
+    with pytest.raises(PortError, match=message):
+        SerialPort("/dev/ttyACM0").open()
+
+
+def test_group_is_dialout_unless_the_device_belongs_to_another(board) -> None:
+    assert group_of("/dev/null") == "dialout"  # of root, whose group nobody should join
+    assert group_of("/dev/nothing") == "dialout"
+    assert group_of(board.path) in ("tty", "dialout")
+
+
+def test_a_file_is_no_serial_port(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(b"")
+    for path in (file, tmp_path):
+        with pytest.raises(PortError, match=f"{path} cannot be used as a serial port"):
+            SerialPort(str(path)).open()
+
+
+# finding the board ----------------------------------------------------------------------------------------
+
+UNO = FoundPort("/dev/ttyACM0", 0x2341, 0x0043, "Arduino Uno", "/dev/serial/by-id/usb-Arduino")
+CH340 = FoundPort("/dev/ttyUSB0", 0x1A86, 0x7523, "USB Serial")
+PHONE = FoundPort("/dev/ttyACM1", 0x18D1, 0x4EE7, "Pixel")
+BUILT_IN = FoundPort("/dev/ttyS0")
+
+
+def test_the_only_known_board_is_found() -> None:
+    assert find_board([BUILT_IN, PHONE, UNO]) is UNO
+    assert find_board([CH340]) is CH340
+
+
+@pytest.mark.parametrize(
+    ("there", "message"),
+    [
+        ([], "no board found; serial ports: none; plug it in or give port:=PATH"),
+        (
+            [BUILT_IN, PHONE],
+            "no board found; serial ports: /dev/ttyS0 (not USB); /dev/ttyACM1 (18D1:4EE7, Pixel); plug it in or "
+            "give port:=PATH",
+        ),
+        (
+            [UNO, PHONE, CH340],
+            "2 boards found: /dev/ttyACM0 (2341:0043, Arduino Uno, /dev/serial/by-id/usb-Arduino); /dev/ttyUSB0 "
+            "(1A86:7523, CH340); choose one with port:=PATH",
+        ),
+    ],
+)
+def test_no_board_or_several_are_listed(there: list[FoundPort], message: str) -> None:
+    with pytest.raises(PortError) as caught:
+        find_board(there)
+    assert str(caught.value) == message
+
+
+def test_auto_opens_the_board_that_is_found(board, monkeypatch) -> None:
+    found = FoundPort(board.path, 0x2341, 0x0043)
+    monkeypatch.setattr(serial_port, "serial_ports", lambda: [BUILT_IN, found])
+    port = SerialPort("auto")
+    assert port.name == "auto"
+    with port:
+        assert port.name == board.path
+        port.write(PACKET)
+        assert os.read(board.near, 100) == PACKET
+
+
+def test_ports_carry_their_lasting_path(tmp_path: Path, monkeypatch) -> None:
+    device = tmp_path / "ttyUSB7"
+    device.write_bytes(b"")
+    (tmp_path / "by-id").mkdir()
+    (tmp_path / "by-id" / "usb-FTDI").symlink_to(device)
+    info = SimpleNamespace(device=str(device), vid=0x0403, pid=0x6001, product="FT232R")
+    other = SimpleNamespace(device="/dev/ttyS0", vid=None, pid=None, product=None)
+    monkeypatch.setattr(boards, "comports", lambda: [info, other])
+    link = str(tmp_path / "by-id" / "usb-FTDI")
+    expected = [BUILT_IN, FoundPort(str(device), 0x0403, 0x6001, "FT232R", link)]
+    assert serial_ports(tmp_path / "by-id") == expected
+
+
+# pseudo-terminal ------------------------------------------------------------------------------------------
+
+
+def open_reader(port: Port) -> int:
+    return os.open(port.name, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+
+
+def read_all(end: int) -> bytes:
+    data = b""
+    while True:
+        try:
+            data += os.read(end, 65536)
+        except BlockingIOError:
+            return data
+
+
+def test_pseudo_terminal_delivers_bytes_unchanged_to_the_device_that_it_names() -> None:
+    with PseudoTerminalPort() as port:
+        reader = open_reader(port)
+        try:
+            port.write(PACKET)
+            deadline = time.monotonic() + 5
+            data = b""
+            while data != PACKET and time.monotonic() < deadline:
+                data += read_all(reader)
+            assert data == PACKET
+            assert termios.tcgetattr(reader)[3] & termios.ECHO == 0
+        finally:
+            os.close(reader)
+    assert port.name == "pty"
+    with pytest.raises(PortError, match="not open"):
+        port.write(PACKET)
+
+
+def test_pseudo_terminal_never_blocks_without_a_reader_and_keeps_the_newest() -> None:
+    with PseudoTerminalPort() as port:
+        packets = [bytes([255, 60 + i % 121, 60 + i // 121 % 121, 100]) for i in range(20_000)]
+        slowest = 0.0
+        for packet in packets:
+            begun = time.monotonic()
+            port.write(packet)
+            slowest = max(slowest, time.monotonic() - begun)
+        assert slowest < SLACK
+        reader = open_reader(port)
+        try:
+            last, deadline = b"", time.monotonic() + 5
+            while not last.endswith(packets[-1]) and time.monotonic() < deadline:
+                last += read_all(reader)
+            assert last.endswith(packets[-1])
+            assert b"".join(packets).endswith(last[-4000:])  # nothing is missing between what is kept
+        finally:
+            os.close(reader)
+
+
+def test_pseudo_terminal_closes_in_bounded_time_without_a_reader() -> None:
+    port = PseudoTerminalPort()
+    port.open()
+    port.write(PACKET)
+    begun = time.monotonic()
+    port.close()
+    assert time.monotonic() - begun < LINGER_TIME + SLACK
+
+
+# memory ---------------------------------------------------------------------------------------------------
+
+
+def test_mock_remembers_what_arrived_up_to_its_memory() -> None:
+    with MockPort() as port:
+        port.write(PACKET)
+        assert port.arrived == PACKET
+        port.write(bytes(MEMORY))
+        assert port.arrived == bytes(MEMORY)
+
+
+def test_mock_fails_on_demand() -> None:
+    port = MockPort()
+    with pytest.raises(PortError, match="mock is not open"):
+        port.write(PACKET)
+    port.open()
+    port.fault = Fault.SILENT
+    port.write(b"abcd")
+    assert port.arrived == b""
+    port.fault = Fault.LATE
+    port.write(b"efgh")
+    assert port.arrived == b""
+    port.write(b"ijkl")
+    assert port.arrived == b"efgh"
+    port.fault = None
+    port.write(b"mnop")
+    assert port.arrived == b"efghijklmnop"
+    port.fault = Fault.SHORT
+    with pytest.raises(PortError, match="mock took 2 of 4 bytes"):
+        port.write(b"qrst")
+    assert port.arrived == b"efghijklmnopqr"
+    port.fault = Fault.CORRUPT
+    port.write(bytes([1, 2, 3, 4]))
+    port.write(bytes([5, 6, 7]))
+    assert port.arrived[-7:] == bytes([1, 2, 3 ^ 128, 4, 5, 6 ^ 128, 7])
+    port.fault = Fault.UNPLUGGED
+    with pytest.raises(PortError, match="mock was lost"):
+        port.write(b"u")
+    port.close()
+    with pytest.raises(PortError, match="mock is unplugged"):
+        port.open()
+
+
+# choice ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("word", "kind"),
+    [("mock", MockPort), ("pty", PseudoTerminalPort), ("auto", SerialPort), ("/dev/ttyACM0", SerialPort)],
+)
+def test_word_chooses_the_port(word: str, kind: type[Port]) -> None:
+    port = choose_port(word, baud=9600, boot_time=1.5, write_timeout=0.1)
+    assert type(port) is kind
+    assert port.name == word
+    assert port.boot_time == (1.5 if kind is SerialPort else 0.0)
+
+
+@pytest.mark.parametrize("word", ["", "ttyACM0", "mcok"])
+def test_other_words_are_refused_with_the_choices(word: str) -> None:
+    with pytest.raises(
+        ValueError, match=f"port '{word}' is none of: mock, pty, auto, or the path of a device"
+    ):
+        choose_port(word, baud=9600, boot_time=1.5, write_timeout=0.1)
