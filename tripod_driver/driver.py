@@ -50,7 +50,7 @@ class Driver:
         *,
         start: Sequence[float] | None = None,
         keep_alive: float = 0.1,
-        longest_step: float = 0.04,
+        period: float = 0.02,
     ) -> None:
         """Begin disconnected and inactive.
 
@@ -61,14 +61,14 @@ class Driver:
             start: Angles in which the servos are assumed now [rad], shape (3,): the board cannot be asked.
                 None means the park position.
             keep_alive: Longest time between two packets [s].
-            longest_step: See `CommandFollower`; twice the period of `tick`.
+            period: Time from one `tick` to the next [s]; after a stall the joints move on as if it had been two.
         """
         self.link, self.protocol = link, protocol
         self.rejected, self.last_rejection = 0, ""
         self.packets_sent, self.bytes_sent = 0, 0
-        self._longest_step, self._keep_alive = longest_step, keep_alive
+        self._period, self._keep_alive = period, keep_alive
         joints = None if start is None else [*start, limits.park[3]]
-        self._follower = CommandFollower(limits, joints, longest_step=longest_step)
+        self._follower = CommandFollower(limits, joints, longest_step=2 * period)
         self._mode = ModeTracker()
         self._active = self._halted = self._connected = False
         self._ignored = 0
@@ -198,7 +198,7 @@ class Driver:
         """Move to the park position now and ignore commands; `at_rest` tells when it is there."""
         limits = replace(self._follower.limits, park_after=0.0)
         joints = [float(value) for value in self._follower.joints]
-        self._follower = CommandFollower(limits, joints, longest_step=self._longest_step)
+        self._follower = CommandFollower(limits, joints, longest_step=2 * self._period)
         self._follower.setpoint(now)
         self._halted = True
 
@@ -216,7 +216,7 @@ class Driver:
             return False
         self._follower.setpoint(now)
         packet = self._bytes()
-        if packet == self._packet and now - self._sent_at < self._keep_alive:
+        if packet == self._packet and now + self._period <= self._sent_at + self._keep_alive:
             return False
         if not self.link.write(packet, now):
             self._rest(now)

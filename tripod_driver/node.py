@@ -252,7 +252,7 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
         limits_from(values),
         start=start or None,
         keep_alive=values["keep_alive"],
-        longest_step=2.0 / values["rate"],
+        period=1.0 / values["rate"],
     )
 
 

@@ -1,0 +1,372 @@
+"""What may reach the servos, and when: the driver against a port in memory, with time given by the test."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tripod_driver.driver import Driver, DriverState
+from tripod_driver.link import Link
+from tripod_driver.ports.mock import Fault, MockPort
+from tripod_driver.protocol import RESOLUTION, AngleMapping, LegacyDecoder, LegacyProtocol
+from tripod_graph.command import CommandError, CommandLimits
+from tripod_graph.mode import Mode
+from tripod_graph.names import SERVOS, SLIDE
+
+PERIOD = 0.02
+LIMITS = CommandLimits(angle_speed=2.0, park=(-0.2, -0.2, -0.2, 0.0), park_after=1.0)
+PROTOCOL = LegacyProtocol()
+
+
+class Bench:
+    """A driver on a mock port, and a clock."""
+
+    def __init__(
+        self, *, boot_time: float = 0.0, start=(-0.5, -0.5, -0.5), active: bool = True, **options
+    ) -> None:
+        self.now = 100.0
+        self.port = MockPort(boot_time=boot_time)
+        link = Link(self.port, retry_min=0.5, retry_max=2.0)
+        self.driver = Driver(link, LegacyProtocol(), LIMITS, start=start, period=PERIOD, **options)
+        if active:
+            self.driver.connect()
+            self.driver.activate(self.now)
+            self.driver.tick(self.now)
+
+    def run(self, duration: float) -> list[tuple[float, bytes]]:
+        """Tick for `duration` [s]; return time and bytes of every packet that arrived."""
+        sent = []
+        for _ in range(round(duration / PERIOD)):
+            self.now += PERIOD
+            before = len(self.port.arrived)
+            count = self.driver.packets_sent
+            if self.driver.tick(self.now):
+                sent.append((self.now, self.port.arrived[before:]))
+            assert self.driver.packets_sent - count <= 1
+        return sent
+
+    def goto(self, *angles: float, time: float = 0.0) -> None:
+        self.driver.trajectory(SERVOS, [time], [list(angles)], self.now)
+
+    def mode(self, mode: Mode) -> None:
+        self.driver.control_mode(mode, self.now, self.now)
+
+    @property
+    def angles(self) -> tuple[float, ...]:
+        return PROTOCOL.decode(self.port.arrived[-4:])
+
+
+def test_nothing_is_opened_or_sent_before_it_is_allowed() -> None:
+    bench = Bench(active=False)
+    assert bench.run(1.0) == []
+    assert (bench.port.opened, bench.driver.state) == (0, DriverState.DISCONNECTED)
+    assert all(math.isnan(angle) for angle in bench.driver.sent)
+    bench.driver.connect()
+    assert bench.run(1.0) == []
+    assert (bench.port.opened, bench.driver.state) == (1, DriverState.READY)
+    bench.mode(Mode.IK)
+    bench.goto(-1.0, -1.0, -1.0)
+    assert bench.driver.message == "not active: commands are ignored"
+    bench.driver.activate(bench.now)
+    assert next(packet for _, packet in bench.run(0.5)) == PROTOCOL.encode([-0.5] * 3)
+    assert bench.angles == pytest.approx([-0.5] * 3, abs=RESOLUTION)  # what was asked before does not count
+    assert bench.driver.state is DriverState.HOLDING
+
+
+def test_the_first_packet_is_the_assumed_position_after_the_board_has_booted() -> None:
+    bench = Bench(boot_time=1.0)
+    assert bench.run(0.98) == []
+    assert bench.driver.state is DriverState.CONNECTING
+    packets = bench.run(0.1)
+    assert packets[0][1] == PROTOCOL.encode([-0.5] * 3)
+    parked = Bench(start=None)
+    assert parked.port.arrived == PROTOCOL.encode([-0.2] * 3)
+    assert parked.driver.state is DriverState.PARKED
+
+
+def test_changes_are_sent_at_once_and_the_same_bytes_only_as_keep_alive() -> None:
+    bench = Bench(keep_alive=0.1)
+    bench.mode(Mode.TELEOP)
+    still = bench.run(0.5)
+    assert 5 <= len(still) <= 7
+    assert {packet for _, packet in still} == {PROTOCOL.encode([-0.5] * 3)}
+    assert np.diff([100.0, *(t for t, _ in still), bench.now]).max() <= 0.1 + 1e-9
+    bench.goto(-0.5, -0.6, -0.5)
+    moving = bench.run(0.04)  # 2 rad/s: a degree passes in 9 ms
+    assert len(moving) == 2
+    assert bench.driver.bytes_sent == 4 * bench.driver.packets_sent == len(bench.port.arrived)
+
+
+def test_packets_carry_the_commanded_angles() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.driver.trajectory(
+        (SLIDE, "servo_2", "servo_1", "servo_0"),
+        [0.5, 1.0],
+        [[0.0, -0.7, -0.6, -0.5], [0.01, -0.9, -0.8, -0.7]],
+        100.0,
+    )
+    bench.run(0.5)
+    assert bench.angles == pytest.approx([-0.5, -0.6, -0.7], abs=RESOLUTION + 1e-9)
+    bench.run(0.5)
+    assert bench.angles == pytest.approx([-0.7, -0.8, -0.9], abs=RESOLUTION + 1e-9)
+    assert bench.driver.commanded == pytest.approx([-0.7, -0.8, -0.9])
+    assert bench.driver.sent == bench.angles
+    assert bench.driver.message == ""
+    assert bench.driver.state is DriverState.ACTIVE
+
+
+def test_an_angle_that_the_protocol_cannot_carry_is_said_to_be_clamped() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.goto(-0.5, 0.3, -0.5, time=0.5)
+    bench.run(0.5)
+    assert bench.port.arrived[-4:] == bytes([255, 151, 180, 151])
+    expected = (
+        "servo_1 is asked for 0.300 rad, protocol legacy carries -2.103 to 0.009 rad: the nearest is sent"
+    )
+    assert bench.driver.message == expected
+
+
+def test_silence_holds_then_parks() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.goto(-1.0, -1.0, -1.0, time=0.4)
+    bench.run(0.9)  # silent 0.5 s after the last point
+    assert bench.driver.state is DriverState.ACTIVE
+    bench.run(0.96)
+    assert bench.driver.state is DriverState.HOLDING
+    assert bench.angles == pytest.approx([-1.0] * 3, abs=RESOLUTION + 1e-9)
+    bench.run(1.0)
+    assert bench.driver.state is DriverState.PARKED
+    assert bench.port.arrived[-4:] == PROTOCOL.encode([-0.2] * 3)
+
+
+@pytest.mark.parametrize("stop", ["mode", "service"])
+def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.goto(-1.5, -1.5, -1.5, time=1.0)
+    bench.run(0.5)
+    last = bench.port.arrived[-4:]
+    if stop == "mode":
+        bench.mode(Mode.STOP)
+    else:
+        bench.driver.halt(bench.now)
+    bench.goto(-1.0, -1.0, -1.0)
+    bench.run(0.9)
+    assert bench.driver.state is DriverState.HOLDING
+    assert {packet for _, packet in bench.run(0.06)} <= {last}
+    assert bench.port.arrived[-4:] == last
+    said = (
+        "control mode is STOP: commands are ignored"
+        if stop == "mode"
+        else "stopped by service; change the con"
+    )
+    assert bench.driver.message.startswith(said)
+    assert bench.driver.rejected == 0  # they were no mistakes
+    bench.mode(Mode.TELEOP)
+    assert bench.driver.message == ""
+    bench.goto(-1.2, -1.2, -1.2, time=0.4)
+    bench.run(0.44)
+    assert bench.angles == pytest.approx([-1.2] * 3, abs=RESOLUTION + 1e-9)
+
+
+def test_the_same_mode_again_does_not_undo_a_stop_by_service() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.run(0.1)
+    bench.driver.halt(bench.now)
+    bench.mode(Mode.IK)
+    bench.goto(-1.0, -1.0, -1.0)
+    bench.run(0.2)
+    assert bench.angles == pytest.approx([-0.5] * 3, abs=RESOLUTION)
+
+
+def test_a_new_source_does_not_inherit_the_motion_of_the_old_one() -> None:
+    bench = Bench()
+    bench.mode(Mode.REPLAY)
+    bench.goto(-2.0, -2.0, -2.0, time=10.0)
+    bench.run(1.0)
+    bench.mode(Mode.IK)
+    last = bench.port.arrived[-4:]
+    bench.run(0.5)
+    assert bench.port.arrived[-4:] == last
+    assert bench.driver.state is DriverState.HOLDING
+
+
+def test_bad_commands_are_counted_and_named_whether_motion_is_allowed_or_not() -> None:
+    bench = Bench()
+    bad = (SERVOS, [0.0], [[math.nan, 0.0, 0.0]])
+    with pytest.raises(CommandError):
+        bench.driver.trajectory(*bad, bench.now)
+    bench.mode(Mode.IK)
+    bench.run(0.1)
+    with pytest.raises(CommandError):
+        bench.driver.trajectory(*bad, bench.now)
+    assert bench.driver.rejected == 2
+    assert bench.driver.last_rejection == "point 0: servo_0 is nan rad, allowed is -2.1 to 0.6 rad"
+    with pytest.raises(ValueError, match="control mode 9 is unknown"):
+        bench.driver.control_mode(9, bench.now, bench.now)
+    assert (bench.driver.rejected, bench.driver.mode) == (3, Mode.IK)
+    assert bench.driver.last_rejection.startswith("control mode 9 is unknown; modes: 0 STOP")
+
+
+def test_a_lost_port_is_opened_again_and_the_next_command_ramps() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.goto(-1.5, -1.5, -1.5, time=1.0)
+    bench.run(0.5)
+    count = bench.driver.packets_sent
+    last = bench.port.arrived[-4:]
+    bench.port.fault = Fault.UNPLUGGED
+    bench.run(0.3)
+    assert bench.driver.state is DriverState.DISCONNECTED
+    assert bench.driver.message == "mock was lost; next attempt after 0.5 s"
+    bench.goto(-1.8, -1.8, -1.8)  # nobody hears it
+    bench.run(0.5)
+    assert bench.driver.message == "mock is unplugged; next attempt after 1 s"
+    assert bench.driver.packets_sent == count
+    bench.port.fault = None
+    packets = bench.run(1.5)
+    assert bench.driver.link.reconnects == 1
+    assert np.abs(np.subtract(list(packets[0][1]), list(last))).max() <= 3  # a tick's way further at most
+    assert len({packet for _, packet in packets}) == 1  # what was asked before the loss is forgotten
+    bench.goto(-1.6, -1.6, -1.6)
+    ramp = [PROTOCOL.decode(packet) for _, packet in bench.run(0.5)]
+    steps = np.abs(np.diff([PROTOCOL.decode(packets[-1][1]), *ramp], axis=0))
+    assert steps.max() <= 2.0 * PERIOD + 2 * RESOLUTION
+    assert ramp[-1] == pytest.approx([-1.6] * 3, abs=RESOLUTION + 1e-9)
+
+
+@pytest.mark.parametrize("fault", [Fault.SILENT, Fault.LATE, Fault.CORRUPT])
+def test_a_fault_that_nobody_can_see_does_not_stop_the_stream(fault: Fault) -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.run(0.1)
+    bench.port.fault = fault
+    bench.goto(-0.7, -0.7, -0.7, time=0.2)
+    bench.run(0.3)
+    assert bench.driver.state is DriverState.ACTIVE
+    bench.port.fault = None
+    bench.run(0.2)
+    found = LegacyDecoder().feed(bench.port.arrived)
+    assert found[-1] == pytest.approx([-0.7] * 3, abs=RESOLUTION + 1e-9)
+
+
+def test_a_write_cut_short_reopens_the_port_and_the_stream_recovers() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.run(0.1)
+    bench.port.fault = Fault.SHORT
+    bench.run(0.2)
+    assert bench.driver.state is DriverState.DISCONNECTED
+    assert bench.driver.message == "mock took 2 of 4 bytes; next attempt after 0.5 s"
+    bench.port.fault = None
+    bench.run(0.6)
+    decoder = LegacyDecoder()
+    assert decoder.feed(bench.port.arrived)[-1] == pytest.approx([-0.5] * 3, abs=RESOLUTION)
+    assert decoder.skipped == 2
+
+
+def test_deactivation_holds_and_sends_nothing_more() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.goto(-1.5, -1.5, -1.5, time=1.0)
+    bench.run(0.5)
+    last = bench.angles
+    bench.driver.deactivate(bench.now)
+    assert bench.run(3.0) == []
+    assert bench.driver.state is DriverState.READY
+    bench.driver.activate(bench.now)
+    packets = bench.run(0.5)  # neither the old trajectory nor the park position
+    assert {PROTOCOL.decode(packet) for _, packet in packets} == {last}
+
+
+def test_parking_ramps_to_the_park_position_and_ignores_commands() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.goto(-1.0, -0.6, -1.0, time=0.5)
+    bench.run(0.5)
+    bench.driver.park(bench.now)
+    assert not bench.driver.at_rest
+    bench.goto(-2.0, -2.0, -2.0)
+    packets = bench.run(0.44)  # 0.8 rad at 2 rad/s, and a tick
+    assert bench.driver.at_rest
+    assert packets[-1][1] == PROTOCOL.encode([-0.2] * 3)
+    steps = np.diff([PROTOCOL.decode(packet) for _, packet in packets], axis=0)
+    assert np.abs(steps).max() <= 2.0 * PERIOD + 2 * RESOLUTION
+    assert bench.driver.state is DriverState.PARKED
+
+
+def test_disconnecting_closes_the_port_and_keeps_it_closed() -> None:
+    bench = Bench()
+    bench.run(0.1)
+    bench.driver.disconnect()
+    assert bench.run(1.0) == []
+    assert (bench.port.is_open, bench.port.opened) == (False, 1)
+    assert bench.driver.message == "the port is closed"
+
+
+def test_a_stalled_executor_moves_no_further_than_two_ticks() -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    bench.run(0.1)
+    bench.goto(-2.0, -2.0, -2.0)
+    bench.now += 0.4
+    bench.driver.tick(bench.now)
+    assert bench.angles == pytest.approx([-0.5 - 2.0 * 2 * PERIOD] * 3, abs=RESOLUTION + 1e-9)
+
+
+def test_tutorial_bytes_are_those_of_the_workshop() -> None:
+    port = MockPort()
+    protocol = LegacyProtocol(AngleMapping.TUTORIAL)
+    driver = Driver(Link(port, retry_min=1, retry_max=1), protocol, CommandLimits(), start=[-0.5, -1.0, -1.5])
+    driver.connect()
+    driver.activate(0.0)
+    driver.tick(0.0)
+    assert port.arrived == bytes(
+        [255, 150, 121, 93]
+    )  # floor(-28.6) + 179, floor(-57.3) + 179, floor(-85.9) + 179
+
+
+angle = st.floats(LIMITS.angle_min, LIMITS.angle_max)
+event = st.one_of(
+    st.tuples(st.just("goto"), st.tuples(angle, angle, angle, st.floats(0.0, 1.0))),
+    st.tuples(st.just("mode"), st.sampled_from(Mode)),
+    st.tuples(st.just("fault"), st.none() | st.sampled_from([Fault.SHORT, Fault.UNPLUGGED])),
+    st.tuples(
+        st.sampled_from(["halt", "deactivate", "activate", "disconnect", "connect", "park"]), st.none()
+    ),
+    st.tuples(st.just("wait"), st.floats(0.02, 1.0)),
+)
+
+
+@given(st.lists(event, max_size=15))
+def test_whatever_happens_the_servos_see_neither_a_jump_nor_an_impossible_byte(events) -> None:
+    bench = Bench()
+    bench.mode(Mode.IK)
+    packets = bench.run(0.04)
+    for kind, value in events:
+        if kind == "goto":
+            bench.goto(*value[:3], time=value[3])
+        elif kind == "mode":
+            bench.mode(value)
+        elif kind == "fault":
+            bench.port.fault = value
+        elif kind in ("halt", "deactivate", "activate", "park"):
+            getattr(bench.driver, kind)(bench.now)
+        elif kind != "wait":
+            getattr(bench.driver, kind)()
+        packets += bench.run(value if kind == "wait" else PERIOD)
+    bench.port.fault = None
+    bench.driver.connect()
+    bench.driver.activate(bench.now)
+    packets += bench.run(5.0)
+    times = np.array([t for t, _ in packets])
+    angles = np.array([PROTOCOL.decode(packet) for _, packet in packets])
+    allowed = 2.0 * np.maximum(np.diff(times), 0) + 2 * RESOLUTION + 1e-9
+    assert (np.abs(np.diff(angles, axis=0)).max(axis=1) <= allowed).all()
+    assert packets[-1][1] == PROTOCOL.encode([-0.2] * 3)  # in the end it parks
