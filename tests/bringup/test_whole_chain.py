@@ -1,0 +1,195 @@
+"""The whole chain for real: `tripod up --demo` with every node, and what it left on the disk."""
+
+import os
+import random
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make setup`")
+
+from rosbags.highlevel import AnyReader
+
+from tripod_bringup.demo_target import DemoTarget
+from tripod_graph import names
+from tripod_graph.mode import Mode
+
+ROOT = Path(__file__).parents[2]
+TRACK = 6.0
+TOPICS = {
+    f"/{topic}".replace("//", "/")
+    for topic in (
+        names.JOINT_TRAJECTORY,
+        names.CONTROL_MODE,
+        names.TARGET_POSE,
+        names.BODY_STATE,
+        names.MESH,
+        names.SIM_JOINT_STATES,
+        names.EFFECTOR_POSE,
+        names.COMPLIANCE,
+        names.SIM_STATUS,
+        names.IK_STATUS,
+        names.ROBOT_JOINT_STATES,
+        names.ROBOT_STATUS,
+        names.DIAGNOSTICS,
+    )
+}
+"""What a session without a viewer for ROS holds: markers and point cloud are computed only while subscribed."""
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        number: int = probe.getsockname()[1]
+        return number
+
+
+def start(*words: str, directory: Path) -> subprocess.Popen[str]:
+    environment = dict(
+        os.environ,
+        PYTHONPATH=str(ROOT),
+        ROS_DOMAIN_ID=str(random.SystemRandom().randint(1, 100)),
+        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+        XDG_RUNTIME_DIR=str(directory),
+    )
+    command = [sys.executable, "-c", "from tripod_bringup.cli import main; main()", "up", *words]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=directory
+    )
+
+
+class Session:
+    """A demo that was played: its exit code, what it printed, its recording."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+        self.summary = dict(
+            parts
+            for line in out.splitlines()
+            if len(parts := re.split(r"  +", line.strip(), maxsplit=1)) == 2
+        )
+        match = re.search(r"^recording (\S.*)$", out, re.MULTILINE)
+        self.recording = Path(match[1].strip()) if match else Path("none")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    directory = tmp_path_factory.mktemp("chain")
+    words = ("--demo", "--duration", str(TRACK), "--record", "bags", "--view-port", str(free_port()))
+    process = start(*words, directory=directory)
+    try:
+        out, err = process.communicate(timeout=240)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGTERM)
+        out, err = process.communicate(timeout=60)
+        pytest.fail(f"the demo did not end:\n{out}\n{err}")
+    played = Session(process.returncode, out, err)
+    played.recording = directory / played.recording
+    return played
+
+
+def figure(text: str) -> float:
+    return float(re.match(r"[-+.\de]+", text)[0])  # type: ignore[index]
+
+
+@pytest.mark.ros
+def test_the_demo_ends_well_and_tells_every_figure(session: Session) -> None:
+    assert session.code == 0, f"{session.out}\n{session.err}"
+    summary = session.summary
+    assert "not measured" not in session.out
+    assert 0.2 < figure(summary["real-time factor, median"]) < 1.2
+    assert 0 < figure(summary["step time, median"]) <= figure(summary["step time, p99 (median of seconds)"])
+    assert figure(summary["tracking error after 1 s, rms"]) < 0.5
+    assert figure(summary["packets sent"]) > 10 * TRACK
+    assert figure(summary["body states received"]) > 10 * TRACK
+    assert summary["page"].startswith("http://127.0.0.1:")
+
+
+@pytest.mark.ros
+def test_the_recording_holds_every_topic_in_order(session: Session) -> None:
+    counts: dict[str, int] = defaultdict(int)
+    stamps: dict[str, list[int]] = defaultdict(list)
+    modes: list[int] = []
+    last = 0
+    with AnyReader([session.recording.parent]) as reader:
+        present = {connection.topic for connection in reader.connections}
+        for connection, time_ns, raw in reader.messages():
+            assert time_ns >= last, f"{connection.topic} goes back in time"
+            last = time_ns
+            counts[connection.topic] += 1
+            message = reader.deserialize(raw, connection.msgtype)
+            if connection.topic == f"/{names.CONTROL_MODE}":
+                modes.append(message.mode)  # type: ignore[attr-defined]
+            elif hasattr(message, "header") and connection.topic != names.DIAGNOSTICS:
+                stamp = message.header.stamp
+                stamps[connection.topic].append(stamp.sec * 10**9 + stamp.nanosec)
+    assert present >= TOPICS
+    assert f"{sum(counts.values())} messages" in session.summary["recording"]
+    for topic, rate in ((names.TARGET_POSE, 25), (names.BODY_STATE, 10), (names.SIM_STATUS, 5)):
+        assert counts[f"/{topic}"] > rate * TRACK, topic
+    for topic, values in stamps.items():
+        if topic != f"/{names.JOINT_TRAJECTORY}":  # whose stamp 0 means "now"
+            assert values == sorted(values), f"{topic}: a stamp goes back in time"
+            assert values[0] > 0, topic
+    assert [m for i, m in enumerate(modes) if i == 0 or m != modes[i - 1]] == [
+        Mode.TELEOP,
+        Mode.IK,
+        Mode.STOP,
+    ]
+
+
+@pytest.mark.ros
+def test_the_recorded_effector_follows_the_recorded_targets(session: Session) -> None:
+    """Nothing of the demo's own measure is used: the targets are those that were sent, held until the next."""
+    targets: list[tuple[int, list[float]]] = []
+    errors: list[float] = []
+    with AnyReader([session.recording.parent]) as reader:
+        for connection, _, raw in reader.messages():
+            if connection.topic not in (f"/{names.TARGET_POSE}", f"/{names.EFFECTOR_POSE}"):
+                continue
+            message = reader.deserialize(raw, connection.msgtype)
+            p, stamp = message.pose.position, message.header.stamp  # type: ignore[attr-defined]
+            time_ns, point = stamp.sec * 10**9 + stamp.nanosec, [p.x, p.y, p.z]
+            if connection.topic == f"/{names.TARGET_POSE}":
+                targets.append((time_ns, point))
+            elif targets and 1e9 < time_ns - targets[0][0] < (TRACK - 0.1) * 1e9:
+                held = max((t for t in targets if t[0] <= time_ns), default=targets[0])[1]
+                errors.append(sum((a - b) ** 2 for a, b in zip(held, point, strict=True)))
+    assert len(errors) > 10 * TRACK
+    assert (sum(errors) / len(errors)) ** 0.5 < 0.5e-3
+    sent = [point for _, point in targets]
+    width = max(p[0] for p in sent) - min(p[0] for p in sent)
+    assert width > DemoTarget((0.0, 0.0, 0.0)).radius, "the targets did draw a circle"
+
+
+@pytest.mark.ros
+def test_ctrl_c_during_start_ends_in_order_and_leaves_no_process(tmp_path: Path) -> None:
+    process = start("--no-view", directory=tmp_path)
+    try:
+        deadline = time.monotonic() + 30
+        while not children(process.pid) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        left = children(process.pid)
+        assert left
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        if process.poll() is None:
+            process.kill()
+    assert process.returncode == 0, f"{out}\n{err}"
+    assert "stopped: Ctrl-C" in out
+    assert "Traceback" not in out + err
+    assert not any(Path(f"/proc/{pid}").exists() for pid in left)
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that `pid` started."""
+    text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    return [int(word) for word in text.split()]
