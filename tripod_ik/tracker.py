@@ -137,7 +137,7 @@ class Tracker:
         torque = TorqueLimit(self._torque_ceiling(state)) if self._limited else None
         problem = build_ik(state, task, self._limits, torque, previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
-        self._previous, self._time = result.command, now
+        self._previous, self._time = result.command, max(self._time, now)
         error = task.distance(target - state.effector)
         return TrackerStep(self._activity(result), target, error, result)
 

@@ -1,0 +1,285 @@
+import dataclasses
+import os
+import signal
+import subprocess
+
+import numpy as np
+import pytest
+
+from tests.ik.exact import best_step, cost
+from tests.ik.plant import SpringRobot
+from tripod_graph.names import SERVOS
+from tripod_ik import solver
+from tripod_ik.certificate import kkt_residual
+from tripod_ik.errors import IkError
+from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit, TorqueLimit
+from tripod_ik.problem import build_ik
+from tripod_ik.solver import IkSolver, solve_ik
+from tripod_ik.state import LinearState
+from tripod_ik.tasks import PositionTask
+
+WORKING = np.full(3, -1.4965)
+LIMITS = (AngleLimit(-2.1, 0.6), StepLimit(0.5), SpeedLimit(3.0))
+
+
+def random_problem(rng, *, torque):
+    """Any sizes that could occur, and degenerate ones: blocked servos, dead effector, zero time, bounds met exactly."""
+    root = rng.standard_normal((9, 9)) * np.array([0.1] * 6 + [3.0] * 3)[:, None]
+    W = root @ root.T / 9
+    match rng.integers(6):
+        case 0:
+            W[8], W[:, 8] = 0.0, 0.0  # servo 2 blocked
+        case 1:
+            W[:6], W[:, :6] = 0.0, 0.0  # nothing moves the effector
+        case 2:
+            W[7], W[:, 7] = W[6], W[:, 6]  # two servos that act as one
+            W[7, 7] = W[6, 7] = W[7, 6] = W[6, 6]
+        case 3:
+            W[6:, 6:] -= 2 * np.diag(np.diag(W)[6:])  # unstable at fixed torques
+        case 4:
+            W[0], W[:, 0] = 1e-4 * W[1], 1e-4 * W[:, 1]  # nearly singular
+    angles = rng.uniform(-2.2, 0.7, 3)
+    state = LinearState(
+        SERVOS,
+        angles,
+        rng.standard_normal(3) * 0.2,
+        rng.standard_normal(3) * 0.01,
+        np.array([0, 0, 0, 1.0]),
+        rng.standard_normal(6) * 1e-3,
+        (W + W.T) / 2,
+    )
+    weights = rng.choice([[1, 1, 1], [1, 1, 0], [0.1, 1, 10]])
+    target = state.equilibrium + rng.standard_normal(3) * 10 ** rng.uniform(-5, -1) * rng.integers(2)
+    limit = TorqueLimit(rng.uniform(0.05, 0.4), weight=10 ** rng.uniform(1, 3)) if torque else None
+    previous = angles + rng.standard_normal(3) * 10 ** rng.uniform(-3, 0)
+    limits = LIMITS[: rng.integers(1, 4)]
+    task = PositionTask(target, weights, curvature=rng.choice([0.0, 0.03]))
+    return build_ik(state, task, limits, limit, previous=previous, dt=rng.choice([0.0, 0.01, 0.1])), limit
+
+
+@pytest.mark.parametrize(("torque", "count"), [(False, 150), (True, 60)])
+def test_the_solution_is_the_best_of_all_combinations_of_active_limits(torque, count):
+    rng = np.random.default_rng(5)
+    warm = IkSolver(3, torque=torque)
+    binding = 0
+    for _ in range(count):
+        problem, limit = random_problem(rng, torque=torque)
+        result = warm.solve(problem)
+        assert result.ok, result.status
+        assert result.kkt < 1e-6
+        exact = best_step(problem, limit)
+        found = result.command - problem.state.angles
+        assert found == pytest.approx(exact, abs=1e-6 * max(1.0, np.abs(exact).max()))
+        assert cost(problem, limit, found) <= cost(problem, limit, exact) + 1e-9
+        assert (result.command >= problem.box.low).all()
+        assert (result.command <= problem.box.high).all()
+        binding += bool(result.active_limits)
+    assert count * 0.2 < binding < count
+
+
+def test_angles_and_torques_are_two_forms_of_one_problem():
+    """Without limits, minimise over d_tau directly, as the method is published, with the same damping."""
+    state = SpringRobot(slide=0.035).state(np.array([-1.3, -1.5, -1.6]))
+    task = PositionTask(state.equilibrium + np.array([0.004, -0.003, 0.002]))
+    result = solve_ik(build_ik(state, task))
+    W_ea, W_aa = state.W[:3, 6:], state.W[6:, 6:]
+    e = task.error(state)
+    mu = task.curvature * np.linalg.norm(e)
+    sigma = np.sum((W_ea @ np.linalg.inv(W_aa)) ** 2) / 3 + mu
+    H = (W_ea.T @ W_ea + (mu + 1e-4 * sigma) * W_aa.T @ W_aa) / sigma
+    d_tau = np.linalg.solve(H, W_ea.T @ e / sigma)
+    assert result.d_tau == pytest.approx(d_tau, rel=1e-7)
+    assert result.command == pytest.approx(state.angles + W_aa @ d_tau, rel=1e-9)
+    assert result.error == pytest.approx(np.linalg.norm(e))
+    assert result.residual == pytest.approx(np.linalg.norm(e - W_ea @ d_tau))
+    assert result.active_limits == ()
+
+
+def test_the_prediction_agrees_with_the_robot():
+    robot = SpringRobot(slide=0.035)
+    state = robot.state(WORKING)
+    task = PositionTask(state.equilibrium + np.array([1e-4, 2e-4, -1e-4]))
+    result = solve_ik(build_ik(state, task))
+    there = robot.state(result.command)
+    assert np.linalg.norm(task.error(there)) == pytest.approx(result.residual, abs=1e-6)
+    assert there.torques - state.torques == pytest.approx(result.d_tau, abs=2e-5)
+    assert np.abs(result.d_tau).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("limits", "torque", "name"),
+    [
+        ([AngleLimit(-3.0, -1.4)], None, "servo_0 angle max"),
+        ([AngleLimit(-1.5, 0.0)], None, "servo_1 angle min"),
+        ([SpeedLimit(2.0)], None, "servo_0 speed"),
+        ([StepLimit(0.05)], None, "servo_0 step"),
+        ([], TorqueLimit(0.016), "servo_0 torque"),
+    ],
+)
+def test_a_limit_binds_when_on_and_not_when_off(limits, torque, name):
+    state = SpringRobot(slide=0.035).state(WORKING)
+    task = PositionTask(state.equilibrium + np.array([-0.004, 0.002, 0.003]))
+    free = solve_ik(build_ik(state, task, dt=0.01))
+    bound = solve_ik(build_ik(state, task, limits, torque, dt=0.01))
+    assert free.active_limits == ()
+    assert name in bound.active_limits
+    assert bound.residual > free.residual + 2e-5
+    wide = [AngleLimit(-3.0, 0.0), SpeedLimit(500.0), StepLimit(2.0)]
+    off = solve_ik(build_ik(state, task, wide, TorqueLimit(1.0), dt=0.01))
+    assert off.active_limits == ()
+    assert off.command == pytest.approx(free.command, abs=1e-9)
+
+
+def test_hard_limits_hold_exactly():
+    rng = np.random.default_rng(3)
+    robot = SpringRobot(slide=0.035)
+    one = IkSolver(3)
+    for _ in range(50):
+        state = robot.state(rng.uniform(-2.0, -1.0, 3))
+        previous = state.angles + rng.uniform(-0.02, 0.02, 3)
+        low, high = rng.uniform(-2.1, -1.6), rng.uniform(-1.5, -1.0)
+        task = PositionTask(state.equilibrium + rng.standard_normal(3) * 0.05)
+        limits = [AngleLimit(low, high), SpeedLimit(3.0)]
+        result = one.solve(build_ik(state, task, limits, previous=previous, dt=0.02))
+        before = np.clip(previous, low, high)
+        assert (result.command >= low).all()  # no tolerance: a receiver has none
+        assert (result.command <= high).all()
+        assert np.abs(result.command - before).max() <= 3.0 * 0.02 + 1e-15
+
+
+def test_all_bounds_active():
+    state = SpringRobot(slide=0.035).state(WORKING)
+    task = PositionTask(state.equilibrium + np.array([0.0, 0.0, -0.1]))
+    result = solve_ik(build_ik(state, task, [SpeedLimit(1.0)], dt=0.01))
+    assert result.ok
+    assert result.active_limits == ("servo_0 speed", "servo_1 speed", "servo_2 speed")
+    assert np.abs(result.command - WORKING) == pytest.approx([0.01] * 3, abs=1e-15)
+
+
+def test_zero_time_holds_the_previous_command_and_says_why():
+    state = SpringRobot(slide=0.035).state(WORKING)
+    previous = WORKING + np.array([0.01, -0.02, 0.0])
+    task = PositionTask(state.equilibrium + np.array([0.01, 0.0, 0.0]))
+    result = solve_ik(build_ik(state, task, LIMITS, TorqueLimit(0.3), previous=previous, dt=0.0))
+    assert result.ok
+    assert result.command.tolist() == previous.tolist()
+    assert set(result.active_limits) == {"servo_0 speed", "servo_1 speed", "servo_2 speed"}
+
+
+def test_a_torque_limit_below_the_present_torque_is_approached_not_refused():
+    robot = SpringRobot(slide=0.035)
+    angles = np.full(3, -1.1)
+    state = robot.state(angles)
+    limit = TorqueLimit(0.8 * np.abs(state.torques).min())
+    result = solve_ik(build_ik(state, PositionTask(state.equilibrium), [SpeedLimit(1.0)], limit, dt=0.01))
+    assert result.ok
+    after = np.abs(state.torques + result.d_tau)
+    assert (after < np.abs(state.torques) - 1e-5).all()
+    assert set(result.active_limits) >= {f"{name} torque" for name in SERVOS}
+
+
+def infeasible(problem):
+    """Ask for δ_0 <= 0.1 and, in the row of a torque, for δ_0 >= 1."""
+    A, low, high = problem.A.copy(), problem.l.copy(), problem.u.copy()
+    A[3] = [1, 0, 0, 0, 0, 0]
+    high[0], low[3], high[3] = 0.1, 1.0, 2.0
+    return dataclasses.replace(problem, A=A, l=low, u=high)
+
+
+def typical(**changes):
+    state = SpringRobot(slide=0.035).state(WORKING)
+    task = PositionTask(state.equilibrium + np.array([0.005, -0.002, 0.004]))
+    problem = build_ik(state, task, LIMITS, TorqueLimit(0.3), previous=WORKING + 0.01, dt=0.01)
+    return dataclasses.replace(problem, **changes)
+
+
+def test_an_infeasible_problem_holds_the_previous_command():
+    one = IkSolver(3, torque=True)
+    result = one.solve(infeasible(typical()))
+    assert not result.ok
+    assert "infeasible" in result.status
+    assert result.command == pytest.approx(WORKING + 0.01, abs=1e-15)
+    assert result.kkt > 1e-6
+    assert all(np.isfinite(v).all() for v in (result.command, result.d_tau, result.error, result.residual))
+    again = one.solve(typical())  # and the solver is none the worse for it
+    assert again.ok
+    assert again.command == pytest.approx(solve_ik(typical()).command, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"q": np.full(6, np.nan)}, {"P": np.full((6, 6), np.inf)}, {"l": np.full(6, np.nan)}]
+)
+def test_a_problem_that_is_not_finite_holds_the_previous_command(changes):
+    result = IkSolver(3, torque=True).solve(typical(**changes))
+    assert not result.ok
+    assert "not finite" in result.status
+    assert result.command == pytest.approx(WORKING + 0.01, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("settings", "status"),
+    [({"max_iterations": 1}, "maximum iterations reached"), ({"time_limit": 1e-9}, "run time limit reached")],
+)
+def test_without_time_the_result_is_used_only_if_it_is_certified(monkeypatch, settings, status):
+    starved = IkSolver(3, torque=True, **settings)
+    rescued = starved.solve(typical())
+    assert rescued.status == status
+    assert rescued.ok  # the active limits were guessed right, and the residual proves it
+    assert rescued.command == pytest.approx(solve_ik(typical()).command, abs=1e-9)
+    monkeypatch.setattr(solver, "polish", lambda problem, x, y: (x, y, kkt_residual(problem, x, y)))
+    held = IkSolver(3, torque=True, **settings).solve(typical())
+    assert held.status == status
+    assert not held.ok
+    assert held.command == pytest.approx(WORKING + 0.01, abs=1e-15)
+
+
+def test_equal_sequences_give_equal_bits():
+    def sequence():
+        rng = np.random.default_rng(11)
+        one = IkSolver(3, torque=True)
+        return [one.solve(random_problem(rng, torque=True)[0]) for _ in range(40)]
+
+    for a, b in zip(sequence(), sequence(), strict=True):
+        assert a.command.tobytes() == b.command.tobytes()
+        assert a.iterations == b.iterations
+
+
+def test_nothing_is_printed(capfd):
+    state = SpringRobot(slide=0.035).state(WORKING)
+    one = IkSolver(3)
+    for target in (state.equilibrium, state.equilibrium + np.array([0, 0, 0.1])):
+        one.solve(build_ik(state, PositionTask(target), LIMITS, dt=0.01))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_solver_of_another_size_is_refused():
+    with pytest.raises(IkError, match="6 unknowns for a solver of 3"):
+        IkSolver(3).solve(typical())
+
+
+def test_previous_and_dt_are_checked():
+    state = SpringRobot().state(np.zeros(3))
+    task = PositionTask(state.equilibrium)
+    with pytest.raises(IkError, match=r"previous\[2\] is nan"):
+        build_ik(state, task, previous=np.array([0, 0, np.nan]))
+    for dt in (np.nan, -1.0, np.inf):
+        with pytest.raises(IkError, match="dt is"):
+            build_ik(state, task, dt=dt)
+
+
+def test_ctrl_c_during_a_solve_is_not_lost():
+    """OSQP installs a handler of its own while it runs; an endless problem and a signal from outside show it."""
+    problem = infeasible(typical())
+    problem = dataclasses.replace(problem, A=np.zeros((6, 6)), l=np.full(6, -1.0), u=np.full(6, 1.0))
+    one = IkSolver(3, torque=True, max_iterations=2_000_000_000, time_limit=10.0)
+    one._osqp.update_settings(eps_abs=1e-300, check_termination=0)
+    caught = []
+    before = signal.signal(signal.SIGINT, lambda *_: caught.append(True))
+    killer = subprocess.Popen(["/bin/sh", "-c", f"sleep 0.2; kill -INT {os.getpid()}"])
+    try:
+        result = one.solve(problem)
+    finally:
+        killer.wait()
+        signal.signal(signal.SIGINT, before)
+    assert caught == [True]
+    assert "interrupt" in result.status

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from tests.ik.plant import SpringRobot
+from tripod_graph.names import SERVOS
+from tripod_ik.errors import IkError
+from tripod_ik.state import LinearState
+
+POSES = [(0.0, (-0.3, -0.8, 0.2)), (0.035, (-1.4965, -1.4965, -1.4965)), (0.035, (-1.0, -1.7, -1.4))]
+
+
+def fields(**changes):
+    state = SpringRobot(slide=0.035).state(np.full(3, -1.4965))
+    values = {name: getattr(state, name) for name in LinearState.__dataclass_fields__}
+    return values | changes
+
+
+@pytest.mark.parametrize(("slide", "angles"), POSES)
+def test_jacobian_and_stiffness_are_the_slopes_of_equilibrium_and_torques(slide, angles):
+    robot, angles, h = (
+        SpringRobot(slide=slide),
+        np.array(angles),
+        1e-5,
+    )  # [rad]; the error of the slope is of order h²
+    state = robot.state(angles)
+    for i, step in enumerate(h * np.eye(3)):
+        ahead, behind = robot.state(angles + step), robot.state(angles - step)
+        slope = (ahead.effector - behind.effector) / (2 * h)
+        assert np.abs(slope).max() > 1e-3
+        assert state.jacobian[:3, i] == pytest.approx(slope, abs=1e-9)
+        assert state.jacobian[3:, i] == pytest.approx(robot.C[:, i], abs=1e-9)
+        assert state.stiffness[:, i] == pytest.approx((ahead.torques - behind.torques) / (2 * h), abs=1e-8)
+
+
+def test_the_equilibrium_offset_leads_to_the_equilibrium():
+    robot = SpringRobot(slide=0.035)
+    angles = np.full(3, -1.4965)
+    rest = robot.rest(angles)
+    off = np.array([2e-4, -1e-4, 3e-4])
+    state = robot.state(angles, rest + off)
+    assert state.equilibrium == pytest.approx(
+        rest, abs=2e-6
+    )  # one Newton step; the second order is 20 |off|²
+
+
+def test_a_body_that_is_unstable_at_fixed_torques_still_has_its_jacobian():
+    state = SpringRobot(slide=0.035).state(np.full(3, -1.4965))
+    assert np.linalg.eigvalsh(state.W[6:, 6:]).max() < 0
+    assert np.linalg.svd(state.jacobian[:3])[1].min() > 1e-3
+
+
+def test_a_direction_without_compliance_is_left_alone():
+    W = np.zeros((9, 9))
+    W[6, 6], W[7, 7], W[0, 6], W[6, 0] = 2.0, 4.0, 0.1, 0.1
+    state = LinearState(**fields(W=W))
+    assert state.stiffness == pytest.approx(np.diag([0.5, 0.25, 0.0]))
+    assert state.jacobian[0] == pytest.approx([0.05, 0.0, 0.0])
+    still = LinearState(**fields(W=np.zeros((9, 9))))
+    assert not still.stiffness.any()
+    assert not still.jacobian.any()
+
+
+def test_arrays_are_copied_and_read_only():
+    angles = np.full(3, -1.0)
+    state = LinearState(**fields(angles=angles))
+    angles[0] = 5.0
+    assert state.angles[0] == -1.0
+    with pytest.raises(ValueError, match="read-only"):
+        state.W[0, 0] = 1.0
+
+
+def with_entry(name, index, value):
+    array = np.array(fields()[name])
+    array[index] = value
+    return {name: array}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (with_entry("angles", 1, np.nan), r"angles\[1\] is nan; it must be finite"),
+        (with_entry("torques", 2, np.inf), r"torques\[2\] is inf"),
+        (with_entry("effector", 0, -np.inf), r"effector\[0\] is -inf"),
+        (with_entry("equilibrium_offset", 5, np.nan), r"equilibrium_offset\[5\] is nan"),
+        (with_entry("W", (8, 3), np.nan), r"W\[8, 3\] is nan"),
+        (with_entry("W", (8, 3), 1e3), "W differs from its transpose by 1003.49, its largest entry is 1000"),
+        ({"rotation": [0, 0, 0, 0]}, "rotation has length 0; it must be a unit quaternion"),
+        ({"angles": [0.0, 0.0]}, r"angles has shape \(2,\); it must be \(3,\)"),
+        ({"torques": "abc"}, "torques is not an array of numbers"),
+        ({"W": np.eye(6)}, r"W has shape \(6, 6\); it must be \(9, 9\)"),
+        ({"joint_names": ("a", "a", "b")}, "each once"),
+        ({"joint_names": ()}, "at least one"),
+    ],
+)
+def test_bad_fields_are_refused_by_name(changes, message):
+    with pytest.raises(IkError, match=message):
+        LinearState(**fields(**changes))
+
+
+def test_the_fields_that_the_bad_ones_replace_are_good():
+    assert LinearState(**fields()).joint_names == SERVOS
