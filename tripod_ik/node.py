@@ -24,7 +24,7 @@ from tripod_graph.command import CommandLimits
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Mode, ModeTracker
 from tripod_graph.parameters import Parameter, declare
-from tripod_graph.qos import LATCHED, RELIABLE
+from tripod_graph.qos import LATCHED_OF_ALL, RELIABLE
 from tripod_graph.run import run_node
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
@@ -150,7 +150,7 @@ class IkNode(Node):
 
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._statuses = self.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED)
+        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED_OF_ALL)
         self.create_subscription(PoseStamped, names.TARGET_POSE, self._on_target, RELIABLE)
         self.create_subscription(Compliance, names.COMPLIANCE, self._on_compliance, NEWEST)
         self.create_timer(WATCH, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
