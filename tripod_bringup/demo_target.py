@@ -12,7 +12,7 @@ class DemoTarget:
 
     With s the smooth step from 0 to 1 over `blend`, and s = 1 after,
 
-        target(t) = centre + s(t) (R cos a, R sin a, H sin b),
+        target(t) = centre + s(t) (R cos a, R sin a, L + H sin b),
         a = 2 pi t / period,  b = 2 pi t / height_period.
 
     It starts at the centre at rest: s, ds/dt and d²s/dt² vanish at t = 0.
@@ -21,6 +21,8 @@ class DemoTarget:
         centre: Effector position at t = 0 [m].
         radius: R [m].
         period: Of the circle [s].
+        lift: L [m]. Below the working pose there is little room: at 10 mm to the side and 2 mm down a servo
+            reaches its smallest angle.
         height: H, amplitude of the rise and fall [m].
         height_period: Of the rise and fall [s].
         blend: Time to reach the circle [s].
@@ -28,7 +30,8 @@ class DemoTarget:
 
     centre: tuple[float, float, float]
     radius: float = 0.010
-    period: float = 8.0
+    period: float = 10.0
+    lift: float = 0.002
     height: float = 0.003
     height_period: float = 12.0
     blend: float = 3.0
@@ -46,7 +49,11 @@ class DemoTarget:
         t = max(t, 0.0)
         circle, rise = 2 * np.pi * t / self.period, 2 * np.pi * t / self.height_period
         offset = np.array(
-            [self.radius * np.cos(circle), self.radius * np.sin(circle), self.height * np.sin(rise)]
+            [
+                self.radius * np.cos(circle),
+                self.radius * np.sin(circle),
+                self.lift + self.height * np.sin(rise),
+            ]
         )
         return np.asarray(self.centre, float) + smooth_step(t / self.blend) * offset
 
@@ -55,7 +62,9 @@ class DemoTarget:
         """A speed [m/s] that the target never exceeds."""
         circle = 2 * np.pi * self.radius / self.period
         rise = 2 * np.pi * self.height / self.height_period
-        return float(np.hypot(circle, rise) + 1.875 / self.blend * np.hypot(self.radius, self.height))
+        return float(
+            np.hypot(circle, rise) + 1.875 / self.blend * np.hypot(self.radius, abs(self.lift) + self.height)
+        )
 
 
 def smooth_step(u: float) -> float:

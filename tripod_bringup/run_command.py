@@ -26,9 +26,8 @@ def run_scene(
     quiet: bool,
 ) -> int:
     """Simulate, print the result and return the exit code: 2 bad scene or option, 1 the motion broke off."""
-    from tripod_sim.run import run  # noqa: PLC0415
-
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.run import run  # noqa: PLC0415
 
     try:
         with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:

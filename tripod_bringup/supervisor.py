@@ -181,7 +181,8 @@ class Supervisor:
     def _blame_bad_stops(self, ending: Ending) -> None:
         for process in self.processes.values():
             spec = process.spec
-            if ending.code or not (process.killed or process.returncode):
+            # ended by SIGTERM itself: it was still starting, with nothing yet to leave in order
+            if ending.code or not (process.killed or process.returncode not in (0, -signal.SIGTERM)):
                 continue
             how = (
                 f"did not stop within {spec.stop_time:g} s"

@@ -1,6 +1,6 @@
 """A process for the supervisor's tests: notes what happens to it in a file, one line an event.
 
-python fake_child.py NAME LOG [--die-after S] [--code N] [--stop-code N] [--deaf] [--stop-time S] [--say LINE]
+python fake_child.py NAME LOG [--die-after S] [--code N] [--stop-code N] [--deaf] [--starting] [--stop-time S] [--say LINE]
 """
 
 import argparse
@@ -18,6 +18,7 @@ parser.add_argument("--code", type=int, default=0)
 parser.add_argument("--stop-code", type=int, default=0)
 parser.add_argument("--stop-time", type=float, default=0.0)
 parser.add_argument("--deaf", action="store_true")
+parser.add_argument("--starting", action="store_true")
 parser.add_argument("--say", action="append", default=[])
 given = parser.parse_args()
 
@@ -36,7 +37,8 @@ def on_term(*_: object) -> None:
     sys.exit(given.stop_code)
 
 
-signal.signal(signal.SIGTERM, on_term)
+if not given.starting:
+    signal.signal(signal.SIGTERM, on_term)
 signal.signal(signal.SIGINT, lambda *_: note("interrupted"))
 for line in given.say:
     print(line)

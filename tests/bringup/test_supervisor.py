@@ -186,6 +186,12 @@ def test_a_child_that_fails_while_stopping_is_named(log: Log) -> None:
     assert (ending.code, ending.cause) == (12, "driver exited with code 1 while stopping")
 
 
+def test_a_child_that_is_stopped_before_it_can_listen_is_not_blamed(log: Log) -> None:
+    ending = Supervisor([[spec(log, "sim", "--starting", code=10)]]).run(lambda: "enough")
+    assert ending == Ending(0, "enough")
+    assert not any(map(alive, log.pids()))
+
+
 def test_a_child_that_never_becomes_ready_ends_the_start(log: Log) -> None:
     slow = spec(log, "sim", code=10, ready=lambda: False, start_time=0.5)
     phases: set[str] = set()

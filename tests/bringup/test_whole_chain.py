@@ -41,7 +41,7 @@ TOPICS = {
         names.DIAGNOSTICS,
     )
 }
-"""What a session without a viewer for ROS holds: markers and point cloud are computed only while subscribed."""
+"""What every session holds, with `sim/markers` and `sim/point_cloud` or without."""
 
 
 def free_port() -> int:
