@@ -143,10 +143,12 @@ class RecordNode(Node):
 
     def _look_at(self, recorder: Recorder, name: str, types: list[str]) -> None:
         kind = self._types.get(name, types[0])
+        if kind == UNKNOWN:
+            return
         if others := [t for t in types if t != kind]:
             self._refuse(name, f"recorded as {kind}, not as {others[0]}")
         publishers = [p for p in self.get_publishers_info_by_topic(name) if p.topic_type == kind]
-        if not publishers or self._types.get(name) == UNKNOWN:
+        if not publishers:
             return
         offered = tuple(dict.fromkeys(offered_qos(p) for p in publishers))
         reliable, latched = listening(offered)

@@ -1,0 +1,325 @@
+"""What `tripod bag info` says of whole, torn, damaged and hostile files."""
+
+import json
+import random
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import pytest
+import zstandard
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.record.bags import START, cdr_string, new_bag, write_some
+from tripod_record.append_file import MAGIC, TAIL
+from tripod_record.errors import RecordError
+from tripod_record.info import BagInfo, info_command, info_json, info_text, qos_words, read_info
+from tripod_record.reading import Reader
+
+CHUNK_SIZE = 2000  # [B], several chunks in a small file
+
+
+@pytest.fixture(scope="session")
+def closed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The mcap file of a recording that was closed: 100 and 10 messages."""
+    writer = new_bag(tmp_path_factory.mktemp("closed") / "bag", chunk_size=CHUNK_SIZE)
+    write_some(writer, 100)
+    writer.close()
+    return writer.path
+
+
+@pytest.fixture(scope="session")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same, of a recorder that was killed after 60 messages of the one and 6 of the other were synced."""
+    writer = new_bag(tmp_path_factory.mktemp("killed") / "bag", chunk_size=CHUNK_SIZE)
+    write_some(writer, 60)
+    writer.sync()
+    write_some(writer, 40, first=60)
+    return writer.path
+
+
+def counts(info: BagInfo) -> dict[str, int]:
+    return {t.name: t.count for t in info.topics}
+
+
+@pytest.mark.parametrize("check", [False, True])
+def test_a_closed_recording(closed: Path, check: bool) -> None:
+    for path in (closed, closed.parent):
+        info = read_info(path, check=check)
+        assert counts(info) == {"/chatter": 100, "/mesh": 10}
+        assert (info.start, info.end, info.messages) == (START, START + 99 * 10**7, 110)
+        assert info.duration == pytest.approx(0.99)
+        assert {t.name: t.rate for t in info.topics} == pytest.approx({"/chatter": 100.0, "/mesh": 9 / 0.99})
+        assert {t.type for t in info.topics} == {"std_msgs/msg/String"}
+        assert {t.name: t.qos for t in info.topics} == {
+            "/chatter": ("reliable, volatile",),
+            "/mesh": ("reliable, transient_local", "best_effort, volatile"),
+        }
+        assert (info.truncated, info.damage, info.compression, info.library) == ("", (), ("zstd",), "tripod")
+        assert info.size == closed.stat().st_size
+
+
+def test_the_text_for_people(closed: Path) -> None:
+    lines = info_text(read_info(closed.parent)).splitlines()
+    assert lines[0] == f"recording  {closed.parent}"
+    assert "files      bag_0.mcap" in lines
+    assert "duration   0.990 s" in lines
+    assert "messages   110" in lines
+    chatter = next(line for line in lines if line.startswith("/chatter"))
+    assert chatter.split(maxsplit=4) == [
+        "/chatter",
+        "std_msgs/msg/String",
+        "100",
+        "100.0",
+        "reliable, volatile",
+    ]
+    assert not any(line.startswith(("TRUNCATED", "DAMAGED")) for line in lines)
+
+
+def test_json_has_the_same(closed: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert info_command(closed, as_json=True) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["messages"] == 110
+    assert values["duration"] == pytest.approx(0.99)
+    assert values["truncated"] == ""
+    assert [(t["name"], t["count"]) for t in values["topics"]] == [("/chatter", 100), ("/mesh", 10)]
+    assert json.loads(info_json(read_info(closed))) == values
+
+
+def test_several_files_of_one_recording_are_added(closed: Path, killed: Path, tmp_path: Path) -> None:
+    (tmp_path / "b_0.mcap").write_bytes(closed.read_bytes())
+    (tmp_path / "b_10.mcap").write_bytes(killed.read_bytes())
+    info = read_info(tmp_path)
+    assert [Path(f).name for f in info.files] == ["b_0.mcap", "b_10.mcap"]
+    assert counts(info) == {"/chatter": 160, "/mesh": 16}
+    assert info.truncated
+
+
+# torn ------------------------------------------------------------------------------------------------------
+
+
+def test_a_killed_recording_is_read_and_called_truncated(
+    killed: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert counts(read_info(killed)) == {"/chatter": 60, "/mesh": 6}
+    assert info_command(killed) == 0
+    assert (
+        "TRUNCATED  not closed: still being recorded, or its recorder was killed" in capsys.readouterr().out
+    )
+
+
+@given(cut=st.integers(min_value=0, max_value=10**6))
+def test_any_torn_file_gives_the_beginning_of_its_messages(closed: Path, cut: int, tmp_path_factory) -> None:
+    whole = closed.read_bytes()
+    torn = tmp_path_factory.mktemp("torn") / "bag.mcap"
+    torn.write_bytes(whole[: cut % len(whole)])
+    try:
+        info = read_info(torn)
+    except RecordError as error:
+        assert cut % len(whole) <= len(MAGIC)
+        assert str(torn) in str(error)
+        return
+    assert info.truncated
+    assert info.damage == ()
+    reader = Reader(torn)
+    found = [bytes(m.data) for m in reader.messages() if reader.channels[m.channel].topic == "/chatter"]
+    assert found == [cdr_string(f"message {i}") for i in range(len(found))]
+    assert len(found) == counts(info).get("/chatter", 0)
+
+
+def test_only_the_last_chunk_of_a_torn_file_is_lost(closed: Path, tmp_path: Path) -> None:
+    whole = closed.read_bytes()
+    torn = tmp_path / "bag.mcap"
+    torn.write_bytes(whole[: len(whole) // 3])
+    info = read_info(torn)
+    assert 20 < counts(info)["/chatter"] < 80
+    assert info.truncated.startswith(f"the file ends at byte {len(whole) // 3} with")
+
+
+def test_zeros_that_a_power_loss_leaves_are_a_torn_end(killed: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "bag.mcap"
+    torn.write_bytes(killed.read_bytes()[: -len(TAIL)] + bytes(5000))
+    info = read_info(torn)
+    assert counts(info) == {"/chatter": 60, "/mesh": 6}
+    assert "the file ends in zeros" in info.truncated
+    assert info.damage == ()
+
+
+# damaged ---------------------------------------------------------------------------------------------------
+
+
+def flipped(whole: bytes, at: int, path: Path) -> Path:
+    data = bytearray(whole)
+    data[at] ^= 0x40
+    path.write_bytes(data)
+    return path
+
+
+def test_a_damaged_chunk_is_named_and_the_others_are_read(
+    closed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = closed.read_bytes()
+    path = flipped(whole, len(whole) // 2, tmp_path / "bag.mcap")
+    assert read_info(path).damage == ()  # the summary is whole, and is believed
+    assert info_command(path, check=True) == 1
+    out = capsys.readouterr().out
+    assert "DAMAGED    byte " in out
+    assert "DAMAGED    /chatter: " in out
+    assert "messages, the summary says 100" in out
+    assert 0 < counts(read_info(path, check=True))["/chatter"] < 100
+
+
+def test_a_damaged_summary_is_not_believed(closed: Path, tmp_path: Path) -> None:
+    whole = closed.read_bytes()
+    for back in range(40, 600, 7):
+        info = read_info(flipped(whole, len(whole) - back, tmp_path / "bag.mcap"))
+        assert counts(info) == {"/chatter": 100, "/mesh": 10}
+
+
+@given(seed=st.integers(), flips=st.integers(1, 20), whole_file=st.booleans())
+def test_no_damage_raises_anything_else(
+    closed: Path, killed: Path, seed: int, flips: int, whole_file: bool, tmp_path_factory
+) -> None:
+    source = closed if whole_file else killed
+    data, rng = bytearray(source.read_bytes()), random.Random(seed)
+    for _ in range(flips):
+        data[rng.randrange(len(data))] = rng.randrange(256)
+    path = tmp_path_factory.mktemp("damaged") / "bag.mcap"
+    path.write_bytes(data)
+    for check in (False, True):
+        try:
+            info = read_info(path, check=check)
+        except RecordError as error:
+            assert "\n" not in str(error)
+            continue
+        assert info.messages <= 2**64
+        info_text(info).encode()
+        info_json(info)
+
+
+# not a recording -------------------------------------------------------------------------------------------
+
+
+def record(opcode: int, body: bytes, length: int | None = None) -> bytes:
+    return struct.pack("<BQ", opcode, len(body) if length is None else length) + body
+
+
+def text(value: bytes) -> bytes:
+    return struct.pack("<I", len(value)) + value
+
+
+HEADER = MAGIC + record(1, text(b"ros2") + text(b"evil"))
+
+
+def chunk(packed: bytes, compression: bytes, size: int, checksum: int = 0) -> bytes:
+    fields = struct.pack("<QQQI", 0, 0, size, checksum) + text(compression)
+    return record(6, fields + struct.pack("<Q", len(packed)) + packed)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "is empty"),
+        (b"garbage" * 100, "is not an mcap file"),
+        (MAGIC, "is not an mcap file"),
+        (MAGIC + bytes(random.Random(1).randbytes(5000)), "is not an mcap file"),
+        (b"SQLite format 3\0" * 10, "is not an mcap file"),
+    ],
+)
+def test_what_is_no_recording_gives_one_line_and_exit_code_2(
+    data: bytes, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bag.mcap"
+    path.write_bytes(data)
+    for place in (path, tmp_path):
+        assert info_command(place) == 2
+        assert capsys.readouterr() == ("", f"bag info: {path} {message}\n")
+
+
+def test_what_is_no_file_gives_one_line_and_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for path, message in (
+        (tmp_path / "none", f"{tmp_path}/none does not exist"),
+        (tmp_path, f"{tmp_path} holds no mcap file"),
+        (Path("/dev/zero"), "/dev/zero is not a file"),
+        (tmp_path / "a\x1b[31m", f"{tmp_path}/a�[31m does not exist"),
+    ):
+        assert info_command(path) == 2
+        assert capsys.readouterr() == ("", f"bag info: {message}\n")
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (HEADER + record(6, b"", 2**63), "a record of 9223372036854775808 bytes, allowed are"),
+        (HEADER + record(6, b"xy"), "a record is shorter than its fields"),
+        (HEADER + chunk(b"", b"", 2**40), "a chunk of 1099511627776 bytes, allowed are"),
+        (HEADER + chunk(b"abc", b"zstd", 10), "a chunk that does not unpack"),
+        (HEADER + chunk(b"garbage!", b"lz4", 10), "a chunk that does not unpack"),
+        (HEADER + chunk(b"abc", b"rar\x1b[2J", 3), "a chunk with unknown compression 'rar\\x1b[2J'"),
+        (HEADER + chunk(b"abc", b"", 3, zlib.crc32(b"abd")), "a chunk with a wrong checksum"),
+        (HEADER + chunk(b"abc", b"", 3), "a chunk ends within a record"),
+        (HEADER + chunk(b"abc", b"", 4), "a chunk of 3 bytes instead of 4"),
+        (HEADER + chunk(record(5, bytes(3)), b"", 12), "a message is too short"),
+        (HEADER + chunk(record(5, bytes(22)), b"", 31), "a message of channel 0, which is not described"),
+        (HEADER + chunk(chunk(b"", b"", 0), b"", 49), "a chunk within a chunk"),
+        (HEADER + record(4, bytes(4) + struct.pack("<I", 2**31)), "a text of 2147483648 bytes, allowed are"),
+    ],
+)
+def test_hostile_records_are_named(data: bytes, reason: str, tmp_path: Path, capsys) -> None:
+    path = tmp_path / "bag.mcap"
+    path.write_bytes(data)
+    assert info_command(path) == 1
+    out, error = capsys.readouterr()
+    assert error == ""
+    assert f"DAMAGED    byte {len(HEADER)}: {reason}" in out
+    assert "\x1b" not in out
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+from tripod_record.info import info_command
+resource.setrlimit(resource.RLIMIT_AS, (700_000_000, 700_000_000))
+code = info_command(Path(sys.argv[1]))
+print("peak", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
+sys.exit(code)
+"""
+
+
+def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
+    """A gigabyte of zeros in a few kilobytes, honest and not about its size, again and again."""
+    packer = zstandard.ZstdCompressor(level=1).compressobj()
+    bomb = b"".join(packer.compress(bytes(2**20)) for _ in range(1024)) + packer.flush()
+    assert len(bomb) < 200_000
+    path = tmp_path / "bag.mcap"
+    path.write_bytes(HEADER + chunk(bomb, b"zstd", 1000) * 50 + chunk(bomb, b"zstd", 2**30) * 50 + TAIL)
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", LIMITED, str(path)]
+    run = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=20, check=False)
+    assert run.returncode == 1, run.stderr
+    assert "a chunk of 1001 bytes instead of 1000" in run.stdout
+    assert "more damage is not listed" in run.stdout
+    assert int(run.stderr.split()[1]) < 150_000  # [kB]
+
+
+def test_names_cannot_command_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    channel = record(4, struct.pack("<HH", 1, 0) + text(b"/a\x1b[2J\n/b") + text(b"cdr") + text(b""))
+    path = tmp_path / "bag.mcap"
+    path.write_bytes(HEADER + channel + TAIL)
+    assert info_command(path) == 0
+    out = capsys.readouterr().out
+    assert "/a�[2J�/b" in out
+    assert "\x1b" not in out
+
+
+def test_qos_of_other_versions_of_rosbag2() -> None:
+    numbered = (
+        "- history: 3\n  depth: 0\n  reliability: 1\n  durability: 1\n- reliability: 2\n  durability: 2\n"
+    )
+    assert qos_words(numbered) == ("reliable, transient_local", "best_effort, volatile")
+    assert qos_words("") == ()

@@ -1,0 +1,426 @@
+"""The record node from outside: what is published is in the file, however the node ends."""
+
+import array
+import os
+import random
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rosbags.rosbag2 import Reader as RosbagsReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from tests.record.bags import read_with_rosbags, string_of
+from tripod_record.info import read_info
+
+rclpy = pytest.importorskip("rclpy")
+tripod_msgs = pytest.importorskip("tripod_msgs.msg")
+pytestmark = pytest.mark.ros
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import QoSProfile  # noqa: E402
+from shape_msgs.msg import Mesh, MeshTriangle  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+from trajectory_msgs.msg import JointTrajectory  # noqa: E402
+
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR  # noqa: E402
+from tripod_record import node as record_node  # noqa: E402
+
+ROOT = Path(__file__).parents[2]
+DEADLINE = 20.0  # [s], discovery alone may take three
+
+
+class Graph:
+    """A node in a domain of its own that publishes, and recorders beside it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        domain = random.randint(1, 100)
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.node = Node("probe", context=self.context)
+        self.executor.add_node(self.node)
+        self.processes: list[subprocess.Popen[str]] = []
+        self.health: dict[str, DiagnosticStatus] = {}
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.health.update({status.name: status for status in message.status})
+
+    def health_of(self, name: str) -> DiagnosticStatus:
+        return self.health.get(name, DiagnosticStatus())
+
+    def close(self) -> None:
+        for process in self.processes:
+            process.kill()
+            process.wait()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+
+    def until(self, done: Callable[[], Any], what: str) -> Any:
+        end = time.monotonic() + DEADLINE
+        while time.monotonic() < end:
+            if result := done():
+                return result
+            self.executor.spin_once(timeout_sec=0.02)
+        raise AssertionError(f"{what} did not happen within {DEADLINE} s")
+
+    def publisher(self, kind: type, topic: str, qos: QoSProfile = RELIABLE) -> Any:
+        return self.node.create_publisher(kind, topic, qos)
+
+    def heard(self, *publishers: Any) -> None:
+        self.until(lambda: all(p.get_subscription_count() > 0 for p in publishers), "a subscription")
+
+    def record(self, *arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "tripod_record.node", *arguments],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.processes.append(process)
+        return process
+
+    def call(self, service: str) -> Trigger.Response:
+        client = self.node.create_client(Trigger, service)
+        self.until(client.service_is_ready, service)
+        future = client.call_async(Trigger.Request())
+        self.until(future.done, f"an answer of {service}")
+        return future.result()
+
+    def in_process(self, tmp_path: Path, **parameters: Any) -> "record_node.RecordNode":
+        """A recorder in this process, so that a test can reach into it."""
+        values = {"directory": str(tmp_path), "name": "bag", "sync_period": 0.05, **parameters}
+        overrides = [rclpy.parameter.Parameter(k, value=v) for k, v in values.items()]
+
+        class Local(record_node.RecordNode):
+            def __init__(self, graph: Graph) -> None:
+                self._graph = graph
+                super().__init__()
+
+        original = Node.__init__
+        try:
+            Node.__init__ = lambda s, name: original(  # type: ignore[method-assign,assignment]
+                s, name, context=self.context, parameter_overrides=overrides
+            )
+            recorder = Local(self)
+        finally:
+            Node.__init__ = original  # type: ignore[method-assign]
+        self.executor.add_node(recorder)
+        return recorder
+
+
+@pytest.fixture
+def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
+    made = Graph(monkeypatch)
+    yield made
+    made.close()
+
+
+def line_of(process: subprocess.Popen[str], begin: str) -> str:
+    """Return the rest of the next line on stdout, which must begin with `begin`."""
+    assert process.stdout is not None
+    ready, _, _ = select.select([process.stdout], [], [], DEADLINE)
+    assert ready, f"no line on stdout within {DEADLINE} s"
+    line = process.stdout.readline()
+    assert line.startswith(begin + " "), line + (process.stderr.read() if not line and process.stderr else "")
+    return line.removeprefix(begin).strip()
+
+
+def finish(process: subprocess.Popen[str], number: signal.Signals | None) -> tuple[int, str, str]:
+    if number is not None:
+        process.send_signal(number)
+    out, errors = process.communicate(timeout=DEADLINE)
+    return process.returncode, out, errors
+
+
+def body_state(step: int) -> Any:
+    message = tripod_msgs.BodyState(topology_id=7, step=step, time=0.01 * step)
+    message.header.frame_id = "world"
+    message.positions = array.array("d", [0.001 * step * i for i in range(1500)])
+    return message
+
+
+# what is published is in the file --------------------------------------------------------------------------
+
+
+def test_counts_and_contents_equal_what_was_published(graph: Graph, tmp_path: Path) -> None:
+    mesh = graph.publisher(Mesh, "sim/mesh", LATCHED)
+    mesh.publish(Mesh(triangles=[MeshTriangle(vertex_indices=[0, 1, 2])]))  # before there is a recorder
+    process = graph.record(f"directory:={tmp_path}", "name:=run")
+    path = Path(line_of(process, "recording"))
+    assert path == tmp_path / "run" / "run_0.mcap"
+    body = graph.publisher(tripod_msgs.BodyState, "sim/body_state", SENSOR)
+    commands = graph.publisher(JointTrajectory, "joint_trajectory")
+    modes = graph.publisher(tripod_msgs.ControlMode, "control_mode", LATCHED)
+    statuses = [
+        graph.publisher(getattr(tripod_msgs, kind), topic)
+        for kind, topic in (
+            ("SimStatus", "sim/status"),
+            ("IkStatus", "ik/status"),
+            ("RobotStatus", "robot/status"),
+            ("Compliance", "sim/compliance"),
+        )
+    ]
+    graph.heard(mesh, body, commands, modes, *statuses)
+    for i in range(200):
+        body.publish(body_state(i))
+        if i % 2 == 0:
+            commands.publish(JointTrajectory(joint_names=["servo_0", "servo_1", "servo_2"]))
+        if i % 10 == 0:
+            for publisher in statuses:
+                publisher.publish(publisher.msg_type())
+        graph.executor.spin_once(timeout_sec=0.002)
+    modes.publish(tripod_msgs.ControlMode(mode=2, source="test"))
+    late = graph.publisher(String, "late/comer")
+    graph.heard(late)
+    for i in range(5):
+        late.publish(String(data=f"late {i}"))
+    wanted = {
+        "/sim/mesh": 1,
+        "/sim/body_state": 200,
+        "/joint_trajectory": 100,
+        "/control_mode": 1,
+        "/sim/status": 20,
+        "/ik/status": 20,
+        "/robot/status": 20,
+        "/sim/compliance": 20,
+        "/late/comer": 5,
+    }
+    graph.until(lambda: "/record" in graph.health, "diagnostics")
+    graph.until(
+        lambda: sum(t.count for t in read_info(path).topics) >= sum(wanted.values()), "recording it all"
+    )
+    code, out, errors = finish(process, signal.SIGTERM)
+    assert (code, errors) == (0, "")
+
+    messages = read_with_rosbags(path.parent)
+    diagnostics = messages.pop("/diagnostics")
+    counts = {topic: len(found) for topic, found in messages.items()}
+    assert counts == wanted
+    total = sum(wanted.values()) + len(diagnostics)
+    assert out == f"recorded {path} {total} messages, 0 lost\n"
+    with RosbagsReader(path.parent) as reader:
+        assert reader.message_count == total
+        stamps = [stamp for _, stamp, _ in reader.messages()]
+        assert len(stamps) == total
+        assert stamps == sorted(stamps)
+        assert {c.topic: c.msgcount for c in reader.connections if c.topic != "/diagnostics"} == wanted
+        store = get_typestore(Stores.EMPTY)
+        for connection in reader.connections:
+            store.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
+        bodies = [
+            store.deserialize_cdr(d, "tripod_msgs/msg/BodyState") for _, d in messages["/sim/body_state"]
+        ]
+        offered = {c.topic: c.ext.offered_qos_profiles[0] for c in reader.connections}
+        assert offered["/sim/body_state"].reliability.name == "BEST_EFFORT"
+        assert offered["/sim/mesh"].durability.name == "TRANSIENT_LOCAL"
+        assert all(re.fullmatch(r"RIHS01_[0-9a-f]{64}", c.digest) for c in reader.connections)
+    assert [b.step for b in bodies] == list(range(200))
+    assert bodies[150].positions[1000] == 150.0
+    assert bodies[0].header.frame_id == "world"
+    info = read_info(path.parent, check=True)
+    assert (info.truncated, info.damage) == ("", ())
+    assert not {"/rosout", "/parameter_events"} & {t.name for t in info.topics}
+
+
+def test_kill_9_leaves_all_but_the_last_second(graph: Graph, tmp_path: Path) -> None:
+    process = graph.record(f"directory:={tmp_path}", "topics:=count")
+    path = Path(line_of(process, "recording"))
+    publisher = graph.publisher(String, "count")
+    graph.heard(publisher)
+    sent: list[int] = []
+    end = time.monotonic() + 1.6
+    while time.monotonic() < end:
+        publisher.publish(String(data=str(len(sent))))
+        sent.append(time.time_ns())
+        graph.executor.spin_once(timeout_sec=0.005)
+    killed = time.time_ns()
+    assert finish(process, signal.SIGKILL)[0] == -signal.SIGKILL
+    found = read_with_rosbags(path.parent)["/count"]  # a strict reader, no repair
+    assert killed - sent[len(found) - 1] < 1e9
+    assert [int(string_of(data)) for _, data in found] == list(range(len(found)))
+    assert read_info(path.parent).truncated.startswith("not closed")
+
+
+def test_a_restricted_recorder_in_a_namespace(graph: Graph, tmp_path: Path) -> None:
+    process = graph.record(f"directory:={tmp_path}", "topics:=sim/* /elsewhere", "__ns:=/one")
+    path = Path(line_of(process, "recording"))
+    publishers = [
+        graph.publisher(String, name) for name in ("/one/sim/a", "/elsewhere", "/one/ik/b", "/sim/a")
+    ]
+    graph.heard(*publishers[:2])
+    for publisher in publishers:
+        publisher.publish(String(data=publisher.topic_name))
+    graph.until(lambda: read_info(path).messages == 2, "recording")
+    assert finish(process, signal.SIGINT)[0] == 0
+    assert {t.name: t.count for t in read_info(path).topics} == {"/one/sim/a": 1, "/elsewhere": 1}
+
+
+# services --------------------------------------------------------------------------------------------------
+
+
+def test_recordings_are_started_and_stopped_by_service(graph: Graph, tmp_path: Path) -> None:
+    process = graph.record(f"directory:={tmp_path}", "autostart:=false", "name:=run", "topics:=chatter")
+    publisher = graph.publisher(String, "chatter")
+    for number, name in enumerate(("run", "run_2"), start=1):
+        answer = graph.call("record/start")
+        path = tmp_path / name / f"{name}_0.mcap"
+        assert (answer.success, answer.message) == (True, f"recording {path}")
+        assert line_of(process, "recording") == str(path)
+        again = graph.call("record/start")
+        assert (again.success, again.message) == (False, f"already recording {path}")
+        graph.heard(publisher)
+        for i in range(number):
+            publisher.publish(String(data=str(i)))
+        graph.until(lambda p=path, n=number: read_info(p).messages == n, "recording")
+        graph.until(lambda: graph.health_of("/record").message == "recording", "diagnostics")
+        answer = graph.call("record/stop")
+        ended = f"recorded {path} {number} messages, 0 lost"
+        assert (answer.success, answer.message) == (True, ended)
+        assert line_of(process, "recorded") == ended.removeprefix("recorded ")
+        graph.until(lambda: publisher.get_subscription_count() == 0, "the end of listening")
+        assert len(read_with_rosbags(path)["/chatter"]) == number
+    answer = graph.call("record/stop")
+    assert (answer.success, answer.message) == (False, "not recording")
+    assert finish(process, signal.SIGTERM) == (0, "", "")
+
+
+# refusals --------------------------------------------------------------------------------------------------
+
+
+def test_a_place_that_will_not_do_is_refused_at_the_start(graph: Graph, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for arguments, message in (
+        (
+            [f"directory:={tmp_path}/file"],
+            f"cannot record into {tmp_path}/file: File exists; choose another directory, or make this one writable",
+        ),
+        (
+            ["directory:=/proc/1/none"],
+            "cannot record into /proc/1/none: No such file or directory; choose another",
+        ),
+        ([f"directory:={tmp_path}", "name:=a/b"], "recording name 'a/b' is not allowed; use letters"),
+        ([f"directory:={tmp_path}", f"min_free:={10**17}"], f"cannot record into {tmp_path}: "),
+        (["compression:=rar"], "parameter 'compression' is 'rar'; allowed: one of none, lz4, zstd"),
+        (["sync_period:=2.0"], "parameter 'sync_period' is 2.0; allowed: 0.05 to 1 s"),
+    ):
+        code, out, errors = finish(graph.record(*arguments), None)
+        assert (code, out) == (2, "")
+        assert errors.startswith(f"record: {message}")
+        assert errors.count("\n") == 1
+
+
+def test_a_service_call_that_cannot_be_met_says_why_and_the_node_lives_on(
+    graph: Graph, tmp_path: Path
+) -> None:
+    target = tmp_path / "place"
+    target.touch()
+    process = graph.record(f"directory:={target}", "autostart:=false")
+    answer = graph.call("record/start")
+    assert not answer.success
+    assert answer.message.startswith(f"cannot record into {target}: File exists")
+    target.unlink()
+    assert graph.call("record/start").success
+    assert finish(process, signal.SIGTERM)[0] == 0
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 600 kB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=600k", "tmpfs", str(place)]
+    if os.geteuid() != 0 or subprocess.run(command, check=False, capture_output=True).returncode != 0:
+        pytest.skip("needs the right to mount; test_writer fills a disk by a limit of file size instead")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+def test_a_full_disk_ends_the_recording_and_the_node_lives_on(graph: Graph, small_disk: Path) -> None:
+    arguments = (f"directory:={small_disk}", "min_free:=0", "compression:=none", "topics:=sim/body_state")
+    process = graph.record(*arguments, "sync_period:=0.1")
+    path = Path(line_of(process, "recording"))
+    body = graph.publisher(tripod_msgs.BodyState, "sim/body_state", SENSOR)
+    graph.heard(body)
+    step = 0
+
+    def failed() -> bool:
+        nonlocal step
+        body.publish(body_state(step))
+        step += 1
+        return graph.health_of("/record").level == b"\2"
+
+    graph.until(failed, "a full disk")
+    message = graph.health["/record"].message
+    assert "No space left on device" in message
+    kept = read_with_rosbags(path)["/sim/body_state"]
+    assert message.endswith(f"; {len(kept)} messages are kept")
+    assert 20 < len(kept) < step
+    text = yaml.safe_load((path.parent / "metadata.yaml").read_text())
+    assert text["rosbag2_bagfile_information"]["message_count"] <= len(kept)
+    assert graph.call("record/stop").message == "not recording"
+    path.unlink()
+    assert graph.call("record/start").success
+    code, _, errors = finish(process, signal.SIGTERM)
+    assert code == 0
+    assert "recording ended" in errors
+    assert "Traceback" not in errors
+
+
+# publishers that change ------------------------------------------------------------------------------------
+
+
+def test_a_publisher_that_offers_less_is_recorded_too(graph: Graph, tmp_path: Path) -> None:
+    recorder = graph.in_process(tmp_path)
+    reliable = graph.publisher(String, "chatter", RELIABLE)
+    graph.heard(reliable)
+    reliable.publish(String(data="reliable"))
+    graph.until(lambda: recorder._recorder.progress.messages >= 1, "recording")
+    sensor = graph.publisher(String, "chatter", SENSOR)
+    graph.heard(sensor)
+    sensor.publish(String(data="best effort"))
+    path = recorder._recorder.progress.path
+    graph.until(lambda: len(read_with_rosbags(path).get("/chatter", [])) == 2, "both")
+    recorder.close()
+    assert [string_of(d) for _, d in read_with_rosbags(path)["/chatter"]] == ["reliable", "best effort"]
+
+
+def test_a_type_that_is_not_installed_is_reported_and_the_rest_recorded(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def text(name: str) -> str:
+        if name == "std_msgs/msg/String":
+            raise record_node.RecordError(f"type {name!r} is not installed")
+        return "float64[] data\n"
+
+    monkeypatch.setattr(record_node, "definition_text", text)
+    recorder = graph.in_process(tmp_path, topics="strange known")
+    graph.publisher(String, "strange")
+    known = graph.publisher(tripod_msgs.ControlMode, "known")
+    graph.heard(known)
+    known.publish(tripod_msgs.ControlMode())
+    path = recorder._recorder.progress.path
+    graph.until(lambda: read_info(path).messages == 1, "recording")
+    graph.until(lambda: "/strange" in graph.health_of("/record").message, "a warning")
+    health = graph.health["/record"]
+    assert (health.level, health.message) == (b"\1", "recording without /strange")
+    values = {v.key: v.value for v in health.values}
+    assert values["refused /strange"] == "type 'std_msgs/msg/String' is not installed"
+    recorder.close()
+    assert {t.name for t in read_info(path).topics} == {"/known"}
