@@ -29,6 +29,7 @@ class System:
         residual: Reduced gradient of the last `evaluate` [N, N m], shape (unknowns,).
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
         lever: r_i of nodes of bodies and frames [m], shape (n, 3).
+        driven: Nodes of all driven frames.
         strain_energy, gravity_energy: Of the last `evaluate` [J].
     """
 
@@ -54,6 +55,12 @@ class System:
         self._combined = np.zeros_like(solid.matrices) if damping else None
         self._rest_centres = np.array([rest[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
         self.strain_energy = self.gravity_energy = 0.0
+        frames = groups.driven
+        self.driven = np.concatenate([f.nodes for f in frames] or [np.zeros(0, dtype=np.int64)])
+        self._frame_of = np.repeat(np.arange(s), [len(f.nodes) for f in frames])
+        swings = [(*f.swing(rest[f.nodes]), np.tile(f.inward, (len(f.nodes), 1))) for f in frames]
+        self._swing = [np.concatenate([t[k] for t in swings] or [np.zeros((0, 3))]) for k in range(4)]
+        self._hubs = np.array([f.point for f in frames]).reshape(s, 3)[self._frame_of]
         self._change, self._reduced, self._unused = (
             np.zeros((n, 3)),
             np.zeros_like(self.residual),
@@ -81,18 +88,20 @@ class System:
 
     def drive(self, state: State, joints: FloatArray) -> None:
         """Put the driven frames at `joints`, shape (s + 1,): angles [rad], then the slide [m]."""
-        for i, frame in enumerate(self.groups.driven):
-            state.positions[frame.nodes] = frame.place(self.rest[frame.nodes], joints[i], joints[-1])
+        centre, cosine, sine, inward = self._swing
+        angle = joints[self._frame_of, None]
+        state.positions[self.driven] = (
+            centre + np.cos(angle) * cosine + np.sin(angle) * sine + joints[-1] * inward
+        )
         state.joints[:] = joints
 
     def update_levers(self, state: State) -> None:
         """Write `lever` for the positions of `state`."""
         for b, nodes in enumerate(self.groups.rigid):
             self.lever[nodes] = state.positions[nodes] - state.centres[b]
-        for frame in self.groups.driven:
-            self.lever[frame.nodes] = (
-                state.positions[frame.nodes] - frame.point - state.joints[-1] * frame.inward
-            )
+        self.lever[self.driven] = (
+            state.positions[self.driven] - self._hubs - state.joints[-1] * self._swing[3]
+        )
 
     def evaluate(self, state: State, *, static: bool = False) -> float:
         """Write `gradient`, `residual` and `torques`; return Phi [J], infinite where there is no solution to improve.

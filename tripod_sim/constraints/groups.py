@@ -42,9 +42,15 @@ class DrivenFrame:
     point: FloatArray
     inward: FloatArray
 
-    def place(self, rest: FloatArray, angle: float, slide: float) -> FloatArray:
-        """Return the positions [m] of nodes at `rest` (n, 3) when the arm stands at `angle` [rad] and `slide` [m]."""
-        return rotate(rest - self.point, self.axis * angle) + self.point + slide * self.inward
+    def swing(self, rest: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return (c, u, w), each (n, 3): the held nodes stand at c + u cos(angle) + w sin(angle) + slide inward.
+
+        Args:
+            rest: Undeformed positions of the held nodes [m], shape (n, 3).
+        """
+        arm = rest - self.point
+        along = np.outer(arm @ self.axis, self.axis)
+        return self.point + along, arm - along, np.cross(self.axis, arm)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,17 +27,18 @@ class Solid:
     def __init__(self, nodes: FloatArray, elements: IndexArray, law: str, lam: float, mu: float) -> None:
         """`nodes`: undeformed positions [m], shape (n, 3); `lam`, `mu`: Lame's constants [Pa]."""
         self.elements = elements
-        self._G, self._weight = h8_gradients(nodes[elements])
+        gradients, self._weight = h8_gradients(nodes[elements])
+        self._G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
         self._law, self._lam, self._mu = LAWS[law], lam, mu
         self.mode_residual_squared = 0.0
-        count, columns = len(elements), self._G.shape[2]
+        count, columns = len(elements), self._G.shape[3]
         extra = 3 * (columns - 8)
         self.matrices = np.zeros((count, 24, 24))
         self._X = np.zeros((count, extra, 24))
         self._inverse = np.zeros((count, extra, extra))
         self._y = np.zeros((count, extra))
         self._C, self._CB = np.zeros((9, 9)), np.zeros((3, 3, 3 * columns))
-        self._K, self._work = np.zeros((3 * columns, 3 * columns)), np.zeros((2 * columns + 6, 3))
+        self._K, self._work = np.zeros((3, columns, 3 * columns)), np.zeros((12, columns))
 
     def rest_modes(self) -> FloatArray:
         """Return the mode amplitudes of the undeformed solid [m], shape (m, 3, 3)."""

@@ -1,7 +1,8 @@
 """Element loops of the solid: energy, gradient and condensed stiffness of all elements, compiled.
 
-Arrays: x (n, 3) positions [m]; modes (m, k, 3) amplitudes of the incompatible modes [m]; G (m, q, c, 3) reference
-gradients of the 8 shape functions and then the k modes [1/m], c = 8 + k; weight (m, q) volumes [m³].
+Arrays: x (n, 3) positions [m]; modes (m, k, 3) amplitudes of the incompatible modes [m]; G (m, q, 3, c) reference
+gradients of the 8 shape functions and then the k modes [1/m], c = 8 + k; weight (m, q) volumes [m³]. Within an
+element, components come first, (3, c): the inner loops then run over contiguous numbers.
 
 Condensation: with f_u, f_a the gradients with respect to nodes and modes and K_ua, K_aa the blocks of the tangent,
 
@@ -24,14 +25,14 @@ _neo_energy, _neo_stress, _neo_tangent = neo_hooke.energy, neo_hooke.stress, neo
 _cor_energy, _cor_stress, _cor_tangent = corotational.energy, corotational.stress, corotational.tangent
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _deformation(e: int, q: int, xe: Array, G: Array, F: Array) -> None:
-    """Write F = sum_a xe_a (x) G_a (+ I for displacement modes, contained in the node part)."""
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def _deformation(xe: Array, Ge: Array, F: Array) -> None:
+    """Write F = sum_a xe_a (x) G_a; the rest shape is part of the node positions."""
     for i in range(3):
         for j in range(3):
             total = 0.0
-            for a in range(xe.shape[0]):
-                total += xe[a, i] * G[e, q, a, j]
+            for a in range(xe.shape[1]):
+                total += xe[i, a] * Ge[j, a]
             F[i, j] = total
 
 
@@ -39,10 +40,10 @@ def _deformation(e: int, q: int, xe: Array, G: Array, F: Array) -> None:
 def _gather(e: int, x: Array, modes: Array, elements: Array, xe: Array) -> None:
     for a in range(elements.shape[1]):
         for i in range(3):
-            xe[a, i] = x[elements[e, a], i]
+            xe[i, a] = x[elements[e, a], i]
     for k in range(modes.shape[1]):
         for i in range(3):
-            xe[elements.shape[1] + k, i] = modes[e, k, i]
+            xe[i, elements.shape[1] + k] = modes[e, k, i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -58,12 +59,12 @@ def solid_energy(
     work: Array,
 ) -> float:
     """Return the strain energy [J]; infinite as soon as a point has none."""
-    xe, F = work[: G.shape[2]], work[G.shape[2] : G.shape[2] + 3]
+    xe, F = work[:3], work[3:6, :3]
     total = 0.0
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
         for q in range(G.shape[1]):
-            _deformation(e, q, xe, G, F)
+            _deformation(xe, G[e, q], F)
             density = _neo_energy(F, lam, mu) if law == NEO_HOOKE else _cor_energy(F, lam, mu)
             total += weight[e, q] * density
         if not np.isfinite(total):
@@ -92,42 +93,37 @@ def solid_gradient(
     Returns:
         The strain energy [J], infinite if a point has none (then `g` is not to be used), and |f_a|² [N²].
     """
-    nodes, count = elements.shape[1], G.shape[2]
-    xe, F, P, f = (
-        work[:count],
-        work[count : count + 3],
-        work[count + 3 : count + 6],
-        work[count + 6 : 2 * count + 6],
-    )
+    nodes, count = elements.shape[1], G.shape[3]
+    xe, F, P, f = work[:3], work[3:6, :3], work[6:9, :3], work[9:12]
     total = unbalanced = 0.0
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
         f[:] = 0.0
         for q in range(G.shape[1]):
-            _deformation(e, q, xe, G, F)
+            Ge, w = G[e, q], weight[e, q]
+            _deformation(xe, Ge, F)
             density = _neo_stress(F, lam, mu, P) if law == NEO_HOOKE else _cor_stress(F, lam, mu, P)
             if not np.isfinite(density):
                 return np.inf, np.inf
-            total += weight[e, q] * density
-            for a in range(count):
-                for i in range(3):
-                    f[a, i] += weight[e, q] * (
-                        P[i, 0] * G[e, q, a, 0] + P[i, 1] * G[e, q, a, 1] + P[i, 2] * G[e, q, a, 2]
-                    )
+            total += w * density
+            for i in range(3):
+                p0, p1, p2 = w * P[i, 0], w * P[i, 1], w * P[i, 2]
+                for a in range(count):
+                    f[i, a] += p0 * Ge[0, a] + p1 * Ge[1, a] + p2 * Ge[2, a]
         size = 3 * (count - nodes)
         for r in range(size):
             y[e, r] = 0.0
         for c in range(size):
-            fa = f[nodes + c // 3, c % 3]
+            fa = f[c % 3, nodes + c // 3]
             unbalanced += fa * fa
             for r in range(size):
                 y[e, r] += K_aa_inverse[e, c, r] * fa
             for a in range(nodes):
                 for i in range(3):
-                    f[a, i] -= X[e, c, 3 * a + i] * fa
+                    f[i, a] -= X[e, c, 3 * a + i] * fa
         for a in range(nodes):
             for i in range(3):
-                g[elements[e, a], i] += f[a, i]
+                g[elements[e, a], i] += f[i, a]
     return total, unbalanced
 
 
@@ -153,79 +149,97 @@ def solid_stiffness(
     """Write the condensed stiffness (m, 24, 24) [N/m], X (m, 3k, 24) and K_aa^-1 (m, 3k, 3k) of every element.
 
     Args:
-        project: Clamp the negative eigenvalues of the tangent of each point to zero.
-        C, CB, K, work: Scratch of shapes (9, 9), (3, 3, 3c), (3c, 3c), (2c + 6, 3).
+        project: Lift the negative eigenvalues of the tangent of each point to (almost) zero.
+        C, CB, K, work: Scratch of shapes (9, 9), (3, 3, 3c), (3, c, 3c), (12, c).
 
     Returns:
         -1, or the first element whose K_aa is not positive definite.
     """
-    nodes, count = elements.shape[1], G.shape[2]
-    n_u, n_c = 3 * nodes, 3 * count
-    xe, F = work[:count], work[count : count + 3]
+    nodes, count = elements.shape[1], G.shape[3]
+    xe, F = work[:3], work[3:6, :3]
+    coupling = np.empty((3 * (count - nodes), 3 * nodes))
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
         K[:] = 0.0
         for q in range(G.shape[1]):
-            _deformation(e, q, xe, G, F)
+            Ge, w = G[e, q], weight[e, q]
+            _deformation(xe, Ge, F)
             if law == NEO_HOOKE:
                 _neo_tangent(F, lam, mu, project, C)
             else:
                 _cor_tangent(F, lam, mu, project, C)
-            w = weight[e, q]
             for i in range(3):
                 for j in range(3):
-                    r = 3 * i + j
-                    for b in range(count):
-                        g0, g1, g2 = w * G[e, q, b, 0], w * G[e, q, b, 1], w * G[e, q, b, 2]
-                        CB[i, j, 3 * b] = C[r, 0] * g0 + C[r, 1] * g1 + C[r, 2] * g2
-                        CB[i, j, 3 * b + 1] = C[r, 3] * g0 + C[r, 4] * g1 + C[r, 5] * g2
-                        CB[i, j, 3 * b + 2] = C[r, 6] * g0 + C[r, 7] * g1 + C[r, 8] * g2
-            for a in range(count):
-                g0, g1, g2 = G[e, q, a, 0], G[e, q, a, 1], G[e, q, a, 2]
-                for i in range(3):
-                    row = K[3 * a + i]
-                    for c in range(n_c):
-                        row[c] += g0 * CB[i, 0, c] + g1 * CB[i, 1, c] + g2 * CB[i, 2, c]
-        if count > nodes and not _condense(K, n_u, n_c, X[e], K_aa_inverse[e]):
+                    for k in range(i + 1):
+                        c0, c1, c2 = (
+                            w * C[3 * i + j, 3 * k],
+                            w * C[3 * i + j, 3 * k + 1],
+                            w * C[3 * i + j, 3 * k + 2],
+                        )
+                        for b in range(count):
+                            CB[i, j, k * count + b] = c0 * Ge[0, b] + c1 * Ge[1, b] + c2 * Ge[2, b]
+                for a in range(count):  # K is symmetric: blocks of components on and below the diagonal
+                    g0, g1, g2 = Ge[0, a], Ge[1, a], Ge[2, a]
+                    for c in range((i + 1) * count):
+                        K[i, a, c] += g0 * CB[i, 0, c] + g1 * CB[i, 1, c] + g2 * CB[i, 2, c]
+        if not _condense(K, nodes, count, X[e], K_aa_inverse[e], stiffness[e], coupling):
             return e
-        for r in range(n_u):
-            for c in range(n_u):
-                stiffness[e, r, c] = K[r, c]
     return -1
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def _condense(K: Array, n_u: int, n_c: int, X: Array, inverse: Array) -> bool:
-    """Invert K_aa in place (Gauss-Jordan on a positive definite block), write X, reduce K_uu; False if indefinite."""
-    size = n_c - n_u
-    for r in range(size):
-        for c in range(size):
-            inverse[r, c] = K[n_u + r, n_u + c]
+def _condense(
+    K: Array, nodes: int, count: int, X: Array, inverse: Array, out: Array, coupling: Array
+) -> bool:
+    """Write K_aa^-1 (Gauss-Jordan), X and K_uu - K_ua X, numbered node by node; return False if K_aa is not positive.
+
+    Args:
+        K: Lower component blocks, shape (3, c, 3c).
+        nodes, count: 8 and c.
+        X, inverse, out: Outputs, shapes (3k, 24), (3k, 3k), (24, 24).
+        coupling: Scratch for K_au, shape (3k, 24).
+    """
+    size = 3 * (count - nodes)
+    for i in range(3):
+        for k in range(i + 1):
+            for a in range(nodes):
+                for b in range(nodes):
+                    out[3 * a + i, 3 * b + k] = out[3 * b + k, 3 * a + i] = K[i, a, k * count + b]
+            for a in range(count - nodes):
+                r = 3 * a + i
+                for b in range(nodes):
+                    coupling[r, 3 * b + k] = K[i, nodes + a, k * count + b]
+                    coupling[3 * a + k, 3 * b + i] = K[i, b, k * count + nodes + a]
+                for b in range(count - nodes):
+                    inverse[r, 3 * b + k] = inverse[3 * b + k, r] = K[i, nodes + a, k * count + nodes + b]
+    scale = 0.0
+    for p in range(size):
+        scale = max(scale, abs(inverse[p, p]))
     for p in range(size):
         pivot = inverse[p, p]
-        if not pivot > 1e-12 * abs(K[n_u + p, n_u + p]):
+        if not pivot > 1e-13 * scale:
             return False
         inverse[p, p] = 1.0
+        reciprocal = 1.0 / pivot
         for c in range(size):
-            inverse[p, c] /= pivot
+            inverse[p, c] *= reciprocal
         for r in range(size):
             if r != p:
                 factor = inverse[r, p]
                 inverse[r, p] = 0.0
                 for c in range(size):
                     inverse[r, c] -= factor * inverse[p, c]
+    X[:] = 0.0
     for r in range(size):
-        row = X[r]
-        row[:] = 0.0
         for k in range(size):
             factor = inverse[r, k]
-            for c in range(n_u):
-                row[c] += factor * K[n_u + k, c]
-    for k in range(size):
-        for r in range(n_u):
-            factor = K[n_u + k, r]
-            for c in range(n_u):
-                K[r, c] -= factor * X[k, c]
+            for c in range(3 * nodes):
+                X[r, c] += factor * coupling[k, c]
+    for r in range(3 * nodes):
+        for k in range(size):
+            factor = coupling[k, r]
+            for c in range(3 * nodes):
+                out[r, c] -= factor * X[k, c]
     return True
 
 
@@ -264,12 +278,12 @@ def smallest_volume_ratio(
     x: Array, modes: Array, elements: Array, G: Array, work: Array
 ) -> tuple[int, float]:
     """Return the element with the smallest det F at a point, and that determinant."""
-    xe, F = work[: G.shape[2]], work[G.shape[2] : G.shape[2] + 3]
+    xe, F = work[:3], work[3:6, :3]
     worst, smallest = 0, np.inf
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
         for q in range(G.shape[1]):
-            _deformation(e, q, xe, G, F)
+            _deformation(xe, G[e, q], F)
             J = neo_hooke.determinant(F)
             if not smallest <= J:
                 worst, smallest = e, J

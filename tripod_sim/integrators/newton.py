@@ -46,9 +46,6 @@ class Newton:
         self.system, self.tolerance, self.max_iterations = system, tolerance, max_iterations
         self._dx = np.zeros_like(system.rest)
         self._trial: State | None = None
-        self._driven = np.concatenate(
-            [f.nodes for f in system.groups.driven] or [np.zeros(0, dtype=np.int64)]
-        )
 
     def solve(self, state: State, joints: FloatArray) -> NewtonReport:
         """Move `state` to equilibrium with its driven frames at `joints`, in place.
@@ -69,8 +66,8 @@ class Newton:
         self._dx[:] = 0.0
         trial.positions[:] = state.positions
         system.drive(trial, joints)
-        self._dx[self._driven] = trial.positions[self._driven] - state.positions[self._driven]
-        moved = bool(np.any(self._dx[self._driven]))
+        self._dx[system.driven] = trial.positions[system.driven] - state.positions[system.driven]
+        moved = bool(np.any(self._dx[system.driven]))
         if moved:
             system.add_driven(self._dx)
         if moved or system.unbalanced() > self.tolerance:
