@@ -28,6 +28,9 @@ class Stepper(Protocol):
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance in place, or raise StepError and leave `state` as it was."""
 
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps, so that the next depends on its state alone."""
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:

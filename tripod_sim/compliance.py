@@ -51,6 +51,10 @@ class Compliance:
 def compliance(system: System, state: State) -> Compliance:
     """Return the compliance of `system` at `state`.
 
+    Args:
+        system: Without inertia and damping: the static potential. Its factorisation is overwritten.
+        state: Where it is linearised; need not be an equilibrium.
+
     Raises:
         SceneError: the system has no effector.
         StepError: the static tangent is singular there.
@@ -61,9 +65,10 @@ def compliance(system: System, state: State) -> Compliance:
     for project in (False, True):
         if system.assemble(state, project=project) < 0:
             break
-    system.evaluate(state, static=True)
+    system.evaluate(state)
     torques = system.torques.copy()
-    if not system.factor_static():
+    system.factor()
+    if not system.factored:
         raise StepError(
             f"the static tangent is singular at {state.time:.4g} s; the compliance is not defined"
         )

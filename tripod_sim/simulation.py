@@ -54,6 +54,8 @@ class Simulation:
         """
         self.scene = scene
         parts = build(scene)
+        held = bool(scene.servos or scene.fixed)
+        self._static = build(replace(scene, inertia=None, damping=None)) if scene.inertia and held else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
             parts.mass,
@@ -82,12 +84,12 @@ class Simulation:
         if self._system.groups.rigid:
             self.compliance()
         keep.copy_to(self.state)
+        self._stepper.forget()
 
     def _pose(self, joints: FloatArray) -> None:
         """Bring the body to static equilibrium with its driven frames at `joints`."""
-        static = build(replace(self.scene, inertia=None, damping=None))
-        static.stepper.step(self.state, joints, 0.0)
-        self.torques[:] = static.system.torques
+        self._static.stepper.step(self.state, joints, 0.0)
+        self.torques[:] = self._static.system.torques
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
 
@@ -125,6 +127,7 @@ class Simulation:
     def reset(self) -> None:
         """Return to the start state, bit for bit."""
         self._start.copy_to(self.state)
+        self._stepper.forget()
         self.torques[:] = self._start_torques
         self.report = StepReport()
 
@@ -145,4 +148,4 @@ class Simulation:
 
     def compliance(self) -> Compliance:
         """Return the linearised static response about the present state. Raises SceneError without an effector."""
-        return compliance(self._system, self.state)
+        return compliance(self._static.system, self.state)

@@ -30,6 +30,7 @@ class System:
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
         lever: r_i of nodes of bodies and frames [m], shape (n, 3).
         driven: Nodes of all driven frames.
+        factored: Whether the last `factor` found no zero pivot, be the matrix definite or not.
         strain_energy, gravity_energy: Of the last `evaluate` [J].
     """
 
@@ -61,6 +62,7 @@ class System:
         swings = [(*f.swing(rest[f.nodes]), np.tile(f.inward, (len(f.nodes), 1))) for f in frames]
         self._swing = [np.concatenate([t[k] for t in swings] or [np.zeros((0, 3))]) for k in range(4)]
         self._hubs = np.array([f.point for f in frames]).reshape(s, 3)[self._frame_of]
+        self.factored = False
         self._change, self._reduced, self._unused = (
             np.zeros((n, 3)),
             np.zeros_like(self.residual),
@@ -103,11 +105,8 @@ class System:
             state.positions[self.driven] - self._hubs - state.joints[-1] * self._swing[3]
         )
 
-    def evaluate(self, state: State, *, static: bool = False) -> float:
-        """Write `gradient`, `residual` and `torques`; return Phi [J], infinite where there is no solution to improve.
-
-        `static` leaves inertia and damping out.
-        """
+    def evaluate(self, state: State) -> float:
+        """Write `gradient`, `residual` and `torques`; return Phi [J], infinite where there is none to improve."""
         g = self.gradient
         g[:] = 0.0
         self.strain_energy = self.solid.add_gradient(state.positions, state.modes, g)
@@ -117,9 +116,9 @@ class System:
         if self.gravity:
             self.gravity_energy = self.gravity.add_gradient(state.positions, g)
             phi += self.gravity_energy
-        if self.inertia and not static:
+        if self.inertia:
             phi += self.inertia.add_gradient(state.positions, g)
-        if self.damping and not static:
+        if self.damping:
             phi += self.damping.add_gradient(state.positions, g)
         self.update_levers(state)
         self.reduction.gradient(g, self.lever, self.axes, self.residual, self.torques)
@@ -152,12 +151,8 @@ class System:
         if shift:
             weight = weight + shift
         self.reduction.hessian(matrices, weight, self.gradient, self.lever, self.axes)
-        return self.ldl.factor() and self.ldl.is_positive()
-
-    def factor_static(self) -> bool:
-        """The same with strain and gravity energy alone: the static tangent, which may be indefinite."""
-        self.reduction.hessian(self.solid.matrices, self._no_weight, self.gradient, self.lever, self.axes)
-        return self.ldl.factor()
+        self.factored = self.ldl.factor()
+        return self.factored and self.ldl.is_positive()
 
     def add_driven(self, dx: FloatArray) -> None:
         """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""

@@ -28,6 +28,10 @@ class ImplicitEuler:
         self._backup: State | None = None
         self._before = np.zeros((len(mass), 3))
 
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps."""
+        self._newton.forget()
+
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance `state` by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.
 
@@ -39,7 +43,9 @@ class ImplicitEuler:
         start = state.joints.copy()
 
         def part(begin: float, end: float) -> NewtonReport:
-            return self._part(state, start + end * (joints - start), dt * (end - begin))
+            return self._part(
+                state, start + end * (joints - start), dt if end - begin == 1 else dt * (end - begin)
+            )
 
         report = advance_in_parts(state, self._backup, part, self._max_halvings)
         state.time += dt
@@ -57,7 +63,7 @@ class ImplicitEuler:
             damping.factor = damping.coefficient / h
             damping.start[:] = state.positions
         self._before[:] = state.positions
-        report = self._newton.solve(state, joints)
+        report = self._newton.solve(state, joints, keep=h)
         np.subtract(state.positions, self._before, out=state.velocities)
         state.velocities /= h
         return report

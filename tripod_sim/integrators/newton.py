@@ -2,7 +2,8 @@
 
 Every step goes down: the Hessian is made positive definite (first as it is; if it is not, with each point's tangent
 projected; at last with a shift), and a step is shortened until the potential falls [NocedalWright2006, chapter 3].
-A factorisation is kept while it still halves the residual (chord steps), and renewed where it does not.
+A factorisation is kept while it still halves the residual (chord steps), also from one solve to the next, and renewed
+where it does not.
 """
 
 from dataclasses import dataclass
@@ -41,46 +42,71 @@ class Newton:
     SHORTEST = 1e-4
     """Smallest fraction of a Newton step that is tried."""
 
+    FEW = 3
+    """A factorisation that needed at most so many linear solves is kept for the next solve: one more chord step costs a
+    fifth of a new factorisation."""
+
     def __init__(self, system: System, tolerance: float, max_iterations: int) -> None:
         """`tolerance`: unbalanced force [N] at which a state counts as solved."""
         self.system, self.tolerance, self.max_iterations = system, tolerance, max_iterations
         self._dx = np.zeros_like(system.rest)
         self._trial: State | None = None
+        self._kept: float | None = None
 
-    def solve(self, state: State, joints: FloatArray) -> NewtonReport:
+    def forget(self) -> None:
+        """Drop the factorisation kept from earlier solves, so that the next one depends on its state alone."""
+        self._kept = None
+
+    def solve(self, state: State, joints: FloatArray, *, keep: float | None = None) -> NewtonReport:
         """Move `state` to equilibrium with its driven frames at `joints`, in place.
 
-        The first solve carries the driven nodes along with the linearised response of all others, so that the clamped
-        elements do not take the whole move.
+        The first step carries the driven nodes along with the linearised response of all others, so that the
+        clamped elements do not take the whole move.
+
+        Args:
+            state: Where the body is.
+            joints: Angles [rad] and slide [m] to reach, shape (s + 1,).
+            keep: The time step [s] that the Hessian belongs to: the factorisation of an earlier solve with the
+                same one serves again while it needs few iterations. None renews it.
 
         Raises:
             NewtonError: an element turned inside out, or no convergence; `state` is then in between.
         """
-        system = self.system
         if self._trial is None:
             self._trial = state.copy()
         trial, report = self._trial, NewtonReport()
         trial.time, trial.step = state.time, state.step
         trial.velocities[:] = state.velocities
-        self._renew(state, report, first=True)
-        self._dx[:] = 0.0
+        if keep is None or keep != self._kept:
+            self._renew(state, report, first=True)
+        else:
+            self.system.evaluate(state)
+        self._kept = None
+        phi = self._drive(state, trial, joints, report)
+        self._descend(state, trial, phi, report)
+        if report.iterations <= self.FEW:
+            self._kept = keep
+        return report
+
+    def _drive(self, state: State, trial: State, joints: FloatArray, report: NewtonReport) -> float:
+        """Make the first step, which moves the driven nodes; return the potential after it."""
+        system = self.system
         trial.positions[:] = state.positions
         system.drive(trial, joints)
+        self._dx[:] = 0.0
         self._dx[system.driven] = trial.positions[system.driven] - state.positions[system.driven]
-        moved = bool(np.any(self._dx[system.driven]))
+        moved = bool(self._dx[system.driven].any())
         if moved:
             system.add_driven(self._dx)
-        if moved or system.unbalanced() > self.tolerance:
-            phi = self._step(state, trial, 1.0, report)
-            if not np.isfinite(phi):
-                raise NewtonError(f"{self._culprit(trial)} as the servos moved")
-            trial.copy_to(state)
-        else:
+        if not moved and system.unbalanced() <= self.tolerance:
             system.drive(state, joints)
-            phi = system.evaluate(state)
+            return system.evaluate(state)
+        phi = self._step(state, trial, 1.0, report)
+        if not np.isfinite(phi):
+            raise NewtonError(f"{self._culprit(trial)} as the servos moved")
+        trial.copy_to(state)
         self._dx[:] = 0.0
-        self._descend(state, trial, phi, report)
-        return report
+        return phi
 
     def _descend(self, state: State, trial: State, phi: float, report: NewtonReport) -> None:
         """Iterate from an evaluated `state` until the residual is below the tolerance."""

@@ -18,6 +18,9 @@ class QuasiStatic:
         self._newton, self._max_halvings, self._max_turn, self._reach = newton, max_halvings, max_turn, reach
         self._backup: State | None = None
 
+    def forget(self) -> None:
+        """Nothing is kept from earlier steps."""
+
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Move `state` to equilibrium with the driven frames at `joints`, shape (s + 1,), in place.
 
