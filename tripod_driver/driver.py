@@ -148,11 +148,10 @@ class Driver:
         self._ignored = 0
         self._rest(now)
 
-    def deactivate(self, now: float) -> None:
+    def deactivate(self) -> None:
         """Send nothing more; the servos keep the last angles."""
         self._active = False
         self._ignored = 0
-        self._rest(now)
 
     def trajectory(
         self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]], now: float
@@ -219,7 +218,6 @@ class Driver:
         if packet == self._packet and now + self._period <= self._sent_at + self._keep_alive:
             return False
         if not self.link.write(packet, now):
-            self._rest(now)
             return False
         self._packet, self._sent_at, self._sent = packet, now, self.protocol.decode(packet)
         self.packets_sent += 1

@@ -174,6 +174,19 @@ def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
     assert bench.angles == pytest.approx([-1.2] * 3, abs=RESOLUTION + 1e-9)
 
 
+def test_stop_also_interrupts_the_way_to_the_park_position() -> None:
+    bench = Bench(start=(-1.5, -1.5, -1.5))
+    bench.mode(Mode.IK)
+    bench.run(1.3)  # held for 1 s, then 0.3 s of the 0.65 s to the park position
+    assert bench.driver.state is DriverState.PARKED
+    bench.mode(Mode.STOP)
+    last = bench.port.arrived[-4:]
+    bench.run(0.9)
+    assert bench.port.arrived[-4:] == last != PROTOCOL.encode([-0.2] * 3)
+    bench.run(0.6)
+    assert bench.port.arrived[-4:] == PROTOCOL.encode([-0.2] * 3)
+
+
 def test_the_same_mode_again_does_not_undo_a_stop_by_service() -> None:
     bench = Bench()
     bench.mode(Mode.IK)
@@ -241,6 +254,16 @@ def test_a_lost_port_is_opened_again_and_the_next_command_ramps() -> None:
     assert ramp[-1] == pytest.approx([-1.6] * 3, abs=RESOLUTION + 1e-9)
 
 
+def test_after_a_reconnection_the_position_is_sent_at_once() -> None:
+    bench = Bench(keep_alive=60.0)
+    bench.port.fault = Fault.SHORT
+    bench.mode(Mode.IK)
+    bench.goto(-0.6, -0.6, -0.6)
+    bench.run(0.02)
+    bench.port.fault = None
+    assert len(bench.run(0.6)) == 1
+
+
 @pytest.mark.parametrize("fault", [Fault.SILENT, Fault.LATE, Fault.CORRUPT])
 def test_a_fault_that_nobody_can_see_does_not_stop_the_stream(fault: Fault) -> None:
     bench = Bench()
@@ -277,7 +300,7 @@ def test_deactivation_holds_and_sends_nothing_more() -> None:
     bench.goto(-1.5, -1.5, -1.5, time=1.0)
     bench.run(0.5)
     last = bench.angles
-    bench.driver.deactivate(bench.now)
+    bench.driver.deactivate()
     assert bench.run(3.0) == []
     assert bench.driver.state is DriverState.READY
     bench.driver.activate(bench.now)
@@ -317,7 +340,11 @@ def test_a_stalled_executor_moves_no_further_than_two_ticks() -> None:
     bench.goto(-2.0, -2.0, -2.0)
     bench.now += 0.4
     bench.driver.tick(bench.now)
-    assert bench.angles == pytest.approx([-0.5 - 2.0 * 2 * PERIOD] * 3, abs=RESOLUTION + 1e-9)
+    assert bench.angles == pytest.approx([-0.58] * 3, abs=RESOLUTION + 1e-9)  # 2 rad/s in 2 x 0.02 s
+    bench.driver.park(bench.now)
+    bench.now += 0.4
+    bench.driver.tick(bench.now)
+    assert bench.angles == pytest.approx([-0.5] * 3, abs=RESOLUTION + 1e-9)
 
 
 def test_tutorial_bytes_are_those_of_the_workshop() -> None:
@@ -356,7 +383,7 @@ def test_whatever_happens_the_servos_see_neither_a_jump_nor_an_impossible_byte(e
             bench.mode(value)
         elif kind == "fault":
             bench.port.fault = value
-        elif kind in ("halt", "deactivate", "activate", "park"):
+        elif kind in ("halt", "activate", "park"):
             getattr(bench.driver, kind)(bench.now)
         elif kind != "wait":
             getattr(bench.driver, kind)()
