@@ -89,9 +89,8 @@ class Tracker:
     """Turns states into commands that bring the effector to the target.
 
     The first command after `start` equals the present angles, and without a target the tracker keeps the
-    effector where it would come to rest: beginning to track moves nothing. A robot found above the torque
-    limit is not moved to relieve it: for each servo the limit begins at the torque found and follows it down
-    to `torque_max`.
+    effector where it would come to rest: beginning to track moves nothing. A servo found above the torque
+    limit is not moved to relieve it: what it bears then is its limit, until it is once below `torque_max`.
     """
 
     def __init__(self, settings: TrackerSettings, n: int = 3) -> None:
@@ -142,10 +141,8 @@ class Tracker:
         return TrackerStep(self._activity(result), target, error, result)
 
     def _torque_ceiling(self, state: LinearState) -> FloatArray:
-        found = (
-            np.abs(state.torques) if self._torque is None else np.minimum(self._torque, np.abs(state.torques))
-        )
-        self._torque = np.maximum(found, self.settings.torque_max)
+        found, maximum = np.abs(state.torques), self.settings.torque_max
+        self._torque = np.where(found <= maximum, maximum, found if self._torque is None else self._torque)
         return self._torque
 
     def _activity(self, result: IkResult) -> Activity:
