@@ -46,7 +46,7 @@ class DemoNode(Node):
         super().__init__("demo")
         self.session = DemoSession(SessionTimes(track=track), shape)
         self.measured = Measurements()
-        self._go = threading.Event()
+        self._go, self._cut = threading.Event(), threading.Event()
         self._joints, self._effector = np.full(4, np.nan), np.full(3, np.nan)
         self._stamp_start = 0.0
         self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
@@ -66,7 +66,8 @@ class DemoNode(Node):
         self._go.set()
 
     def finish(self) -> None:
-        """Note how the session stands when it is cut off; call it before the last STOP."""
+        """End publishing and measuring, and note if it was too early; call it before the last STOP."""
+        self._cut.set()
         if not self.session.finished and self.session.phase is not Phase.TRACK:
             self.measured.session_failure = f"stopped while {self.session.phase.value}"
 
@@ -76,10 +77,10 @@ class DemoNode(Node):
 
     @property
     def _tracking(self) -> bool:
-        return self.session.phase is Phase.TRACK
+        return self.session.phase is Phase.TRACK and not self._cut.is_set()
 
     def _on_timer(self) -> None:
-        if not self._go.is_set() or self.session.finished:
+        if not self._go.is_set() or self._cut.is_set() or self.session.finished:
             return
         linked = (
             self._trajectory.get_subscription_count() >= FOLLOWERS

@@ -2,7 +2,9 @@
 
 import difflib
 import importlib
+import shutil
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -116,18 +118,18 @@ class NodeCommand(TyperCommand):
 
 
 def print_parameters(name: str, table: Sequence["Parameter"]) -> None:
-    """Print the parameters: name, default, unit, what is allowed, meaning."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-
-    shown = Table(
-        title=f"Parameters of {name}", title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0)
-    )
-    for heading in ("name", "default", "unit", "allowed", "meaning"):
-        shown.add_column(heading, no_wrap=heading in ("name", "unit"), overflow="fold")
-    for p in table:
-        shown.add_row(p.name, _default(p.default), p.unit, _allowed(p), p.help)
-    Console(markup=False, highlight=False).print(shown)
+    """Print the parameters: name, default, unit and what is allowed in columns, the meaning below."""
+    rows = [("name", "default", "unit", "allowed")]
+    rows += [(p.name, _default(p.default), p.unit or "-", _allowed(p) or "any") for p in table]
+    widths = [max(len(row[i]) for row in rows) for i in range(3)]
+    print(f"Parameters of {name}, each set by NAME:=VALUE:\n")
+    meanings = ["meaning", *(p.help for p in table)]
+    for row, meaning in zip(rows, meanings, strict=True):
+        columns = [f"{text:<{width}}" for text, width in zip(row, widths, strict=False)]
+        print("  ".join(["", *columns, row[3]]).rstrip())
+        wide = max(40, shutil.get_terminal_size().columns - 1)
+        print(textwrap.fill(meaning, wide, initial_indent=" " * 6, subsequent_indent=" " * 6))
+    print()
 
 
 def _default(value: object) -> str:

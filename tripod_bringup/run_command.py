@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from tripod_bringup.run_summary import result_rows
+
 FAILED = 1
 BAD_ARGUMENTS = 2
 
@@ -49,7 +51,10 @@ def run_scene(
     if as_json:
         print(json.dumps(plain(result)))
     elif not quiet:
-        print_result(result)
+        rows = result_rows(result)
+        width = max(len(name) for name, _ in rows)
+        for name, text in rows:
+            print(f"{name:<{width}}  {text}")
     return 0
 
 
@@ -84,38 +89,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return str(value) if isinstance(value, Path) else value
-
-
-def print_result(result: Mapping[str, Any]) -> None:
-    """Print the result as a table, the keys of inner objects joined by dots."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-    for key, value in flat(plain(result)):
-        table.add_row(key, value)
-    Console(markup=False, highlight=False).print(table)
-
-
-def flat(value: Any, prefix: str = "") -> list[tuple[str, str]]:
-    """Return names and values as text of a nested result.
-
-    >>> flat({"energy": {"strain": 0.5}, "steps": 3})
-    [('energy.strain', '0.5'), ('steps', '3')]
-    """
-    if isinstance(value, Mapping):
-        return [
-            row
-            for key, item in value.items()
-            for row in flat(item, f"{prefix}.{key}" if prefix else str(key))
-        ]
-    return [(prefix, _shown(value))]
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, list):
-        return ", ".join(_shown(item) for item in value)
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def list_scenes(*, as_json: bool) -> None:

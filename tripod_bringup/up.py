@@ -229,9 +229,8 @@ def _stop(watch: "Watch", demo: "DemoNode | None") -> None:
 
 
 def _report(ending: Ending, demo: "DemoNode | None", facts: Facts, options: UpOptions, screen: Screen) -> int:
-    for line in ending.output if not options.verbose else []:
-        print(f"  {parse(line).text}", file=sys.stderr)
-    stopped = f"stopped: {ending.cause}"
+    said = [parsed.text for parsed in map(parse, ending.output) if parsed.level >= Level.WARN]
+    stopped = ": ".join(["stopped", ending.cause, *said[-1:]])
     if ending.code:
         print(f"tripod up: {stopped}", file=sys.stderr)
     else:

@@ -41,7 +41,6 @@ class Watch(Node):
         self._lock = threading.Lock()
         self._heard: dict[str, tuple[float, Any]] = {}
         self._tracker = ModeTracker()
-        self._mode_known = False
         self._processes: Callable[[], Mapping[str, str]] = dict
         self._mode_publisher = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
         self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED)
@@ -71,7 +70,7 @@ class Watch(Node):
         """Return the newest status of the chain; what fell silent is None, and the note says so."""
         sim, ik, robot = (self._fresh(t) for t in (names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS))
         return ChainStatus(
-            mode=self._tracker.mode.name if self._mode_known else None,
+            mode=self._tracker.mode.name,
             sim_state=None if sim is None else SIM_STATES.get(sim.state, str(sim.state)),
             real_time_factor=None if sim is None else sim.real_time_factor,
             step_time=None if sim is None else sim.step_time_median,
@@ -121,7 +120,6 @@ class Watch(Node):
         stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
         with suppress(ValueError):  # an unknown mode is reported by those who obey
             self._tracker.update(message.mode, stamp)
-            self._mode_known = True
 
     def _report(self) -> Report:
         processes = self._processes()

@@ -1,6 +1,6 @@
 """A process for the supervisor's tests: notes what happens to it in a file, one line an event.
 
-python fake_child.py NAME LOG [--die-after S] [--code N] [--stop-code N] [--deaf] [--starting] [--stop-time S] [--say LINE]
+python fake_child.py NAME LOG [OPTION ...]
 """
 
 import argparse

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -15,13 +16,24 @@ import pytest
 from typer.testing import CliRunner
 
 from tripod_bringup import cli, node_command, up_command
+from tripod_bringup.run_summary import turn
 from tripod_sim.errors import SceneError, StepError
 
 ROOT = Path(__file__).parents[2]
 RESULT = {
-    "effector": {"position": np.array([0.0, 0.0, -0.00825])},
+    "scene": "tripod",
+    "effector": {"position": np.array([0.001, -1e-9, -0.00825]), "quaternion": [0.0, 0.0, 0.0, 1.0]},
+    "angles": np.full(3, -np.pi / 4),
+    "slide": 0.035,
+    "torques": [-0.14, -0.14, -0.14],
+    "energies": {"kinetic": 0.0, "strain": 0.6959},
+    "time": 1.0,
+    "dt": 0.005,
     "steps": np.int64(200),
+    "iterations": 321,
+    "halvings": 0,
     "residual": float("nan"),
+    "step_ms": {"median": 0.5, "p99": 1.25},
 }
 
 
@@ -37,12 +49,13 @@ class FakeRun:
         self.scene = ""
         self.given: dict[str, Any] = {}
         self.error: Exception | None = None
+        self.result = dict(RESULT)
 
     def __call__(self, scene: str, **given: Any) -> dict[str, Any]:
         self.scene, self.given = scene, given
         if self.error:
             raise self.error
-        return dict(RESULT)
+        return self.result
 
 
 @pytest.fixture
@@ -81,20 +94,40 @@ def test_run_without_options_leaves_all_to_the_scene(fake_run: FakeRun) -> None:
 def test_run_prints_one_json_object_that_any_reader_takes(fake_run: FakeRun) -> None:
     result = tripod("run", "tripod", "--json")
     assert result.stderr == ""
-    assert json.loads(result.stdout, parse_constant=pytest.fail) == {
-        "effector": {"position": [0.0, 0.0, -0.00825]},
-        "steps": 200,
-        "residual": None,
-    }
+    given = json.loads(result.stdout, parse_constant=pytest.fail)
+    assert given["effector"]["position"] == [0.001, -1e-9, -0.00825]
+    assert (given["steps"], given["residual"]) == (200, None)
+    assert given.keys() == RESULT.keys()
 
 
 def test_run_prints_a_table_for_people_and_nothing_when_quiet(fake_run: FakeRun) -> None:
+    fake_run.result["residual"] = 2e-5
     lines = tripod("run", "tripod").stdout.splitlines()
-    assert [line.split() for line in lines[:2]] == [
-        ["effector.position", "0,", "0,", "-0.00825"],
-        ["steps", "200"],
+    assert [re.split("  +", line) for line in lines] == [
+        ["scene", "tripod"],
+        ["time", "1 s, 200 steps of 5 ms"],
+        ["effector", "1.000, 0.000, -8.250 mm"],
+        ["effector turned", "0.00 degrees"],
+        ["angles", "-45.00, -45.00, -45.00 degrees"],
+        ["slide", "35.00 mm"],
+        ["torques", "-0.1400, -0.1400, -0.1400 N m"],
+        ["energies", "kinetic 0.000, strain 695.900 mJ"],
+        ["residual", "2e-05 N"],
+        ["solved by", "321 Newton iterations"],
+        ["step took", "0.500 ms median, 1.250 ms p99; 10 times real time"],
     ]
     assert tripod("run", "tripod", "--quiet").output == ""
+
+
+def test_a_scene_without_effector_and_servos_has_a_table_too(fake_run: FakeRun) -> None:
+    fake_run.result.update(effector=None, angles=[], torques=[], residual=0.0)
+    names = [line.split("  ")[0] for line in tripod("run", "silicone").stdout.splitlines()]
+    assert names == ["scene", "time", "energies", "residual", "solved by", "step took"]
+
+
+def test_the_turn_is_that_of_the_rotation() -> None:
+    assert turn([0.0, 0.5, 0.0, 0.75**0.5]) == pytest.approx(60.0)
+    assert turn([0.0, -0.5, 0.0, -(0.75**0.5)]) == pytest.approx(60.0)
 
 
 @pytest.mark.parametrize(
@@ -151,10 +184,9 @@ def test_help_of_a_node_lists_its_parameters(monkeypatch: pytest.MonkeyPatch) ->
     parameters = pytest.importorskip("tripod_graph.parameters")
     table = (parameters.Parameter("rate", 50.0, "Packets a second.", unit="Hz", low=1, high=100),)
     monkeypatch.setattr(node_command, "parameter_table", lambda _name: table)
-    text = tripod("driver", "--help").stdout
-    assert ["rate", "50.0", "Hz", "1", "to", "100", "Packets", "a", "second."] in [
-        line.split() for line in text.splitlines()
-    ]
+    lines = [line.split() for line in tripod("driver", "--help").stdout.splitlines()]
+    assert ["rate", "50.0", "Hz", "1", "to", "100"] in lines
+    assert ["Packets", "a", "second."] in lines
 
 
 def fake_node(monkeypatch: pytest.MonkeyPatch, name: str) -> list[list[str]]:

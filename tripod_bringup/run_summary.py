@@ -1,0 +1,50 @@
+"""The result of `tripod run` as people read it: millimetres and degrees, one row a matter. Pure."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return name and text of each row of a result of `tripod_sim.run.run`."""
+    rows = [
+        ("scene", str(result["scene"])),
+        ("time", f"{result['time']:.6g} s, {result['steps']} steps of {result['dt'] * 1e3:.6g} ms"),
+    ]
+    if effector := result["effector"]:
+        rows.append(("effector", f"{_numbers(effector['position'], 1e3, 3)} mm"))
+        rows.append(("effector turned", f"{turn(effector['quaternion']):.2f} degrees"))
+    if len(result["angles"]):
+        rows.append(("angles", f"{_numbers(result['angles'], math.degrees(1), 2)} degrees"))
+        rows.append(("slide", f"{result['slide'] * 1e3:.2f} mm"))
+        rows.append(("torques", f"{_numbers(result['torques'], 1, 4)} N m"))
+    energies = ", ".join(f"{name} {value * 1e3:.3f}" for name, value in result["energies"].items())
+    rows.append(("energies", f"{energies} mJ"))
+    rows.append(("residual", f"{result['residual']:.2g} N"))
+    work = f"{result['iterations']} Newton iterations"
+    if result["halvings"]:
+        work += f", {result['halvings']} steps halved"
+    rows.append(("solved by", work))
+    times = result["step_ms"]
+    factor = result["dt"] * 1e3 / times["median"] if times["median"] > 0 else math.inf
+    rows.append(
+        (
+            "step took",
+            f"{times['median']:.3f} ms median, {times['p99']:.3f} ms p99; {factor:.3g} times real time",
+        )
+    )
+    return rows
+
+
+def turn(quaternion: Sequence[float]) -> float:
+    """Return the angle [degrees] of a rotation x, y, z, w."""
+    x, y, z, w = quaternion
+    return math.degrees(2 * math.atan2(math.hypot(x, y, z), abs(w)))
+
+
+def _numbers(values: Sequence[float], scale: float, digits: int) -> str:
+    return ", ".join(f"{_no_negative_zero(round(value * scale, digits)):.{digits}f}" for value in values)
+
+
+def _no_negative_zero(value: float) -> float:
+    return value + 0.0
