@@ -67,9 +67,9 @@ class Simulation:
         self.state = self._system.start_state(np.zeros(count + 1))
         self.torques = np.zeros(count)
         self.report = StepReport()
-        self._warm_up()
         if scene.servos:
             self._pose(joints)
+        self._warm_up()
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
 

@@ -75,32 +75,24 @@ class Newton:
         if self._trial is None:
             self._trial = state.copy()
         trial, report = self._trial, NewtonReport()
-        trial.time, trial.step = state.time, state.step
-        trial.velocities[:] = state.velocities
-        if keep is None or keep != self._kept:
-            self._renew(state, report, first=True)
-        else:
-            self.system.evaluate(state)
+        state.copy_to(trial)
+        self._dx[:] = 0.0
+        kept = keep is not None and keep == self._kept
         self._kept = None
-        phi = self._drive(state, trial, joints, report)
+        phi = self.system.evaluate(state) if kept else self._renew(state, report, first=True)
+        if not np.array_equal(joints, state.joints):
+            phi = self._drive(state, trial, joints, report)
         self._descend(state, trial, phi, report)
         if report.iterations <= self.FEW:
             self._kept = keep
         return report
 
     def _drive(self, state: State, trial: State, joints: FloatArray, report: NewtonReport) -> float:
-        """Make the first step, which moves the driven nodes; return the potential after it."""
+        """Make the step that moves the driven nodes; return the potential after it."""
         system = self.system
-        trial.positions[:] = state.positions
         system.drive(trial, joints)
-        self._dx[:] = 0.0
         self._dx[system.driven] = trial.positions[system.driven] - state.positions[system.driven]
-        moved = bool(self._dx[system.driven].any())
-        if moved:
-            system.add_driven(self._dx)
-        if not moved and system.unbalanced() <= self.tolerance:
-            system.drive(state, joints)
-            return system.evaluate(state)
+        system.add_driven(self._dx)
         phi = self._step(state, trial, 1.0, report)
         if not np.isfinite(phi):
             raise NewtonError(f"{self._culprit(trial)} as the servos moved")
