@@ -1,3 +1,5 @@
+from itertools import count, islice
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -16,11 +18,14 @@ WORKING = np.full(3, -1.4965)
 DT = 0.01  # [s]
 
 
-def follow(robot, tracker, angles, steps, *, delay=0, dt=DT):
+TICKS = count()
+
+
+def follow(robot, tracker, angles, steps, *, delay=0):
     """Close the loop: the robot is at the command of `delay` steps ago; return the steps and the errors at rest [m]."""
     commands, found = [np.array(angles)] * (delay + 1), []
-    for k in range(steps):
-        step = tracker.update(robot.state(commands[-1 - delay]), k * dt)
+    for tick in islice(TICKS, steps):
+        step = tracker.update(robot.state(commands[-1 - delay]), tick * DT)
         assert step.result.ok
         assert step.result.kkt < 1e-6
         commands.append(step.result.command)
