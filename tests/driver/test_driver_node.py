@@ -62,9 +62,9 @@ class Operator:
 
     def ready(self, mode: Mode = Mode.IK) -> None:
         """Wait until the driver has a link and hears the operator, then choose the mode."""
-        node = self.client.node
         self.client.wait(lambda: self.statuses and self.status.state >= 2, "the driver")
-        self.client.wait(lambda: node.count_subscribers(names.JOINT_TRAJECTORY) == 1, "its subscription")
+        for publisher in (self._trajectory, self._mode):
+            self.client.wait(lambda p=publisher: p.get_subscription_count() == 1, "its subscription")
         self.mode(mode)
 
     def wait_state(self, state: int, what: str) -> None:
