@@ -20,10 +20,15 @@ def svd3(F: Array, U: Array, s: Array, V: Array) -> None:
 
     One-sided Jacobi: columns of B = F V are made orthogonal by plane rotations, to rounding. s falls in magnitude.
     """
-    B = F.copy()
+    B = np.empty((3, 3))
+    scale = 0.0
+    for i in range(3):
+        for j in range(3):
+            scale = max(scale, abs(F[i, j]))
     for i in range(3):
         for j in range(3):
             V[i, j] = 1.0 if i == j else 0.0
+            B[i, j] = F[i, j] / scale if scale > 0 else 0.0
     for _ in range(12):
         largest = 0.0
         for p in range(2):
@@ -60,6 +65,8 @@ def svd3(F: Array, U: Array, s: Array, V: Array) -> None:
         sign += U[i, 2] * B[i, 2]
     if sign < 0:
         s[2] = -s[2]
+    for i in range(3):
+        s[i] *= scale
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,0 +1,80 @@
+"""What every member of a family must satisfy, written once."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def random_rotation(rng: np.random.Generator) -> FloatArray:
+    """Return a rotation matrix, uniformly distributed."""
+    q, r = np.linalg.qr(rng.standard_normal((3, 3)))
+    q = q * np.sign(np.diag(r))
+    return q if np.linalg.det(q) > 0 else q[:, ::-1]
+
+
+def assert_gradient(
+    function: Callable[[FloatArray], float],
+    gradient: FloatArray,
+    x: FloatArray,
+    rng: np.random.Generator,
+    *,
+    h: float,
+    rel: float,
+) -> None:
+    """Compare a gradient at `x` with central differences of `function` along three random directions."""
+    assert np.abs(gradient).max() > 0  # a gradient of zero would pass with any sign
+    for _ in range(3):
+        d = rng.standard_normal(x.shape)
+        slope = (function(x + h * d) - function(x - h * d)) / (2 * h)
+        assert slope == pytest.approx(float(np.vdot(gradient, d)), rel=rel)
+
+
+def assert_derivative(
+    function: Callable[[FloatArray], FloatArray],
+    matrix: FloatArray,
+    x: FloatArray,
+    rng: np.random.Generator,
+    *,
+    h: float,
+    rel: float,
+) -> None:
+    """Compare matrix-vector products at `x` with central differences of `function` along three random directions."""
+    for _ in range(3):
+        d = rng.standard_normal(x.shape)
+        difference = (function(x + h * d) - function(x - h * d)).ravel() / (2 * h)
+        product = matrix @ d.ravel()
+        assert np.abs(product).max() > 0
+        np.testing.assert_allclose(difference, product, rtol=0, atol=rel * np.abs(product).max())
+
+
+def assert_symmetric(matrix: FloatArray, rel: float = 1e-12) -> None:
+    """Check symmetry to rounding."""
+    np.testing.assert_allclose(matrix, matrix.T, rtol=0, atol=rel * np.abs(matrix).max())
+
+
+class Law:
+    """A material's compiled functions behind plain Python calls, for tests."""
+
+    def __init__(self, module: Any, young: float = 250e3, poisson: float = 0.45) -> None:
+        from tripod_sim.materials.lame import lame_constants
+
+        self.module = module
+        self.lam, self.mu = lame_constants(young, poisson)
+
+    def energy(self, F: FloatArray) -> float:
+        return float(self.module.energy(np.ascontiguousarray(F), self.lam, self.mu))
+
+    def stress(self, F: FloatArray) -> FloatArray:
+        P = np.zeros((3, 3))
+        self.module.stress(np.ascontiguousarray(F), self.lam, self.mu, P)
+        return P
+
+    def tangent(self, F: FloatArray, *, project: bool = False) -> FloatArray:
+        C = np.zeros((9, 9))
+        self.module.tangent(np.ascontiguousarray(F), self.lam, self.mu, project, C)
+        return C
