@@ -8,11 +8,14 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+SPAN = 20.0
+"""What the plots show [s]."""
+
 
 class History:
     """Rows of values over the last `span` seconds, at most one per `period`."""
 
-    def __init__(self, columns: int, *, span: float = 20.0, period: float = 0.1) -> None:
+    def __init__(self, columns: int, *, span: float = SPAN, period: float = 0.1) -> None:
         """`columns`: values per row; `span`, `period` in [s]."""
         self.columns, self.span, self.period = columns, span, period
         self._rows: deque[tuple[float, tuple[float, ...]]] = deque()

@@ -5,7 +5,7 @@ there, the callbacks of buttons, sliders and the handle only put an event into t
 executor by a guard condition. The executor's thread alone touches `Control`, `TargetHandle` and `Display`,
 and it alone changes scene and panel (viser queues such changes under its own lock).
 
-While no browser is connected the timers rest and nothing is drawn; only the newest messages are kept.
+While no browser is connected nothing is drawn, the timers rest, and the fast topics are not subscribed.
 """
 
 import sys
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import Mesh
 from trajectory_msgs.msg import JointTrajectory
@@ -69,6 +70,7 @@ class ViewNode(Node):
         self._target, self._rejects = settings.target, Rejects()
         self._control = Control(self.get_name(), settings.limits, settings.move_speed)
         self._browsers: set[int] = set()
+        self._streams: list[Subscription] = []
         self._sim_joints_at = float("-inf")
         self._target_asked: FloatArray | None = None
         self._own_targets: deque[tuple[int, int]] = deque(maxlen=OWN_STAMPS)
@@ -110,20 +112,26 @@ class ViewNode(Node):
         self._server.on_client_disconnect(on_disconnect)
 
     def _subscribe(self) -> None:
-        keep = self._display
+        show = self._display
         for kind, topic, callback, qos in (
             (Mesh, names.MESH, self._on_mesh, LATCHED),
-            (BodyState, names.BODY_STATE, lambda m: keep.keep_state(lambda: state_of(m)), SENSOR),
+            (PoseStamped, names.TARGET_POSE, self._on_target_pose, RELIABLE),
+            (ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED),
+            (SimStatus, names.SIM_STATUS, show.keep_sim, RELIABLE),
+            (IkStatus, names.IK_STATUS, show.keep_ik, RELIABLE),
+            (RobotStatus, names.ROBOT_STATUS, show.keep_robot, RELIABLE),
+        ):
+            self.create_subscription(kind, topic, callback, qos)
+
+    def _subscribe_streams(self) -> None:
+        """Listen to what comes fast; with nobody watching this would be most of the work of the node."""
+        for kind, topic, callback, qos in (
+            (BodyState, names.BODY_STATE, self._on_body_state, SENSOR),
             (JointState, names.SIM_JOINT_STATES, self._on_sim_joints, RELIABLE),
             (JointState, names.ROBOT_JOINT_STATES, self._on_robot_joints, RELIABLE),
             (PoseStamped, names.EFFECTOR_POSE, self._on_effector_pose, RELIABLE),
-            (PoseStamped, names.TARGET_POSE, self._on_target_pose, RELIABLE),
-            (ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED),
-            (SimStatus, names.SIM_STATUS, keep.keep_sim, RELIABLE),
-            (IkStatus, names.IK_STATUS, keep.keep_ik, RELIABLE),
-            (RobotStatus, names.ROBOT_STATUS, keep.keep_robot, RELIABLE),
         ):
-            self.create_subscription(kind, topic, callback, qos)
+            self._streams.append(self.create_subscription(kind, topic, callback, qos))
 
     # What comes from the graph: checked and kept, drawn later.
 
@@ -132,6 +140,9 @@ class ViewNode(Node):
             self._display.keep_surface(surface_of(message))
         except BodyError as error:
             self._refuse(names.MESH, error)
+
+    def _on_body_state(self, message: BodyState) -> None:
+        self._display.keep_state(lambda: state_of(message))
 
     def _on_sim_joints(self, message: JointState) -> None:
         if self._on_joints(names.SIM_JOINT_STATES, message):
@@ -205,7 +216,7 @@ class ViewNode(Node):
                 self._on_drop(client)
             case events.Joined(client):
                 self._browsers.add(client)
-                self._draw_timer.reset()
+                self._on_somebody()
             case events.Left(client):
                 self._browsers.discard(client)
                 self._on_drop(client)
@@ -256,8 +267,15 @@ class ViewNode(Node):
         if self._target_asked is not None:
             self._publish_target(self._target_asked)
 
+    def _on_somebody(self) -> None:
+        if not self._streams:
+            self._subscribe_streams()
+            self._draw_timer.reset()
+
     def _on_nobody(self) -> None:
         self._draw_timer.cancel()
+        while self._streams:
+            self.destroy_subscription(self._streams.pop())
         if self._control.in_control:
             self.get_logger().warning("the last browser left while the page was in control: STOP")
             self._decide(Mode.STOP)

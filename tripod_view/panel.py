@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tripod_graph.command import CommandLimits
 from tripod_view.events import Button, Inbox, Pressed, SliderMoved
+from tripod_view.history import SPAN
 from tripod_view.scene import SERVO_COLOURS
 from tripod_view.words import Line, lines_html
 
@@ -17,7 +18,14 @@ FloatArray = NDArray[np.float64]
 STEP = 0.5
 """Step of the sliders [degrees]."""
 
-MODES = {"TELEOP: sliders": Button.TELEOP, "IK: green target": Button.IK}
+FACTOR_COLOUR = (47, 158, 68)
+
+MODES = {"sliders": Button.TELEOP, "green target": Button.IK}
+STYLE = """<style>
+button:has(.icon-tabler-hand-stop) { height: 3.2em !important; font-size: 1.3em; letter-spacing: .1em; }
+</style>"""
+"""The stop button is the largest thing of the panel."""
+
 MOTIONS = {"working pose": Button.WORKING_POSE, "park": Button.PARK}
 
 
@@ -37,11 +45,12 @@ class Panel:
         )
         gui.set_panel_label("Tripod")
         gui.main_panel.dock_right()
-        self._mode = gui.add_html("")
+        gui.add_html(STYLE)
         stop = gui.add_button(
             "STOP", color="red", icon="hand-stop", hint="All commands off: the servos hold, then park"
         )
         self._on_press(stop, Button.STOP)
+        self._mode = gui.add_html("")
         modes = gui.add_button_group("Control by", tuple(MODES))
         self._on_choice(modes, MODES)
         with gui.add_folder("Servo angles"):
@@ -55,14 +64,12 @@ class Panel:
             self._on_press(fetch, Button.FETCH_TARGET)
         with gui.add_folder("Status"):
             self._status = gui.add_html("")
-            self._mesh_lines = gui.add_checkbox("Show mesh", True)
+            self._mesh_lines = gui.add_checkbox("Mesh lines", True)
         with gui.add_folder("Plots"):
-            self._angles = self._add_plot(
-                "servo angles (°)", ("servo 0", "servo 1", "servo 2"), SERVO_COLOURS
-            )
-            self._factor = self._add_plot(
-                "simulated / real time", ("factor",), ((47, 158, 68),), low=0.0, high=1.2
-            )
+            names = [f"servo {i}" for i in range(len(self._sliders))]
+            low, high = self._sliders[0].min, self._sliders[0].max
+            self._angles = self._add_plot("servo angles (°)", names, SERVO_COLOURS, (low, high))
+            self._factor = self._add_plot("simulated / real time", ["factor"], [FACTOR_COLOUR], (0.0, 1.5))
 
     @property
     def mesh_lines(self) -> bool:
@@ -83,11 +90,11 @@ class Panel:
 
     def show_mode(self, line: Line) -> None:
         """Show who commands the robot."""
-        self._set("mode", self._mode, lines_html([line]))
+        self._set("mode", self._mode, lines_html([line], rows=2))
 
     def show_notice(self, lines: Sequence[Line]) -> None:
-        """Show what was refused, nothing if `lines` is empty."""
-        self._set("notice", self._notice, lines_html(lines) if lines else "")
+        """Show what was refused or is under way."""
+        self._set("notice", self._notice, lines_html(lines, rows=1))
 
     def show_target(self, lines: Sequence[Line]) -> None:
         """Show where target and effector are."""
@@ -144,13 +151,9 @@ class Panel:
         title: str,
         names: Sequence[str],
         colours: Sequence[tuple[int, int, int]],
-        *,
-        low: float | None = None,
-        high: float | None = None,
+        span: tuple[float, float],
     ) -> viser.GuiUplotHandle:
-        scales: dict[str, viser.uplot.Scale] = {"x": viser.uplot.Scale(time=False, auto=True)}
-        if low is not None and high is not None:
-            scales["y"] = viser.uplot.Scale(range=(low, high))
+        """Add a plot of the last SPAN seconds, its values within `span`."""
         series = [viser.uplot.Series(label="s")]
         for name, (r, g, b) in zip(names, colours, strict=True):
             series.append(viser.uplot.Series(label=name, stroke=f"rgb({r},{g},{b})", width=2))
@@ -158,7 +161,10 @@ class Panel:
             tuple(np.zeros(0) for _ in range(1 + len(names))),
             tuple(series),
             title=title,
-            scales=scales,
-            legend=viser.uplot.Legend(show=len(names) > 1),
-            height=170,
+            scales={
+                "x": viser.uplot.Scale(time=False, range=(-SPAN, 0.0)),
+                "y": viser.uplot.Scale(range=span),
+            },
+            legend=viser.uplot.Legend(show=False),
+            height=150,
         )

@@ -1,5 +1,6 @@
 """A rigid pose, checked when it comes from outside."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,8 +33,8 @@ class Pose:
         Raises PoseError unless all numbers are finite and the quaternion is not zero.
         """
         p, q = np.array(position, float), np.array(quaternion, float)
-        norm = float(np.linalg.norm(q))
-        if not (np.isfinite(p).all() and np.isfinite(norm) and norm > 1e-6):
+        norm = math.hypot(*q)
+        if not (np.isfinite(p).all() and math.isfinite(norm) and norm > 1e-6):
             raise PoseError(
                 f"position {p.tolist()} with quaternion {q.tolist()}: finite and not zero is needed"
             )

@@ -1,5 +1,6 @@
 """The 3-D part of the page: silicone, arms, effector, target handle, ground. Metres, z up."""
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -120,8 +121,8 @@ class Scene:
 
     def _look(self, server: viser.ViserServer) -> None:
         camera = server.initial_camera
-        camera.position, camera.look_at, camera.up = (0.17, -0.17, 0.13), (0.0, 0.0, -0.018), (0.0, 0.0, 1.0)
-        camera.fov, camera.near, camera.far = np.radians(45), 0.002, 20.0
+        camera.position, camera.look_at, camera.up = (0.22, -0.22, 0.17), (0.0, 0.0, -0.02), (0.0, 0.0, 1.0)
+        camera.fov, camera.near, camera.far = np.radians(38), 0.002, 20.0
         self._api.configure_environment_map(None)
         self._api.configure_default_lights(False)
         self._api.add_light_hemisphere(
@@ -146,7 +147,7 @@ class Scene:
             shadow_opacity=0.0,
         )
         self._api.add_label(
-            "/ground/scale", "squares: 10 mm", position=(0.15, -0.19, 0.0), font_screen_scale=0.8
+            "/ground/scale", "squares: 10 mm", position=(0.105, -0.15, 0.0), font_screen_scale=0.8
         )
         self._api.add_frame(
             "/world",
@@ -231,21 +232,20 @@ class Scene:
 
     def _add_target(
         self, box: tuple[FloatArray, FloatArray]
-    ) -> tuple[viser.IcosphereHandle, viser.TransformControlsHandle, viser.BoxHandle]:
+    ) -> tuple[viser.IcosphereHandle, viser.TransformControlsHandle, viser.LineSegmentsHandle]:
         low, high = box
         marker = self._api.add_icosphere(
             "/target", 0.0028, TARGET, opacity=0.85, visible=False, cast_shadow=False, receive_shadow=False
         )
         gizmo = self._api.add_transform_controls(
-            "/target_handle", scale=0.022, disable_rotations=True, depth_test=False, visible=False
+            "/target_handle", scale=0.03, disable_rotations=True, depth_test=False, visible=False
         )
-        limits = self._api.add_box(
+        limits = self._api.add_line_segments(
             "/target_box",
+            box_edges(low, high),
             TARGET,
-            high - low,
-            wireframe=True,
-            opacity=0.3,
-            position=(low + high) / 2,
+            thickness=1.0,
+            thickness_units="screen",
             visible=False,
         )
         return marker, gizmo, limits
@@ -268,6 +268,13 @@ class Scene:
         self._api.add_box(
             name, colour, tuple(size), position=tuple(position), cast_shadow=False, receive_shadow=False
         )
+
+
+def box_edges(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the twelve edges of the box from `low` to `high`, shape (12, 2, 3)."""
+    corners = np.array(list(itertools.product((0, 1), repeat=3)))
+    pairs = [(a, b) for a, b in itertools.combinations(corners, 2) if np.abs(a - b).sum() == 1]
+    return low + np.array(pairs) * (high - low)
 
 
 def _place(handle: viser.SceneNodeHandle, pose: Pose) -> None:

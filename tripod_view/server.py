@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import io
+import logging
 import re
 import socket
 from typing import Any, Final
@@ -20,6 +21,9 @@ Programs that are not browsers send no origin and are let in: they could talk to
 ATTEMPTS: Final = 50
 """Ports tried from the one asked for upward."""
 
+CLOSE_TIMEOUT: Final = 0.5
+"""How long a browser that keeps its connection open can delay the end of the server [s]."""
+
 
 class PageServer(viser.ViserServer):
     """A viser server that cannot be published and prints nothing.
@@ -29,7 +33,10 @@ class PageServer(viser.ViserServer):
 
     def __init__(self, port: int) -> None:
         """Listen on loopback at `port` or the next free one; 0: at any. Raises OSError if there is none."""
-        start = functools.partial(websocket_server.serve, origins=[None, OWN_ORIGIN])
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # no tracebacks about bad requests
+        start = functools.partial(
+            websocket_server.serve, origins=[None, OWN_ORIGIN], close_timeout=CLOSE_TIMEOUT
+        )
         with _replaced(websocket_server, "serve", start), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=free_port(port), label="Tripod", verbose=False)
 
@@ -67,7 +74,7 @@ def free_port(port: int) -> int:
 
 @contextlib.contextmanager
 def _replaced(module: Any, name: str, value: Any) -> Any:
-    """Replace an attribute of a module for a while: viser has no setting for the origins it lets in."""
+    """Replace an attribute of a module for a while: viser does not pass these settings on."""
     original = getattr(module, name)
     setattr(module, name, value)
     try:

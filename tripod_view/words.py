@@ -172,14 +172,15 @@ def page_line(browsers: int, pictures: float, skipped: tuple[int, str], refused:
     return Line(Light.WATCH if skipped[0] or refused[0] else Light.GOOD, "This page", text)
 
 
-def lines_html(lines: Sequence[Line]) -> str:
-    """Return `lines` as HTML. Every text is escaped: some come from the network."""
-    rows = "".join(
-        f'<div style="display:flex;gap:.5em;margin:.25em 0">{_dot(line.light)}'
-        f"<span><b>{escape(line.who)}</b><br>{escape(line.text)}</span></div>"
+def lines_html(lines: Sequence[Line], rows: int = 0) -> str:
+    """Return `lines` as HTML, at least `rows` rows high. Every text is escaped: some come from the network."""
+    body = "".join(
+        f'<div style="display:flex;gap:.5em;margin:.2em 0">{_dot(line.light)}'
+        f"<span><b>{escape(line.who)}</b>&ensp;{escape(line.text)}</span></div>"
         for line in lines
     )
-    return f'<div style="font-size:.85em;line-height:1.35;padding:0 .8em .3em .8em">{rows}</div>'
+    style = f"font-size:.85em;line-height:1.35;padding:0 .8em .3em .8em;min-height:{1.75 * rows:.2f}em"
+    return f'<div style="{style}">{body}</div>'
 
 
 def _dot(light: Light) -> str:

@@ -1,0 +1,122 @@
+"""A simulator that knows no mechanics: a rippling grid, and joints that follow commands by the rules of all followers.
+
+`python tests/view/fake_simulator.py [SIDE]` publishes a grid of SIDE x SIDE nodes until it is told to stop.
+"""
+
+import sys
+import time
+from array import array
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from geometry_msgs.msg import Point, PoseStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from shape_msgs.msg import Mesh, MeshTriangle
+from trajectory_msgs.msg import JointTrajectory
+from tripod_msgs.msg import BodyState, ControlMode, SimStatus
+
+from tripod_graph import names
+from tripod_graph.command import CommandFollower, CommandLimits
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.run import run_node
+
+RATE = 60.0  # [Hz]
+
+
+def grid(side: int, size: float = 0.09) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes (side^2, 3) [m] and triangles (2 (side - 1)^2, 3) of a flat square."""
+    axis = np.linspace(-size / 2, size / 2, side)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    nodes = np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=1)
+    a = np.arange(side * side).reshape(side, side)
+    a, b, c, d = a[:-1, :-1].ravel(), a[1:, :-1].ravel(), a[1:, 1:].ravel(), a[:-1, 1:].ravel()
+    return nodes, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.uint32)
+
+
+class FakeSimulator(Node):
+    """Publishes what the page draws; `commands` and `modes` keep what came in."""
+
+    def __init__(self, side: int = 9, *, rate: float = RATE, **options: Any) -> None:
+        super().__init__("fake_sim", **options)
+        self.nodes, self.triangles = grid(side)
+        self.follower = CommandFollower(CommandLimits())
+        self.commands: list[JointTrajectory] = []
+        self.modes: list[ControlMode] = []
+        self.targets: list[PoseStamped] = []
+        self.spoil = ""  # what to publish wrongly: "nan", "size" or "topology"
+        self.silent = False
+        self._mesh = self.create_publisher(Mesh, names.MESH, LATCHED)
+        self._state = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
+        self._joints = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
+        self._effector = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
+        self._status = self.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
+        self.mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self.target = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
+        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_command, RELIABLE)
+        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED)
+        self.create_subscription(PoseStamped, names.TARGET_POSE, self.targets.append, RELIABLE)
+        self.create_timer(1 / rate, self._tick)
+        self.create_timer(0.1, self._tell)
+        self.publish_mesh()
+
+    def close(self) -> None:
+        self.destroy_node()
+
+    def jump_to(self, *joints: float) -> None:
+        """Hold at `joints`: three angles [rad] and the slide [m]."""
+        self.follower = CommandFollower(self.follower.limits, joints)
+
+    def publish_mesh(self) -> None:
+        points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in self.nodes]
+        triangles = [MeshTriangle(vertex_indices=t) for t in self.triangles]
+        self._mesh.publish(Mesh(vertices=points, triangles=triangles))
+
+    def _on_command(self, message: JointTrajectory) -> None:
+        self.commands.append(message)
+        times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
+        positions = [list(p.positions) for p in message.points]
+        self.follower.accept(message.joint_names, times, positions, time.monotonic())
+
+    def _on_mode(self, message: ControlMode) -> None:
+        self.modes.append(message)
+        if message.mode == ControlMode.STOP:
+            self.follower.stop(time.monotonic())
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        joints = self.follower.setpoint(now)
+        if self.silent:
+            return
+        stamp = self.get_clock().now().to_msg()
+        message = BodyState(topology_id=crc32(self.triangles.tobytes()), time=now)
+        message.header.stamp, message.header.frame_id = stamp, names.WORLD
+        z = (
+            0.004 * np.sin(60 * np.hypot(self.nodes[:, 0], self.nodes[:, 1]) - 4 * now)
+            + 0.15 * joints[:3].mean() / 10
+        )
+        positions = np.column_stack([self.nodes[:, :2], z])
+        if self.spoil == "nan":
+            positions[3, 1] = np.nan
+        elif self.spoil == "topology":
+            message.topology_id += 1
+        message.positions = array("d", (positions[:-1] if self.spoil == "size" else positions).tobytes())
+        self._state.publish(message)
+        state = JointState(name=[*names.SERVOS, names.SLIDE], position=array("d", joints.tobytes()))
+        state.header.stamp = stamp
+        self._joints.publish(state)
+        pose = PoseStamped()
+        pose.header = message.header
+        pose.pose.position.z = float(z[len(z) // 2])
+        self._effector.publish(pose)
+
+    def _tell(self) -> None:
+        if not self.silent:
+            self._status.publish(
+                SimStatus(scene="fake", dt=0.002, real_time_factor=1.0, capacity=4.0, step_time_median=0.0005)
+            )
+
+
+if __name__ == "__main__":
+    sys.exit(run_node("fake_sim", lambda: FakeSimulator(int(sys.argv[1]) if len(sys.argv) > 1 else 9), []))

@@ -1,0 +1,89 @@
+"""Which meshes and node positions are drawn, and what is said of those that are not."""
+
+import numpy as np
+import pytest
+
+from tripod_view.body import Body, BodyError, Surface
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+ONE_WAY = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+OTHER_WAY = np.array([[1, 2, 3], [1, 3, 0]], np.uint32)
+
+
+def body(triangles: np.ndarray = ONE_WAY) -> Body:
+    made = Body()
+    made.rebuild(Surface(SQUARE, triangles))
+    return made
+
+
+@pytest.mark.parametrize(
+    ("nodes", "triangles", "words"),
+    [
+        (SQUARE, np.array([[0, 1, 4]], np.uint32), "names node 4; the mesh has 4"),
+        (SQUARE, np.zeros((0, 3), np.uint32), "triangles have shape"),
+        (np.zeros((0, 3)), ONE_WAY, "nodes have shape"),
+        (np.where(SQUARE == 1, np.nan, SQUARE), ONE_WAY, "mesh node 1 is not finite"),
+    ],
+)
+def test_bad_meshes_are_refused(nodes: np.ndarray, triangles: np.ndarray, words: str) -> None:
+    with pytest.raises(BodyError, match=words):
+        Surface(nodes, triangles)
+
+
+def test_positions_that_fit_are_shaped() -> None:
+    fitted = body().fit(7, np.arange(12.0))
+    assert fitted is not None
+    assert fitted.tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]]
+
+
+NAN = np.arange(12.0)
+NAN[4] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("topology_id", "positions", "words"),
+    [
+        (7, np.zeros(9), "9 coordinates for a mesh of 4 nodes"),
+        (7, np.zeros(13), "13 coordinates"),
+        (7, NAN, "node 1 is not finite"),
+        (8, np.zeros(12), "topology id 8, the mesh has 7"),
+    ],
+)
+def test_positions_that_do_not_fit_are_counted(topology_id: int, positions: np.ndarray, words: str) -> None:
+    one = body()
+    assert one.fit(7, SQUARE.ravel()) is not None
+    assert one.fit(topology_id, positions) is None
+    assert (one.skipped, words in one.reason) == (1, True)
+    assert one.fit(7, SQUARE.ravel()) is not None  # the next good one is drawn again
+
+
+def test_positions_before_the_mesh_are_counted() -> None:
+    early = Body()
+    assert early.fit(7, np.zeros(12)) is None
+    assert (early.skipped, early.reason) == (1, "no mesh yet")
+
+
+def test_refused_positions_do_not_tell_the_id_of_the_mesh() -> None:
+    one = body()
+    assert one.fit(8, NAN) is None
+    assert one.fit(7, SQUARE.ravel()) is not None
+
+
+def test_positions_left_over_from_an_older_mesh_are_refused_though_their_count_fits() -> None:
+    one = body()
+    one.fit(7, SQUARE.ravel())
+    assert one.rebuild(Surface(SQUARE, OTHER_WAY))
+    assert one.fit(7, SQUARE.ravel()) is None
+    assert one.reason == "topology id 7 belongs to an older mesh"
+    assert one.fit(9, SQUARE.ravel()) is not None
+    assert one.rebuild(Surface(SQUARE, ONE_WAY))  # and back: the old id is known
+    assert one.fit(9, SQUARE.ravel()) is None
+    assert one.fit(7, SQUARE.ravel()) is not None
+
+
+def test_the_same_mesh_again_is_no_change_but_moved_nodes_are() -> None:
+    one = body()
+    assert not one.rebuild(Surface(SQUARE.copy(), ONE_WAY.copy()))
+    one.fit(7, SQUARE.ravel())
+    assert one.rebuild(Surface(2 * SQUARE, ONE_WAY))
+    assert one.fit(7, SQUARE.ravel()) is not None  # same nodes in the same order: same id

@@ -1,0 +1,236 @@
+"""Who commands, what the page sends, and when it is silent: the rules of `Control` and of its motions by table."""
+
+import numpy as np
+import pytest
+
+from tripod_graph.command import CommandFollower, CommandLimits
+from tripod_graph.mode import Mode
+from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
+from tripod_view.control import PERIOD, STALE, TAKEOVER, Control
+from tripod_view.motion import PEAK, motion
+
+PARKED = np.zeros(4)
+BENT = np.array([-0.3, -0.4, -0.5, 0.01])
+
+
+def control() -> Control:
+    return Control("view", CommandLimits(), speed=0.4)
+
+
+def in_teleop(joints: np.ndarray = BENT) -> Control:
+    """Return a page that took control at time 0."""
+    c = control()
+    c.measure(joints, 0.0)
+    assert c.decide(Mode.TELEOP, 100.0, 0.0) == 100.0
+    return c
+
+
+@pytest.mark.parametrize(
+    ("heard", "streaming", "in_control"),
+    [
+        ((), True, True),
+        ((("teleop", Mode.TELEOP, 101.0),), False, False),
+        ((("view", Mode.STOP, 101.0),), False, False),
+        ((("view", Mode.IK, 101.0),), False, True),
+        ((("ik", Mode.IK, 101.0),), False, False),
+        ((("teleop", Mode.STOP, 99.0),), True, True),  # an older decision, heard late
+        (
+            (("teleop", Mode.STOP, 101.0), ("view", Mode.TELEOP, 100.0)),
+            False,
+            False,
+        ),  # the own echo, heard late
+    ],
+)
+def test_the_newest_decision_says_who_commands(heard: tuple, streaming: bool, in_control: bool) -> None:
+    c = in_teleop()
+    for source, mode, stamp in heard:
+        c.hear(int(mode), source, stamp)
+    assert (c.streaming, c.in_control) == (streaming, in_control)
+    c.measure(BENT, 1.0)
+    assert (c.command(1.0) is not None) == streaming
+
+
+def test_an_unknown_mode_is_refused_and_changes_nothing() -> None:
+    c = in_teleop()
+    with pytest.raises(ValueError, match="control mode 9 is unknown"):
+        c.hear(9, "x", 200.0)
+    assert c.streaming
+
+
+def test_control_is_not_taken_while_the_joints_are_unknown() -> None:
+    c = control()
+    assert c.decide(Mode.TELEOP, 100.0, 0.0) is None
+    assert "not known" in c.notice
+    c.measure(BENT, 0.0)
+    assert c.decide(Mode.TELEOP, 100.0, STALE + 0.01) is None
+    assert c.decide(Mode.STOP, 100.0, STALE + 0.01) == 100.0  # never refused
+    assert c.notice == ""
+
+
+def test_a_decision_overrules_one_from_a_clock_ahead() -> None:
+    c = control()
+    c.hear(Mode.IK, "other", 5000.0)
+    stamp = c.decide(Mode.STOP, 100.0, 0.0)
+    assert stamp is not None
+    assert 5000.0 < stamp < 5001.0
+    c.hear(Mode.IK, "other", float(2**31 - 1) + 0.5)
+    stamp = c.decide(Mode.STOP, 100.0, 0.0)
+    assert stamp is not None
+    assert stamp < 2**31  # fits into a ROS time
+
+
+def test_commands_begin_after_the_takeover_where_the_joints_are() -> None:
+    c = in_teleop()
+    assert c.command(TAKEOVER - 0.01) is None
+    first = c.command(TAKEOVER)
+    assert first is not None
+    assert first.names == SERVOS  # the slide stays where it is
+    assert first.times.tolist() == [PERIOD]
+    assert first.positions == pytest.approx(BENT[None, :3])
+
+
+@pytest.mark.parametrize(
+    ("asked", "taken"), [(-0.7, -0.7), (5.0, 0.6), (-50.0, -2.1), (np.nan, -0.4), (np.inf, -0.4)]
+)
+def test_slider_input_is_checked_and_clamped(asked: float, taken: float) -> None:
+    c = in_teleop()
+    c.synced = False
+    assert c.set_angle(1, asked) == np.isfinite(asked)
+    assert c.angles == pytest.approx([-0.3, taken, -0.5])
+    assert c.synced == (asked != taken)  # the slider on the screen is put right
+    c.measure(BENT, 0.5)
+    assert c.angles[1] == pytest.approx(taken)  # in control the sliders do not follow
+
+
+def test_sliders_follow_the_joints_and_take_nothing_without_control() -> None:
+    c = control()
+    c.measure(BENT, 0.0)
+    assert c.angles == pytest.approx(BENT[:3])
+    assert not c.set_angle(0, 0.2)
+    assert c.angles == pytest.approx(BENT[:3])
+    c.measure(2 * BENT, 0.1)
+    assert c.angles == pytest.approx(2 * BENT[:3])
+
+
+def test_silence_of_the_joints_stops_the_commands_and_the_sliders_start_anew_from_where_they_are() -> None:
+    c = in_teleop()
+    c.set_angle(0, -1.0)
+    assert c.command(STALE) is not None
+    assert c.command(STALE + 0.1) is None
+    c.measure(PARKED, 5.0)  # the simulator came back, parked
+    again = c.command(5.0)
+    assert again is not None
+    assert again.positions == pytest.approx(np.zeros((1, 3)))
+
+
+def test_a_motion_goes_out_once_then_the_sliders_hold_where_it_ended() -> None:
+    c = in_teleop(PARKED)
+    assert c.go("working pose", WORKING_POSE, 0.1)
+    assert c.command(0.1) is None  # the takeover
+    path = c.command(0.2)
+    assert path is not None
+    assert path.names == (*SERVOS, SLIDE)
+    assert path.positions[-1] == pytest.approx(WORKING_POSE)
+    for now in (0.3, 1.0, 3.0):
+        c.measure(PARKED, now)
+        assert c.command(now) is None
+    end = 0.2 + path.times[-1] + 3 * PERIOD
+    c.measure(np.array(WORKING_POSE), end)
+    assert c.angles == pytest.approx(WORKING_POSE[:3])  # the sliders show the motion
+    hold = c.command(end)
+    assert hold is not None
+    assert hold.positions == pytest.approx(np.array([WORKING_POSE[:3]]))
+    assert (c.moving, c.notice) == ("", "")
+
+
+def test_a_motion_that_did_not_arrive_is_reported_and_nothing_jumps() -> None:
+    c = in_teleop(PARKED)
+    c.go("working pose", WORKING_POSE, 0.1)
+    path = c.command(0.2)
+    assert path is not None
+    end = 0.2 + path.times[-1] + 3 * PERIOD
+    c.measure(PARKED, end)  # the path was lost
+    hold = c.command(end)
+    assert hold is not None
+    assert hold.positions == pytest.approx(np.zeros((1, 3)))
+    assert "did not reach the working pose" in c.notice
+
+
+@pytest.mark.parametrize("end", ["slider", "stop", "others"])
+def test_a_motion_ends_when_a_slider_is_touched_or_control_is_lost(end: str) -> None:
+    c = in_teleop(PARKED)
+    c.go("working pose", WORKING_POSE, 0.2)
+    assert c.command(0.2) is not None
+    c.measure(BENT, 1.0)
+    if end == "slider":
+        assert c.set_angle(2, -0.6)
+        now = c.command(1.0)
+        assert now is not None
+        assert now.positions == pytest.approx(np.array([[-0.3, -0.4, -0.6]]))
+    elif end == "stop":
+        c.decide(Mode.STOP, 101.0, 1.0)
+        assert c.command(1.0) is None
+    else:
+        c.hear(Mode.TELEOP, "teleop", 101.0)
+        assert c.command(1.0) is None
+    assert c.moving == ""
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"), [((-3.0, 0, 0, 0), "servo_0 is -3 rad"), ((0, 0, 0, 0.05), "slide is 0.05 m")]
+)
+def test_a_goal_outside_the_limits_is_refused_by_name(goal: tuple, words: str) -> None:
+    c = in_teleop()
+    assert not c.go("working pose", goal, 0.5)
+    assert words in c.notice
+    assert c.moving == ""
+
+
+def test_without_control_no_motion_begins() -> None:
+    c = control()
+    c.measure(PARKED, 0.0)
+    assert not c.go("working pose", WORKING_POSE, 0.0)
+    assert c.moving == ""
+
+
+def test_a_motion_is_slow_at_both_ends_and_keeps_the_joints_in_proportion() -> None:
+    path = motion(BENT, WORKING_POSE, 0.4)
+    assert path.times[-1] == pytest.approx((1.4965 - 0.3) / 0.4)
+    share = (path.positions - BENT) / (np.array(WORKING_POSE) - BENT)
+    assert share == pytest.approx(np.tile(share[:, :1], 4))
+    speed = np.diff(path.positions[:, 0], prepend=BENT[0]) / np.diff(path.times, prepend=0.0)
+    assert abs(speed[0]) < 0.01 * 0.4 * PEAK * 3
+    assert abs(speed[-1]) < 0.01 * 0.4 * PEAK * 3
+    assert np.abs(speed).max() == pytest.approx(0.4 * PEAK, rel=0.01)
+
+
+def test_a_motion_of_the_slide_alone_and_none_at_all_still_take_time() -> None:
+    assert motion(PARKED, (0, 0, 0, 0.035), 0.4).times[-1] == pytest.approx(3.5)
+    assert motion(PARKED, PARKED, 0.4).times[-1] == pytest.approx(0.5)
+
+
+def test_a_follower_keeps_up_with_the_motion_to_the_working_pose() -> None:
+    limits = CommandLimits()
+    follower = CommandFollower(limits)
+    path = motion(PARKED, WORKING_POSE, 0.4)
+    follower.setpoint(0.0)
+    follower.accept(path.names, path.times, path.positions, 0.0)
+    worst = 0.0
+    for now in np.arange(0.01, path.times[-1], 0.01):
+        u = now / path.times[-1]
+        ideal = np.array(WORKING_POSE) * u**3 * (10 - 15 * u + 6 * u**2)
+        worst = max(worst, np.abs(follower.setpoint(now) - ideal)[:3].max())
+    # Chords of 24 points differ from the curve by at most h^2 / 8 max|q''|, with max|s''| = 5.78.
+    assert worst < 1.4965 * 5.78 / (8 * 24**2) + 1e-9
+    assert follower.setpoint(path.times[-1]) == pytest.approx(WORKING_POSE)
+
+
+def test_slow_servos_get_a_slower_motion() -> None:
+    c = Control("view", CommandLimits(angle_speed=0.3), speed=0.4)
+    c.measure(PARKED, 0.0)
+    c.decide(Mode.TELEOP, 100.0, 0.0)
+    c.go("working pose", WORKING_POSE, 0.2)
+    path = c.command(0.2)
+    assert path is not None
+    speed = np.diff(path.positions[:, 0], prepend=0.0) / np.diff(path.times, prepend=0.0)
+    assert np.abs(speed).max() <= 0.3

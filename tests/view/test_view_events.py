@@ -1,0 +1,82 @@
+"""The hand-over from the threads of the page: order, bounds, and one wake-up a batch."""
+
+import math
+import threading
+
+import numpy as np
+import pytest
+
+from tripod_view.events import Button, Dragged, Dropped, Grabbed, Inbox, Joined, Left, Pressed, SliderMoved
+
+
+def test_events_keep_their_order_and_wake_the_reader_once_a_batch() -> None:
+    wakes = []
+    inbox = Inbox(lambda: wakes.append(1))
+    sent = [Joined(1), Grabbed(1), Dragged(1, (0, 0, 0)), Dropped(1), Pressed(Button.IK), Left(1)]
+    for event in sent:
+        inbox.put(event)
+    assert len(wakes) == 1
+    assert inbox.drain() == sent
+    assert inbox.drain() == []
+    inbox.put(Joined(2))
+    assert len(wakes) == 2
+
+
+def test_of_a_stream_only_the_newest_is_kept() -> None:
+    inbox = Inbox(lambda: None)
+    for x in range(100):
+        inbox.put(Dragged(1, np.array([x, 0.0, 0.0])))
+    inbox.put(Dragged(2, np.zeros(3)))
+    for degrees in range(100):
+        inbox.put(SliderMoved(0, degrees))
+    inbox.put(SliderMoved(1, 5.0))
+    inbox.put(Pressed(Button.STOP))
+    inbox.put(Pressed(Button.STOP))
+    first, second, *rest = inbox.drain()
+    assert (first.client, first.position[0], second.client) == (1, 99, 2)
+    assert rest == [SliderMoved(0, 99), SliderMoved(1, 5.0), Pressed(Button.STOP)]
+
+
+def test_a_flood_is_counted_and_never_drowns_stop_or_a_leaving_browser() -> None:
+    inbox = Inbox(lambda: None, capacity=10)
+    for i in range(100):
+        inbox.put(Grabbed(i))
+    inbox.put(Pressed(Button.STOP))
+    inbox.put(Left(1))
+    events = inbox.drain()
+    assert (len(events), inbox.lost) == (12, 90)
+    assert events[-2:] == [Pressed(Button.STOP), Left(1)]
+
+
+def test_nothing_is_lost_between_threads() -> None:
+    total, seen, enough = 4000, [], threading.Event()
+    woken = threading.Semaphore(0)
+    inbox = Inbox(woken.release, capacity=10**6)
+
+    def read() -> None:
+        while len(seen) < total:
+            woken.acquire()
+            seen.extend(inbox.drain())
+        enough.set()
+
+    threading.Thread(target=read, daemon=True).start()
+    writers = [
+        threading.Thread(target=lambda k=k: [inbox.put(Joined(k * 1000 + i)) for i in range(1000)])
+        for k in range(4)
+    ]
+    for writer in writers:
+        writer.start()
+    assert enough.wait(10)
+    for k in range(4):
+        own = [e.client for e in seen if e.client // 1000 == k]
+        assert own == list(range(k * 1000, k * 1000 + 1000))
+
+
+@pytest.mark.parametrize(("sent", "angle"), [(180.0, math.pi), ("-90", -math.pi / 2), (0, 0.0)])
+def test_degrees_become_radians(sent: object, angle: float) -> None:
+    assert SliderMoved(0, sent).radians == pytest.approx(angle)
+
+
+@pytest.mark.parametrize("sent", [None, "abc", [1], float("nan"), 10**400])
+def test_what_is_no_angle_is_nan(sent: object) -> None:
+    assert math.isnan(SliderMoved(0, sent).radians)

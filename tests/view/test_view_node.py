@@ -1,0 +1,374 @@
+"""The node from outside: starts, says where the page is, does what people press, and leaves in order."""
+
+import http.client
+import os
+import random
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("tripod_msgs")
+pytest.importorskip("viser")
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from tripod_msgs.msg import ControlMode
+
+from tests.view.fake_browser import FakeBrowser
+from tests.view.fake_simulator import FakeSimulator
+from tripod_graph import names
+
+pytestmark = pytest.mark.ros
+
+DEADLINE = 20.0  # [s], for a loaded machine
+DOMAIN = random.randint(1, 100)
+
+
+class View:
+    """The node as a process; its namespace is its own, so that nothing else on the domain meddles."""
+
+    def __init__(self, *parameters: str) -> None:
+        self.namespace = f"/view_{uuid.uuid4().hex[:12]}"
+        words = [w for p in parameters for w in ("-p", p)]
+        environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(DOMAIN),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        }
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tripod_view.node", "--ros-args", "-r", f"__ns:={self.namespace}", *words],
+            cwd=Path(__file__).parents[2],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def port(self) -> tuple[int, str]:
+        """Return the port of the page and what was printed until it was said."""
+        printed = ""
+        for line in self.process.stdout:
+            printed += line
+            if found := re.fullmatch(r"page http://127\.0\.0\.1:(\d+)\n", line):
+                return int(found[1]), printed
+        raise AssertionError(printed + self.process.stderr.read())
+
+    def stop(self) -> tuple[int, str]:
+        """Ask it to stop; return exit code and what it said on stderr."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.end()
+
+    def end(self) -> tuple[int, str]:
+        """Wait for its end; return exit code and what it said on stderr."""
+        try:
+            _, errors = self.process.communicate(timeout=DEADLINE)
+        finally:
+            self.process.kill()
+            self.process.wait()
+        return self.process.returncode, errors
+
+
+def test_it_says_where_the_page_is_serves_it_and_stops_in_order() -> None:
+    view = View("port:=0")
+    try:
+        port, _ = view.port()
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=DEADLINE)
+        connection.request("GET", "/")
+        answer = connection.getresponse()
+        assert (answer.status, b"<!doctype html>" in answer.read(200).lower()) == (200, True)
+    finally:
+        code, errors = view.stop()
+    assert (code, "Traceback" in errors) == (0, False)
+
+
+def test_a_taken_port_is_reported_with_the_one_that_it_took() -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen(1)
+        taken = other.getsockname()[1]
+        view = View(f"port:={taken}")
+        try:
+            port, printed = view.port()
+        finally:
+            code, errors = view.stop()
+    assert port > taken
+    said = f"port {taken} is taken: the page is on port {port}"
+    assert said in printed
+    assert said in errors  # the log
+    assert code == 0
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        ("port:=70000", "parameter 'port' is 70000; allowed: 0 to 65535"),
+        ("rate:=fast", "parameter 'rate' is 'fast'; it must be of type float"),
+        ("target_low:=[0.5, 0.0, 0.0]", "parameter target_low [0.5, 0.0, 0.0] must be below target_high"),
+        ("colour:=red", "parameter 'colour' is unknown"),
+    ],
+)
+def test_a_bad_parameter_is_refused_by_name(parameter: str, words: str) -> None:
+    code, errors = View(parameter).end()
+    assert code == 2
+    assert words in errors
+    assert "Traceback" not in errors
+
+
+@pytest.fixture(scope="module")
+def context() -> Iterator[rclpy.Context]:
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    made = rclpy.Context()
+    rclpy.init(context=made, domain_id=DOMAIN)
+    yield made
+    made.try_shutdown()
+
+
+class Stage:
+    """A page with a simulator; `browser()` opens the page."""
+
+    def __init__(self, context: rclpy.Context) -> None:
+        self.view = View("port:=0")
+        self.changed = threading.Condition()
+        self.sim = FakeSimulator(namespace=self.view.namespace, context=context)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.sim)
+        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        self._thread.start()
+        self.port, _ = self.view.port()
+
+    def browser(self) -> FakeBrowser:
+        """Open the page and wait until it shows the body moving."""
+        browser = FakeBrowser(self.port)
+        browser.wait(lambda: browser.pictures() > 3)
+        return browser
+
+    def wait(self, what: Callable[[], object]) -> object:
+        until = time.monotonic() + DEADLINE
+        while not (found := what()):
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        return found
+
+    def mode(self) -> tuple[int, str] | None:
+        """Return the newest decision that was published."""
+        return (self.sim.modes[-1].mode, self.sim.modes[-1].source) if self.sim.modes else None
+
+    def close(self) -> tuple[int, str]:
+        result = self.view.stop()
+        self._executor.shutdown()
+        self._thread.join(DEADLINE)
+        self.sim.close()
+        return result
+
+
+@pytest.fixture(scope="module")
+def stage(context: rclpy.Context) -> Iterator[Stage]:
+    made = Stage(context)
+    yield made
+    code, errors = made.close()
+    assert (code, "Traceback" in errors) == (0, False)
+
+
+@pytest.fixture
+def browser(stage: Stage) -> Iterator[FakeBrowser]:
+    stage.sim.spoil, stage.sim.silent = "", False
+    with stage.browser() as opened:
+        yield opened
+    stage.wait(lambda: stage.sim.count_subscribers(names.BODY_STATE) == 0)
+
+
+def angles(message: object) -> list[float]:
+    return list(message.points[-1].positions)
+
+
+def test_it_draws_at_its_rate_and_only_while_somebody_looks(stage: Stage) -> None:
+    topic = f"{stage.view.namespace}/{names.BODY_STATE}"
+    assert stage.sim.count_subscribers(topic) == 0
+    with stage.browser() as browser:
+        assert stage.sim.count_subscribers(topic) == 1
+        before, began = browser.pictures(), time.monotonic()
+        browser.wait(lambda: browser.pictures() >= before + 60)
+        assert 60 / (time.monotonic() - began) < 33  # at most 30 Hz of the 60 that come
+        mesh = browser.of_kind("MeshMessage")
+        assert {m["name"] for m in mesh} == {"/silicone", "/mesh_lines"}
+    stage.wait(lambda: stage.sim.count_subscribers(topic) == 0)
+    with stage.browser():
+        pass
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        ("nan", "node 3 is not finite"),
+        ("size", "240 coordinates for a mesh of 81 nodes"),
+        ("topology", "topology id"),
+    ],
+)
+def test_body_states_that_do_not_fit_are_skipped_and_shown(
+    stage: Stage, browser: FakeBrowser, spoil: str, why: str
+) -> None:
+    stage.sim.spoil = spoil
+    browser.wait(lambda: f"body states skipped ({why}" in browser.text())
+    stage.sim.spoil = ""
+    drawn = browser.pictures()
+    browser.wait(lambda: browser.pictures() > drawn + 3)
+
+
+def test_a_mesh_that_changes_is_rebuilt(stage: Stage, browser: FakeBrowser) -> None:
+    drawn, meshes = browser.pictures(), len(browser.of_kind("MeshMessage"))
+    stage.sim.triangles = np.ascontiguousarray(stage.sim.triangles[::-1])
+    browser.wait(lambda: "the mesh has" in browser.text() or "older mesh" in browser.text())
+    stage.sim.publish_mesh()
+    browser.wait(lambda: len(browser.of_kind("MeshMessage")) > meshes)
+    drawn = browser.pictures()
+    browser.wait(lambda: browser.pictures() > drawn + 3)
+
+
+def test_sliders_command_only_in_control_and_start_where_the_joints_are(
+    stage: Stage, browser: FakeBrowser
+) -> None:
+    stage.sim.jump_to(-0.25, -0.25, -0.25, 0.0)
+    browser.wait(lambda: browser.shown(0) == -14.5)
+    browser.slide(0, 20.0)  # disabled on the screen, but a browser may send it
+    browser.press("sliders")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    stage.sim.commands.clear()
+    stage.wait(lambda: len(stage.sim.commands) >= 3)
+    assert stage.sim.commands[0].joint_names == list(names.SERVOS)
+    assert angles(stage.sim.commands[0]) == pytest.approx([-0.25] * 3)
+    browser.slide(1, -45.0)
+    stage.wait(lambda: angles(stage.sim.commands[-1]) == pytest.approx([-0.25, -np.pi / 4, -0.25]))
+    browser.slide(1, 9e9)
+    stage.wait(lambda: angles(stage.sim.commands[-1])[1] == pytest.approx(0.6))
+    for nonsense in (float("nan"), float("inf")):
+        browser.slide(1, nonsense)
+    browser.slide(2, 10.0)
+    stage.wait(lambda: angles(stage.sim.commands[-1]) == pytest.approx([-0.25, 0.6, np.radians(10.0)]))
+    before, began = len(stage.sim.commands), time.monotonic()
+    stage.wait(lambda: len(stage.sim.commands) >= before + 20)
+    assert 20 / (time.monotonic() - began) < 22  # 20 Hz
+    other = ControlMode(mode=ControlMode.TELEOP, source="keyboard")
+    other.header.stamp = stage.sim.get_clock().now().to_msg()
+    stage.sim.mode.publish(other)
+    browser.wait(lambda: "TELEOP, by keyboard" in browser.text())
+    before = len(stage.sim.commands)
+    browser.wait(lambda: browser.pictures() and time.monotonic() - began > 1.5)
+    assert len(stage.sim.commands) <= before + 1
+
+
+def test_the_working_pose_is_a_slow_path_that_a_slider_ends(stage: Stage, browser: FakeBrowser) -> None:
+    stage.sim.commands.clear()
+    browser.press("working pose")  # takes control too
+    path = stage.wait(lambda: next((c for c in stage.sim.commands if len(c.points) > 1), None))
+    assert path.joint_names == [*names.SERVOS, names.SLIDE]
+    assert angles(path) == pytest.approx(names.WORKING_POSE)
+    assert path.points[-1].time_from_start.sec >= 2
+    browser.wait(lambda: "to the working pose" in browser.text())
+    count = len(stage.sim.commands)
+    browser.slide(0, -30.0)
+    stage.wait(lambda: len(stage.sim.commands) > count)
+    assert angles(stage.sim.commands[count])[0] == pytest.approx(np.radians(-30.0))
+
+
+def test_stop_is_published_at_once(stage: Stage, browser: FakeBrowser) -> None:
+    browser.press("sliders")
+    stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+    began = time.monotonic()
+    browser.press("STOP")
+    stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
+    assert time.monotonic() - began < 0.5
+    stage.wait(lambda: "STOP, by this page" in browser.text())
+
+
+def test_when_the_last_browser_leaves_in_control_the_robot_stops(stage: Stage) -> None:
+    with stage.browser() as first:
+        second = stage.browser()
+        first.press("green target")
+        stage.wait(lambda: stage.mode() == (ControlMode.IK, "view"))
+        count = len(stage.sim.modes)
+        second.close()
+        drawn = first.pictures()
+        first.wait(lambda: first.pictures() > drawn + 15)
+        assert len(stage.sim.modes) == count  # one is still there
+    stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
+
+
+def test_a_browser_that_leaves_out_of_control_changes_nothing(stage: Stage) -> None:
+    with stage.browser() as browser:
+        other = ControlMode(mode=ControlMode.IK, source="script")
+        other.header.stamp = stage.sim.get_clock().now().to_msg()
+        stage.sim.mode.publish(other)
+        browser.wait(lambda: "IK, by script" in browser.text())
+    stage.wait(lambda: stage.sim.count_subscribers(f"{stage.view.namespace}/{names.BODY_STATE}") == 0)
+    assert stage.mode() == (ControlMode.IK, "script")
+
+
+def test_a_drag_publishes_targets_within_the_box_and_shuts_others_out(
+    stage: Stage, browser: FakeBrowser
+) -> None:
+    def newest() -> list[float]:
+        p = stage.sim.targets[-1].pose.position
+        return [p.x, p.y, p.z]
+
+    def publish_other() -> None:
+        message = PoseStamped()
+        message.header.frame_id, message.header.stamp = names.WORLD, stage.sim.get_clock().now().to_msg()
+        message.pose.position.y = -0.015
+        stage.sim.target.publish(message)
+
+    stage.sim.targets.clear()
+    browser.grab()
+    browser.drag(0.01, 0.005, -0.002)
+    stage.wait(lambda: stage.sim.targets and newest() == [0.01, 0.005, -0.002])
+    target = stage.sim.targets[-1]
+    assert (target.header.frame_id, target.pose.orientation.w) == (names.WORLD, 1.0)
+    browser.drag(5.0, -5.0, 5.0)
+    stage.wait(lambda: newest() == [0.02, -0.02, 0.015])
+    count = len(stage.sim.targets)
+    for nonsense in ((float("nan"), 0, 0), (0, float("inf"), 0)):
+        browser.drag(*nonsense)
+    browser.wait(lambda: "messages refused (page: dragged target" in browser.text())
+    assert len(stage.sim.targets) == count
+    publish_other()
+    stage.wait(lambda: newest() == [0.0, -0.015, 0.0])
+    browser.drop()
+    browser.wait(lambda: browser.position("/target_handle") == pytest.approx([0.02, -0.02, 0.015]))
+    publish_other()
+    browser.wait(lambda: browser.position("/target_handle") == pytest.approx([0.0, -0.015, 0.0]))
+
+
+def test_messages_with_nonsense_are_refused_and_shown(stage: Stage, browser: FakeBrowser) -> None:
+    bad = PoseStamped()
+    bad.header.frame_id = "moon"
+    stage.sim.target.publish(bad)
+    browser.wait(lambda: "frame &#x27;moon&#x27;" in browser.text())
+    bad.header.frame_id, bad.pose.position.x = names.WORLD, float("nan")
+    stage.sim.target.publish(bad)
+    browser.wait(lambda: "finite and not zero is needed" in browser.text())
+    stage.sim.mode.publish(ControlMode(mode=77, source="x"))
+    browser.wait(lambda: "control mode 77 is unknown" in browser.text())
+
+
+def test_a_page_that_is_stopped_in_control_leaves_the_robot_stopped(context: rclpy.Context) -> None:
+    stage = Stage(context)
+    try:
+        with stage.browser() as browser:
+            browser.press("sliders")
+            stage.wait(lambda: stage.mode() == (ControlMode.TELEOP, "view"))
+            stage.view.process.send_signal(signal.SIGTERM)
+            stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
+    finally:
+        code, errors = stage.close()
+    assert (code, "Traceback" in errors) == (0, False)
