@@ -41,9 +41,9 @@ UP_HELP = (
     "Start simulator, inverse kinematics, page and driver, and watch over them.\n\n"
     "Ctrl-C stops all in order: the driver parks the servos, the recording is closed last. "
     "A second Ctrl-C kills.\n\n"
-    "Exit codes: 0 stopped as asked; 2 bad arguments; 3 another `tripod up` runs on this ROS domain; 10 sim, "
-    "11 ik, 12 driver, 13 view, 14 record ended by itself or could not stop in order; 20 the demo's chain "
-    "did not run; 130 killed by a second Ctrl-C."
+    "Exit codes: 0 stopped as asked; 1 this process itself failed; 2 bad arguments; 3 another `tripod up` "
+    "runs on this ROS domain; 10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself or could not stop "
+    "in order; 20 the demo's chain did not run; 130 killed by a second Ctrl-C."
 )
 
 

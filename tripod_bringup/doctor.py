@@ -1,7 +1,6 @@
 """Checks of the machine, each a small function of what it looks at, each with what to do when it fails."""
 
 import errno
-import importlib
 import importlib.metadata
 import os
 import socket
@@ -69,27 +68,42 @@ def check_python(version: Sequence[int] = tuple(sys.version_info[:3])) -> Check:
     return Check("Python", Verdict.OK, found)
 
 
+@dataclass(frozen=True)
+class Probe:
+    """What a Python program did: exit code, standard output, last line of standard error."""
+
+    code: int
+    out: str
+    error: str = ""
+
+
+def probe(program: str) -> Probe:
+    """Run a Python program in a process of its own: a wrong middleware ends the whole process that imports it."""
+    command = [sys.executable, "-c", program]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return Probe(1, "", str(error))
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    return Probe(done.returncode, done.stdout.strip(), lines[-1] if lines else f"exit code {done.returncode}")
+
+
+_RCLPY = "import rclpy.utilities; print(rclpy.utilities.get_rmw_implementation_identifier())"
+
+
 def check_rclpy(
     environment: Mapping[str, str] = os.environ,
-    load: Callable[[str], object] = importlib.import_module,
+    run: Callable[[str], Probe] = probe,
     version: Callable[[], str] | None = None,
 ) -> Check:
     """Whether rclpy can be imported, its version and its middleware."""
-    try:
-        load("rclpy")
-        middleware = load("rclpy.utilities").get_rmw_implementation_identifier()  # type: ignore[attr-defined]
-    except ImportError as error:
-        return Check(
-            "rclpy", Verdict.FAIL, str(error), "run `make setup`, or source /opt/ros/jazzy/setup.bash"
-        )
-    number = (version or _rclpy_version)()
-    wanted = environment.get("RMW_IMPLEMENTATION", "")
-    found = f"{number}, {middleware}"
-    if wanted and wanted != middleware:
-        return Check(
-            "rclpy", Verdict.WARN, found, f"RMW_IMPLEMENTATION asks for {wanted}, which is not loaded"
-        )
-    return Check("rclpy", Verdict.OK, found)
+    tried = run(_RCLPY)
+    if tried.code == 0:
+        return Check("rclpy", Verdict.OK, f"{(version or _rclpy_version)()}, {tried.out}")
+    advice = "run `make setup`, or source /opt/ros/jazzy/setup.bash"
+    if asked := environment.get("RMW_IMPLEMENTATION"):
+        advice = f"unset RMW_IMPLEMENTATION, which asks for {asked}; or {advice}"
+    return Check("rclpy", Verdict.FAIL, tried.error, advice)
 
 
 def _rclpy_version() -> str:
@@ -124,15 +138,12 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Check:
     return Check("ROS discovery", Verdict.OK, found)
 
 
-def check_messages(load: Callable[[str], object] = importlib.import_module) -> Check:
+def check_messages(run: Callable[[str], Probe] = probe) -> Check:
     """Whether the messages are built and complete."""
     wanted = ("BodyState", "Compliance", "ControlMode", "IkStatus", "RobotStatus", "SimStatus")
-    try:
-        messages = load("tripod_msgs.msg")
-    except ImportError as error:
-        return Check("tripod_msgs", Verdict.FAIL, str(error), "run `make setup`, which builds msgs/")
-    if missing := [name for name in wanted if not hasattr(messages, name)]:
-        return Check("tripod_msgs", Verdict.FAIL, f"without {', '.join(missing)}", "run `make setup` again")
+    tried = run(f"from tripod_msgs.msg import {', '.join(wanted)}")
+    if tried.code:
+        return Check("tripod_msgs", Verdict.FAIL, tried.error, "run `make setup`, which builds msgs/")
     return Check("tripod_msgs", Verdict.OK, f"{len(wanted)} messages")
 
 

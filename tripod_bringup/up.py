@@ -1,8 +1,9 @@
 """`tripod up`: the whole chain as supervised processes, one status line, and an exit code that says why.
 
-Exit codes: 0 stopped as asked; 2 bad arguments, or nothing could start; 3 another `tripod up` on the domain;
-10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself, did not come up or could not stop in order;
-20 the demo ran but not the whole chain did; 130 killed by a second Ctrl-C.
+Exit codes: 0 stopped as asked; 1 this process itself failed; 2 bad arguments, or nothing could start;
+3 another `tripod up` on the domain; 10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself, did not
+come up or could not stop in order; 20 the demo ran but not the whole chain did; 130 killed by a second
+Ctrl-C.
 """
 
 import os
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from tripod_bringup.demo import DemoNode
     from tripod_bringup.watch import Watch
 
+FAILED = 1
 BAD_ARGUMENTS = 2
 ALREADY_UP = 3
 CHAIN_INCOMPLETE = 20
@@ -127,22 +129,47 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
 
 def _run(options: UpOptions, screen: Screen) -> int:
     facts = Facts()
-    with _graph(options) as (watch, demo):
+    with _graph(options) as graph:
         supervisor = Supervisor(
-            stages(options, facts, watch),
+            stages(options, facts, graph.watch),
             on_line=lambda name, line: _show(name, line, facts, options, screen),
-            on_tick=lambda phase: screen.status(phase or _status(watch, facts)),
-            before_stop=lambda: _stop(watch, demo),
+            on_tick=lambda phase: screen.status(phase or _status(graph.watch, facts)),
+            before_stop=graph.say_stop,
         )
-        watch.describe_processes(lambda: {name: p.end for name, p in supervisor.processes.items()})
-        ending = supervisor.run(_Until(options.duration, demo))
+        graph.watch.describe_processes(
+            lambda: {name: process.end for name, process in dict(supervisor.processes).items()}
+        )
+        ending = supervisor.run(_Until(options.duration, graph))
+    if graph.failure and not ending.code:
+        ending = Ending(FAILED, graph.failure)
     screen.close()
-    return _report(ending, demo, facts, options, screen)
+    return _report(ending, graph.demo, facts, options, screen)
+
+
+@dataclass
+class Graph:
+    """The nodes of this process.
+
+    Attributes:
+        watch: Hears every status, says STOP.
+        demo: Plays the demo, None without.
+        failure: Why the thread that runs them ended, empty while it runs.
+    """
+
+    watch: "Watch"
+    demo: "DemoNode | None"
+    failure: str = ""
+
+    def say_stop(self) -> None:
+        """End the demo and tell everybody to hold."""
+        if self.demo is not None:
+            self.demo.finish()
+        self.watch.say_stop()
 
 
 @contextmanager
-def _graph(options: UpOptions) -> Iterator[tuple["Watch", "DemoNode | None"]]:
-    """Run the nodes of this process, `watch` and for a demo the script, in a thread of their own."""
+def _graph(options: UpOptions) -> Iterator[Graph]:
+    """Run the nodes of this process in a thread of their own."""
     from tripod_graph.run import keep_local  # noqa: PLC0415 - rclpy only once a node runs
 
     keep_local(subnet=options.subnet)
@@ -157,17 +184,20 @@ def _graph(options: UpOptions) -> Iterator[tuple["Watch", "DemoNode | None"]]:
     over = threading.Event()
 
     def spin() -> None:
-        while not over.is_set():
-            executor.spin_once(timeout_sec=0.1)
+        try:
+            while not over.is_set():
+                executor.spin_once(timeout_sec=0.1)
+        except Exception as error:  # noqa: BLE001 - whatever failed in a callback, the chain is stopped in order
+            graph.failure = f"{type(error).__name__} in a node of this process: {error}"
 
     thread = threading.Thread(target=spin, name="graph", daemon=True)
     try:
-        watch, demo = Watch(), _demo(options)
-        for node in (watch, demo):
+        graph = Graph(Watch(), _demo(options))
+        for node in (graph.watch, graph.demo):
             if node is not None:
                 executor.add_node(node)
         thread.start()
-        yield watch, demo
+        yield graph
     finally:
         over.set()
         if thread.is_alive():
@@ -189,15 +219,17 @@ class _Until:
     """Says when the chain shall stop; called once everything is up, and then again and again."""
 
     duration: float | None
-    demo: "DemoNode | None"
+    graph: Graph
     _since: float | None = None
 
     def __call__(self) -> str:
         if self._since is None:
             self._since = time.monotonic()
-        if self.demo is not None:
-            self.demo.go()
-            return "the demo is over" if self.demo.session.finished else ""
+        if self.graph.failure:
+            return self.graph.failure
+        if demo := self.graph.demo:
+            demo.go()
+            return "the demo is over" if demo.session.finished else ""
         over = self.duration is not None and time.monotonic() - self._since >= self.duration
         return f"{self.duration:g} s are over" if over else ""
 
@@ -220,12 +252,6 @@ def _show(name: str, line: str, facts: Facts, options: UpOptions, screen: Screen
 
 def _status(watch: "Watch", facts: Facts) -> str:
     return status_line(watch.status()) + (f" | {facts.page}" if facts.page else "")
-
-
-def _stop(watch: "Watch", demo: "DemoNode | None") -> None:
-    if demo is not None:
-        demo.finish()
-    watch.say_stop()
 
 
 def _report(ending: Ending, demo: "DemoNode | None", facts: Facts, options: UpOptions, screen: Screen) -> int:

@@ -5,30 +5,11 @@ import socket
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from tripod_bringup import doctor, doctor_command
-from tripod_bringup.doctor import Check, Verdict
-
-
-def loader(**modules: object) -> object:
-    """Return an import function that finds only `modules`, their dots written as two underlines."""
-
-    def load(name: str) -> object:
-        try:
-            return modules[name.replace(".", "__")]
-        except KeyError:
-            raise ImportError(f"No module named {name!r}") from None
-
-    return load
-
-
-RCLPY = {
-    "rclpy": SimpleNamespace(),
-    "rclpy__utilities": SimpleNamespace(get_rmw_implementation_identifier=lambda: "rmw_fastrtps_cpp"),
-}
+from tripod_bringup.doctor import Check, Probe, Verdict
 
 
 @pytest.mark.parametrize(
@@ -41,18 +22,27 @@ def test_python(version: tuple[int, int, int], verdict: str) -> None:
 
 
 def test_rclpy_present() -> None:
-    check = doctor.check_rclpy({}, loader(**RCLPY), lambda: "7.1.6")
+    check = doctor.check_rclpy({}, lambda _program: Probe(0, "rmw_fastrtps_cpp"), lambda: "7.1.6")
     assert check == Check("rclpy", Verdict.OK, "7.1.6, rmw_fastrtps_cpp")
 
 
 def test_rclpy_missing_says_how_to_get_it() -> None:
-    check = doctor.check_rclpy({}, loader())
+    check = doctor.check_rclpy({}, lambda _program: Probe(1, "", "No module named 'rclpy'"))
     assert check.verdict is Verdict.FAIL and "rclpy" in check.found and "make setup" in check.advice
+    assert "RMW_IMPLEMENTATION" not in check.advice
 
 
-def test_another_middleware_than_asked_for_is_told() -> None:
-    check = doctor.check_rclpy({"RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}, loader(**RCLPY), lambda: "7.1.6")
-    assert check.verdict is Verdict.WARN and "rmw_zenoh_cpp" in check.advice
+def test_a_middleware_that_is_not_there_is_told() -> None:
+    failed = Probe(102, "", "Expected rmw_x")
+    check = doctor.check_rclpy({"RMW_IMPLEMENTATION": "rmw_x"}, lambda _program: failed)
+    assert check.verdict is Verdict.FAIL and "unset RMW_IMPLEMENTATION, which asks for rmw_x" in check.advice
+
+
+def test_a_probe_survives_a_program_that_ends_its_process() -> None:
+    assert doctor.probe("print('here')") == Probe(0, "here", "exit code 0")
+    hard = "import os, sys; sys.stderr.write('why\\n'); sys.stderr.flush(); os._exit(102)"
+    assert doctor.probe(hard) == Probe(102, "", "why")
+    assert doctor.probe("import nothing_of_that_name").error.startswith("ModuleNotFoundError")
 
 
 @pytest.mark.parametrize(
@@ -70,13 +60,17 @@ def test_discovery(environment: dict[str, str], verdict: str, found: str) -> Non
 
 
 def test_messages() -> None:
-    names = ("BodyState", "Compliance", "ControlMode", "IkStatus", "RobotStatus", "SimStatus")
-    full = SimpleNamespace(**dict.fromkeys(names))
-    assert doctor.check_messages(loader(tripod_msgs__msg=full)).verdict is Verdict.OK
-    old = SimpleNamespace(**dict.fromkeys(names[1:]))
-    assert "BodyState" in doctor.check_messages(loader(tripod_msgs__msg=old)).found
-    missing = doctor.check_messages(loader())
+    programs: list[str] = []
+
+    def run(program: str) -> Probe:
+        programs.append(program)
+        return Probe(0, "")
+
+    assert doctor.check_messages(run) == Check("tripod_msgs", Verdict.OK, "6 messages")
+    assert "tripod_msgs.msg" in programs[0] and "Compliance" in programs[0]
+    missing = doctor.check_messages(lambda _program: Probe(1, "", "cannot import name 'Compliance'"))
     assert missing.verdict is Verdict.FAIL and "make setup" in missing.advice
+    assert "Compliance" in missing.found
 
 
 @dataclass

@@ -15,6 +15,7 @@ import pytest
 
 pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make setup`")
 
+from mcap.reader import NonSeekingReader
 from rosbags.highlevel import AnyReader
 
 from tripod_bringup.demo_target import DemoTarget
@@ -117,17 +118,17 @@ def test_the_recording_holds_every_topic_in_order(session: Session) -> None:
     counts: dict[str, int] = defaultdict(int)
     stamps: dict[str, list[int]] = defaultdict(list)
     modes: list[int] = []
-    last = 0
+    robot = None
     with AnyReader([session.recording.parent]) as reader:
         present = {connection.topic for connection in reader.connections}
-        for connection, time_ns, raw in reader.messages():
-            assert time_ns >= last, f"{connection.topic} goes back in time"
-            last = time_ns
+        for connection, _, raw in reader.messages():
             counts[connection.topic] += 1
             message = reader.deserialize(raw, connection.msgtype)
             if connection.topic == f"/{names.CONTROL_MODE}":
                 modes.append(message.mode)  # type: ignore[attr-defined]
-            elif hasattr(message, "header") and connection.topic != names.DIAGNOSTICS:
+            if connection.topic == f"/{names.ROBOT_STATUS}":
+                robot = message
+            if hasattr(message, "header") and connection.topic != names.DIAGNOSTICS:
                 stamp = message.header.stamp
                 stamps[connection.topic].append(stamp.sec * 10**9 + stamp.nanosec)
     assert present >= TOPICS
@@ -143,6 +144,18 @@ def test_the_recording_holds_every_topic_in_order(session: Session) -> None:
         Mode.IK,
         Mode.STOP,
     ]
+    parked = 5
+    assert robot.state == parked  # type: ignore[attr-defined]
+    assert not robot.sent.any(), "the recording ends after the servos are parked"  # type: ignore[attr-defined]
+
+
+@pytest.mark.ros
+def test_the_file_itself_is_in_the_order_of_time(session: Session) -> None:
+    """Record by record, as rosbags would sort what it reads."""
+    with session.recording.open("rb") as file:
+        stamps = [m.log_time for _, _, m in NonSeekingReader(file).iter_messages(log_time_order=False)]
+    assert len(stamps) > 100
+    assert stamps == sorted(stamps)
 
 
 @pytest.mark.ros
