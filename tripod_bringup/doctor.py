@@ -2,6 +2,7 @@
 
 import errno
 import importlib.metadata
+import importlib.util
 import os
 import socket
 import statistics
@@ -147,6 +148,17 @@ def check_messages(run: Callable[[str], Probe] = probe) -> Check:
     return Check("tripod_msgs", Verdict.OK, f"{len(wanted)} messages")
 
 
+PACKAGES = ("numpy", "scipy", "numba", "qdldl", "osqp", "serial", "viser", "mcap", "yaml")
+"""What the nodes import besides ROS."""
+
+
+def check_packages(find: Callable[[str], object] = importlib.util.find_spec) -> Check:
+    """Whether what the nodes import is installed."""
+    if missing := [name for name in PACKAGES if find(name) is None]:
+        return Check("packages", Verdict.FAIL, f"without {', '.join(missing)}", "run `make setup`")
+    return Check("packages", Verdict.OK, ", ".join(PACKAGES))
+
+
 def check_ports(
     ports: Iterable[Port] | None = None,
     accessible: Callable[[str], bool] = lambda device: os.access(device, os.R_OK | os.W_OK),
@@ -286,6 +298,7 @@ def examine(recordings: Path) -> list[Check]:
         check_rclpy(),
         check_discovery(),
         check_messages(),
+        check_packages(),
         check_ports(),
         check_page_port(),
         check_recordings(recordings),

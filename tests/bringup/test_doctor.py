@@ -73,6 +73,12 @@ def test_messages() -> None:
     assert "Compliance" in missing.found
 
 
+def test_packages() -> None:
+    assert doctor.check_packages().verdict is Verdict.OK
+    check = doctor.check_packages(lambda name: None if name in ("osqp", "viser") else name)
+    assert check == Check("packages", Verdict.FAIL, "without osqp, viser", "run `make setup`")
+
+
 @dataclass
 class FakePort:
     """A port as pyserial lists it."""

@@ -1,0 +1,134 @@
+"""What `tripod up` starts, in which order and with which parameters; and when it decides to stop."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tripod_bringup import up_command
+from tripod_bringup.node_values import RawYaml
+from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _Until, stages
+from tripod_graph import names
+
+
+class FakeWatch:
+    """What `stages` asks of the watch: which topics were heard or are offered."""
+
+    def __init__(self) -> None:
+        self.topics: set[str] = set()
+
+    def heard(self, topic: str) -> bool:
+        return topic in self.topics
+
+    def is_published(self, topic: str) -> bool:
+        return topic in self.topics
+
+
+def started(options: UpOptions, facts: Facts | None = None, watch: FakeWatch | None = None) -> Any:
+    return stages(options, facts or Facts(), watch or FakeWatch())  # type: ignore[arg-type]
+
+
+def test_the_recorder_comes_first_and_the_driver_last() -> None:
+    plan = started(UpOptions(record=Path("bags")))
+    assert [[spec.name for spec in stage] for stage in plan] == [
+        ["record"],
+        ["sim", "ik", "view"],
+        ["driver"],
+    ]
+    specs = [spec for stage in plan for spec in stage]
+    assert {spec.name: spec.exit_code for spec in specs} == EXIT_CODES
+    assert all(spec.module == f"tripod_{spec.name}.node" for spec in specs)
+
+
+def test_what_is_not_wanted_is_not_started() -> None:
+    assert [[spec.name for spec in stage] for stage in started(UpOptions(view=False))] == [
+        [],
+        ["sim", "ik"],
+        ["driver"],
+    ]
+
+
+def test_options_reach_their_nodes_and_explicit_values_win() -> None:
+    options = UpOptions(
+        scene="2024",
+        port="pty",
+        record=Path("a b"),
+        view_port=9000,
+        subnet=True,
+        values={"driver": {"rate": RawYaml("25")}, "sim": {"scene": "silicone"}},
+    )
+    arguments = {spec.name: spec.arguments for stage in started(options) for spec in stage}
+    assert arguments == {
+        "record": ['directory:="a b"', "--subnet"],
+        "sim": ['scene:="silicone"', "--subnet"],
+        "ik": ["--subnet"],
+        "view": ["port:=9000", "--subnet"],
+        "driver": ['port:="pty"', "rate:=25", "--subnet"],
+    }
+
+
+def test_a_node_is_ready_when_it_does_its_work() -> None:
+    facts, watch = Facts(), FakeWatch()
+    ready = {
+        spec.name: spec.ready
+        for stage in started(UpOptions(record=Path("bags")), facts, watch)
+        for spec in stage
+    }
+    assert not any(check() for check in ready.values())
+    facts.recording, facts.page = "a.mcap", "http://127.0.0.1:1"
+    assert [name for name, check in ready.items() if check()] == ["record", "view"]
+    watch.topics = {names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS}
+    assert all(check() for check in ready.values())
+
+
+def fake_demo(*, finished: bool) -> Any:
+    calls: list[str] = []
+    return SimpleNamespace(
+        go=lambda: calls.append("go"), calls=calls, session=SimpleNamespace(finished=finished)
+    )
+
+
+def graph(demo: Any = None, failure: str = "") -> Graph:
+    return Graph(SimpleNamespace(), demo, failure)  # type: ignore[arg-type]
+
+
+def test_without_duration_it_goes_on_and_with_one_it_ends() -> None:
+    assert _Until(None, graph())() == ""
+    assert _Until(60.0, graph())() == ""
+    assert _Until(0.0, graph())() == "0 s are over"
+
+
+def test_a_demo_begins_when_all_is_up_and_ends_when_it_is_over() -> None:
+    demo = fake_demo(finished=False)
+    assert _Until(0.0, graph(demo))() == "", "the duration is that of the targets"
+    assert demo.calls == ["go"]
+    assert _Until(None, graph(fake_demo(finished=True)))() == "the demo is over"
+
+
+def test_a_failure_in_a_node_of_this_process_ends_all() -> None:
+    assert _Until(None, graph(fake_demo(finished=False), "KeyError in a node"))() == "KeyError in a node"
+
+
+def test_without_ros_up_says_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def no_ros(*_: object) -> int:
+        raise ModuleNotFoundError("No module named 'rclpy'")
+
+    monkeypatch.setattr(up_command, "up", no_ros)
+    code = up_command.up_command(
+        [],
+        scene="tripod",
+        port="mock",
+        record=None,
+        view=True,
+        view_port=None,
+        demo=False,
+        duration=None,
+        subnet=False,
+        verbose=False,
+    )
+    assert code == 2
+    error = capsys.readouterr().err
+    assert "rclpy" in error and "make setup" in error and error.count("\n") == 1
