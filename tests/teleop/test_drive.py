@@ -1,0 +1,154 @@
+"""Set-points from keys: silence means stop, limits hold, motions arrive in proportion."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tripod_graph.command import CommandLimits
+from tripod_graph.names import WORKING_POSE
+from tripod_teleop.drive import PEAK, Drive, driven_time, smooth
+from tripod_teleop.keys import Move
+
+LIMITS = CommandLimits()
+SPEED, HOLD, POSE_TIME, PERIOD = 0.5, 0.2, 3.0, 0.05
+
+
+def drive_at(*joints: float) -> Drive:
+    drive = Drive(LIMITS, speed=SPEED, hold=HOLD, pose_time=POSE_TIME)
+    drive.start(joints)
+    return drive
+
+
+def run(
+    drive: Drive, end: float, presses: dict[float, Move] | None = None, *, period: float = PERIOD
+) -> np.ndarray:
+    """Return the set-points at every period from 0 to `end` [s]; a press comes just before its set-point."""
+    waiting = sorted((presses or {}).items())
+    points = []
+    for now in np.arange(0.0, end + 1e-9, period):
+        while waiting and waiting[0][0] <= now:
+            at, move = waiting.pop(0)
+            drive.press(move, at)
+        points.append(drive.setpoint(now))
+    return np.array(points)
+
+
+@pytest.mark.parametrize(
+    ("press", "until", "last", "now", "expected"),
+    [
+        (1.0, 1.2, 0.0, 2.0, 0.2),  # a whole press
+        (1.0, 1.2, 1.1, 2.0, 0.1),  # its end
+        (1.0, 1.2, 0.9, 1.1, 0.1),  # its beginning
+        (1.0, 1.2, 1.05, 1.1, 0.05),  # within
+        (1.0, 1.2, 1.3, 1.4, 0.0),  # after
+        (1.0, 1.2, 0.5, 0.9, 0.0),  # before
+    ],
+)
+def test_driven_time(press: float, until: float, last: float, now: float, expected: float) -> None:
+    assert driven_time(press, until, last, now) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("servo", "sign"), [(s, d) for s in range(3) for d in (1, -1)])
+def test_one_press_moves_one_servo_by_speed_times_hold(servo: int, sign: int) -> None:
+    points = run(drive_at(-0.5, -0.6, -0.7, 0.01), 1.0, {0.11: Move(servo, sign)})
+    expected = np.array([-0.5, -0.6, -0.7, 0.01])
+    assert points[0] == pytest.approx(expected)
+    expected[servo] += sign * SPEED * HOLD
+    assert points[-1] == pytest.approx(expected, abs=1e-12)
+    assert np.abs(np.diff(points[:, servo])).max() <= SPEED * PERIOD + 1e-12
+
+
+def test_a_key_held_down_moves_steadily_and_silence_stops_it() -> None:
+    repeats = {0.5 + 0.04 * i: Move(0, -1) for i in range(26)}  # repeats from 0.5 s to 1.5 s
+    points = run(drive_at(0, 0, 0), 3.0, {0.0: Move(0, -1), **repeats})
+    end = -SPEED * (HOLD + 1.0 + HOLD)
+    assert points[-1][0] == pytest.approx(end, abs=1e-9)
+    steps = np.diff(points[:, 0])
+    assert steps[11:30] == pytest.approx(-SPEED * PERIOD)
+    assert steps[36:] == pytest.approx(0.0)
+
+
+def test_the_other_direction_wins_at_once() -> None:
+    points = run(drive_at(0, 0, 0), 1.0, {0.0: Move(1, 1), 0.1: Move(1, -1)})
+    assert points[2:6, 1] == pytest.approx([0.05, 0.025, 0.0, -0.025])
+    assert points[-1][1] == pytest.approx(0.05 - SPEED * HOLD)
+
+
+def test_two_servos_move_at_once() -> None:
+    points = run(drive_at(0, 0, 0), 1.0, {0.0: Move(0, 1), 0.05: Move(2, -1)})
+    assert points[-1] == pytest.approx([0.1, 0.0, -0.1])
+
+
+def test_a_caller_that_stalls_does_not_jump() -> None:
+    drive = drive_at(0, 0, 0)
+    drive.setpoint(0.0)
+    for i in range(100):
+        drive.press(Move(0, 1), 0.05 * i)
+    assert drive.setpoint(5.0)[0] <= SPEED * 0.1 + 1e-12
+
+
+@given(
+    start=st.tuples(*[st.floats(-2.1, 0.6)] * 3, st.floats(0.0, 0.04)),
+    presses=st.lists(st.tuples(st.floats(0, 20), st.integers(0, 2), st.sampled_from([1, -1])), max_size=200),
+    slide=st.booleans(),
+)
+def test_set_points_stay_within_limits_and_speed(start, presses, slide: bool) -> None:
+    drive = drive_at(*(start if slide else start[:3]))
+    points = run(drive, 20.0, {t: Move(s, d) for t, s, d in presses})
+    assert points.shape[1] == (4 if slide else 3)
+    assert LIMITS.inside(points if slide else np.c_[points, np.zeros(len(points))]).all()
+    assert np.abs(np.diff(points[:, :3], axis=0)).max() <= SPEED * PERIOD + 1e-9
+
+
+def test_a_start_outside_the_limits_begins_at_the_limit() -> None:
+    assert drive_at(-2.2, 0.7, 0.0, 0.05).setpoint(0.0) == pytest.approx([-2.1, 0.6, 0.0, 0.04])
+
+
+# motions to a pose -----------------------------------------------------------------------------------------
+
+
+def test_the_working_pose_is_reached_in_proportion_in_its_time() -> None:
+    start = np.array([0.0, -0.5, 0.3, 0.01])
+    drive = drive_at(*start)
+    drive.go("working pose", WORKING_POSE, 0.0)
+    points = run(drive, POSE_TIME + 1.0)
+    arrived = round(POSE_TIME / PERIOD)
+    assert points[arrived:] == pytest.approx(np.tile(WORKING_POSE, (len(points) - arrived, 1)))
+    done = (points - start) / (np.array(WORKING_POSE) - start)
+    assert np.ptp(done, axis=1).max() < 1e-9
+    assert (np.diff(done[:, 0]) >= -1e-12).all()
+    assert done[arrived // 2, 0] == pytest.approx(0.5)
+    assert drive.motion == ""
+
+
+def test_a_motion_slower_than_its_time_when_the_servos_could_not_follow() -> None:
+    limits = CommandLimits(angle_speed=0.5, slide_speed=0.1)
+    drive = Drive(limits, speed=SPEED, hold=HOLD, pose_time=POSE_TIME)
+    drive.start((0.0, 0.0, 0.0, 0.0))
+    drive.go("working pose", WORKING_POSE, 0.0)
+    points = run(drive, 8.0, period=0.01)
+    speeds = np.abs(np.diff(points, axis=0)) / 0.01
+    assert speeds[:, :3].max() == pytest.approx(0.5, rel=1e-3)
+    arrived = np.argmax((points == np.array(WORKING_POSE)).all(axis=1)) * 0.01
+    assert arrived == pytest.approx(PEAK * 1.4965 / 0.5, abs=0.02)
+
+
+def test_without_a_slide_the_pose_is_that_of_the_angles() -> None:
+    drive = drive_at(0, 0, 0)
+    drive.go("working pose", WORKING_POSE, 0.0)
+    assert run(drive, 4.0)[-1] == pytest.approx(WORKING_POSE[:3])
+
+
+def test_a_key_ends_a_motion_where_it_is() -> None:
+    drive = drive_at(0, 0, 0, 0)
+    drive.go("working pose", WORKING_POSE, 0.0)
+    points = run(drive, 4.0, {1.5: Move(0, 1)})
+    half = np.array(WORKING_POSE) * smooth(1.5 / POSE_TIME)
+    assert points[-1] == pytest.approx(half + np.array([SPEED * HOLD, 0, 0, 0]), abs=1e-9)
+
+
+def test_smooth_is_at_rest_at_both_ends() -> None:
+    assert (smooth(-1), smooth(0), smooth(0.5), smooth(1), smooth(2)) == (0, 0, 0.5, 1, 1)
+    assert smooth(1e-4) == pytest.approx(3e-8, rel=1e-3)
+    assert (smooth(0.5 + 1e-6) - smooth(0.5 - 1e-6)) / 2e-6 == pytest.approx(PEAK)

@@ -1,0 +1,57 @@
+"""The table of the keys."""
+
+import re
+
+import pytest
+
+from tripod_teleop.keys import BINDINGS, HELP, KEYS, Act, Move
+
+TUTORIAL = [
+    ("up", Move(0, +1)),
+    ("down", Move(0, -1)),
+    ("left", Move(1, +1)),
+    ("right", Move(1, -1)),
+    ("+", Move(2, +1)),
+    ("-", Move(2, -1)),
+    ("a", Act.WORK),
+    ("i", Act.IK),
+    ("b", Act.TELEOP),
+]
+
+
+@pytest.mark.parametrize(("key", "intent"), TUTORIAL)
+def test_the_keys_of_the_tutorial_with_and_without_ctrl(key: str, intent: object) -> None:
+    assert KEYS[key] == KEYS["ctrl+" + key] == intent
+    if key.isalpha() and len(key) == 1:
+        assert KEYS[key.upper()] == intent
+
+
+@pytest.mark.parametrize(
+    ("key", "intent"),
+    [
+        ("space", Act.STOP),
+        ("alt+space", Act.STOP),
+        ("t", Act.TELEOP),
+        ("p", Act.PARK),
+        ("?", Act.HELP),
+        ("q", Act.QUIT),
+        ("ctrl+c", Act.QUIT),
+    ],
+)
+def test_the_other_keys(key: str, intent: object) -> None:
+    assert KEYS[key] is intent
+
+
+def test_catch_and_throw_keep_their_keys_free() -> None:
+    assert not {"Q", "ctrl+q", "z", "Z", "ctrl+z"} & set(KEYS)
+
+
+def test_no_key_means_two_things() -> None:
+    assert sum(len(b.keys) for b in BINDINGS) == len(KEYS)
+
+
+def test_the_help_names_every_meaning_once() -> None:
+    lines = HELP.splitlines()
+    assert len(lines) == len({re.split(r"\s{2,}", line.strip())[0] for line in lines}) == 10
+    assert {b.intent for b in BINDINGS if b.label and isinstance(b.intent, Act)} == set(Act)
+    assert {b.intent.servo for b in BINDINGS if b.label and isinstance(b.intent, Move)} == {0, 1, 2}

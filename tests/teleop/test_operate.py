@@ -1,0 +1,237 @@
+"""When the terminal commands, and when it must not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tripod_graph.command import CommandLimits
+from tripod_graph.mode import Mode
+from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
+from tripod_teleop.drive import Drive
+from tripod_teleop.joints import STALE, JointError, JointWatch, joint_values
+from tripod_teleop.keys import Act, Move
+from tripod_teleop.operate import LAST_STAMP, NO_JOINTS, TAKEOVER, Operator
+from tripod_teleop.screen import angles_text, status_line
+
+JOINTS = (-0.1, -0.2, -0.3, 0.02)
+PARK = (0.0, 0.0, 0.0, 0.0)
+UP = Move(0, 1)
+
+
+def operator() -> Operator:
+    return Operator("teleop", Drive(CommandLimits(), speed=0.5, hold=0.2, pose_time=3.0), PARK)
+
+
+def driving(now: float = 0.0, stamp: float = 100.0) -> Operator:
+    made = operator()
+    assert made.act(Act.TELEOP, JOINTS, stamp, now) == (Mode.TELEOP, stamp)
+    return made
+
+
+def test_it_says_nothing_until_a_key_asks() -> None:
+    made = operator()
+    assert not made.is_driving
+    assert made.setpoint(JOINTS, 1.0) is None
+
+
+def test_teleop_starts_where_the_joints_are_after_the_takeover() -> None:
+    made = driving()
+    assert made.setpoint(JOINTS, TAKEOVER / 2) is None
+    for now in (TAKEOVER, 1.0, 100.0):  # it streams also while no key is down: silence would be loss
+        assert made.setpoint(JOINTS, now) == pytest.approx(JOINTS)
+
+
+def test_without_joint_angles_it_takes_no_control() -> None:
+    made = operator()
+    for intent in (Act.TELEOP, Act.WORK, Act.PARK):
+        assert made.act(intent, None, 100.0, 0.0) is None
+        assert made.notice == NO_JOINTS
+        assert not made.is_driving
+
+
+def test_arrows_never_take_control() -> None:
+    made = operator()
+    assert made.act(UP, JOINTS, 100.0, 0.0) is None
+    assert made.notice == "press t to drive by these keys"
+    made.hear(Mode.TELEOP, "view", 100.0)
+    assert made.act(UP, JOINTS, 101.0, 0.0) is None
+    assert made.setpoint(JOINTS, 1.0) is None
+
+
+def test_an_arrow_moves_its_servo_only() -> None:
+    made = driving()
+    made.setpoint(JOINTS, 1.0)
+    assert made.act(UP, JOINTS, 101.0, 1.0) is None
+    points = [made.setpoint(JOINTS, 1.0 + 0.05 * i) for i in range(1, 10)]
+    assert points[-1] == pytest.approx([0.0, -0.2, -0.3, 0.02])
+    assert made.notice == ""
+
+
+@pytest.mark.parametrize(("intent", "pose"), [(Act.WORK, WORKING_POSE), (Act.PARK, PARK)])
+@pytest.mark.parametrize("before", [Mode.STOP, Mode.IK, Mode.TELEOP])
+def test_a_pose_takes_control_and_is_reached(intent: Act, pose, before: Mode) -> None:
+    made = operator()
+    made.hear(before, "view", 100.0)
+    assert made.act(intent, JOINTS, 101.0, 0.0) == (Mode.TELEOP, 101.0)
+    points = [made.setpoint(JOINTS, 0.05 * i) for i in range(80)]
+    assert points[3] is None  # the former source falls silent first
+    assert points[4] == pytest.approx(JOINTS)
+    assert points[-1] == pytest.approx(pose)
+
+
+def test_a_pose_while_driving_starts_from_the_set_point() -> None:
+    made = driving()
+    made.setpoint(JOINTS, 1.0)
+    made.act(UP, JOINTS, 100.5, 1.0)
+    for i in range(1, 8):
+        last = made.setpoint(JOINTS, 1.0 + 0.05 * i)
+    assert made.act(Act.WORK, JOINTS, 101.0, 1.35) is None  # control is ours already
+    assert made.setpoint(JOINTS, 1.4) == pytest.approx(last, abs=0.002)
+
+
+@pytest.mark.parametrize(("intent", "mode"), [(Act.STOP, Mode.STOP), (Act.IK, Mode.IK)])
+def test_stop_and_ik_end_driving_at_once(intent: Act, mode: Mode) -> None:
+    made = driving()
+    made.act(Act.WORK, JOINTS, 100.5, 1.0)
+    assert made.act(intent, None, 101.0, 1.5) == (mode, 101.0)  # joints or none
+    assert made.setpoint(JOINTS, 1.6) is None
+    made.act(Act.TELEOP, JOINTS, 102.0, 2.0)
+    assert made.setpoint(JOINTS, 3.0) == pytest.approx(JOINTS)  # the motion is forgotten
+
+
+def test_stop_is_newer_than_anything_heard() -> None:
+    made = operator()
+    made.hear(Mode.IK, "a clock that is ahead", 5000.0)
+    _, stamp = made.act(Act.STOP, None, 100.0, 0.0)
+    assert stamp > 5000.0
+    assert made.mode is Mode.STOP
+    made.hear(Mode.TELEOP, "the end of time", 1e18)
+    _, stamp = made.act(Act.STOP, None, 100.0, 0.0)
+    assert stamp == LAST_STAMP
+
+
+# other operators -------------------------------------------------------------------------------------------
+
+
+def test_its_own_words_coming_back_change_nothing() -> None:
+    made = driving()
+    made.setpoint(JOINTS, 1.0)
+    made.act(UP, JOINTS, 100.5, 1.0)
+    made.hear(Mode.TELEOP, "teleop", 100.0 + 2e-7)  # a message rounds
+    assert made.is_driving
+    assert made.setpoint(JOINTS, 1.1)[0] == pytest.approx(-0.05)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+@pytest.mark.parametrize("source", ["view", "teleop", ""])
+def test_the_word_of_another_ends_driving(mode: Mode, source: str) -> None:
+    made = driving()
+    made.hear(mode, source, 100.5)  # a second terminal has the same name
+    assert not made.is_driving
+    assert (made.mode, made.source) == (mode, source)
+    assert made.setpoint(JOINTS, 1.0) is None
+
+
+def test_a_word_without_stamp_counts_as_new() -> None:
+    made = driving()
+    made.hear(Mode.STOP, "typed by hand", 0.0)
+    assert not made.is_driving
+    assert made.mode is Mode.STOP
+
+
+@pytest.mark.parametrize("stamp", [99.0, math.nan])
+def test_an_old_word_of_another_does_not(stamp: float) -> None:
+    made = driving()
+    made.hear(Mode.STOP, "view", stamp)
+    assert made.is_driving
+    assert made.source == "teleop"
+
+
+def test_an_unknown_mode_is_refused() -> None:
+    made = driving()
+    with pytest.raises(ValueError, match="control mode 9 is unknown"):
+        made.hear(9, "view", 200.0)
+    assert made.is_driving
+
+
+def test_after_a_gap_it_starts_from_where_the_joints_then_are() -> None:
+    made = driving()
+    made.act(Act.WORK, JOINTS, 100.5, 1.0)
+    assert made.setpoint(JOINTS, 2.0) is not None
+    assert made.setpoint(None, 3.0) is None
+    assert made.notice == NO_JOINTS
+    elsewhere = (-1.0, -1.0, -1.0, 0.0)
+    assert made.setpoint(elsewhere, 4.0) == pytest.approx(elsewhere)
+    assert made.setpoint(elsewhere, 5.0) == pytest.approx(elsewhere)  # the motion is over
+    assert made.notice == ""
+
+
+def test_a_slide_that_appears_is_taken_from_where_it_is() -> None:
+    made = operator()
+    made.act(Act.TELEOP, JOINTS[:3], 100.0, 0.0)
+    assert made.setpoint(JOINTS[:3], 1.0).shape == (3,)
+    assert made.setpoint(JOINTS, 1.1) == pytest.approx(JOINTS)
+
+
+# joint states ----------------------------------------------------------------------------------------------
+
+
+def test_the_robot_counts_before_the_simulator_and_the_old_not_at_all() -> None:
+    watch = JointWatch()
+    assert watch.joints(0.0) is None
+    watch.hear_sim((*SERVOS, SLIDE), (1.0, 2.0, 3.0, 0.01), 10.0)
+    assert watch.joints(10.5) == (1.0, 2.0, 3.0, 0.01)
+    watch.hear_robot((SERVOS[2], "other", SERVOS[0], SERVOS[1]), (6.0, math.nan, 4.0, 5.0), 10.5)
+    assert watch.joints(10.6) == (4.0, 5.0, 6.0, 0.01)
+    assert watch.joints(10.2 + STALE) == (4.0, 5.0, 6.0)
+    assert watch.joints(10.6 + STALE) is None
+    watch.hear_sim(SERVOS, (1.0, 2.0, 3.0), 20.0)
+    assert watch.joints(20.0) == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("names", "positions", "message"),
+    [
+        (SERVOS, (1.0, 2.0), "2 positions for 3 joints"),
+        (SERVOS[:2], (1.0, 2.0), "joint 'servo_2' is missing; joints: servo_0, servo_1"),
+        ((), (), "joint 'servo_0' is missing; joints: none"),
+        (SERVOS, (1.0, math.nan, 2.0), "joint 'servo_1' is nan"),
+        ((*SERVOS, SLIDE), (1.0, 1.0, 2.0, math.inf), "joint 'slide' is inf"),
+    ],
+)
+def test_joint_states_that_are_refused(names, positions, message: str) -> None:
+    with pytest.raises(JointError) as raised:
+        joint_values(names, positions)
+    assert str(raised.value) == message
+
+
+# the screen ------------------------------------------------------------------------------------------------
+
+
+def line(width: int = 200, **changes) -> str:
+    values = {"joints": JOINTS, "driving": True, "motion": "", "notice": "", **changes}
+    return status_line(Mode.TELEOP, "view", width=width, **values)
+
+
+def test_the_status_line() -> None:
+    assert line() == "TELEOP by these keys |   -5.7  -11.5  -17.2 deg, slide 20.0 mm"
+    assert line(driving=False).startswith("TELEOP by view | ")
+    assert " | to the working pose | " in line(motion="working pose")
+    assert " | x does nothing | " in line(motion="working pose", notice="x does nothing")
+    assert line(joints=None).endswith("| angles unknown")
+    assert status_line(Mode.STOP, "view", None, driving=False, motion="", notice="", width=99) == (
+        "STOP, all hold | angles unknown"
+    )
+
+
+def test_the_status_line_never_wraps_nor_commands_the_terminal() -> None:
+    for width in (1, 20, 40, 79):
+        assert len(line(width, notice="x" * 100)) == width
+    assert line(driving=False, notice="\x1b[2J\n") == line(driving=False, notice="?[2J?")
+    assert "\x1b" not in status_line(Mode.IK, "\x1b[2J", None, driving=False, motion="", notice="", width=99)
+
+
+def test_the_angles_keep_their_places() -> None:
+    texts = [angles_text((a, -a, a, 0.001)) for a in np.linspace(-2.1, 0.6, 7)]
+    assert {len(t) for t in texts} == {len(texts[0])}

@@ -1,0 +1,79 @@
+"""Which key means what.
+
+The keys are those of the public Tripod tutorial, which are pressed there with Ctrl; here Ctrl may be left out. Its keys
+to catch and throw, Ctrl+Q and Ctrl+Z, stay free, and with them Q, z and Z: small q alone leaves.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, auto
+from types import MappingProxyType
+from typing import Final
+
+
+class Act(Enum):
+    """What a key asks for besides moving one servo."""
+
+    STOP = auto()
+    TELEOP = auto()
+    IK = auto()
+    WORK = auto()
+    PARK = auto()
+    HELP = auto()
+    QUIT = auto()
+
+
+@dataclass(frozen=True)
+class Move:
+    """Move one servo while the key is down.
+
+    Attributes:
+        servo: Its number.
+        sign: +1: the angle grows, the strip goes up; -1: it bends down.
+    """
+
+    servo: int
+    sign: int
+
+
+Intent = Act | Move
+
+
+@dataclass(frozen=True)
+class Binding:
+    """Keys that mean the same.
+
+    Attributes:
+        keys: As `escape.KeyParser` names them.
+        intent: What they ask for.
+        label: The keys as people know them; empty for what the help leaves out.
+        help: What they do.
+    """
+
+    keys: tuple[str, ...]
+    intent: Intent
+    label: str = ""
+    help: str = ""
+
+
+BINDINGS: Final = (
+    Binding(("up", "ctrl+up"), Move(0, +1), "Up, Down", "servo 0 up, down"),
+    Binding(("down", "ctrl+down"), Move(0, -1)),
+    Binding(("left", "ctrl+left"), Move(1, +1), "Left, Right", "servo 1 up, down"),
+    Binding(("right", "ctrl+right"), Move(1, -1)),
+    Binding(("+", "=", "ctrl++", "ctrl+="), Move(2, +1), "+, -", "servo 2 up, down"),
+    Binding(("-", "_", "ctrl+-", "ctrl+_"), Move(2, -1)),
+    Binding(("space", "ctrl+space", "alt+space"), Act.STOP, "space", "stop: hold, then park"),
+    Binding(("t", "T", "ctrl+t", "b", "B", "ctrl+b"), Act.TELEOP, "t or b", "drive by these keys"),
+    Binding(("i", "I", "ctrl+i"), Act.IK, "i", "inverse kinematics drives"),
+    Binding(("a", "A", "ctrl+a"), Act.WORK, "a", "go to the working pose"),
+    Binding(("p", "P", "ctrl+p"), Act.PARK, "p", "go to the park position"),
+    Binding(("?", "h"), Act.HELP, "?", "show this"),
+    Binding(("q", "ctrl+c", "ctrl+d"), Act.QUIT, "q", "stop and leave; Ctrl-C too"),
+)
+
+KEYS: Final[Mapping[str, Intent]] = MappingProxyType({k: b.intent for b in BINDINGS for k in b.keys})
+"""What each key asks for."""
+
+HELP: Final = "\n".join(f"  {b.label:<12} {b.help}" for b in BINDINGS if b.label)
+"""The keys, one line for each meaning; Ctrl may be held with any of them but q."""

@@ -1,0 +1,200 @@
+"""Drives the robot by the keys of this terminal."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from builtin_interfaces.msg import Duration as DurationMessage
+from builtin_interfaces.msg import Time
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from tripod_msgs.msg import ControlMode
+
+from tripod_graph import names
+from tripod_graph.command import CommandLimits
+from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.limits import LIMIT_PARAMETERS
+from tripod_graph.mode import Mode
+from tripod_graph.parameters import Parameter, declare
+from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
+from tripod_graph.run import REFUSED, run_node
+from tripod_teleop.drive import Drive, FloatArray
+from tripod_teleop.escape import KeyParser
+from tripod_teleop.joints import JointWatch
+from tripod_teleop.keys import HELP, KEYS, Act
+from tripod_teleop.operate import Operator
+from tripod_teleop.screen import status_line
+from tripod_teleop.terminal import Terminal, TerminalError
+
+LIMITS = ("angle_min", "angle_max", "angle_speed", "slide_max", "slide_speed", "park")
+"""The command limits that matter to an operator; silence is the followers' affair."""
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("speed", 0.5, "Speed of a servo whose key is down", "rad/s", low=0.01, high=4.0),
+    Parameter("hold", 0.2, "Time for which a key press counts: silence means stop", "s", low=0.05, high=1.0),
+    Parameter("pose_time", 3.0, "Shortest time of a motion to a pose", "s", low=0.5, high=60.0),
+    *(p for p in LIMIT_PARAMETERS if p.name in LIMITS),
+)
+
+SEND_PERIOD = 0.05
+"""Time between two set-points [s]."""
+KEY_PERIOD = 0.02
+"""Time between two looks for keys [s]."""
+LINE_PERIOD = 0.1
+"""Time between two drawings of the status line [s]."""
+GOODBYE = 0.5
+"""Longest time for the last STOP to arrive [s]."""
+
+
+class TeleopNode(Node):
+    """Carries keys and messages to an `Operator`, and what it decides to the graph."""
+
+    def __init__(self, terminal: Terminal) -> None:
+        super().__init__("teleop")
+        values = declare(self, PARAMETERS)
+        limits = CommandLimits(**{n: values[n] for n in LIMITS if n != "park"}, park=tuple(values["park"]))
+        drive = Drive(limits, speed=values["speed"], hold=values["hold"], pose_time=values["pose_time"])
+        self._operator = Operator(self.get_name(), drive, limits.park)
+        self._watch, self._parser, self._terminal = JointWatch(), KeyParser(), terminal
+        self._rejected, self._last_rejection = 0, ""
+        self._command = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
+        self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED_OF_ALL)
+        for topic, hear in (
+            (names.SIM_JOINT_STATES, self._watch.hear_sim),
+            (names.ROBOT_JOINT_STATES, self._watch.hear_robot),
+        ):
+            self.create_subscription(JointState, topic, self._joint_taker(topic, hear), RELIABLE)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # a paused simulation clock must not hold up a STOP
+        self.create_timer(KEY_PERIOD, self._on_keys, clock=steady)
+        self.create_timer(SEND_PERIOD, self._on_send, clock=steady)
+        self.create_timer(LINE_PERIOD, self._on_line, clock=steady)
+        self._diagnostics = Diagnostics(self, self._report)
+        terminal.enter()
+        terminal.print(f"Keys, with or without Ctrl:\n{HELP}")
+
+    def close(self) -> None:
+        """Announce STOP and give the terminal back, the latter whatever becomes of the former."""
+        try:
+            self._publish_mode(Mode.STOP, self._operator.decide(Mode.STOP, self._stamp()))
+            self._mode.wait_for_all_acked(Duration(seconds=GOODBYE))
+        finally:
+            self._terminal.restore()
+
+    def _on_keys(self) -> None:
+        try:
+            keys = self._parser.feed(self._terminal.read())
+        except TerminalError as error:
+            self.get_logger().error(str(error))
+            self._leave()
+            return
+        for key in keys:
+            self._on_key(key)
+
+    def _on_key(self, key: str) -> None:
+        intent = KEYS.get(key)
+        if intent is None:
+            self._operator.notice = f"{key} does nothing here; ? shows the keys"
+        elif intent is Act.HELP:
+            self._terminal.print(HELP)
+        elif intent is Act.QUIT:
+            self._leave()
+        else:
+            now = time.monotonic()
+            decision = self._operator.act(intent, self._watch.joints(now), self._stamp(), now)
+            if decision is not None:
+                self._publish_mode(*decision)
+
+    def _on_send(self) -> None:
+        now = time.monotonic()
+        joints = self._operator.setpoint(self._watch.joints(now), now)
+        if joints is not None:
+            self._command.publish(self._command_message(joints))
+
+    def _on_line(self) -> None:
+        operator = self._operator
+        self._terminal.show(
+            status_line(
+                operator.mode,
+                operator.source,
+                self._watch.joints(time.monotonic()),
+                driving=operator.is_driving,
+                motion=operator.drive.motion,
+                notice=operator.notice,
+                width=self._terminal.width,
+            )
+        )
+
+    def _on_mode(self, message: ControlMode) -> None:
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        try:
+            self._operator.hear(message.mode, message.source, stamp)
+        except ValueError as error:
+            self._reject(names.CONTROL_MODE, error)
+
+    def _joint_taker(
+        self, topic: str, hear: Callable[[Sequence[str], Sequence[float], float], None]
+    ) -> Callable[[JointState], None]:
+        def take(message: JointState) -> None:
+            try:
+                hear(message.name, message.position, time.monotonic())
+            except ValueError as error:
+                self._reject(topic, error)
+
+        return take
+
+    def _reject(self, topic: str, error: ValueError) -> None:
+        self._rejected += 1
+        self._last_rejection = f"{topic}: {error}"
+
+    def _publish_mode(self, mode: Mode, stamp: float) -> None:
+        message = ControlMode(mode=int(mode), source=self._operator.name)
+        message.header.stamp = Time(sec=int(stamp), nanosec=int(1e9 * (stamp % 1)))
+        self._mode.publish(message)
+
+    def _command_message(self, joints: FloatArray) -> JointTrajectory:
+        point = JointTrajectoryPoint(positions=joints.tolist())
+        point.time_from_start = DurationMessage(nanosec=round(1e9 * SEND_PERIOD))
+        message = JointTrajectory(joint_names=[*names.SERVOS, names.SLIDE][: len(joints)], points=[point])
+        message.header.stamp = self.get_clock().now().to_msg()
+        return message
+
+    def _stamp(self) -> float:
+        return float(self.get_clock().now().nanoseconds) / 1e9
+
+    @staticmethod
+    def _leave() -> None:
+        signal.raise_signal(signal.SIGINT)  # `run_node` ends in order
+
+    def _report(self) -> Report:
+        operator = self._operator
+        values: dict[str, Any] = {
+            "mode": operator.mode.name,
+            "decided by": operator.source,
+            "driving": operator.is_driving,
+            "rejected messages": self._rejected,
+            "last rejection": self._last_rejection,
+        }
+        if self._watch.joints(time.monotonic()) is None:
+            return Level.WARN, "waiting for joint angles", values
+        return Level.OK, "driving" if operator.is_driving else "watching", values
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the node on this terminal; returns its exit code."""
+    try:
+        terminal = Terminal()
+    except TerminalError as error:
+        print(error, file=sys.stderr)
+        return REFUSED
+    with terminal:
+        return run_node("teleop", lambda: TeleopNode(terminal), arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

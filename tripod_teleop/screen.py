@@ -1,0 +1,44 @@
+"""What the terminal shows: one status line, in degrees and millimetres."""
+
+import math
+
+from tripod_graph.mode import Mode
+from tripod_teleop.joints import Joints
+
+WORDS = {
+    Mode.STOP: "STOP, all hold",
+    Mode.TELEOP: "TELEOP",
+    Mode.IK: "IK",
+    Mode.REPLAY: "REPLAY",
+}
+
+
+def status_line(
+    mode: Mode, source: str, joints: Joints | None, *, driving: bool, motion: str, notice: str, width: int
+) -> str:
+    """Return the status in one line of at most `width` characters.
+
+    Args:
+        mode: The mode in force.
+        source: Who decided on it.
+        joints: Measured: three angles [rad], and the slide [m] if it is known; None if unknown.
+        driving: Whether this terminal commands.
+        motion: Name of the motion under way, empty if none.
+        notice: One more line for the user, empty if none.
+        width: Of the terminal, in characters.
+    """
+    who = "these keys" if driving else source
+    head = WORDS[mode] + (f" by {who}" if who and mode is not Mode.STOP else "")
+    middle = notice or (f"to the {motion}" if motion else "")
+    line = " | ".join(part for part in (head, middle, angles_text(joints)) if part)
+    shown = "".join(c if c.isprintable() else "?" for c in line)
+    return shown if len(shown) <= width else shown[: max(0, width - 1)] + "…"
+
+
+def angles_text(joints: Joints | None) -> str:
+    """Return the angles [degrees] and the slide [mm] as text of constant length."""
+    if joints is None:
+        return "angles unknown"
+    angles = " ".join(f"{math.degrees(a):6.1f}" for a in joints[:3])
+    slide = f", slide {1000 * joints[3]:4.1f} mm" if len(joints) > 3 else ""
+    return f"{angles} deg{slide}"
