@@ -10,18 +10,24 @@ from tripod_ik.errors import IkError
 FloatArray = NDArray[np.float64]
 
 
+LARGEST = 1e9
+"""No quantity here comes near this in SI units; what does is broken, and its square might overflow."""
+
+
 def frozen(name: str, values: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return a read-only copy of `values`; raise IkError unless it has that shape and is finite."""
+    """Return a read-only copy of `values`; raise IkError unless it has that shape and is finite and sane."""
     try:
         array = np.array(values, np.float64)
     except (TypeError, ValueError):
         raise IkError(f"{name} is not an array of numbers") from None
     if array.shape != shape:
         raise IkError(f"{name} has shape {array.shape}; it must be {shape}")
-    bad = np.argwhere(~np.isfinite(array))
+    bad = np.argwhere(~(np.abs(array) <= LARGEST))  # the negation also catches NaN
     if len(bad):
         where = tuple(int(i) for i in bad[0])
-        raise IkError(f"{name}{list(where)} is {array[where]}; it must be finite")
+        raise IkError(
+            f"{name}{list(where)} is {array[where]:g}; it must be finite and below {LARGEST:g} in size"
+        )
     array.flags.writeable = False
     return array
 

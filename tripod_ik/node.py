@@ -246,7 +246,7 @@ class IkNode(Node):
         status.effector = _point(state.effector)
         status.error = step.error
         status.residual = result.residual
-        status.command = array("d", result.command)
+        status.command = array("d", result.command if result.ok else ())
         status.active_limits = list(result.active_limits)
         status.iterations = result.iterations
         status.solver_status = result.status

@@ -1,6 +1,6 @@
 """What the effector should do: each task gives its error, its Jacobian and its weights."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,12 +18,12 @@ class PositionTask:
         weights: S, how much each axis counts, shape (3,), not negative; an axis of weight 0 is free.
         curvature: How fast the Jacobian turns, |d²p/dα²| [m/rad²]. It damps the step by curvature · |S² e|,
             see `problem.build_ik`. Half of the true value still converges; less lets the command jump from
-            side to side of an unreachable target, more slows the approach from afar. The arms of the Tripod
-            are 30 mm long and the effector turns with them, hence the default.
+            side to side of an unreachable target, more slows the approach from afar. The simulated Tripod has
+            0.014 in its working pose.
     """
 
     target: FloatArray
-    weights: FloatArray = (1.0, 1.0, 1.0)  # type: ignore[assignment]
+    weights: FloatArray = field(default_factory=lambda: np.ones(3))
     curvature: float = 0.03
 
     def __post_init__(self) -> None:

@@ -227,7 +227,7 @@ def test_bad_targets_are_refused_counted_and_reported(graph):
     graph.wait(lambda: np.linalg.norm(sim.robot.rest(sim.angles) - good) < 1e-6)
     for number, (position, frame, reason) in enumerate(
         [
-            ((NAN, 0, 0), "world", "target position[0] is nan; it must be finite"),
+            ((NAN, 0, 0), "world", "target position[0] is nan; it must be finite and below 1e+09 in size"),
             ((0, 0, 0), "base_link", "target in frame 'base_link'; it must be 'world'"),
             ((0, -8.25, 0), "world", "target y is -8.25 m; allowed is -0.15 to 0.15 m"),
         ],
@@ -349,7 +349,7 @@ def test_a_program_that_is_not_solved_sends_nothing(graph, monkeypatch):
         sim.commands.clear()
         graph.spin(0.2)
         assert not sim.commands
-        assert np.isfinite(list(status.command)).all()
+        assert list(status.command) == []
     graph.wait_state(IkStatus.TRACKING)
     graph.wait(lambda: sim.commands)
 

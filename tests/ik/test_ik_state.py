@@ -83,6 +83,7 @@ def with_entry(name, index, value):
         (with_entry("effector", 0, -np.inf), r"effector\[0\] is -inf"),
         (with_entry("equilibrium_offset", 5, np.nan), r"equilibrium_offset\[5\] is nan"),
         (with_entry("W", (8, 3), np.nan), r"W\[8, 3\] is nan"),
+        (with_entry("W", (8, 8), 1e200), r"W\[8, 8\] is 1e\+200; it must be finite and below 1e\+09 in size"),
         (with_entry("W", (8, 3), 1e3), "W differs from its transpose by 1003.49, its largest entry is 1000"),
         ({"rotation": [0, 0, 0, 0]}, "rotation has length 0; it must be a unit quaternion"),
         ({"angles": [0.0, 0.0]}, r"angles has shape \(2,\); it must be \(3,\)"),
