@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tripod_graph.command import CommandLimits
 from tripod_graph.names import WORKING_POSE
-from tripod_teleop.drive import PEAK, Drive, driven_time, smooth
+from tripod_teleop.drive import LONGEST_STEP, PEAK, Drive, driven_time, smooth
 from tripod_teleop.keys import Move
 
 LIMITS = CommandLimits()
@@ -81,11 +81,11 @@ def test_two_servos_move_at_once() -> None:
 
 
 def test_a_caller_that_stalls_does_not_jump() -> None:
-    drive = drive_at(0, 0, 0)
-    drive.setpoint(0.0)
-    for i in range(100):
-        drive.press(Move(0, 1), 0.05 * i)
-    assert drive.setpoint(5.0)[0] <= SPEED * 0.1 + 1e-12
+    drive = Drive(LIMITS, speed=SPEED, hold=1.0, pose_time=POSE_TIME)
+    drive.start((0.0, 0.0, 0.0))
+    drive.press(Move(0, 1), 0.0)
+    assert drive.setpoint(0.05)[0] == pytest.approx(SPEED * 0.05)
+    assert drive.setpoint(0.95)[0] == pytest.approx(SPEED * (0.05 + LONGEST_STEP))
 
 
 @given(

@@ -1,0 +1,299 @@
+"""The node on a pseudo-terminal: keys in, commands out, and the terminal as it was, however it ends."""
+
+import fcntl
+import os
+import pty
+import random
+import select
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tripod_graph.mode import Mode
+from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
+
+rclpy = pytest.importorskip("rclpy")
+tripod_msgs = pytest.importorskip("tripod_msgs.msg")
+pytestmark = pytest.mark.ros
+
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from trajectory_msgs.msg import JointTrajectory  # noqa: E402
+
+from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE  # noqa: E402
+
+ROOT = Path(__file__).parents[2]
+DEADLINE = 20.0  # [s], discovery alone may take three
+PROGRAM = """
+import fcntl, sys, termios
+from tripod_teleop.node import main
+
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)  # as in a shell: its Ctrl-C is a signal, its loss a hang-up
+sys.exit(main(sys.argv[1:]))
+"""
+START = (-0.3, -0.4, -0.5, 0.01)
+
+
+class Session:
+    """A teleop node on a pseudo-terminal, and a node that stands for the rest of the graph."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
+        domain = random.randint(1, 100)
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        self.master, self.slave = pty.openpty()
+        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
+        self.before = termios.tcgetattr(self.slave)
+        self.screen = b""
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, *arguments],
+            cwd=ROOT,
+            stdin=self.slave,
+            stdout=self.slave,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.node = Node("robot", context=self.context)
+        self.executor.add_node(self.node)
+        self.commands: list[tuple[float, JointTrajectory]] = []
+        self.modes: list[Any] = []
+        self.joints: tuple[float, ...] | None = START
+        self.states = self.node.create_publisher(JointState, "sim/joint_states", RELIABLE)
+        self.mode = self.node.create_publisher(tripod_msgs.ControlMode, "control_mode", LATCHED)
+        self.node.create_subscription(
+            JointTrajectory,
+            "joint_trajectory",
+            lambda m: self.commands.append((time.monotonic(), m)),
+            RELIABLE,
+        )
+        self.node.create_subscription(
+            tripod_msgs.ControlMode, "control_mode", self.modes.append, LATCHED_OF_ALL
+        )
+        self.node.create_timer(0.02, self._tell_joints)
+
+    def _tell_joints(self) -> None:
+        if self.joints is not None:
+            self.states.publish(JointState(name=[*SERVOS, SLIDE], position=list(self.joints)))
+
+    def until(self, done: Callable[[], Any], what: str) -> Any:
+        end = time.monotonic() + DEADLINE
+        while time.monotonic() < end:
+            if result := done():
+                return result
+            self.executor.spin_once(timeout_sec=0.01)
+            self._read_screen()
+        raise AssertionError(f"{what} did not happen; the screen: {self.screen.decode()[-500:]!r}")
+
+    def _read_screen(self) -> None:
+        while self.master >= 0 and select.select([self.master], [], [], 0)[0]:
+            try:
+                data = os.read(self.master, 4096)
+            except OSError:
+                return
+            self.screen += data
+
+    def ready(self) -> None:
+        """Wait until it shows the angles: then it hears the graph, and takes keys."""
+        self.until(lambda: b"-17.2" in self.screen, "the status line")
+
+    def type(self, keys: bytes) -> None:
+        os.write(self.master, keys)
+
+    def shown(self, text: str) -> None:
+        self.until(lambda: text.encode() in self.screen, f"{text!r} on the screen")
+
+    def last(self) -> np.ndarray:
+        return np.array(self.commands[-1][1].points[-1].positions)
+
+    def positions(self) -> np.ndarray:
+        return np.array([m.points[-1].positions for _, m in self.commands])
+
+    def decided(self, mode: Mode) -> bool:
+        return bool(self.modes) and self.modes[-1].mode == mode
+
+    def end(self) -> tuple[int, str]:
+        """Wait for its end; return exit code and errors."""
+        self.until(lambda: self.process.poll() is not None, "the end")
+        assert self.process.stderr is not None
+        return self.process.returncode, self.process.stderr.read().decode()
+
+    def attributes(self) -> list[Any]:
+        return termios.tcgetattr(self.slave)
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+        for fd in (self.master, self.slave):
+            if fd >= 0:
+                os.close(fd)
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+
+
+@pytest.fixture
+def session(monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+    made = Session(monkeypatch, "pose_time:=1.0")
+    yield made
+    made.close()
+
+
+def test_keys_drive_and_q_leaves(session: Session) -> None:
+    session.ready()
+    assert session.attributes()[3] & (termios.ICANON | termios.ECHO) == 0
+    session.type(b"\x1b[A")
+    session.shown("press t to drive by these keys")
+    assert session.commands == []
+    assert session.modes == []
+
+    session.type(b"t")
+    session.until(lambda: session.decided(Mode.TELEOP), "TELEOP")
+    assert session.modes[-1].source == "teleop"
+    session.until(lambda: len(session.commands) >= 10, "set-points")
+    assert session.commands[0][1].joint_names == [*SERVOS, SLIDE]
+    assert session.positions() == pytest.approx(np.tile(START, (len(session.commands), 1)))  # nothing jumps
+    times = np.array([t for t, _ in session.commands])
+    assert np.median(np.diff(times)) == pytest.approx(0.05, abs=0.02)
+
+    for keys, servo, sign in (
+        (b"\x1b[A", 0, 1),
+        (b"\x1b[1;5B", 0, -1),
+        (b"\x1bOD", 1, 1),
+        (b"\x1b[1;5C", 1, -1),
+        (b"+", 2, 1),
+        (b"-", 2, -1),
+    ):
+        expected = session.last()
+        expected[servo] += sign * 0.5 * 0.2
+        session.type(keys)
+        session.until(lambda e=expected: np.abs(session.last() - e).max() < 1e-6, f"the effect of {keys!r}")
+
+    session.type(b"\x01")  # Ctrl+A
+    session.until(lambda: np.abs(session.last() - WORKING_POSE).max() < 1e-9, "the working pose")
+    path = session.positions()
+    assert np.abs(np.diff(path[:, :3], axis=0)).max() < 0.3  # streamed, no jump
+    session.joints = WORKING_POSE
+    session.shown("-85.7  -85.7  -85.7 deg, slide 35.0 mm")
+
+    session.type(b"\t")  # Ctrl+I
+    session.until(lambda: session.decided(Mode.IK), "IK")
+    count = len(session.commands)
+    session.type(b" ")
+    session.until(lambda: session.decided(Mode.STOP), "STOP")
+    session.type(b"Z")
+    session.shown("Z does nothing here; ? shows the keys")
+    assert len(session.commands) <= count + 1
+    session.type(b"t")
+    session.until(lambda: session.decided(Mode.TELEOP), "TELEOP again")
+    session.type(b"q")
+    assert session.end() == (0, "")
+    session.until(lambda: session.decided(Mode.STOP), "the last STOP")
+    stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in session.modes]
+    assert stamps == sorted(stamps)
+    assert session.attributes() == session.before
+    assert session.screen.count(b"\x1b[?2004h") == session.screen.count(b"\x1b[?2004l") == 1
+
+
+@pytest.mark.parametrize("how", ["SIGTERM", "SIGHUP", "SIGINT", "Ctrl-C", "hang-up"])
+def test_it_stops_the_robot_and_restores_the_terminal(session: Session, how: str) -> None:
+    session.ready()
+    session.type(b"t")
+    session.until(lambda: session.commands, "set-points")
+    if how == "Ctrl-C":
+        session.type(b"\x03")
+    elif how == "hang-up":
+        os.close(session.master)
+        session.master = -1
+    else:
+        session.process.send_signal(signal.Signals[how])
+    code, errors = session.end()
+    assert code == 0
+    assert errors == "" or how == "hang-up"
+    assert "Traceback" not in errors
+    session.until(lambda: session.decided(Mode.STOP), "the last STOP")
+    if how != "hang-up":
+        assert session.attributes() == session.before
+
+
+def test_it_falls_silent_when_another_decides_or_the_joints_are_lost(session: Session) -> None:
+    session.ready()
+    session.type(b"t")
+    session.until(lambda: len(session.commands) > 5, "set-points")
+    assert session.positions() == pytest.approx(np.tile(START, (len(session.commands), 1)))
+
+    session.joints = None
+    session.shown("the joint angles are not known")
+    count = len(session.commands)
+    session.joints = (-0.3, -0.4, -0.7, 0.02)  # the simulator was restarted elsewhere
+    session.until(lambda: len(session.commands) > count + 5, "set-points again")
+    assert session.last() == pytest.approx(session.joints)
+
+    message = tripod_msgs.ControlMode(mode=int(Mode.TELEOP), source="view")
+    message.header.stamp = session.node.get_clock().now().to_msg()
+    session.mode.publish(message)
+    session.shown("TELEOP by view")
+    count = len(session.commands)
+    session.type(b"\x1b[A\x1b[A")
+    session.shown("press t to drive by these keys")
+    assert len(session.commands) <= count + 1
+    assert [m.source for m in session.modes if m.mode == Mode.TELEOP] == ["teleop", "view"]
+
+
+def test_bad_messages_are_counted_and_change_nothing(session: Session) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    health: list[Any] = []
+    session.node.create_subscription(DiagnosticArray, "/diagnostics", health.append, RELIABLE)
+    session.ready()
+    session.joints = None
+    session.states.publish(JointState(name=list(SERVOS), position=[float("nan"), 0.0, 0.0]))
+    session.states.publish(JointState(name=["elbow"], position=[0.0, 1.0]))
+    session.mode.publish(tripod_msgs.ControlMode(mode=77))
+    session.joints = START
+
+    def values() -> dict[str, str]:
+        found = [s for m in health for s in m.status if s.name == "/teleop"]
+        return {v.key: v.value for v in found[-1].values} if found else {}
+
+    session.until(lambda: values().get("rejected messages") == "3", "three rejections")
+    assert values()["last rejection"].startswith(("control_mode: ", "sim/joint_states: "))
+    assert values()["mode"] == "STOP"
+    assert session.process.poll() is None
+
+
+def test_a_bad_parameter_is_refused_before_the_terminal_is_touched(monkeypatch: pytest.MonkeyPatch) -> None:
+    session = Session(monkeypatch, "hold:=7.0")
+    try:
+        code, errors = session.end()
+        assert (code, errors) == (2, "teleop: parameter 'hold' is 7.0; allowed: 0.05 to 1 s\n")
+        assert session.attributes() == session.before
+        assert session.screen == b""
+    finally:
+        session.close()
+
+
+def test_without_a_terminal_it_says_so() -> None:
+    run = subprocess.run(
+        [sys.executable, "-m", "tripod_teleop.node"],
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.startswith("teleop needs a terminal: standard input is none; run it by itself")
+    assert run.stderr.count("\n") == 1
