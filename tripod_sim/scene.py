@@ -186,7 +186,7 @@ class Solver:
     """
 
     tolerance: float = number(1e-4, unit="N", above=0)
-    max_iterations: int = number(30, low=1, high=1000)
+    max_iterations: int = number(100, low=1, high=1000)
     max_halvings: int = number(8, low=0, high=20)
     max_turn: float = number(0.1, unit="rad", above=0)
 

@@ -5,18 +5,22 @@
 strain energy, gravity, inertia (with mass damping) and lagged stiffness damping; absent effects are None.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import Groups, Kind, rotation_matrix
 from tripod_sim.constraints.reduction import Reduction
-from tripod_sim.forces.anchor import Anchor
-from tripod_sim.forces.gravity import GravityForce
-from tripod_sim.forces.rayleigh import StiffnessDamping
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.linear.ldl import Ldl
 from tripod_sim.state import State
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.forces.anchor import Anchor
+    from tripod_sim.forces.gravity import GravityForce
+    from tripod_sim.forces.rayleigh import StiffnessDamping
 
 FloatArray = NDArray[np.float64]
 
@@ -40,9 +44,9 @@ class System:
         solid: Solid,
         groups: Groups,
         *,
-        gravity: GravityForce | None = None,
-        inertia: Anchor | None = None,
-        damping: StiffnessDamping | None = None,
+        gravity: "GravityForce | None" = None,
+        inertia: "Anchor | None" = None,
+        damping: "StiffnessDamping | None" = None,
     ) -> None:
         self.rest, self.solid, self.groups = rest, solid, groups
         self.gravity, self.inertia, self.damping = gravity, inertia, damping

@@ -148,13 +148,13 @@ class Newton:
             if first and system.damping:
                 system.damping.matrices[:] = system.solid.matrices
             phi = system.evaluate(state)
-            if not np.isfinite(phi):
-                raise NewtonError(f"{self._culprit(state)} at the start of the step")
-            if system.factor():
+            if np.isfinite(phi) and system.factor():
                 return phi
+        if not np.isfinite(phi):
+            raise NewtonError(f"{self._culprit(state)} at the start of the step")
         shift = 1e-8 * float(np.abs(system.solid.matrices).max())
         for _ in range(4):
-            if np.isfinite(phi) and system.factor(shift):
+            if system.factor(shift):
                 return phi
             shift *= 100
         raise NewtonError("the tangent is singular: is a part of the body held by nothing?")

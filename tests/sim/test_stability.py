@@ -1,0 +1,105 @@
+"""Hard cases: nothing becomes NaN, nothing ends inside out, everything comes to rest; what cannot be saved says so."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, Simulation, StepError, load_scene
+
+WORKING = (-1.5, -1.5, -1.5, 0.035)
+
+CASES = {
+    "jump of 1.5 rad in one step": ([], WORKING),
+    "jump of one servo": ([], (-1.5, 0.0, 0.0, 0.0)),
+    "jump to the end stop": ([], (-2.1, -2.1, -2.1, 0.0)),
+    "jump upwards": ([], (0.6, 0.6, 0.6, 0.0)),
+    "buckling by the slide alone": ([], (0.0, 0.0, 0.0, 0.035)),
+    "nearly incompressible": (["material.poisson=0.499"], WORKING),
+    "dt 0.1 s": (["dt=0.1"], WORKING),
+    "stiff": (["material.young=1e7"], WORKING),
+    "soft": (["material.young=2e3"], WORKING),
+    "gravity x100": (["gravity.acceleration=[0,0,-981]"], (0.0, 0.0, 0.0, 0.0)),
+    "gravity x100 sideways": (["gravity.acceleration=[981,0,0]"], WORKING),
+    "corotational jump": (["material.law=corotational"], WORKING),
+    "no damping": (["damping=off"], WORKING),
+    "statics": (["inertia=off", "damping=off"], WORKING),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_hard_case_stays_stable_and_comes_to_rest(name: str) -> None:
+    overrides, joints = CASES[name]
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1", *overrides]))
+    totals = []
+    for _ in range(round(3.0 / simulation.scene.dt)):
+        simulation.step(np.array(joints))
+        assert np.isfinite(simulation.state.positions).all()
+        e = simulation.energies()
+        totals.append(e.kinetic + e.strain + e.gravity)
+    # once the input rests, the energy only falls, to the solver's tolerance (1e-4 N over moves of some mm)
+    assert np.diff(totals).max() < 1e-6 * max(1.0, abs(totals[0]))
+    assert e.kinetic < 1e-7
+    element, ratio = simulation._system.solid.worst_element(
+        simulation.state.positions, simulation.state.modes
+    )
+    assert ratio > 0, f"element {element} is inside out"
+
+
+@pytest.mark.parametrize("law", ["neo_hooke", "corotational"])
+def test_noise_of_a_tenth_of_an_element_relaxes(law: str) -> None:
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1", f"material.law={law}"]))
+    free = simulation._system._free
+    rest = simulation.state.positions.copy()
+    noise = 1e-3 * np.random.default_rng(0).uniform(-1, 1, (len(free), 3))
+    simulation.state.positions[free] += noise
+    for _ in range(200):
+        simulation.step()
+    assert np.abs(simulation.state.positions - rest).max() < 1e-5
+
+
+def test_corotational_recovers_from_inverted_elements() -> None:
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1", "material.law=corotational"]))
+    free = simulation._system._free
+    rest = simulation.state.positions.copy()
+    simulation.state.positions[free] += 4e-3 * np.random.default_rng(1).uniform(-1, 1, (len(free), 3))
+    assert simulation._system.solid.worst_element(simulation.state.positions, simulation.state.modes)[1] < 0
+    for _ in range(300):
+        simulation.step()
+    assert simulation._system.solid.worst_element(simulation.state.positions, simulation.state.modes)[1] > 0
+    assert np.abs(simulation.state.positions - rest).max() < 1e-4
+
+
+def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_state() -> None:
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    simulation.step(np.array([-0.1, 0, 0, 0]))
+    good = simulation.state.copy()
+    free = simulation._system._free
+    simulation.state.positions[free[:20]] = 0.0  # crush elements to a point: neo-Hooke has no energy there
+    broken = simulation.state.positions.copy()
+    with pytest.raises(
+        StepError, match=r"step 2 at 0.005 s cannot be saved.*element \d+ is turned inside out or crushed"
+    ):
+        simulation.step()
+    np.testing.assert_array_equal(simulation.state.positions, broken)  # unchanged by the failed step
+    assert simulation.state.step == 1
+    good.copy_to(simulation.state)
+    simulation.step()
+    assert np.isfinite(simulation.state.positions).all()
+
+
+@pytest.mark.parametrize(
+    ("joints", "word"),
+    [
+        ([np.nan, 0, 0, 0], "not finite"),
+        ([0, 0, 0], "shape"),
+        ([-3.0, 0, 0, 0], "servo 0: angle -3 rad; allowed is -2.1 to 0.6"),
+        ([0, 0, 1.0, 0], "servo 2: angle 1 rad"),
+        ([0, 0, 0, 0.5], "slide 0.5 m; allowed is 0 to 0.04"),
+    ],
+)
+def test_bad_commands_are_refused_and_change_nothing(joints: list[float], word: str) -> None:
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    before = simulation.state.positions.copy()
+    with pytest.raises(SceneError, match=word):
+        simulation.step(np.array(joints))
+    np.testing.assert_array_equal(simulation.state.positions, before)
+    assert simulation.state.step == 0
