@@ -19,7 +19,7 @@ def at(joints: np.ndarray) -> Simulation:
 
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
-    return at(WORKING + [0.1, -0.05, 0.0, 0.0])
+    return at(WORKING + np.array([0.1, -0.05, 0.0, 0.0]))
 
 
 def test_w_is_symmetric_and_yields_under_load_at_held_angles(simulation: Simulation) -> None:
@@ -90,7 +90,7 @@ def test_offset_points_to_the_equilibrium() -> None:
     """A dynamic state off balance: the first-order offset leads near the static pose at the same angles."""
     moving = Simulation(load_scene("tripod", [f"servos.angles={WORKING[:3].tolist()}", "servos.slide=0.035"]))
     for k in range(4):
-        moving.step(WORKING + [0.06 * (k + 1), 0, 0, 0])
+        moving.step(WORKING + np.array([0.06 * (k + 1), 0, 0, 0]))
     c = moving.compliance()
     target = at(moving.state.joints.copy()).state
     before = np.linalg.norm(c.position - target.centres[0])

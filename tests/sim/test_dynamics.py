@@ -36,7 +36,7 @@ def test_momentum_is_kept_and_energy_never_grows_in_free_flight() -> None:
     simulation = Simulation(load_scene("tripod", [*FREE, "gravity=off", "dt=0.002"]))
     state, rng = simulation.state, np.random.default_rng(0)
     spin = np.array([2.0, -3.0, 5.0])
-    state.velocities[:] = np.cross(spin, state.positions) + [0.1, 0.2, -0.3]
+    state.velocities[:] = np.cross(spin, state.positions) + np.array([0.1, 0.2, -0.3])
     state.velocities += 0.05 * rng.standard_normal(state.velocities.shape)
     linear, angular = momenta(simulation)
     energies = simulation.energies()

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.checks import random_rotation
 
+from tests.checks import random_rotation
 from tripod_sim.elements.hexahedron import (
     CORNERS,
     h8_gradients,

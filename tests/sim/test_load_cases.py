@@ -16,7 +16,9 @@ L4 = (-1.4965, -1.4965, -1.4965, 0.035)
 
 def test_l1_sag_under_gravity() -> None:
     result = run("tripod")
-    assert result["effector"]["position"][2] == pytest.approx(-2.097e-3, rel=0.10)  # one layer is stiff in plain bending
+    assert result["effector"]["position"][2] == pytest.approx(
+        -2.097e-3, rel=0.10
+    )  # one layer is stiff in plain bending
 
 
 def test_l2_all_servos_at_45_degrees() -> None:
@@ -56,7 +58,9 @@ def test_l4_path_never_jumps_a_branch() -> None:
     # the increment (64 from 20 to 160); a jump anywhere would leave them at the size of the jump
     bend = [np.abs(np.diff(h, 2)).max() for h in (coarse, fine)]
     assert bend[1] < bend[0] / 30
-    np.testing.assert_allclose(fine[::8], coarse, atol=2e-7)  # and the same height is reached by either increment
+    np.testing.assert_allclose(
+        fine[::8], coarse, atol=2e-7
+    )  # and the same height is reached by either increment
     for k in range(19, -1, -1):  # and back along the same branch
         simulation.step(np.array(L4) * k / 20)
         assert simulation.state.centres[0, 2] == pytest.approx(coarse[k], abs=2e-7)

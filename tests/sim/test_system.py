@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from scipy import sparse
-from tests.checks import assert_symmetric, random_rotation
 
+from tests.checks import assert_symmetric, random_rotation
 from tripod_sim import load_scene
 from tripod_sim.build import build
 from tripod_sim.constraints.groups import Groups, quaternion, rotation_matrix
