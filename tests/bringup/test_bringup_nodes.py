@@ -1,0 +1,143 @@
+"""The two nodes inside `tripod up`: what the watch makes of statuses, what the demo measures and when."""
+
+import random
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make setup`")
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from tripod_msgs.msg import ControlMode, IkStatus, RobotStatus, SimStatus
+
+from tripod_bringup import watch as watch_module
+from tripod_bringup.demo import DemoNode, seconds, trajectory_message
+from tripod_bringup.demo_session import Phase
+from tripod_bringup.demo_target import DemoTarget
+from tripod_bringup.watch import Watch
+from tripod_graph import names
+from tripod_graph.mode import Mode
+from tripod_graph.names import WORKING_POSE
+from tripod_graph.qos import LATCHED, RELIABLE
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def spin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Start ROS on a domain of its own; the function spins nodes until a condition holds."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init(
+        args=[],
+        domain_id=random.SystemRandom().randint(1, 100),
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+    executor = SingleThreadedExecutor()
+
+    def until(condition: Callable[[], bool], *nodes: Node) -> None:
+        for node in nodes:
+            executor.add_node(node)
+        for _ in range(1000):
+            if condition():
+                return
+            executor.spin_once(timeout_sec=0.01)
+        pytest.fail("it did not happen within 10 s")
+
+    yield until
+    executor.shutdown()
+    rclpy.shutdown()
+
+
+def test_the_watch_tells_what_it_heard_and_forgets_what_fell_silent(
+    spin: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watch, other = Watch(), Node("other")
+    sim = other.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
+    ik = other.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
+    robot = other.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+    assert watch.status().mode == "STOP"
+    assert not watch.heard(names.SIM_STATUS) and watch.status().sim_state is None
+
+    def everything() -> bool:
+        sim.publish(SimStatus(state=SimStatus.RUNNING, real_time_factor=0.5, step_time_median=0.002))
+        ik.publish(IkStatus(state=IkStatus.CLOSEST, error=0.001))
+        robot.publish(RobotStatus(state=RobotStatus.DISCONNECTED, packets_sent=7, message="no port"))
+        return all(map(watch.heard, (names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS)))
+
+    spin(everything, watch, other)
+    status = watch.status()
+    assert (status.sim_state, status.real_time_factor, status.step_time) == ("RUNNING", 0.5, 0.002)
+    assert (status.ik_state, status.ik_error) == ("CLOSEST", 0.001)
+    assert (status.robot_state, status.packets) == ("DISCONNECTED", 7)
+    assert status.note == "driver: no port"
+    assert watch.is_published(names.IK_STATUS) and not watch.is_published(names.COMPLIANCE)
+
+    monkeypatch.setattr(watch_module, "SILENT_AFTER", -1.0)
+    silent = watch.status()
+    assert (silent.sim_state, silent.packets, silent.note) == (None, None, "sim is silent")
+
+
+def test_the_word_stop_reaches_who_listens_and_who_comes_later(spin: Callable[..., None]) -> None:
+    watch, other = Watch(), Node("other")
+    heard: list[Any] = []
+    other.create_subscription(ControlMode, names.CONTROL_MODE, heard.append, LATCHED)
+    watch.say_stop()
+    late: list[Any] = []
+    other.create_subscription(ControlMode, names.CONTROL_MODE, late.append, LATCHED)
+    spin(lambda: bool(heard and late), watch, other)
+    assert (heard[0].mode, heard[0].source) == (Mode.STOP, "bringup")
+    assert seconds(heard[0].header.stamp) > 0, "the newest decision wins by its stamp"
+
+
+def pose(stamp: float, x: float) -> PoseStamped:
+    message = PoseStamped()
+    message.header.stamp.sec = int(stamp)
+    message.header.stamp.nanosec = round((stamp - int(stamp)) * 1e9)
+    message.pose.position.x = x
+    return message
+
+
+def test_the_demo_measures_while_it_tracks_after_the_first_second_and_not_once_cut_off(
+    spin: Callable[..., None],
+) -> None:
+    demo = DemoNode(track=None)
+    demo._on_effector(pose(100.0, 0.0))
+    assert demo.measured.tracking.count == 0, "nothing is measured before the circle"
+    demo.session.phase, demo.session.target = Phase.TRACK, DemoTarget((0.0, 0.0, 0.0))
+    demo._stamp_start = 100.0
+    demo._on_effector(pose(100.9, 1.0))
+    assert demo.measured.tracking.count == 0, "nor in its first second"
+    x, y, z = demo.session.target(1.5)
+    off = pose(101.5, float(x) + 0.003)
+    off.pose.position.y, off.pose.position.z = float(y), float(z)
+    demo._on_effector(off)
+    assert demo.measured.tracking.rms == pytest.approx(0.003)
+    solved = IkStatus(state=IkStatus.TRACKING, residual=2e-4, header=off.header)
+    demo._on_ik_status(solved)
+    demo._on_ik_status(IkStatus(state=IkStatus.STALE, residual=5.0, header=off.header))
+    assert demo.measured.ik_residual.rms == pytest.approx(2e-4), "a stale solution is none"
+    assert demo.measured.ik_states == {"TRACKING": 1, "STALE": 1}
+    demo.finish()
+    demo._on_effector(pose(102.0, 1.0))
+    demo._on_ik_status(solved)
+    assert (demo.measured.tracking.count, demo.measured.ik_residual.count) == (1, 1)
+    assert demo.measured.session_failure == "", "cut off while tracking: that is how it is meant to end"
+
+
+def test_a_demo_cut_off_before_it_tracks_says_so(spin: Callable[..., None]) -> None:
+    demo = DemoNode(track=None)
+    demo.finish()
+    assert demo.measured.session_failure == "stopped while waiting for the chain"
+
+
+def test_the_way_to_the_working_pose_names_every_joint() -> None:
+    message = trajectory_message(WORKING_POSE, 2.5, pose(1.0, 0.0).header.stamp)
+    assert message.joint_names == ["servo_0", "servo_1", "servo_2", "slide"]
+    (point,) = message.points
+    assert tuple(point.positions) == WORKING_POSE
+    assert (point.time_from_start.sec, point.time_from_start.nanosec) == (2, 500_000_000)
