@@ -132,6 +132,11 @@ class Simulation:
         self.report = StepReport()
 
     @property
+    def unknowns(self) -> int:
+        """Number of unknowns of a step, after elimination of constraints and incompatible modes."""
+        return self._system.reduction.unknowns
+
+    @property
     def effector(self) -> Pose | None:
         """Pose of the effector disc; None in a scene without one."""
         if not self._system.groups.rigid:
