@@ -165,6 +165,10 @@ class Stage:
         """Return the newest decision that was published."""
         return (self.sim.modes[-1].mode, self.sim.modes[-1].source) if self.sim.modes else None
 
+    def watchers(self) -> int:
+        """Return how many listen to the body."""
+        return self.sim.count_subscribers(f"{self.view.namespace}/{names.BODY_STATE}")
+
     def close(self) -> tuple[int, str]:
         result = self.view.stop()
         self._executor.shutdown()
@@ -186,7 +190,7 @@ def browser(stage: Stage) -> Iterator[FakeBrowser]:
     stage.sim.spoil, stage.sim.silent = "", False
     with stage.browser() as opened:
         yield opened
-    stage.wait(lambda: stage.sim.count_subscribers(names.BODY_STATE) == 0)
+    stage.wait(lambda: stage.watchers() == 0)
 
 
 def angles(message: object) -> list[float]:
@@ -194,16 +198,15 @@ def angles(message: object) -> list[float]:
 
 
 def test_it_draws_at_its_rate_and_only_while_somebody_looks(stage: Stage) -> None:
-    topic = f"{stage.view.namespace}/{names.BODY_STATE}"
-    assert stage.sim.count_subscribers(topic) == 0
+    assert stage.watchers() == 0
     with stage.browser() as browser:
-        assert stage.sim.count_subscribers(topic) == 1
+        assert stage.watchers() == 1
         before, began = browser.pictures(), time.monotonic()
         browser.wait(lambda: browser.pictures() >= before + 60)
         assert 60 / (time.monotonic() - began) < 33  # at most 30 Hz of the 60 that come
         mesh = browser.of_kind("MeshMessage")
         assert {m["name"] for m in mesh} == {"/silicone", "/mesh_lines"}
-    stage.wait(lambda: stage.sim.count_subscribers(topic) == 0)
+    stage.wait(lambda: stage.watchers() == 0)
     with stage.browser():
         pass
 
@@ -311,7 +314,7 @@ def test_a_browser_that_leaves_out_of_control_changes_nothing(stage: Stage) -> N
         other.header.stamp = stage.sim.get_clock().now().to_msg()
         stage.sim.mode.publish(other)
         browser.wait(lambda: "IK, by script" in browser.text())
-    stage.wait(lambda: stage.sim.count_subscribers(f"{stage.view.namespace}/{names.BODY_STATE}") == 0)
+    stage.wait(lambda: stage.watchers() == 0)
     assert stage.mode() == (ControlMode.IK, "script")
 
 
@@ -347,6 +350,32 @@ def test_a_drag_publishes_targets_within_the_box_and_shuts_others_out(
     browser.wait(lambda: browser.position("/target_handle") == pytest.approx([0.02, -0.02, 0.015]))
     publish_other()
     browser.wait(lambda: browser.position("/target_handle") == pytest.approx([0.0, -0.015, 0.0]))
+
+
+def test_inverse_kinematics_starts_at_the_handle_which_rides_on_the_effector(
+    stage: Stage, browser: FakeBrowser
+) -> None:
+    def rides() -> bool:
+        seen = [
+            m["position"][2] for m in browser.of_kind("SetPositionMessage")[-100:] if m["name"] == "/target"
+        ]
+        return len(set(seen)) > 5  # the effector of the fake goes up and down
+
+    browser.press("Bring target to effector")
+    browser.wait(rides)  # the echo of the own target does not pin it
+    stage.sim.targets.clear()
+    browser.press("green target")
+    stage.wait(lambda: stage.sim.targets and stage.mode() == (ControlMode.IK, "view"))
+    p = stage.sim.targets[-1].pose.position
+    assert (p.x, p.y) == (0.0, 0.0)
+    assert abs(p.z) < 0.01
+    browser.grab()
+    browser.drag(0.01, 0.0, 0.0)
+    browser.drop()
+    browser.wait(lambda: browser.position("/target") == [0.01, 0.0, 0.0])
+    browser.press("STOP")
+    browser.wait(lambda: browser.position("/target")[0] == 0.0)
+    browser.wait(rides)
 
 
 def test_messages_with_nonsense_are_refused_and_shown(stage: Stage, browser: FakeBrowser) -> None:
