@@ -1,0 +1,34 @@
+# All commands run in .venv, which `make setup` prepares; PYTHON names the Python to make it with.
+PYTHON ?= python3
+ARGS ?=
+BIN := .venv/bin
+
+# What runs from here stays on this machine.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+
+.PHONY: help setup demo test lint bench clean
+
+help: ## Show this list (default)
+	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
+
+setup: ## Create .venv with everything in it; where ROS 2 Jazzy is sourced, use that
+	@command -v "$(PYTHON)" >/dev/null || { echo "setup: $(PYTHON) not found; install it: sudo apt-get install python3" >&2; exit 2; }
+	@"$(PYTHON)" -m tools.setup_environment
+
+demo: setup ## Bring up the simulated robot following a target; ARGS="..." goes to `tripod up --demo`
+	@$(BIN)/tripod up --demo $(ARGS)
+
+test: lint ## Lint, then run all tests on a ROS domain of their own; ARGS="..." goes to pytest
+	ROS_DOMAIN_ID=$$(( $$$$ % 100 + 1 )) $(BIN)/python -m pytest $(ARGS)
+
+lint: setup ## Check style, format and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+bench: setup ## Time the steps of the simulator; ARGS="..." goes to the benchmark
+	@$(BIN)/python benchmarks/step.py $(ARGS)
+
+clean: ## Remove all that make has made, .venv included
+	rm -rf .venv build install log *.egg-info .ruff_cache .mypy_cache .pytest_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
