@@ -69,11 +69,11 @@ def run(
     scene: Annotated[str, typer.Argument(help="Name of a shipped scene, or path of a scene file.")],
     *,
     duration: Annotated[
-        float | None, typer.Option(help="Simulated time [s]; the scene's own by default.")
+        float | None, typer.Option(help="Simulated time \\[s]; the scene's own by default.")
     ] = None,
-    servo: Annotated[str | None, typer.Option(help='Servo angles [rad]: "time:a,b,c; time:a,b,c".')] = None,
+    servo: Annotated[str | None, typer.Option(help='Servo angles \\[rad]: "time:a,b,c; time:a,b,c".')] = None,
     slide: Annotated[
-        str | None, typer.Option(help='Inward slide [m]: a number, or "time:value; ...".')
+        str | None, typer.Option(help='Inward slide \\[m]: a number, or "time:value; ...".')
     ] = None,
     set_: Annotated[
         list[str] | None,
