@@ -8,9 +8,8 @@ from geometry_msgs.msg import Pose as PoseMessage
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from shape_msgs.msg import Mesh, MeshTriangle
-from std_msgs.msg import ColorRGBA, Header
+from std_msgs.msg import Header
 from tripod_msgs.msg import BodyState, Compliance
-from visualization_msgs.msg import Marker, MarkerArray
 
 from tripod_graph.names import SERVOS, SLIDE, WORLD
 from tripod_sim.mesh.solid_mesh import SolidMesh
@@ -79,19 +78,6 @@ def mesh_message(mesh: SolidMesh) -> Mesh:
     triangles = [MeshTriangle(vertex_indices=t.astype(np.uint32)) for t in mesh.surface]
     vertices = [Point(x=x, y=y, z=z) for x, y, z in mesh.nodes.tolist()]
     return Mesh(triangles=triangles, vertices=vertices)
-
-
-def marker_message(snapshot: Snapshot, mesh: SolidMesh) -> MarkerArray:
-    """Return the deformed surface for RViz or Foxglove."""
-    marker = Marker(
-        header=header(snapshot.stamp), ns="body", id=0, type=Marker.TRIANGLE_LIST, action=Marker.ADD
-    )
-    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
-    marker.pose.orientation.w = 1.0
-    marker.color = ColorRGBA(r=0.85, g=0.75, b=0.62, a=1.0)
-    corners = snapshot.positions[mesh.surface.ravel()].tolist()
-    marker.points = [Point(x=x, y=y, z=z) for x, y, z in corners]
-    return MarkerArray(markers=[marker])
 
 
 def cloud_message(snapshot: Snapshot) -> PointCloud2:

@@ -28,6 +28,7 @@ from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_sim import messages, realtime
+from tripod_sim.markers import SurfaceMarkers
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
@@ -59,6 +60,7 @@ class SimNode(Node):
         scene = load_scene(values["scene"], [w for w in values["set"].split(";") if w.strip()])
         simulation = Simulation(scene)
         self._scene, self._mesh = scene, simulation.mesh
+        self._surface = SurfaceMarkers(simulation.mesh)
         self._lock = threading.Lock()
         self._mode = ModeTracker()
         self._limits = _within_scene(limits_from(values), scene)
@@ -139,7 +141,7 @@ class SimNode(Node):
         self._shown = snapshot.step
         self._body.publish(messages.body_message(snapshot, self._mesh))
         if self._markers.get_subscription_count():
-            self._markers.publish(messages.marker_message(snapshot, self._mesh))
+            self._markers.publish(self._surface.serialised(snapshot))
         if self._cloud.get_subscription_count():
             self._cloud.publish(messages.cloud_message(snapshot))
 
