@@ -48,9 +48,7 @@ class AppendFile:
         if self._fd is None:
             return
         try:
-            self._put(b"")
-            os.ftruncate(self._fd, self._end)
-            os.fsync(self._fd)
+            self._put(b"")  # longer than the tail of the last flush, which it overwrites
         finally:
             self._release()
 

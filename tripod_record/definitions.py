@@ -21,7 +21,7 @@ PRIMITIVES = frozenset({"bool", "byte", "char", "string", "wstring", *NUMBERS})
 IDL_NAMES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 
 TYPE_NAME = re.compile(r"([a-z]\w*)/(msg|srv|action)/([A-Z]\w*)")
-FIELD = re.compile(r"\s*((?:[a-z]\w*/)?(?:msg/)?[A-Za-z]\w*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]\w*\s*(=)?")
+FIELD = re.compile(r"\s*((?:[a-z]\w*/)?(?:msg/)?[A-Za-z]\w*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
 
 
 def split_type(name: str) -> tuple[str, str, str]:
@@ -61,8 +61,8 @@ def parts(text: str, package: str) -> list[str]:
     """Return the full names of the types that the fields of a definition have; `package` is its own."""
     names: list[str] = []
     for line in text.splitlines():
-        match = FIELD.match(line.split("#", 1)[0])
-        if match is None or match[2] or match[1] in PRIMITIVES:
+        match = FIELD.match(line)
+        if match is None or match[1] in PRIMITIVES:  # constants are primitive, too
             continue
         words = match[1].split("/")
         full = f"{package if len(words) == 1 else words[0]}/msg/{words[-1]}"

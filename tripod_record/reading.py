@@ -94,6 +94,7 @@ class Reader:
     def _messages(self, file: BinaryIO) -> Iterator[Message]:
         size = file.seek(0, io.SEEK_END)
         at = file.seek(len(MAGIC))
+        in_summary = False
         while True:
             head = file.read(_RECORD.size)
             if len(head) < _RECORD.size:
@@ -119,7 +120,9 @@ class Reader:
                 if opcode == Opcode.FOOTER:
                     self._footer(Fields(data), file.read(len(MAGIC)))
                     return
-                yield from self.take(opcode, data)
+                in_summary |= opcode == Opcode.DATA_END  # what follows only repeats what was read
+                if not in_summary:
+                    yield from self.take(opcode, data)
             except RecordError as error:
                 self._note(f"byte {at}: {error}")
                 if opcode not in (Opcode.CHUNK, Opcode.MESSAGE):  # no sense in what follows

@@ -16,11 +16,6 @@ LONGEST_STEP = 0.1
 """A caller that comes later than this [s] has stalled; the joints do not catch up."""
 
 
-def driven_time(press: float, until: float, last: float, now: float) -> float:
-    """Return for how long [s] within `last`..`now` a key counts as down that was pressed at `press`, till `until`."""
-    return max(0.0, min(now, until) - max(last, press))
-
-
 def smooth(ratio: float) -> float:
     """Return the part of the way done after that part of the time: at rest at both ends, 1.5 times as fast midway."""
     ratio = min(max(ratio, 0.0), 1.0)
@@ -52,7 +47,7 @@ class Drive:
         self.joints: FloatArray = np.zeros(3)
         self.motion = ""
         self._last: float | None = None
-        self._pressed: dict[int, tuple[int, float, float]] = {}  # servo: sign, from, until
+        self._pressed: dict[int, tuple[int, float]] = {}  # servo: sign, until
         self._path = (self.joints, self.joints, 0.0, 0.0)  # from, to, start, duration
 
     def start(self, joints: Sequence[float]) -> None:
@@ -72,10 +67,7 @@ class Drive:
         self.setpoint(now)  # what was pressed before counts until here
         if self.motion:
             self.rest()
-        sign, since, until = self._pressed.get(move.servo, (0, now, now))
-        if sign != move.sign or now > until:
-            since = now
-        self._pressed[move.servo] = (move.sign, since, now + self._hold)
+        self._pressed[move.servo] = (move.sign, now + self._hold)
 
     def go(self, name: str, pose: Sequence[float], now: float) -> None:
         """Begin a motion to `pose`, three angles [rad] and the slide [m], all joints in proportion."""
@@ -96,8 +88,8 @@ class Drive:
                 self.joints, self.motion = goal.copy(), ""
             else:
                 self.joints = begin + smooth((now - start) / duration) * (goal - begin)
-        for servo, (sign, since, until) in self._pressed.items():
-            self.joints[servo] += sign * self._speed * driven_time(since, until, last, now)
+        for servo, (sign, until) in self._pressed.items():
+            self.joints[servo] += sign * self._speed * max(0.0, min(now, until) - last)
         size = len(self.joints)
         self.joints = np.clip(self.joints, self._limits.lower[:size], self._limits.upper[:size])
         return self.joints.copy()

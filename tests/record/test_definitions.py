@@ -42,6 +42,13 @@ def test_a_definition_holds_every_part_once() -> None:
     assert blocks[2] == "MSG: a_msgs/Part\n" + TEXTS["a_msgs/msg/Part"]
 
 
+def test_a_type_that_holds_itself_ends_somewhere() -> None:
+    assert (
+        definition_text("a_msgs/msg/Loop", {"a_msgs/msg/Loop": "Loop[] loops\n"}.__getitem__)
+        == "Loop[] loops\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("line", "expected"),
     [

@@ -90,10 +90,10 @@ def test_json_has_the_same(closed: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_several_files_of_one_recording_are_added(closed: Path, killed: Path, tmp_path: Path) -> None:
-    (tmp_path / "b_0.mcap").write_bytes(closed.read_bytes())
+    (tmp_path / "b_2.mcap").write_bytes(closed.read_bytes())
     (tmp_path / "b_10.mcap").write_bytes(killed.read_bytes())
     info = read_info(tmp_path)
-    assert [Path(f).name for f in info.files] == ["b_0.mcap", "b_10.mcap"]
+    assert [Path(f).name for f in info.files] == ["b_2.mcap", "b_10.mcap"]
     assert counts(info) == {"/chatter": 160, "/mesh": 16}
     assert info.truncated
 
@@ -174,8 +174,10 @@ def test_a_damaged_chunk_is_named_and_the_others_are_read(
 
 def test_a_damaged_summary_is_not_believed(closed: Path, tmp_path: Path) -> None:
     whole = closed.read_bytes()
-    for back in range(40, 600, 7):
-        info = read_info(flipped(whole, len(whole) - back, tmp_path / "bag.mcap"))
+    (start,) = struct.unpack_from("<Q", whole, len(whole) - len(MAGIC) - 20)
+    assert len(whole) - start > 1000
+    for at in range(start, len(whole)):
+        info = read_info(flipped(whole, at, tmp_path / "bag.mcap"))
         assert counts(info) == {"/chatter": 100, "/mesh": 10}
 
 
@@ -198,6 +200,16 @@ def test_no_damage_raises_anything_else(
         assert info.messages <= 2**64
         info_text(info).encode()
         info_json(info)
+
+
+def test_a_summary_that_counts_topics_it_does_not_name_is_not_believed(tmp_path: Path) -> None:
+    path = tmp_path / "bag.mcap"
+    counts_of_channel_9 = struct.pack("<IHQ", 10, 9, 1000)
+    statistics = record(11, struct.pack("<QHIIIIQQ", 1000, 0, 0, 0, 0, 0, 0, 1) + counts_of_channel_9)
+    footer = record(2, struct.pack("<QQI", len(HEADER), 0, 0))
+    path.write_bytes(HEADER + statistics + footer + MAGIC)
+    for check in (False, True):
+        assert read_info(path, check=check).messages == 0
 
 
 # not a recording -------------------------------------------------------------------------------------------

@@ -74,6 +74,10 @@ def test_mcap_reads_profile_schemas_and_channels(tmp_path: Path) -> None:
             ("/chatter", "cdr"),
             ("/mesh", "cdr"),
         }
+        assert {c.topic: c.metadata["topic_type_hash"] for c in summary.channels.values()} == {
+            "/chatter": STRING.type_hash,
+            "/mesh": "",
+        }
         qos = {c.topic: yaml.safe_load(c.metadata["offered_qos_profiles"]) for c in summary.channels.values()}
         assert qos["/chatter"][0]["liveliness_lease_duration"] == {"sec": 9223372036, "nsec": 854775807}
         assert all(sum(i.message_index_offsets.values()) > 0 for i in summary.chunk_indexes)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tripod_graph.command import CommandLimits
 from tripod_graph.names import WORKING_POSE
-from tripod_teleop.drive import LONGEST_STEP, PEAK, Drive, driven_time, smooth
+from tripod_teleop.drive import LONGEST_STEP, PEAK, Drive, smooth
 from tripod_teleop.keys import Move
 
 LIMITS = CommandLimits()
@@ -32,21 +32,6 @@ def run(
             drive.press(move, at)
         points.append(drive.setpoint(now))
     return np.array(points)
-
-
-@pytest.mark.parametrize(
-    ("press", "until", "last", "now", "expected"),
-    [
-        (1.0, 1.2, 0.0, 2.0, 0.2),  # a whole press
-        (1.0, 1.2, 1.1, 2.0, 0.1),  # its end
-        (1.0, 1.2, 0.9, 1.1, 0.1),  # its beginning
-        (1.0, 1.2, 1.05, 1.1, 0.05),  # within
-        (1.0, 1.2, 1.3, 1.4, 0.0),  # after
-        (1.0, 1.2, 0.5, 0.9, 0.0),  # before
-    ],
-)
-def test_driven_time(press: float, until: float, last: float, now: float, expected: float) -> None:
-    assert driven_time(press, until, last, now) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(("servo", "sign"), [(s, d) for s in range(3) for d in (1, -1)])

@@ -133,11 +133,12 @@ def test_the_word_of_another_ends_driving(mode: Mode, source: str) -> None:
     assert made.setpoint(JOINTS, 1.0) is None
 
 
-def test_a_word_without_stamp_counts_as_new() -> None:
+@pytest.mark.parametrize("mode", list(Mode))
+def test_a_word_without_stamp_counts_as_new(mode: Mode) -> None:
     made = driving()
-    made.hear(Mode.STOP, "typed by hand", 0.0)
+    made.hear(mode, "typed by hand", 0.0)
     assert not made.is_driving
-    assert made.mode is Mode.STOP
+    assert (made.mode, made.source) == (mode, "typed by hand")
 
 
 @pytest.mark.parametrize("stamp", [99.0, math.nan])

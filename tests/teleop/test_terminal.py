@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import termios
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -75,8 +76,8 @@ def test_keys_come_one_by_one_and_only_ctrl_c_is_a_signal(pair: tuple[int, int])
         terminal.enter()
         assert terminal.read() == b""
         os.write(master, b"a\r\x1a\x11\x13\x1c\x16\x1b[A")  # Enter, Ctrl-Z, -Q, -S, -\\, -V, Up
-        read = b""
-        while len(read) < 10:
+        read, end = b"", time.monotonic() + 5.0
+        while len(read) < 10 and time.monotonic() < end:
             read += terminal.read()
         assert read == b"a\r\x1a\x11\x13\x1c\x16\x1b[A"
         attributes = termios.tcgetattr(slave)
