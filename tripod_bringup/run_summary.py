@@ -21,7 +21,7 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     energies = ", ".join(f"{name} {value * 1e3:.3f}" for name, value in result["energies"].items())
     rows.append(("energies", f"{energies} mJ"))
     rows.append(("residual", f"{result['residual']:.2g} N"))
-    work = f"{result['iterations']} Newton iterations"
+    work = f"{result['newton_iterations']} Newton iterations"
     if result["halvings"]:
         work += f", {result['halvings']} steps halved"
     rows.append(("solved by", work))

@@ -47,7 +47,7 @@ def run(
 
     Returns:
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
-        time [s], steps, parts, halvings, iterations (linear solves in all), residual [N], and wall time of a step
+        time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], and wall time of a step
         [ms], median and 99th percentile.
 
     Raises:
@@ -93,7 +93,9 @@ def run(
         "time": simulation.state.time,
         "dt": description.dt,
         "steps": steps,
-        **totals,
+        "newton_iterations": totals["iterations"],
+        "parts": totals["parts"],
+        "halvings": totals["halvings"],
         "residual": simulation.report.residual,
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},
     }

@@ -30,7 +30,7 @@ RESULT = {
     "time": 1.0,
     "dt": 0.005,
     "steps": np.int64(200),
-    "iterations": 321,
+    "newton_iterations": 321,
     "halvings": 0,
     "residual": float("nan"),
     "step_ms": {"median": 0.5, "p99": 1.25},
