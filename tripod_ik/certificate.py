@@ -15,9 +15,7 @@ EXACT = 1e-10
 """A residual [rad] below which nothing is left to improve."""
 
 ROUNDS = 10
-"""Guesses of the active rows before giving up; one is the rule, four the most seen in 10,000 random
-problems.
-"""
+"""Guesses of the active rows before giving up; one is the rule."""
 
 
 def kkt_residual(problem: IkProblem, x: FloatArray, y: FloatArray) -> float:
@@ -42,7 +40,7 @@ def polish(problem: IkProblem, x: FloatArray, y: FloatArray) -> tuple[FloatArray
     best = x, y, kkt_residual(problem, x, y)
     if not np.isfinite(best[2]):
         return best
-    n, fixed = len(problem.q), problem.l == problem.u
+    n = len(problem.q)
     active: tuple[bytes, bytes] | None = None
     for _ in range(ROUNDS):
         reach = problem.A @ x + y
@@ -50,12 +48,11 @@ def polish(problem: IkProblem, x: FloatArray, y: FloatArray) -> tuple[FloatArray
         at_low = (reach <= problem.l) & ~at_high
         if active == (active := (at_high.tobytes(), at_low.tobytes())):
             break
-        rows = np.flatnonzero(at_high | at_low | fixed)
+        rows = np.flatnonzero(at_high | at_low)
         matrix = np.zeros((n + len(rows), n + len(rows)))
         matrix[:n, :n] = problem.P
         matrix[:n, n:] = problem.A[rows].T
         matrix[n:, :n] = problem.A[rows]
-        matrix[n:, n:] = -1e-12 * np.eye(len(rows))  # dependent rows share their multiplier
         bounds = np.where(at_high, problem.u, problem.l)[rows]
         try:
             solution = np.linalg.solve(matrix, np.concatenate([-problem.q, bounds]))

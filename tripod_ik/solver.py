@@ -15,10 +15,11 @@ from tripod_ik.problem import IkProblem
 KKT_TOLERANCE = 1e-6
 """Residual of the optimality conditions [rad] up to which a solution is used."""
 
+COARSE, FINE = 1e-4, 1e-9
+"""Tolerances of OSQP [rad]: the first is nearly always enough to tell the active limits, then the second."""
+
 ACTIVE = 1e-7
 """Multiplier [rad] from which on a limit counts as active: it keeps the effector from coming closer."""
-
-_RHO = 0.1  # OSQP's own first guess; restored before each solve, since its updates depend on what came before
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +56,13 @@ class IkSolver:
 
     OSQP finds the active limits to four digits, `certificate.polish` the exact solution for them, and the
     residual of the optimality conditions decides whether it is used: neither a false "solved" nor a false
-    "infeasible" gets through, and a solution that OSQP ran out of iterations for is used if it is one. All
-    settings are chosen so that equal sequences of problems give equal bits; only the time limit could spoil
-    that, and it is 50 times the usual.
+    "infeasible" gets through, and a solution that OSQP ran out of iterations for is used if it is one. Equal
+    sequences of problems give equal bits, on a busy machine too: nothing depends on time unless a time limit is
+    set, and 2000 iterations take less than a millisecond.
     """
 
     def __init__(
-        self, n: int, *, torque: bool = False, max_iterations: int = 2000, time_limit: float = 5e-3
+        self, n: int, *, torque: bool = False, max_iterations: int = 2000, time_limit: float | None = None
     ) -> None:
         """`n`: number of servos; `torque`: whether the problems have a torque limit; `time_limit`: [s]."""
         self._size = 2 * n if torque else n
@@ -80,12 +81,12 @@ class IkSolver:
             -ones,
             ones,
             verbose=False,
-            eps_abs=1e-4,  # [rad]
+            eps_abs=COARSE,
             eps_rel=0.0,
             max_iter=max_iterations,
-            time_limit=time_limit,
+            time_limit=1e10 if time_limit is None else time_limit,
             check_termination=5,
-            rho=_RHO,
+            rho=0.1,
             adaptive_rho=1,  # by iterations: by time, the same problem would give other bits each time
             adaptive_rho_interval=25,
             polishing=False,
@@ -106,16 +107,22 @@ class IkSolver:
         self._osqp.update(
             q=problem.q, l=problem.l, u=problem.u, Px=problem.P.T[self._P.T], Ax=problem.A.T[self._A.T]
         )
-        self._osqp.update_settings(rho=_RHO)
+        x, y, kkt, iterations, status = self._attempt(problem)
+        if not kkt <= KKT_TOLERANCE and status == "solved":  # four digits did not tell the active limits
+            self._osqp.update_settings(eps_abs=FINE)
+            x, y, kkt, more, status = self._attempt(problem)
+            self._osqp.update_settings(eps_abs=COARSE)
+            iterations += more
+        if not kkt <= KKT_TOLERANCE:
+            return _held(problem, iterations, status, kkt)
+        return _solved(problem, x, y, iterations, status)
+
+    def _attempt(self, problem: IkProblem) -> tuple[FloatArray, FloatArray, float, int, str]:
         found = self._osqp.solve(raise_error=False)
         if found.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
             signal.raise_signal(signal.SIGINT)  # OSQP takes Ctrl-C for itself while it runs: pass it on
         x, y, kkt = polish(problem, np.array(found.x), np.array(found.y))
-        iterations, status = int(found.info.iter), str(found.info.status)
-        if not kkt <= KKT_TOLERANCE:
-            self._osqp.warm_start(x=np.zeros(self._size), y=np.zeros(self._size))
-            return _held(problem, iterations, status, kkt)
-        return _solved(problem, x, y, iterations, status)
+        return x, y, kkt, int(found.info.iter), str(found.info.status)
 
 
 def solve_ik(problem: IkProblem) -> IkResult:

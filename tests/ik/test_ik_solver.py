@@ -10,7 +10,7 @@ from tests.ik.exact import best_step, cost
 from tests.ik.plant import SpringRobot
 from tripod_graph.names import SERVOS
 from tripod_ik import solver
-from tripod_ik.certificate import kkt_residual
+from tripod_ik.certificate import kkt_residual, polish
 from tripod_ik.errors import IkError
 from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit, TorqueLimit
 from tripod_ik.problem import build_ik
@@ -75,6 +75,42 @@ def test_the_solution_is_the_best_of_all_combinations_of_active_limits(torque, c
         assert (result.command <= problem.box.high).all()
         binding += bool(result.active_limits)
     assert count * 0.2 < binding < count
+
+
+@pytest.mark.parametrize("torque", [False, True])
+def test_no_problem_is_too_hard(torque):
+    """Some of these need the finer tolerance, some are certified though OSQP ran out of iterations."""
+    rng = np.random.default_rng(7)
+    one = IkSolver(3, torque=torque)
+    results = [one.solve(random_problem(rng, torque=torque)[0]) for _ in range(1500)]
+    assert [r.status for r in results if not (r.ok and r.kkt < 1e-9)] == []
+
+
+def test_polishing_never_makes_it_worse():
+    rng = np.random.default_rng(9)
+    for _ in range(100):
+        problem, _ = random_problem(rng, torque=True)
+        x, y = rng.standard_normal((2, 6)) * 1e-3
+        residual = kkt_residual(problem, x, y)
+        for _ in range(3):
+            x, y, after = polish(problem, x, y)
+            assert after <= residual
+            assert after == kkt_residual(problem, x, y)
+            residual = after
+
+
+def test_a_servo_that_cannot_turn_has_no_torque_limit():
+    state = SpringRobot(slide=0.035).state(WORKING)
+    W = state.W.copy()
+    W[8], W[:, 8] = 0.0, 0.0
+    W[8, 8] = 1e-14  # what rounding leaves
+    state = dataclasses.replace(state, W=W, torques=np.array([0.0, 0.0, 5.0]))
+    task = PositionTask(state.equilibrium + np.array([0.001, 0.0, 0.0]))
+    result = solve_ik(build_ik(state, task, LIMITS, TorqueLimit(0.3), dt=0.1))
+    assert result.ok
+    assert result.command[2] == pytest.approx(WORKING[2], abs=1e-12)
+    assert np.abs(result.command[:2] - WORKING[:2]).max() > 1e-2
+    assert result.active_limits == ()
 
 
 def test_angles_and_torques_are_two_forms_of_one_problem():
@@ -191,6 +227,16 @@ def typical(**changes):
     task = PositionTask(state.equilibrium + np.array([0.005, -0.002, 0.004]))
     problem = build_ik(state, task, LIMITS, TorqueLimit(0.3), previous=WORKING + 0.01, dt=0.01)
     return dataclasses.replace(problem, **changes)
+
+
+def test_what_is_held_keeps_to_the_limits_too():
+    state = SpringRobot(slide=0.035).state(WORKING)
+    problem = build_ik(
+        state, PositionTask(state.equilibrium), LIMITS, TorqueLimit(0.3), previous=np.full(3, 1.5)
+    )
+    result = IkSolver(3, torque=True).solve(infeasible(problem))
+    assert not result.ok
+    assert result.command == pytest.approx(WORKING + 0.5)
 
 
 def test_an_infeasible_problem_holds_the_previous_command():
