@@ -57,7 +57,8 @@ class Display:
         self._sim, self._ik, self._robot = Heard(), Heard(), Heard()
         self._angles, self._factor = History(3), History(1)
         self._newest: Callable[[], tuple[int, FloatArray]] | None = None
-        self._surface_changed = self._joints_changed = self._effector_changed = self._target_changed = False
+        self._surface_changed = self._effector_changed = self._target_changed = False
+        self._drawn_joints: FloatArray = np.full(4, np.nan)
         self._drawn, self._counted_at, self._panel_at = 0, time.monotonic(), float("-inf")
 
     def keep_surface(self, surface: Surface) -> None:
@@ -70,9 +71,8 @@ class Display:
         self._newest = read
 
     def keep_joints(self, joints: FloatArray) -> None:
-        """Keep joint values, shape (4,) [rad, rad, rad, m]."""
+        """Keep joint values, shape (4,) [rad, rad, rad, m], for the plot."""
         self._angles.add(time.monotonic(), joints[:3])
-        self._joints_changed = True
 
     def keep_effector(self, pose: Pose) -> None:
         """Keep the effector's pose."""
@@ -129,8 +129,8 @@ class Display:
 
     def _draw_robot(self, control: Control, now: float) -> None:
         joints = control.measured(now)
-        if self._joints_changed and joints is not None:
-            self._joints_changed = False
+        if joints is not None and not np.array_equal(joints, self._drawn_joints):
+            self._drawn_joints = joints
             self._scene.set_joints(joints[:3], float(joints[3]))
         if self._effector_changed and self.effector is not None:
             self._effector_changed = False

@@ -235,7 +235,7 @@ class Scene:
     ) -> tuple[viser.IcosphereHandle, viser.TransformControlsHandle, viser.LineSegmentsHandle]:
         low, high = box
         marker = self._api.add_icosphere(
-            "/target", 0.0028, TARGET, opacity=0.85, visible=False, cast_shadow=False, receive_shadow=False
+            "/target", 0.0042, TARGET, opacity=0.85, visible=False, cast_shadow=False, receive_shadow=False
         )
         gizmo = self._api.add_transform_controls(
             "/target_handle", scale=0.03, disable_rotations=True, depth_test=False, visible=False

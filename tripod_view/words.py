@@ -143,12 +143,8 @@ def mode_line(mode: Mode, source: str, *, own: bool) -> Line:
 def target_lines(target: NDArray[np.float64] | None, effector: NDArray[np.float64] | None) -> list[Line]:
     """Return the lines about positions of `target` and `effector` [m], None where not known yet."""
     lines = [
-        Line(
-            light,
-            who,
-            "not known yet" if p is None else "x {:.1f}, y {:.1f}, z {:.1f} mm".format(*(1e3 * p + 0.0)),
-        )
-        for light, who, p in ((Light.GOOD, "Target", target), (Light.WATCH, "Effector", effector))
+        Line(Light.GOOD, "Target", _millimetres(target)),
+        Line(Light.WATCH, "Effector", _millimetres(effector)),
     ]
     if target is not None and effector is not None:
         lines.append(Line(Light.OFF, "Distance", f"{1e3 * np.linalg.norm(target - effector):.2f} mm"))
@@ -181,6 +177,13 @@ def lines_html(lines: Sequence[Line], rows: int = 0) -> str:
     )
     style = f"font-size:.85em;line-height:1.35;padding:0 .8em .3em .8em;min-height:{1.75 * rows:.2f}em"
     return f'<div style="{style}">{body}</div>'
+
+
+def _millimetres(position: NDArray[np.float64] | None) -> str:
+    if position is None:
+        return "not known yet"
+    x, y, z = np.round(1e3 * position, 1) + 0.0  # no -0.0
+    return f"x {x:.1f}, y {y:.1f}, z {z:.1f} mm"
 
 
 def _dot(light: Light) -> str:

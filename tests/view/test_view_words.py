@@ -102,7 +102,7 @@ def test_inverse_kinematics_is_silent_by_right_outside_its_mode(
 
 
 def test_target_and_effector_in_millimetres() -> None:
-    lines = words.target_lines(np.array([0.001, 0.0, -0.008]), np.array([0.001, 0.003, -0.004]))
+    lines = words.target_lines(np.array([0.001, -0.00001, -0.008]), np.array([0.001, 0.00299, -0.004]))
     assert [line.text for line in lines] == ["x 1.0, y 0.0, z -8.0 mm", "x 1.0, y 3.0, z -4.0 mm", "5.00 mm"]
     assert [line.text for line in words.target_lines(None, None)] == ["not known yet", "not known yet"]
 
