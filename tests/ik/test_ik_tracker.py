@@ -197,7 +197,7 @@ def test_the_dynamics_of_the_body_are_not_in_the_loop(rate):
     natural = 2 * np.pi * 38
     one.target = p + np.array([0.002, -0.001, 0.002])
     commands, every = [(0.0, WORKING)], round(1 / (rate * h))
-    for k in range(round(1.0 / h)):
+    for k in range(round(1.5 / h)):
         now = k * h
         angles = next(c for t, c in reversed(commands) if t <= max(0.0, now - 0.02))
         v += h * (natural**2 * (robot.rest(angles) - p) - 2 * 0.02 * natural * v)
