@@ -78,8 +78,9 @@ class DriverNode(LifecycleNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._joint_states = self.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
         self._status = self.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
-        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
+        # first the mode: the executor takes what waits in this order, and a command may follow its mode at once
         self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL)
+        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
         self.create_service(Trigger, names.ROBOT_STOP, self._on_stop)
         self._diagnostics = Diagnostics(self, self._report, values["port"])
         self.create_timer(self._period, self._on_timer, clock=steady)

@@ -1,4 +1,6 @@
-"""Errors of the simulator."""
+"""Errors of the simulator, and how their messages show a value."""
+
+from typing import Any
 
 
 class SceneError(ValueError):
@@ -7,3 +9,16 @@ class SceneError(ValueError):
 
 class StepError(RuntimeError):
     """A step that could not be saved; the simulation keeps the last good state. The message names what failed."""
+
+
+LONGEST = 80
+"""Characters of a value or name that a message shows."""
+
+
+def shown(value: Any) -> str:
+    """Return a value on one line, however long or deep it is, for a message."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # nested too deeply; more digits than Python converts
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

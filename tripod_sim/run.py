@@ -47,8 +47,8 @@ def run(
 
     Returns:
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
-        time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], and wall time of a step
-        [ms], median and 99th percentile.
+        time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], and step_ms, the
+        wall time of a step [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.

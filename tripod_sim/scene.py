@@ -6,7 +6,7 @@ A table that is absent is an effect that is off: it is not imported, allocates n
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Literal
 
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import SceneError, shown
 
 
 def number(
@@ -33,7 +33,7 @@ def check_fields(table: Any, path: str) -> None:
         where = f"{path}.{f.name}" if path else f.name
         if choices := meta.get("choices"):
             if value not in choices:
-                raise SceneError(f"{where} is {value!r}; allowed: {', '.join(choices)}")
+                raise SceneError(f"{where} is {shown(value)}; allowed: {', '.join(choices)}")
             continue
         if "unit" not in meta:
             continue

@@ -10,11 +10,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import LONGEST, SceneError, shown
 from tripod_sim.scene import EFFECTS, Scene
 
-MAX_BYTES = 1_000_000
+MAX_BYTES = 100_000
 """A scene file larger than this is refused unread."""
+
+MOST_DOTS = 1000
+"""In one line: the time and memory to parse a dotted key grow with the square of its length."""
+
+DEEPEST = 10
+"""Parts of the path of an override; no scene is as deep."""
 
 
 def scene_names() -> list[str]:
@@ -35,8 +41,8 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
     """
     text, folder = _read(source)
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = _parse(text)
+    except ValueError as error:
         raise SceneError(f"scene {str(source)!r} is not valid TOML: {error}") from None
     for word in overrides:
         override(table, word)
@@ -52,14 +58,18 @@ def _read(source: str | Path) -> tuple[str, Path | None]:
     if str(source).endswith(".toml"):
         path = Path(source)
         try:
+            if path.exists() and not path.is_file():
+                raise SceneError(f"scene file {str(path)!r} is not a file")
             with path.open("rb") as file:
                 data = file.read(MAX_BYTES + 1)
         except OSError as error:
             raise SceneError(f"scene file {str(path)!r} cannot be read: {error.strerror}") from None
+        except ValueError as error:  # a zero byte in the name
+            raise SceneError(f"scene file {str(path)!r} cannot be read: {error}") from None
         if len(data) > MAX_BYTES:
             raise SceneError(f"scene file {str(path)!r} is larger than {MAX_BYTES} bytes")
         try:
-            return data.decode(), path.parent
+            return data.decode(), path.parent.absolute()
         except UnicodeDecodeError:
             raise SceneError(f"scene file {str(path)!r} is not UTF-8 text") from None
     if source not in scene_names():
@@ -72,28 +82,43 @@ def _read(source: str | Path) -> tuple[str, Path | None]:
     return (resources.files("tripod_sim") / "scenes" / f"{source}.toml").read_text(), None
 
 
+def _parse(text: str) -> dict[str, Any]:
+    """Return the tables of a TOML text. Raises ValueError, whatever the text."""
+    if any(line.count(".") > MOST_DOTS for line in text.splitlines()):
+        raise ValueError(f"a line with more than {MOST_DOTS} dots")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
 def override(table: dict[str, Any], word: str) -> None:
     """Apply one `dotted.path=value` to a parsed scene, in place; `path=off` removes an effect. Raises SceneError."""
-    path, equals, text = word.partition("=")
-    keys = path.strip().split(".")
-    if not equals or not all(keys):
-        raise SceneError(f"override {word!r} is not of the form dotted.path=value")
-    try:
-        value = tomllib.loads(f"v = {text}")["v"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()  # a bare word is a string
+    path, equals, text = (part.strip() for part in word.partition("="))
+    keys = path.split(".")
+    if not equals or not all(keys) or len(keys) > DEEPEST:
+        raise SceneError(f"override {shown(word)} is not of the form dotted.path=value")
     node: Any = table
     for depth, key in enumerate(keys[:-1]):
         node = _inside(node, key, ".".join(keys[: depth + 1]))
     last = keys[-1]
-    if value == "off":
+    if text == "off":
         _remove(node, last, keys)
     elif isinstance(node, list):
-        node[_index(node, last, path)] = value
+        node[_index(node, last, path)] = _value(text)
     elif isinstance(node, dict):
-        node[last] = value
+        node[last] = _value(text)
     else:
-        raise SceneError(f"override {word!r}: {'.'.join(keys[:-1])} is a value, not a table")
+        raise SceneError(f"override {shown(word)}: {'.'.join(keys[:-1])} is a value, not a table")
+
+
+def _value(text: str) -> Any:
+    """Return the TOML value that `text` writes, or `text` itself: a bare word is a string."""
+    try:
+        table = _parse(f"v = {text}")
+    except ValueError:
+        return text
+    return table["v"] if len(table) == 1 else text
 
 
 def _inside(node: Any, key: str, where: str) -> Any:
@@ -118,21 +143,24 @@ def _remove(node: Any, key: str, keys: list[str]) -> None:
 
 
 def _index(node: list[Any], key: str, where: str) -> int:
-    if not key.isdecimal() or int(key) >= len(node):
-        raise SceneError(f"{where}: index {key!r} is not in 0..{len(node) - 1}")
+    allowed = [str(i) for i in range(len(node))]
+    if key not in allowed:
+        known = f"it has entries 0 to {len(node) - 1}" if node else "it is empty"
+        raise SceneError(f"{where}: there is no entry {shown(key)}; {known}")
     return int(key)
 
 
 def _build(cls: Any, table: Any, path: str) -> Any:
     """Return the dataclass `cls` made from a TOML table."""
     if not isinstance(table, Mapping):
-        raise SceneError(f"{path} is {table!r}; it must be a table")
+        raise SceneError(f"{path} is {shown(table)}; it must be a table")
     hints = get_type_hints(cls)
     for key in table:
         if key not in hints:
             near = difflib.get_close_matches(key, hints, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            where = f"{path}.{key}" if path else key
+            name = key if key.isidentifier() and len(key) < LONGEST else shown(key)
+            where = f"{path}.{name}" if path else name
             raise SceneError(f"field {where} is unknown; fields: {', '.join(hints)}{hint}")
     values = {}
     for f in fields(cls):
@@ -153,7 +181,7 @@ def _convert(kind: Any, value: Any, path: str) -> Any:
         return _build(kind, value, path)
     if origin is tuple:
         if not isinstance(value, list | tuple):
-            raise SceneError(f"{path} is {value!r}; it must be a list")
+            raise SceneError(f"{path} is {shown(value)}; it must be a list")
         if arguments[-1] is Ellipsis:
             return tuple(_convert(arguments[0], v, f"{path}.{i}") for i, v in enumerate(value))
         if len(value) != len(arguments):
@@ -162,12 +190,14 @@ def _convert(kind: Any, value: Any, path: str) -> Any:
             _convert(a, v, f"{path}.{i}") for i, (a, v) in enumerate(zip(arguments, value, strict=True))
         )
     number_given = isinstance(value, int | float) and not isinstance(value, bool)
+    if number_given and isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise SceneError(f"{path} is a whole number of more than 64 bits")
     if kind is float and number_given:
         return float(value)
     if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
         return value
     words = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
-    raise SceneError(f"{path} is {value!r}; it must be {words[kind]}")
+    raise SceneError(f"{path} is {shown(value)}; it must be {words[kind]}")
 
 
 def scene_to_toml(scene: Scene) -> str:
@@ -196,7 +226,12 @@ def _literal(value: Any) -> str:
     if isinstance(value, tuple):
         return "[" + ", ".join(_literal(v) for v in value) + "]"
     if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
+        return '"' + "".join(_escaped(c) for c in value) + '"'
     assert not isinstance(value, float) or math.isfinite(value)
     return repr(value)
+
+
+def _escaped(character: str) -> str:
+    if character in '"\\':
+        return "\\" + character
+    return character if character.isprintable() else f"\\U{ord(character):08X}"

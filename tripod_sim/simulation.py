@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.build import build
 from tripod_sim.compliance import Compliance, compliance
-from tripod_sim.constraints.groups import quaternion
+from tripod_sim.constraints.groups import DrivenFrame, quaternion
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.scene import Scene
@@ -130,6 +130,11 @@ class Simulation:
         self._stepper.forget()
         self.torques[:] = self._start_torques
         self.report = StepReport()
+
+    @property
+    def driven_frames(self) -> tuple[DrivenFrame, ...]:
+        """The servo arms."""
+        return self._system.groups.driven
 
     @property
     def unknowns(self) -> int:

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tests.checks import Law, assert_derivative, assert_gradient, assert_symmetric, random_rotation
 
+from tests.checks import Law, assert_derivative, assert_gradient, assert_symmetric, random_rotation
 from tripod_sim.errors import SceneError
 from tripod_sim.materials import corotational, neo_hooke
 from tripod_sim.materials.lame import lame_constants

@@ -1,6 +1,10 @@
 """Meshes from files, through meshio (gmsh, VTK, Abaqus, and what else it reads)."""
 
+import io
+import warnings
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,17 +29,7 @@ def read_hexahedra(path: Path, scale: float) -> SolidMesh:
         raise SceneError(f"mesh.source: file {str(path)!r} does not exist")
     if path.stat().st_size > MAX_BYTES:
         raise SceneError(f"mesh.source: file {str(path)!r} is larger than {MAX_BYTES} bytes")
-    try:
-        import meshio  # noqa: PLC0415 - only scenes with a mesh file need it
-    except ImportError:
-        raise SceneError(
-            "mesh.source: reading mesh files needs the package meshio (pip install 'tripod[mesh]')"
-        ) from None
-    try:
-        with np.errstate(all="ignore"):
-            mesh = meshio.read(path)
-    except (SystemExit, Exception) as error:  # noqa: BLE001 - meshio exits, or raises whatever a parser meets
-        raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {error}") from None
+    mesh = _read(path)
     blocks = [block.data for block in mesh.cells if block.type == "hexahedron"]
     if not blocks:
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "none"
@@ -50,3 +44,23 @@ def read_hexahedra(path: Path, scale: float) -> SolidMesh:
         raise SceneError(f"mesh.source: {str(path)!r} names nodes outside 0..{len(points) - 1}")
     used, renumbered = np.unique(elements, return_inverse=True)
     return SolidMesh(points[used] * scale, renumbered.reshape(elements.shape))
+
+
+def _read(path: Path) -> Any:
+    """Return what meshio makes of a file, silently. Raises SceneError."""
+    try:
+        import meshio  # noqa: PLC0415 - only scenes with a mesh file need it
+    except ImportError:
+        raise SceneError(
+            "mesh.source: reading mesh files needs the package meshio (pip install 'tripod[mesh]')"
+        ) from None
+    printed = io.StringIO()
+    try:
+        with redirect_stdout(printed), redirect_stderr(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return meshio.read(path)
+    except SystemExit:  # meshio prints its reason and exits
+        why = printed.getvalue() or "not in the format that its name says"
+    except Exception as error:  # noqa: BLE001 - whatever a parser meets in a file that is not what it says
+        why = f"{type(error).__name__}: {error}"
+    raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {' '.join(why.split())[:200]}")
