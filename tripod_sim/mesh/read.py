@@ -1,18 +1,21 @@
 """Meshes from files, through meshio (gmsh, VTK, Abaqus, and what else it reads)."""
 
+import importlib.util
 import io
-import warnings
-from contextlib import redirect_stderr, redirect_stdout
+import subprocess
+import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
 
 MAX_BYTES = 200_000_000
 """A mesh file larger than this is refused unread."""
+
+PATIENCE = 20.0
+"""Longest time to read a file [s], besides one second per megabyte."""
 
 
 def read_hexahedra(path: Path, scale: float) -> SolidMesh:
@@ -29,13 +32,9 @@ def read_hexahedra(path: Path, scale: float) -> SolidMesh:
         raise SceneError(f"mesh.source: file {str(path)!r} does not exist")
     if path.stat().st_size > MAX_BYTES:
         raise SceneError(f"mesh.source: file {str(path)!r} is larger than {MAX_BYTES} bytes")
-    mesh = _read(path)
-    blocks = [block.data for block in mesh.cells if block.type == "hexahedron"]
-    if not blocks:
-        kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "none"
-        raise SceneError(f"mesh.source: {str(path)!r} has no hexahedra (cells: {kinds})")
-    elements = np.concatenate(blocks).astype(np.int64)
-    points = np.asarray(mesh.points, dtype=float)
+    points, elements, kinds = _read(path)
+    if not len(elements):
+        raise SceneError(f"mesh.source: {str(path)!r} has no hexahedra (cells: {', '.join(kinds) or 'none'})")
     if points.ndim != 2 or points.shape[1] != 3:
         raise SceneError(
             f"mesh.source: {str(path)!r} has points of shape {points.shape}; three coordinates are needed"
@@ -46,21 +45,26 @@ def read_hexahedra(path: Path, scale: float) -> SolidMesh:
     return SolidMesh(points[used] * scale, renumbered.reshape(elements.shape))
 
 
-def _read(path: Path) -> Any:
-    """Return what meshio makes of a file, silently. Raises SceneError."""
-    try:
-        import meshio  # noqa: PLC0415 - only scenes with a mesh file need it
-    except ImportError:
+def _read(path: Path) -> tuple[FloatArray, IndexArray, list[str]]:
+    """Return points [file's unit], hexahedra and the names of all cell types. Raises SceneError."""
+    if importlib.util.find_spec("meshio") is None:
         raise SceneError(
             "mesh.source: reading mesh files needs the package meshio (pip install 'tripod[mesh]')"
-        ) from None
-    printed = io.StringIO()
+        )
+    program = [sys.executable, "-P", str(Path(__file__).with_name("foreign.py")), str(path.absolute())]
+    patience = PATIENCE + path.stat().st_size / 1e6
     try:
-        with redirect_stdout(printed), redirect_stderr(io.StringIO()), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return meshio.read(path)
-    except SystemExit:  # meshio prints its reason and exits
-        why = printed.getvalue() or "not in the format that its name says"
-    except Exception as error:  # noqa: BLE001 - whatever a parser meets in a file that is not what it says
-        why = f"{type(error).__name__}: {error}"
-    raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {' '.join(why.split())[:200]}")
+        run = subprocess.run(
+            program, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise SceneError(
+            f"mesh.source: {str(path)!r} is not read after {patience:.0f} s; is the file cut short?"
+        ) from None
+    if run.returncode != 0:
+        why = (
+            " ".join(run.stdout.decode(errors="replace").split()) or f"the reader ended with {run.returncode}"
+        )
+        raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {why[:200]}")
+    with np.load(io.BytesIO(run.stdout), allow_pickle=False) as found:
+        return found["points"], found["hexahedra"], found["kinds"].tolist()

@@ -65,7 +65,7 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
 
     Raises:
         SceneError: no elements; positions not finite; node numbers out of range; unreferenced nodes; coincident nodes;
-            elements inverted or without volume at a corner (scaled Jacobian not above 1e-6).
+            elements inverted or without volume at a corner (scaled Jacobian not above 1e-6), or given twice.
     """
     if not len(mesh.elements):
         raise SceneError(f"{source}: the mesh has no hexahedra")
@@ -78,7 +78,7 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
         raise SceneError(f"{source}: nodes {names_of(bad)} belong to no element")
     scale = np.ptp(mesh.nodes, axis=0).max()
     rounded = (
-        np.round(mesh.nodes / (1e-9 * scale)).astype(np.int64)
+        np.round((mesh.nodes - mesh.nodes.min(axis=0)) / (1e-9 * scale)).astype(np.int64)
         if scale > 0
         else np.zeros((len(mesh.nodes), 3))
     )
@@ -91,6 +91,11 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
         if inverted.size:
             raise SceneError(f"{source}: elements {names_of(inverted)} are inverted (node order or geometry)")
         raise SceneError(f"{source}: elements {names_of(bad)} have no volume at a corner")
+    _, inverse, count = np.unique(
+        np.sort(mesh.elements, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    if (bad := np.flatnonzero(count[inverse.ravel()] > 1)).size:
+        raise SceneError(f"{source}: elements {names_of(bad)} have the nodes of another element")
 
 
 CORNER_NEIGHBOURS = np.array(
