@@ -1,8 +1,10 @@
 """One scene from start to end without ROS: what `tripod run` does."""
 
 import time as clock
+from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from errno import EISDIR
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,9 @@ FloatArray = NDArray[np.float64]
 
 SETTLING = 1.0
 """Simulated after the last time of a servo timeline, unless a duration is given [s]."""
+
+MOST_STEPS = 10**9
+"""Of one run."""
 
 MOST_BYTES = 4e9
 """Largest recording of `out` held in memory [bytes]."""
@@ -42,7 +47,8 @@ def run(
         servo: Angles over time [rad], `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`.
         slide: Slide over time [m], or one number (see `parse_slide`).
         overrides: Words `dotted.path=value`.
-        out: File for every step's time, positions, effector pose, angles, torques.
+        out: File for every step's time, positions, effector pose, angles, slide, torques; of the steps that were made,
+            if the run breaks off.
         progress: Called with the finished fraction after each step.
 
     Returns:
@@ -59,27 +65,32 @@ def run(
     if duration is None:
         last = max([t.times[-1] for t in (servos, slides) if t is not None], default=0.0)
         duration = float(last) + SETTLING if last > 0 else description.duration
-    if not 0 < duration < 1e9:
-        raise SceneError(f"--duration is {duration:g} s; it must be positive and finite")
+    longest = MOST_STEPS * description.dt
+    if not 0 < duration <= longest:
+        raise SceneError(
+            f"the duration is {duration:g} s; it must be positive and at most {longest:g} s, {MOST_STEPS} steps of dt"
+        )
     steps = max(1, round(duration / description.dt))
     description = _starting(description, servos, slides)
     simulation = Simulation(description)
     recording = _Recording(simulation, steps, out) if out else None
-    taken = np.empty(steps)
+    taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "halvings"), 0)
-    for k in range(steps):
-        joints = _joints(simulation, servos, slides, (k + 1) * description.dt)
-        start = clock.perf_counter()
-        report = simulation.step(joints)
-        taken[k] = clock.perf_counter() - start
-        for name in totals:
-            totals[name] += getattr(report, name)
+    try:
+        for k in range(steps):
+            joints = _joints(simulation, servos, slides, (k + 1) * description.dt)
+            start = clock.perf_counter()
+            report = simulation.step(joints)
+            taken.append(clock.perf_counter() - start)
+            for name in totals:
+                totals[name] += getattr(report, name)
+            if recording:
+                recording.add(k, simulation)
+            if progress:
+                progress((k + 1) / steps)
+    finally:  # a run that breaks off keeps what it has
         if recording:
-            recording.add(k, simulation)
-        if progress:
-            progress((k + 1) / steps)
-    if recording:
-        recording.save()
+            recording.save()
     pose = simulation.effector
     return {
         "scene": description.name,
@@ -145,28 +156,31 @@ def _joints(
 
 
 class _Recording:
-    """Every step of a run, in memory until it is saved whole; the file is tried first."""
+    """Every step of a run, in memory until it is saved whole; the place is tried first."""
 
     def __init__(self, simulation: Simulation, steps: int, path: Path) -> None:
         nodes, servos = len(simulation.mesh.nodes), len(simulation.torques)
         size = 8.0 * steps * (3 * nodes + 2 * servos + 9)
         if size > MOST_BYTES:
-            raise SceneError(f"--out would take {size / 1e9:.1f} GB; shorten --duration or enlarge dt")
-        self._path, self._part = path, path.with_name(path.name + ".part")
-        try:
-            self._part.touch()
-            self._part.unlink()
-        except OSError as error:
-            raise SceneError(f"--out {str(path)!r} cannot be written: {error.strerror}") from None
+            raise SceneError(
+                f"--out would take {size / 1e9:.1f} GB (at most {MOST_BYTES / 1e9:g}); shorten --duration or enlarge dt"
+            )
+        self._path, self._part = path, _tried(path)
         self._has_pose = simulation.effector is not None
-        self._arrays = {
-            "time": np.empty(steps),
-            "positions": np.empty((steps, nodes, 3)),
-            "effector": np.full((steps, 7), np.nan),
-            "angles": np.empty((steps, servos)),
-            "slide": np.empty(steps),
-            "torques": np.empty((steps, servos)),
-        }
+        self._count = 0
+        try:
+            self._arrays = {
+                "time": np.empty(steps),
+                "positions": np.empty((steps, nodes, 3)),
+                "effector": np.full((steps, 7), np.nan),
+                "angles": np.empty((steps, servos)),
+                "slide": np.empty(steps),
+                "torques": np.empty((steps, servos)),
+            }
+        except MemoryError:
+            raise SceneError(
+                f"--out needs {size / 1e9:.1f} GB of memory; shorten --duration or enlarge dt"
+            ) from None
 
     def add(self, k: int, simulation: Simulation) -> None:
         a, state, pose = self._arrays, simulation.state, simulation.effector
@@ -178,12 +192,35 @@ class _Recording:
         )
         if pose:
             a["effector"][k, :3], a["effector"][k, 3:] = pose.position, pose.quaternion
+        self._count = k + 1
 
     def save(self) -> None:
-        kept = {name: a for name, a in self._arrays.items() if self._has_pose or name != "effector"}
+        """Write the steps added so far; nothing if there are none."""
+        if not self._count:
+            return
+        kept = {n: a[: self._count] for n, a in self._arrays.items() if self._has_pose or n != "effector"}
         try:
             with self._part.open("wb") as file:
                 np.savez(file, allow_pickle=False, **kept)
             self._part.replace(self._path)
         except OSError as error:
-            raise SceneError(f"--out {str(self._path)!r} cannot be written: {error.strerror}") from None
+            self._part.unlink(missing_ok=True)
+            raise _unwritable(self._path, error) from None
+
+
+def _tried(path: Path) -> Path:
+    """Return the file to write before it becomes `path`, or raise SceneError if it cannot be written."""
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(EISDIR, "it is a directory")
+        part = path.with_name(path.name + ".part")
+        part.touch()
+        part.unlink()
+    except (OSError, ValueError) as error:  # ValueError: no file name, or a zero byte in it
+        raise _unwritable(path, error) from None
+    return part
+
+
+def _unwritable(path: Path, error: Exception) -> SceneError:
+    why = error.strerror if isinstance(error, OSError) else error
+    return SceneError(f"--out {str(path)!r} cannot be written: {why}")
