@@ -96,6 +96,7 @@ class RealTime(threading.Thread):
         *,
         compliance_period: float = 0.02,
         on_snapshot: Callable[[Snapshot], None] | None = None,
+        on_reset: Callable[[], None] | None = None,
     ) -> None:
         """Prepare the thread; `start` starts it.
 
@@ -104,9 +105,11 @@ class RealTime(threading.Thread):
             command: Gives the joints (s + 1,) for the steady time [s] of a step; called in the thread.
             compliance_period: Shortest time between two compliances [s].
             on_snapshot: Called in the thread after each step; it must be short.
+            on_reset: Called in the thread when the simulation is back in its start state, before its next step.
         """
         super().__init__(name="physics", daemon=True)
-        self._simulation, self._command, self._on_snapshot = simulation, command, on_snapshot
+        self._simulation, self._command = simulation, command
+        self._on_snapshot, self._on_reset = on_snapshot, on_reset
         dt = simulation.scene.dt
         self._every = max(1, round(compliance_period / dt))
         self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
@@ -115,7 +118,6 @@ class RealTime(threading.Thread):
         self._requests = threading.Condition()
         self._reset_wanted = self._stopping = False
         self._steps_wanted = 0
-        self._finished = 0
         self.activity, self.failure = Activity.RUNNING, ""
         self.want_compliance = False
         self.latest = self._snapshot(compliance=False)
@@ -127,16 +129,20 @@ class RealTime(threading.Thread):
             if self._reset_wanted:
                 self._reset()
                 due = clock.monotonic()
-            stepping = self.activity is Activity.RUNNING or self._steps_wanted > 0
-            if stepping and self.activity is not Activity.FAILED:
+            with self._requests:
+                single = self.activity is Activity.PAUSED and self._steps_wanted > 0
+                stepping = single or self.activity is Activity.RUNNING
+            if stepping:
                 self._advance()
             with self._requests:
-                if self._steps_wanted:
+                if single:
                     self._steps_wanted -= 1
-                self._finished += 1
+                if self.activity is not Activity.PAUSED:
+                    self._steps_wanted = 0
+                self._busy = False
                 self._requests.notify_all()
                 if self.activity is not Activity.RUNNING:
-                    self._requests.wait_for(self._is_wanted, timeout=0.1)
+                    self._requests.wait_for(self._is_wanted)
                     due = clock.monotonic()
                     continue
             due += dt

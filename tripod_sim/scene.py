@@ -78,13 +78,15 @@ class Material:
     """The solid's elastic law.
 
     Attributes:
-        law: `neo_hooke` or `corotational`.
+        law: `neo_hooke`, `corotational`, `stable_neo_hooke` or `st_venant_kirchhoff`.
         young: E [Pa].
         poisson: nu.
         mass: Of the whole solid [kg], spread evenly over its volume.
     """
 
-    law: str = one_of("neo_hooke", "corotational", default="neo_hooke")
+    law: str = one_of(
+        "neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff", default="neo_hooke"
+    )
     young: float = number(250e3, unit="Pa", above=0)
     poisson: float = number(0.45, low=0, high=0.499)
     mass: float = number(0.032, unit="kg", above=0)

@@ -5,11 +5,10 @@ from numpy.typing import NDArray
 
 from tripod_sim.elements.hexahedron import h8_gradients
 from tripod_sim.forces import solid_kernels as kernels
+from tripod_sim.materials.laws import LAWS
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
-
-LAWS = {"neo_hooke": kernels.NEO_HOOKE, "corotational": kernels.COROTATIONAL}
 
 
 class Solid:

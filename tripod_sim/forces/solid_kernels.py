@@ -14,15 +14,12 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.materials import corotational, neo_hooke
+from tripod_sim.materials import laws
+from tripod_sim.materials.neo_hooke import determinant
 
 Array = Any
 
-NEO_HOOKE = 0
-COROTATIONAL = 1
-
-_neo_energy, _neo_stress, _neo_tangent = neo_hooke.energy, neo_hooke.stress, neo_hooke.tangent
-_cor_energy, _cor_stress, _cor_tangent = corotational.energy, corotational.stress, corotational.tangent
+_energy, _stress, _tangent = laws.energy, laws.stress, laws.tangent
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
@@ -65,7 +62,7 @@ def solid_energy(
         _gather(e, x, modes, elements, xe)
         for q in range(G.shape[1]):
             _deformation(xe, G[e, q], F)
-            density = _neo_energy(F, lam, mu) if law == NEO_HOOKE else _cor_energy(F, lam, mu)
+            density = _energy(law, F, lam, mu)
             total += weight[e, q] * density
         if not np.isfinite(total):
             return np.inf
@@ -102,7 +99,7 @@ def solid_gradient(
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
             _deformation(xe, Ge, F)
-            density = _neo_stress(F, lam, mu, P) if law == NEO_HOOKE else _cor_stress(F, lam, mu, P)
+            density = _stress(law, F, lam, mu, P)
             if not np.isfinite(density):
                 return np.inf, np.inf
             total += w * density
@@ -164,10 +161,7 @@ def solid_stiffness(
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
             _deformation(xe, Ge, F)
-            if law == NEO_HOOKE:
-                _neo_tangent(F, lam, mu, project, C)
-            else:
-                _cor_tangent(F, lam, mu, project, C)
+            _tangent(law, F, lam, mu, project, C)
             for i in range(3):
                 for j in range(3):
                     for k in range(i + 1):
@@ -284,7 +278,7 @@ def smallest_volume_ratio(
         _gather(e, x, modes, elements, xe)
         for q in range(G.shape[1]):
             _deformation(xe, G[e, q], F)
-            J = neo_hooke.determinant(F)
+            J = determinant(F)
             if not smallest <= J:
                 worst, smallest = e, J
     return worst, smallest

@@ -39,7 +39,8 @@ def cofactor(F: Array, H: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _squared(F: Array) -> float:
+def squared(F: Array) -> float:
+    """Return |F|² = tr(F^T F)."""
     total = 0.0
     for i in range(3):
         for j in range(3):
@@ -54,7 +55,7 @@ def energy(F: Array, lam: float, mu: float) -> float:
     if not J > 0:
         return np.inf
     bulk = lam + 2 * mu / 3
-    return 0.5 * mu * (_squared(F) * J ** (-2 / 3) - 3) + 0.5 * bulk * (J - 1) ** 2
+    return 0.5 * mu * (squared(F) * J ** (-2 / 3) - 3) + 0.5 * bulk * (J - 1) ** 2
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,7 +65,7 @@ def stress(F: Array, lam: float, mu: float, P: Array) -> float:
     if not J > 0:
         return np.inf
     bulk = lam + 2 * mu / 3
-    I1 = _squared(F)
+    I1 = squared(F)
     a = mu * J ** (-2 / 3)
     cofactor(F, P)
     b = (bulk * (J - 1) * J - a * I1 / 3) / J
@@ -86,7 +87,7 @@ def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
         return
     J = determinant(F)
     bulk = lam + 2 * mu / 3
-    I1 = _squared(F)
+    I1 = squared(F)
     a = mu * J ** (-2 / 3)
     B = np.empty((3, 3))  # F^-T
     cofactor(F, B)

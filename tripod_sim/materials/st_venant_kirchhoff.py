@@ -1,0 +1,84 @@
+"""St. Venant-Kirchhoff solid: Hooke's law for the Green strain. For comparison only: it softens under compression.
+
+    psi = mu |E|^2 + lambda/2 (tr E)^2,   E = (F^T F - I) / 2
+
+    P = F (2 mu E + lambda tr(E) I)
+
+Under strong compression its stress falls back to zero; robots that press or bend hard should not use it
+[Holzapfel2000, section 6.5].
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from tripod_sim.materials.spectral import svd3, tangent_from_stretches
+
+Array = Any
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _green(F: Array, E: Array) -> float:
+    """Write the Green strain and return its trace."""
+    for i in range(3):
+        for j in range(3):
+            E[i, j] = 0.5 * (
+                F[0, i] * F[0, j] + F[1, i] * F[1, j] + F[2, i] * F[2, j] - (1.0 if i == j else 0.0)
+            )
+    return E[0, 0] + E[1, 1] + E[2, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def energy(F: Array, lam: float, mu: float) -> float:
+    """Return psi [J/m³]."""
+    E = np.empty((3, 3))
+    trace = _green(F, E)
+    return mu * (E * E).sum() + 0.5 * lam * trace * trace
+
+
+@njit(cache=True, error_model="numpy")
+def stress(F: Array, lam: float, mu: float, P: Array) -> float:
+    """Write P [Pa] and return psi [J/m³]."""
+    E = np.empty((3, 3))
+    trace = _green(F, E)
+    for i in range(3):
+        for j in range(3):
+            total = lam * trace * F[i, j]
+            for k in range(3):
+                total += 2 * mu * F[i, k] * E[k, j]
+            P[i, j] = total
+    return mu * (E * E).sum() + 0.5 * lam * trace * trace
+
+
+@njit(cache=True, error_model="numpy")
+def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
+    """Write d²psi/dF², shape (9, 9), index 3 i + J; `project` lifts its negative eigenvalues to 1e-6 mu."""
+    if project:
+        U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+        svd3(F, U, s, V)
+        first, second = np.empty(3), np.empty((3, 3))
+        trace = 0.5 * (s[0] ** 2 + s[1] ** 2 + s[2] ** 2 - 3)
+        for i in range(3):
+            direct = mu * (s[i] ** 2 - 1) + lam * trace
+            first[i] = s[i] * direct
+            for j in range(3):
+                second[i, j] = lam * s[i] * s[j]
+            second[i, i] += direct + 2 * mu * s[i] ** 2
+        tangent_from_stretches(U, s, V, first, second, True, 1e-6 * mu, C)
+        return
+    E, B = np.empty((3, 3)), np.empty((3, 3))  # B = F F^T
+    trace = _green(F, E)
+    for i in range(3):
+        for k in range(3):
+            B[i, k] = F[i, 0] * F[k, 0] + F[i, 1] * F[k, 1] + F[i, 2] * F[k, 2]
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                for m in range(3):
+                    value = lam * F[i, j] * F[k, m] + mu * F[i, m] * F[k, j]
+                    if j == m:
+                        value += mu * B[i, k]
+                    if i == k:
+                        value += 2 * mu * E[j, m] + (lam * trace if j == m else 0.0)
+                    C[3 * i + j, 3 * k + m] = value
