@@ -2,6 +2,7 @@
 
 import os
 import pty
+import select
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 from tripod_teleop.terminal import Terminal, TerminalError
 
 ROOT = Path(__file__).parents[2]
+DEADLINE = 10.0  # [s]
 PROGRAM = """
 import os, sys, time
 from tripod_teleop.terminal import Terminal
@@ -40,7 +42,8 @@ def start(slave: int, body: str) -> subprocess.Popen[bytes]:
 def wait_for(master: int, text: bytes) -> bytes:
     seen = b""
     while text not in seen:
-        seen += os.read(master, 4096)  # a test that hangs here is stopped by the end of the program: EIO
+        assert select.select([master], [], [], DEADLINE)[0], f"{text!r} did not come: {seen!r}"
+        seen += os.read(master, 4096)
     return seen
 
 
@@ -60,7 +63,7 @@ def test_every_way_out_restores_it(pair: tuple[int, int], body: str, code: int) 
     before = termios.tcgetattr(slave)
     check = "import termios\nassert not termios.tcgetattr(0)[3] & termios.ECHO"
     process = start(slave, body.replace("terminal.enter();", f"terminal.enter(); exec({check!r});"))
-    errors = process.communicate(timeout=10)[1].decode()
+    errors = process.communicate(timeout=DEADLINE)[1].decode()
     assert process.returncode == code, errors
     assert "AssertionError" not in errors
     assert termios.tcgetattr(slave) == before
@@ -102,12 +105,13 @@ def test_after_a_stop_the_keys_are_taken_again(pair: tuple[int, int]) -> None:
     os.waitpid(process.pid, os.WUNTRACED)
     termios.tcsetattr(slave, termios.TCSANOW, cooked)
     process.send_signal(signal.SIGCONT)
+    end = time.monotonic() + DEADLINE
     while termios.tcgetattr(slave)[3] & termios.ICANON:
-        assert process.poll() is None
+        assert time.monotonic() < end
     os.write(master, b"x")
     wait_for(master, b"b'x'")
     os.write(master, b"q")
-    assert process.wait(timeout=10) == 0
+    assert process.wait(timeout=DEADLINE) == 0
 
 
 def test_what_is_no_terminal_is_refused() -> None:
