@@ -67,9 +67,9 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
     if c is None:
         return None
     return Compliance(
-        header=header(snapshot.stamp), joint_names=list(SERVOS), angles=flat(c.angles), torques=flat(c.torques),
-        effector=pose_message(Pose(c.position, c.quaternion)), equilibrium_offset=c.equilibrium_offset,
-        w=flat(c.w), slide=c.slide,
+        header=header(snapshot.stamp), joint_names=list(SERVOS[: len(c.angles)]), angles=flat(c.angles),
+        torques=flat(c.torques), effector=pose_message(Pose(c.position, c.quaternion)),
+        equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide,
     )  # fmt: skip
 
 

@@ -25,9 +25,10 @@ from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
 from tripod_graph.mode import Mode, ModeTracker
 from tripod_graph.parameters import Parameter, ParameterError, declare
-from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_sim import messages, realtime
+from tripod_sim.errors import StepError
 from tripod_sim.markers import SurfaceMarkers
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.scene import Scene
@@ -58,7 +59,10 @@ class SimNode(Node):
         super().__init__("sim")
         values = declare(self, PARAMETERS)
         scene = load_scene(values["scene"], [w for w in values["set"].split(";") if w.strip()])
-        simulation = Simulation(scene)
+        try:
+            simulation = Simulation(scene)
+        except StepError as error:
+            raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
         self._scene, self._mesh = scene, simulation.mesh
         self._surface = SurfaceMarkers(simulation.mesh)
         self._lock = threading.Lock()
@@ -67,12 +71,13 @@ class SimNode(Node):
         self._follower = self._new_follower()
         self._refused = 0
         self._last_refusal = ""
-        self._publish_all(values)
+        self._join_graph()
         self._physics = RealTime(
             simulation,
             self._setpoint,
             compliance_period=1 / values["compliance_rate"],
             on_snapshot=self._on_snapshot,
+            on_reset=self._on_start_state,
         )
         self._shown = -1
         self._pose_every = max(1, round(1 / (values["pose_rate"] * scene.dt)))
@@ -87,7 +92,7 @@ class SimNode(Node):
             f"scene {scene.name}: {len(self._mesh.nodes)} nodes, {len(self._mesh.elements)} elements, dt {scene.dt:g} s"
         )
 
-    def _publish_all(self, _: object) -> None:
+    def _join_graph(self) -> None:
         self._body = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
         self._joints = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
         self._pose = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
@@ -98,7 +103,7 @@ class SimNode(Node):
         self._mesh_publisher = self.create_publisher(Mesh, names.MESH, LATCHED)
         self._mesh_publisher.publish(messages.mesh_message(self._mesh))
         self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED)
+        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL)
         self.create_service(Trigger, names.SIM_RESET, self._on_reset)
         self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
         self.create_service(Trigger, names.SIM_STEP, self._on_step)
@@ -129,13 +134,14 @@ class SimNode(Node):
             if self._scene.servos:
                 self._joints.publish(messages.joint_message(snapshot))
 
+    def _on_start_state(self) -> None:
+        with self._lock:
+            self._follower = self._new_follower()
+
     # executor -------------------------------------------------------------------------------------------------
 
     def _on_body_timer(self) -> None:
         snapshot = self._physics.latest
-        self._physics.want_compliance = (
-            self._scene.effector is not None and self._compliance.get_subscription_count() > 0
-        )
         if snapshot.step == self._shown:
             return
         self._shown = snapshot.step
@@ -175,8 +181,6 @@ class SimNode(Node):
         self.get_logger().warning(f"command refused: {why}", throttle_duration_sec=2.0)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        with self._lock:
-            self._follower = self._new_follower()
         response.success = self._physics.request_reset()
         response.message = "back in the start state" if response.success else "the physics did not answer"
         return response
@@ -188,14 +192,19 @@ class SimNode(Node):
         return response
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._physics.request_step()
         paused = self._physics.activity is realtime.Activity.PAUSED
-        response.message = (
-            f"step {self._physics.latest.step}" if paused else "not paused; call sim/pause first"
-        )
+        response.success = self._physics.request_step()
+        if response.success:
+            response.message = f"step {self._physics.latest.step}"
+        else:
+            late = "the physics did not answer" if paused else "not paused; call sim/pause first"
+            response.message = self._physics.failure or late
         return response
 
     def _on_status_timer(self) -> None:
+        self._physics.want_compliance = (
+            self._scene.effector is not None and self._compliance.get_subscription_count() > 0
+        )
         self._status.publish(self._status_message())
 
     def _state(self) -> int:

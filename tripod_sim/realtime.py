@@ -116,7 +116,7 @@ class RealTime(threading.Thread):
         self._done: deque[float] = deque(maxlen=self._taken.maxlen)
         self._missed = 0
         self._requests = threading.Condition()
-        self._reset_wanted = self._stopping = False
+        self._reset_wanted = self._stopping = self._stepping = False
         self._steps_wanted = 0
         self.activity, self.failure = Activity.RUNNING, ""
         self.want_compliance = False
@@ -129,17 +129,10 @@ class RealTime(threading.Thread):
             if self._reset_wanted:
                 self._reset()
                 due = clock.monotonic()
-            with self._requests:
-                single = self.activity is Activity.PAUSED and self._steps_wanted > 0
-                stepping = single or self.activity is Activity.RUNNING
-            if stepping:
+            if self._begin():
                 self._advance()
             with self._requests:
-                if single:
-                    self._steps_wanted -= 1
-                if self.activity is not Activity.PAUSED:
-                    self._steps_wanted = 0
-                self._busy = False
+                self._stepping = False
                 self._requests.notify_all()
                 if self.activity is not Activity.RUNNING:
                     self._requests.wait_for(self._is_wanted)
@@ -155,33 +148,47 @@ class RealTime(threading.Thread):
                 due += skipped * dt
 
     def _is_wanted(self) -> bool:
-        return (
-            self._stopping
-            or self._reset_wanted
-            or self._steps_wanted > 0
-            or self.activity is Activity.RUNNING
-        )
+        single = self.activity is Activity.PAUSED and self._steps_wanted > 0
+        return self._stopping or self._reset_wanted or single or self.activity is Activity.RUNNING
+
+    def _begin(self) -> bool:
+        """Return whether a step is due, and take a requested one from the count."""
+        with self._requests:
+            single = self.activity is Activity.PAUSED and self._steps_wanted > 0
+            if single:
+                self._steps_wanted -= 1
+            self._stepping = single or self.activity is Activity.RUNNING
+            return self._stepping
 
     def _advance(self) -> None:
         start = clock.perf_counter()
         try:
             self._simulation.step(self._command(clock.monotonic()))
-        except (StepError, ValueError) as error:  # ValueError: a command that the scene refuses
-            self.activity, self.failure = Activity.FAILED, str(error)
-            return
-        self._taken.append(clock.perf_counter() - start)
-        self._done.append(clock.perf_counter())
-        due = self.want_compliance and self._simulation.state.step % self._every == 0
-        self.latest = self._snapshot(compliance=due)
-        if self._on_snapshot:
-            self._on_snapshot(self.latest)
+            self._taken.append(clock.perf_counter() - start)
+            self._done.append(clock.perf_counter())
+            due = self.want_compliance and self._simulation.state.step % self._every == 0
+            self.latest = self._snapshot(compliance=due)
+            if self._on_snapshot:
+                self._on_snapshot(self.latest)
+        except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
+            expected = isinstance(
+                error, StepError | ValueError
+            )  # ValueError: a command that the scene refuses
+            with self._requests:
+                self.activity = Activity.FAILED
+                self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
 
     def _reset(self) -> None:
         self._simulation.reset()
-        self.activity = Activity.PAUSED if self.activity is Activity.PAUSED else Activity.RUNNING
-        self.failure = ""
-        self._reset_wanted = False
+        if self._on_reset:
+            self._on_reset()
         self.latest = self._snapshot(compliance=False)
+        with self._requests:
+            if self.activity is Activity.FAILED:
+                self.activity = Activity.RUNNING
+            self.failure = ""
+            self._reset_wanted = False
+            self._requests.notify_all()
 
     def _snapshot(self, *, compliance: bool) -> Snapshot:
         simulation = self._simulation
@@ -204,15 +211,21 @@ class RealTime(threading.Thread):
             return Speed(0.0, 0.0, 0.0, self._missed)
         now = clock.perf_counter()
         recent = [t for t in done if t > now - WINDOW]
-        factor = (len(recent) - 1) * dt / max(recent[-1] - recent[0], 1e-9) if len(recent) > 1 else 0.0
+        if len(recent) > 1:
+            factor = (len(recent) - 1) * dt / max(recent[-1] - recent[0], 1e-9)
+        else:  # steps that take longer than the window, or none at all
+            slow = dt / max(done[-1] - done[-2], now - done[-1])
+            factor = slow if self.activity is Activity.RUNNING else 0.0
         return Speed(factor, float(np.median(taken)), float(np.percentile(taken, 99)), self._missed)
 
-    def pause(self, paused: bool) -> None:
-        """Pause or go on."""
+    def pause(self, paused: bool, timeout: float = 2.0) -> None:
+        """Pause, and wait for the end of the step at hand, or go on; a failure stays until the next reset."""
         with self._requests:
             if self.activity is not Activity.FAILED:
                 self.activity = Activity.PAUSED if paused else Activity.RUNNING
             self._requests.notify_all()
+            if paused:
+                self._requests.wait_for(lambda: not self._stepping, timeout)
 
     def request_step(self, timeout: float = 2.0) -> bool:
         """Make one step while paused and wait for it; return whether it was made."""
@@ -222,8 +235,10 @@ class RealTime(threading.Thread):
             before = self.latest.step
             self._steps_wanted += 1
             self._requests.notify_all()
-            self._requests.wait_for(lambda: self._steps_wanted == 0, timeout)
-        return self.latest.step > before
+            made = self._requests.wait_for(lambda: self._steps_wanted == 0 and not self._stepping, timeout)
+            if not made:
+                self._steps_wanted = 0
+            return self.latest.step > before
 
     def request_reset(self, timeout: float = 2.0) -> bool:
         """Return to the start state and wait for it; return whether it happened in time."""
@@ -234,8 +249,8 @@ class RealTime(threading.Thread):
 
     def stop(self, timeout: float = 5.0) -> None:
         """End the thread after the step at hand."""
-        self._stopping = True
         with self._requests:
+            self._stopping = True
             self._requests.notify_all()
         if self.is_alive():
             self.join(timeout)
