@@ -31,21 +31,17 @@ from tripod_record.topic import Qos, Topic
 from tripod_record.writer import COMPRESSIONS, BagWriter
 
 PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("directory", "recordings", "Directory in which recordings are made."),
+    Parameter("directory", "recordings", "Directory in which recordings are made"),
+    Parameter("name", "", "Name of the recording; empty: date and time; a number is added if taken"),
+    Parameter("topics", "", "Topics or patterns (*, ?) to record, parted by spaces or commas; empty: all"),
+    Parameter("exclude", "/rosout /parameter_events", "Topics or patterns not to record"),
+    Parameter("autostart", True, "Record from the start on, without waiting for record/start"),
+    Parameter("compression", "zstd", "Compression of the file", choices=tuple(COMPRESSIONS)),
     Parameter(
-        "name", "", "Name of the recording; empty for date and time. A number is added if it is taken."
+        "sync_period", 0.5, "Time between two writes that reach the disk", unit="s", low=0.05, high=1.0
     ),
-    Parameter(
-        "topics", "", "Topics or patterns (*, ?) to record, parted by spaces or commas; empty for all."
-    ),
-    Parameter("exclude", "/rosout /parameter_events", "Topics or patterns not to record."),
-    Parameter("autostart", True, "Record from the start on, without waiting for record/start."),
-    Parameter("compression", "zstd", "Compression of the file.", choices=tuple(COMPRESSIONS)),
-    Parameter(
-        "sync_period", 0.5, "Time between two writes that reach the disk.", unit="s", low=0.05, high=1.0
-    ),
-    Parameter("min_free", 100 * MEGABYTE, "Free space needed to begin; a tenth of it ends.", unit="B", low=0),
-    Parameter("queue_size", 64 * MEGABYTE, "Messages that may wait for the disk.", unit="B", low=MEGABYTE),
+    Parameter("min_free", 100 * MEGABYTE, "Free space needed to begin; a tenth of it ends", unit="B", low=0),
+    Parameter("queue_size", 64 * MEGABYTE, "Messages that may wait for the disk", unit="B", low=MEGABYTE),
 )
 
 LOOK_PERIOD = 0.25
@@ -158,7 +154,7 @@ class RecordNode(Node):
             reliable, latched = reliable and listener.reliable, latched and listener.latched
             self.destroy_subscription(listener.subscription)
         try:
-            topic = Topic(name, kind, definition_text(kind), offered, str(publishers[0].topic_type_hash))
+            topic = Topic(name, kind, definition_text(kind), offered, type_hash(publishers[0]))
             subscription = self._subscribe(recorder, topic, reliable=reliable, latched=latched)
         except RecordError as error:
             self._types[name] = UNKNOWN
@@ -258,6 +254,12 @@ def offered_qos(publisher: TopicEndpointInfo) -> Qos:
         liveliness=profile.liveliness.name.lower(),
         lease=profile.liveliness_lease_duration.nanoseconds,
     )
+
+
+def type_hash(publisher: TopicEndpointInfo) -> str:
+    """Return the REP 2011 hash of the type that a publisher has, empty if it does not tell."""
+    text = str(publisher.topic_type_hash)
+    return text if text.startswith("RIHS") else ""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -25,9 +25,10 @@ def smooth(ratio: float) -> float:
 class Drive:
     """The set-point of the joints, moved by keys and motions within limits.
 
-    A terminal reports no release of a key, only repeats while it is down: a press counts for `hold` [s], and silence
-    means stop. A motion to a pose is not sent ahead as one long trajectory but streamed, so that it ends with its
-    operator, wherever it is.
+    A terminal reports no release of a key, only repeats while it is down: a press counts for `hold` [s], and
+    silence means stop. (A key held down therefore pauses once, until the terminal begins to repeat it.) A motion
+    to a pose is not sent ahead as one long trajectory but streamed, so that it ends with its operator, wherever
+    it is.
 
     Attributes:
         joints: The set-point: three angles [rad], and the slide [m] if it is known.

@@ -176,7 +176,7 @@ def test_a_damaged_summary_is_not_believed(closed: Path, tmp_path: Path) -> None
     whole = closed.read_bytes()
     (start,) = struct.unpack_from("<Q", whole, len(whole) - len(MAGIC) - 20)
     assert len(whole) - start > 1000
-    for at in range(start, len(whole)):
+    for at in range(start, len(whole), 3):
         info = read_info(flipped(whole, at, tmp_path / "bag.mcap"))
         assert counts(info) == {"/chatter": 100, "/mesh": 10}
 
