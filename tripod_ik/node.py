@@ -14,6 +14,7 @@ from typing import Any
 
 from geometry_msgs.msg import Point, PoseStamped
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -159,6 +160,9 @@ class IkNode(Node):
     def close(self) -> None:
         """Say that nothing more will be commanded, and leave the graph."""
         self._rest(Activity.IDLE, "stopped")
+        self._statuses.wait_for_all_acked(
+            Duration(seconds=0.2)
+        )  # a publisher that is gone sends nothing again
         self.destroy_node()
 
     # --- what comes in ---

@@ -202,6 +202,20 @@ def test_it_begins_at_rest_and_follows_a_target(graph):
     steps = np.abs(np.diff([c.points[0].positions for c in sim.commands], axis=0))
     assert steps.max() <= 3.0 * 0.1 + 1e-9
     assert steps.max() > 1e-3
+    assert any(s.residual < 0.9 * s.error for s in sim.states if s.error > 1e-4)
+
+
+def test_commands_keep_to_the_speed_that_is_set(graph):
+    graph.start(angle_speed=0.2)
+    sim = graph.sim
+    sim.say_mode(ControlMode.IK)
+    graph.wait_state(IkStatus.TRACKING)
+    began = time.monotonic()
+    sim.say_target(near(sim, [0, 0, 0.1]))
+    graph.spin(0.6)
+    moved = np.abs(np.array(sim.commands[-1].points[0].positions) - WORKING).max()
+    assert 0.02 < moved <= 0.2 * (time.monotonic() - began)
+    assert "servo_0 speed" in sim.states[-1].active_limits
 
 
 def test_an_unreachable_target_gives_the_closest_pose_and_names_the_limits(graph):
@@ -271,9 +285,30 @@ def test_without_fresh_compliance_it_falls_silent_and_begins_anew(graph):
 def test_without_a_simulator_it_says_so(graph):
     graph.sim.running = False
     graph.start()
+    began = time.monotonic()
     graph.sim.say_mode(ControlMode.IK)
     graph.wait_state(IkStatus.STALE, "no usable sim/compliance yet: is the simulator running?")
+    assert time.monotonic() - began > 0.2  # the simulator gets the time to begin
     assert not graph.sim.commands
+
+
+def test_coming_back_in_a_moment_begins_from_where_the_robot_is(graph):
+    graph.start()
+    sim = graph.sim
+    sim.say_mode(ControlMode.IK)
+    graph.wait(lambda: len(sim.commands) > 5)
+    sim.running = False
+    sim.say_mode(ControlMode.STOP)
+    graph.wait_state(IkStatus.IDLE)
+    where = np.array([-1.4, -1.5, -1.6])
+    sim.follower = CommandFollower(CommandLimits(), [*where, 0.035])
+    sim.say_mode(ControlMode.IK)
+    graph.spin(0.02)
+    sim.commands.clear()
+    sim.running = True
+    graph.wait(lambda: len(sim.commands) > 5)
+    assert list(sim.commands[0].points[0].positions) == pytest.approx(where, abs=1e-9)
+    assert sim.angles == pytest.approx(where, abs=1e-6)
 
 
 def test_leaving_the_mode_ends_commands_and_forgets_the_target(graph):

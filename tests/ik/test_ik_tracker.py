@@ -273,6 +273,7 @@ def test_a_solver_that_fails_holds_and_recovers(monkeypatch):
         )
         failed = one.update(state, 0.02)
     assert failed.activity is Activity.SOLVER_FAILED
+    assert failed.result.kkt == np.inf
     assert failed.result.command == pytest.approx(before.result.command, abs=1e-15)
     after = one.update(state, 0.03)
     assert after.activity is Activity.TRACKING
