@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import DrivenFrame, Groups, Kind
-from tripod_sim.elements.hexahedron import h8_node_volumes
+from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.substeps import StepReport
@@ -55,17 +55,15 @@ def build(scene: Scene) -> Parts:
 
     mesh = _mesh(scene.mesh)
     nodes = mesh.nodes
-    volumes = np.zeros(len(nodes))
-    np.add.at(volumes, mesh.elements, h8_node_volumes(nodes[mesh.elements]))
-    mass = volumes * (scene.material.mass / volumes.sum())
+    load, inert = _node_masses(mesh, scene.material.mass)
     groups = _groups(scene, nodes)
     lam, mu = lame_constants(scene.material.young, scene.material.poisson)
-    solid = Solid(nodes, _strained(mesh.elements, groups), scene.material.law, lam, mu)
+    solid = Solid(nodes, _strained(mesh.elements, groups), mesh.kind, scene.material.law, lam, mu)
     gravity = inertia = damping = None
     if scene.gravity:
         from tripod_sim.forces.gravity import GravityForce
 
-        gravity = GravityForce(mass, scene.gravity.acceleration, nodes)
+        gravity = GravityForce(load, scene.gravity.acceleration, nodes)
     if scene.inertia:
         from tripod_sim.forces.anchor import Anchor
 
@@ -73,7 +71,7 @@ def build(scene: Scene) -> Parts:
     if scene.damping and scene.damping.stiffness > 0:
         from tripod_sim.forces.rayleigh import StiffnessDamping
 
-        damping = StiffnessDamping(scene.damping.stiffness, solid.elements, len(nodes))
+        damping = StiffnessDamping(scene.damping.stiffness, solid.elements, solid.matrices, len(nodes))
     system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=damping)
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stepper: Stepper
@@ -81,13 +79,23 @@ def build(scene: Scene) -> Parts:
         from tripod_sim.integrators.implicit_euler import ImplicitEuler
 
         drag = scene.damping.mass if scene.damping else 0.0
-        stepper = ImplicitEuler(newton, inertia, mass, drag, scene.solver.max_halvings)
+        stepper = ImplicitEuler(newton, inertia, inert, drag, scene.solver.max_halvings)
     else:
         from tripod_sim.integrators.quasi_static import QuasiStatic
 
         reach = scene.servos.axis_depth if scene.servos and scene.servos.axis_depth > 0 else 0.03
         stepper = QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach)
-    return Parts(mesh, mass, system, stepper)
+    return Parts(mesh, inert, system, stepper)
+
+
+def _node_masses(mesh: SolidMesh, total: float) -> tuple[FloatArray, FloatArray]:
+    """Return what nodes weigh and what inertia they have [kg], each of shape (n,) and of sum `total` [kg]."""
+    found = []
+    for volumes in node_volumes(mesh.kind, mesh.nodes[mesh.elements]):
+        mass = np.zeros(len(mesh.nodes))
+        np.add.at(mass, mesh.elements, volumes)
+        found.append(mass * (total / mass.sum()))
+    return found[0], found[1]
 
 
 def _mesh(description: Mesh) -> SolidMesh:
@@ -95,6 +103,10 @@ def _mesh(description: Mesh) -> SolidMesh:
         from tripod_sim.mesh.y_piece import LEVELS, y_piece
 
         mesh = y_piece(LEVELS[description.level])
+        if description.element != mesh.kind.name:
+            from tripod_sim.mesh.convert import convert_hexahedra
+
+            mesh = convert_hexahedra(mesh, description.element)
     elif "." in description.source:
         from tripod_sim.mesh.read import read_hexahedra
 

@@ -65,11 +65,13 @@ class Mesh:
     Attributes:
         source: The generator `y_piece`, or the path of a file with hexahedra (relative to the scene's file).
         level: Resolution of the generator, 1 (coarse) to 4.
+        element: Kind of element: `h8_modes` (with incompatible modes), `h8`, `h20`, `h20_full`, `h27`, `t4`, `t10`.
         scale: Length unit of a file [m]: 0.001 for millimetres.
     """
 
     source: str = "y_piece"
     level: int = number(2, low=1, high=4)
+    element: str = one_of("h8_modes", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes")
     scale: float = number(1.0, unit="m", above=0)
 
 

@@ -56,47 +56,34 @@ class Reduction:
         self._body = np.zeros((max(self.bodies, 1), 6, 6))
 
     def _symbolic(self) -> tuple[sparse.csc_matrix, IndexArray, IndexArray, IndexArray]:
-        width = np.where(self.kind == FREE, 3, np.where(self.kind == RIGID, 6, 0))
-        pairs = set()
-        for nodes in self.elements:
-            starts = {(int(self.base[n]), int(width[n])) for n in nodes if width[n]}
-            pairs |= {(p, q) for p in starts for q in starts if p[0] <= q[0]}
-        rows, cols = [], []
-        for (p, m), (q, n) in sorted(pairs):
-            i, j = np.meshgrid(p + np.arange(m), q + np.arange(n), indexing="ij")
-            keep = i <= j
-            rows.append(i[keep])
-            cols.append(j[keep])
-        r, c = np.concatenate(rows), np.concatenate(cols)
-        pattern = sparse.csc_matrix((np.ones(len(r)), (r, c)), shape=(self.unknowns, self.unknowns))
-        pattern.sort_indices()
+        """Return the pattern and where in its data stand: blocks of element pairs, bodies, diagonals of free nodes."""
+        n, first = self.unknowns, 3 * self.free_count
+        kind, base = self.kind[self.elements], self.base[self.elements]  # (m, a)
+        row, col = (
+            base[:, :, None, None],
+            base[:, None, :, None] + np.arange(6),
+        )  # of a block's columns (m, a, b, 6)
+        is_free, is_rigid = kind == FREE, kind == RIGID
+        below = base[:, :, None] <= base[:, None, :]
+        block = is_free[:, :, None] & is_free[:, None, :] & below
+        bordered = is_free[:, :, None] & is_rigid[:, None, :]
+        wanted = (block[..., None] & (np.arange(6) < 3)) | bordered[..., None]
+        starts = (col * n + row)[wanted]
+        rows = [starts + k for k in range(3)]
+        own = [np.arange(6 * b + first, 6 * b + first + 6) for b in range(self.bodies)]
+        keys = np.concatenate([*rows, *[c * n + b for b in own for c in b]])
+        keys = np.unique(keys[keys % n <= keys // n])
+        indptr = np.searchsorted(keys, np.arange(n + 1) * n)
+        pattern = sparse.csc_matrix((np.ones(len(keys)), keys % n, indptr), shape=(n, n))
 
-        def slot(row: int, col: int) -> int:
-            lo, hi = pattern.indptr[col], pattern.indptr[col + 1]
-            return int(lo + np.searchsorted(pattern.indices[lo:hi], row))
+        def slot(key: IndexArray) -> IndexArray:
+            return np.searchsorted(keys, key)
 
-        count, size = self.elements.shape
-        slots = np.full((count, size, size, 6), -1, dtype=np.int64)
-        for e, nodes in enumerate(self.elements):
-            for a, na in enumerate(nodes):
-                if self.kind[na] != FREE:
-                    continue
-                for b, nb in enumerate(nodes):
-                    if self.base[nb] >= self.base[na]:
-                        slots[e, a, b, : width[nb]] = [
-                            slot(self.base[na], self.base[nb] + k) for k in range(width[nb])
-                        ]
-        bodies = [
-            [slot(3 * self.free_count + 6 * i, 3 * self.free_count + 6 * i + k) for k in range(6)]
-            for i in range(self.bodies)
-        ]
-        diagonal = [[slot(self.base[n] + k, self.base[n] + k) for k in range(3)] for n in self.free]
-        return (
-            pattern,
-            slots,
-            np.array(bodies, dtype=np.int64).reshape(-1, 6),
-            np.array(diagonal, dtype=np.int64).reshape(-1, 3),
-        )
+        slots = np.full((*wanted.shape[:3], 6), -1, dtype=np.int64)
+        slots[wanted] = slot(starts)
+        bodies = np.array([slot(b * n + b[0]) for b in own], dtype=np.int64).reshape(-1, 6)
+        diagonal = (np.arange(first) * (n + 1)).reshape(-1, 3)
+        return pattern, slots, bodies, slot(diagonal)
 
     def gradient(
         self, g: FloatArray, lever: FloatArray, axes: FloatArray, out: FloatArray, torque: FloatArray
@@ -118,7 +105,7 @@ class Reduction:
         """Write the reduced Hessian into `pattern.data`, `drive` and `drive_drive`.
 
         Args:
-            stiffness: Element matrices [N/m], shape (m, 24, 24).
+            stiffness: Element matrices [N/m], as `Solid.matrices`.
             mass: Isotropic nodal term [N/m] (mass over dt², or zero), shape (nodes,).
             g: Nodal gradient [N] of the whole potential, for the second-order terms.
             lever, axes: As in `gradient`.

@@ -16,15 +16,15 @@ class StiffnessDamping:
 
     Attributes:
         factor: c [dimensionless].
-        matrices: Element matrices of K_n [N/m], shape (m, 24, 24).
+        matrices: Element matrices of K_n [N/m], as `Solid.matrices`.
         start: x_n [m], shape (n, 3).
     """
 
-    def __init__(self, coefficient: float, elements: IndexArray, size: int) -> None:
-        """`coefficient`: b [s]."""
+    def __init__(self, coefficient: float, elements: IndexArray, matrices: FloatArray, size: int) -> None:
+        """`coefficient`: b [s]; `matrices`: those of the solid, for their shape."""
         self.coefficient, self.factor = coefficient, 0.0
         self._elements = elements
-        self.matrices = np.zeros((len(elements), 24, 24))
+        self.matrices = np.zeros_like(matrices)
         self.start = np.zeros((size, 3))
         self._move = np.zeros((size, 3))
 

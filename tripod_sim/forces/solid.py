@@ -1,9 +1,9 @@
-"""Elastic solid: hexahedra with incompatible modes and one material."""
+"""Elastic solid: elements of one kind and one material."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.elements.hexahedron import h8_gradients
+from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
 from tripod_sim.materials.laws import LAWS
 
@@ -14,34 +14,37 @@ IndexArray = NDArray[np.int64]
 class Solid:
     """Strain energy E = sum over elements and points of weight psi(F), its gradient and its condensed stiffness.
 
-    Each element carries incompatible modes, condensed with the stiffness of the last call of `stiffness`; a Newton
-    step of the nodes by dx moves them by -y - X dx (see `solid_kernels`).
+    Incompatible modes, where the element has them, are condensed with the stiffness of the last call of `stiffness`;
+    a Newton step of the nodes by dx moves them by -y - X dx (see `solid_kernels`).
 
     Attributes:
-        elements: Node indices, shape (m, 8).
-        matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, 24, 24).
+        elements: Node indices, shape (m, nodes of an element).
+        matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, d, d), d = 3 nodes of an element.
         mode_residual_squared: |dE/d modes|² of the last `add_gradient` [N²].
     """
 
-    def __init__(self, nodes: FloatArray, elements: IndexArray, law: str, lam: float, mu: float) -> None:
+    def __init__(
+        self, nodes: FloatArray, elements: IndexArray, kind: Element, law: str, lam: float, mu: float
+    ) -> None:
         """`nodes`: undeformed positions [m], shape (n, 3); `lam`, `mu`: Lame's constants [Pa]."""
         self.elements = elements
-        gradients, self._weight = h8_gradients(nodes[elements])
+        gradients, self._weight = reference_gradients(kind, nodes[elements])
         self._G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
         self._law, self._lam, self._mu = LAWS[law], lam, mu
         self.mode_residual_squared = 0.0
-        count, columns = len(elements), self._G.shape[3]
-        extra = 3 * (columns - 8)
-        self.matrices = np.zeros((count, 24, 24))
-        self._X = np.zeros((count, extra, 24))
+        count, columns, dofs = len(elements), self._G.shape[3], 3 * kind.size
+        self._modes = columns - kind.size
+        extra = 3 * self._modes
+        self.matrices = np.zeros((count, dofs, dofs))
+        self._X = np.zeros((count, extra, dofs))
         self._inverse = np.zeros((count, extra, extra))
         self._y = np.zeros((count, extra))
         self._C, self._CB = np.zeros((9, 9)), np.zeros((3, 3, 3 * columns))
         self._K, self._work = np.zeros((3, columns, 3 * columns)), np.zeros((12, columns))
 
     def rest_modes(self) -> FloatArray:
-        """Return the mode amplitudes of the undeformed solid [m], shape (m, 3, 3)."""
-        return np.zeros((len(self.elements), 3, 3))
+        """Return the mode amplitudes of the undeformed solid [m], shape (m, modes of an element, 3)."""
+        return np.zeros((len(self.elements), self._modes, 3))
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3); infinite where the material has none."""

@@ -1,4 +1,4 @@
-"""A volume mesh of hexahedra, and the checks that name what is wrong with one."""
+"""A volume mesh, and the checks that name what is wrong with one."""
 
 import zlib
 from dataclasses import dataclass
@@ -7,28 +7,36 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.elements.element import Element
+from tripod_sim.elements.hexahedron import H8_MODES
 from tripod_sim.errors import SceneError
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-HEXAHEDRON_FACES = np.array(
-    [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-)
-"""Faces of an eight-node hexahedron, each counter-clockwise seen from outside; nodes in VTK order."""
+FACE_TRIANGLES = {
+    3: ((0, 1, 2),),
+    6: ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    4: ((0, 1, 2), (0, 2, 3)),
+    8: ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 7), (5, 6, 7)),
+    9: ((0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8)),
+}
+"""Triangles of a face by its number of nodes: corners in a loop, mid-edge nodes in the same order, centre."""
 
 
 @dataclass(frozen=True, eq=False)
 class SolidMesh:
-    """Eight-node hexahedra.
+    """Elements of one kind.
 
     Attributes:
         nodes: Undeformed positions [m], shape (n, 3).
-        elements: Node indices, shape (m, 8), in VTK order (bottom face counter-clockwise from above, then top face).
+        elements: Node indices, shape (m, nodes of an element), in VTK order.
+        kind: The element.
     """
 
     nodes: FloatArray
     elements: IndexArray
+    kind: Element = H8_MODES
 
     def __post_init__(self) -> None:
         for name, kind in (("nodes", np.float64), ("elements", np.int64)):
@@ -39,10 +47,11 @@ class SolidMesh:
     @cached_property
     def surface(self) -> IndexArray:
         """Boundary triangles, shape (k, 3), counter-clockwise seen from outside."""
-        faces = self.elements[:, HEXAHEDRON_FACES].reshape(-1, 4)
-        _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-        quads = faces[np.sort(first[count == 1])]
-        return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        faces = self.elements[:, np.array(self.kind.faces)].reshape(-1, len(self.kind.faces[0]))
+        corners = np.sort(faces[:, : self.kind.face_corners], axis=1)
+        _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
+        boundary = faces[np.sort(first[count == 1])]
+        return np.concatenate([boundary[:, list(t)] for t in FACE_TRIANGLES[faces.shape[1]]])
 
     @cached_property
     def topology_id(self) -> int:
@@ -65,10 +74,10 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
 
     Raises:
         SceneError: no elements; positions not finite; node numbers out of range; unreferenced nodes; coincident nodes;
-            elements inverted or without volume at a corner (scaled Jacobian not above 1e-6), or given twice.
+            elements inverted or without volume somewhere (scaled Jacobian not above 1e-6), or given twice.
     """
     if not len(mesh.elements):
-        raise SceneError(f"{source}: the mesh has no hexahedra")
+        raise SceneError(f"{source}: the mesh has no elements")
     if (bad := np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))).size:
         raise SceneError(f"{source}: positions of nodes {names_of(bad)} are not finite")
     outside = ((mesh.elements < 0) | (mesh.elements >= len(mesh.nodes))).any(axis=1)
@@ -85,12 +94,12 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
     _, inverse, count = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
     if (bad := np.flatnonzero(count[inverse.ravel()] > 1)).size:
         raise SceneError(f"{source}: nodes {names_of(bad)} share their position with another node")
-    quality = corner_quality(mesh)
+    quality = element_quality(mesh)
     if (bad := np.flatnonzero(~(quality > 1e-6))).size:
         inverted = np.flatnonzero(quality < -1e-6)
         if inverted.size:
             raise SceneError(f"{source}: elements {names_of(inverted)} are inverted (node order or geometry)")
-        raise SceneError(f"{source}: elements {names_of(bad)} have no volume at a corner")
+        raise SceneError(f"{source}: elements {names_of(bad)} have no volume somewhere")
     _, inverse, count = np.unique(
         np.sort(mesh.elements, axis=1), axis=0, return_inverse=True, return_counts=True
     )
@@ -98,17 +107,15 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
         raise SceneError(f"{source}: elements {names_of(bad)} have the nodes of another element")
 
 
-CORNER_NEIGHBOURS = np.array(
-    [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]
-)
-"""Neighbours of each corner of a hexahedron, such that their edges are right-handed in a valid element."""
+def element_quality(mesh: SolidMesh) -> FloatArray:
+    """Return the smallest scaled Jacobian of each element, shape (m,): 1 is a brick, 0 is flat, negative is inside out.
 
-
-def corner_quality(mesh: SolidMesh) -> FloatArray:
-    """Return the smallest scaled Jacobian of the corners of each element, shape (m,); 1 is a brick, 0 is flat."""
-    corners = mesh.nodes[mesh.elements]
-    edges = corners[:, CORNER_NEIGHBOURS] - corners[:, :, None]
-    volume = np.einsum("eci,eci->ec", edges[:, :, 0], np.cross(edges[:, :, 1], edges[:, :, 2]))
-    length = np.linalg.norm(edges, axis=3).prod(axis=2)
+    At nodes and quadrature points, det J over the product of the lengths of J's columns.
+    """
+    kind = mesh.kind
+    points = np.concatenate([kind.reference, kind.points])
+    jacobian = kind.jacobians(mesh.nodes[mesh.elements], points)
+    length = np.linalg.norm(jacobian, axis=2).prod(axis=2)
+    volume = np.linalg.det(jacobian)
     ratio = np.divide(volume, length, out=np.zeros_like(volume), where=length > 0)
     return np.asarray(ratio.min(axis=1))

@@ -1,0 +1,202 @@
+"""Every element: nodality, gradients, volumes, patch test, faces; and what incompatible modes must and must not do."""
+
+import numpy as np
+import pytest
+
+from tests.checks import random_rotation
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.elements.element import Element, node_volumes, reference_gradients
+from tripod_sim.elements.hexahedron import CORNERS, H8_MODES
+from tripod_sim.forces.solid import Solid
+from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality
+
+
+@pytest.fixture(params=sorted(ELEMENTS))
+def kind(request: pytest.FixtureRequest) -> Element:
+    return ELEMENTS[request.param]
+
+
+def block(kind: Element, cells: tuple[int, int, int] = (2, 2, 2), noise: float = 0.12) -> SolidMesh:
+    """A block of unit cells with distorted corners, of any element."""
+    a, b, c = cells
+    grid = np.stack(np.meshgrid(*[np.arange(k + 1.0) for k in cells], indexing="ij"), -1).reshape(-1, 3)
+    nodes = grid + np.random.default_rng(5).uniform(-noise, noise, grid.shape)
+    n = np.arange(len(nodes)).reshape(a + 1, b + 1, c + 1)
+    steps = ((CORNERS + 1) // 2).astype(int)
+    elements = [
+        [n[i + p, j + q, k + r] for p, q, r in steps] for i in range(a) for j in range(b) for k in range(c)
+    ]
+    mesh = SolidMesh(nodes, np.array(elements))
+    return mesh if kind is H8_MODES else convert_hexahedra(mesh, kind.name)
+
+
+def inside(kind: Element, count: int = 5) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    if kind.corners == 8:
+        return rng.uniform(-1, 1, (count, 3))
+    return rng.dirichlet(np.ones(4), count)[:, 1:]
+
+
+def test_one_at_its_own_node_and_zero_at_the_others(kind: Element) -> None:
+    np.testing.assert_allclose(kind.functions(kind.reference), np.eye(kind.size), atol=1e-14)
+
+
+def test_gradients_are_derivatives_and_sum_to_zero(kind: Element) -> None:
+    xi, h = inside(kind), 1e-6
+    for j in range(3):
+        step = h * np.eye(3)[j]
+        slope = (kind.functions(xi + step) - kind.functions(xi - step)) / (2 * h)
+        np.testing.assert_allclose(kind.gradients(xi)[:, :, j], slope, atol=1e-8)
+    np.testing.assert_allclose(kind.functions(xi).sum(axis=1), 1, atol=1e-14)
+    np.testing.assert_allclose(kind.gradients(xi).sum(axis=1), 0, atol=1e-13)
+
+
+def test_weights_sum_to_the_cell_and_integrate_linear_functions(kind: Element) -> None:
+    volume = 8.0 if kind.corners == 8 else 1 / 6
+    centre = np.zeros(3) if kind.corners == 8 else np.full(3, 0.25)
+    assert kind.weights.sum() == pytest.approx(volume)
+    np.testing.assert_allclose(kind.weights @ kind.points, volume * centre, atol=1e-14)
+
+
+def test_reference_gradients_reproduce_a_linear_field(kind: Element) -> None:
+    mesh = block(kind)
+    corners = mesh.nodes[mesh.elements]
+    gradients, _ = reference_gradients(kind, corners)
+    A = np.random.default_rng(1).standard_normal((3, 3))
+    found = np.einsum("eai,eqaj->eqij", corners @ A.T, gradients[:, :, : kind.size])
+    np.testing.assert_allclose(found, np.broadcast_to(A, found.shape), atol=1e-11)
+
+
+def test_incompatible_modes_average_to_zero() -> None:
+    """So that they do no work on constant stress: the patch test."""
+    mesh = block(H8_MODES)
+    gradients, weight = reference_gradients(H8_MODES, mesh.nodes[mesh.elements])
+    mean = np.einsum("eq,eqkj->ekj", weight, gradients[:, :, 8:])
+    np.testing.assert_allclose(mean, 0, atol=1e-13)
+    assert np.abs(gradients[:, :, 8:]).max() > 1
+
+
+def test_node_volumes_sum_to_the_volume_and_inertia_is_positive(kind: Element) -> None:
+    mesh = block(kind)
+    load, inert = node_volumes(kind, mesh.nodes[mesh.elements])
+    hull = block(H8_MODES)  # the same straight-edged cells
+    _, exact = reference_gradients(H8_MODES, hull.nodes[hull.elements])
+    total = exact.sum() if kind.corners == 8 else load.sum()  # tetrahedra cut curved faces
+    assert load.sum() == pytest.approx(total, rel=1e-12)
+    assert inert.sum() == pytest.approx(load.sum(), rel=1e-12)
+    assert inert.min() > 0
+
+
+def test_surface_is_closed_and_encloses_the_volume(kind: Element) -> None:
+    mesh = block(kind)
+    check_mesh(mesh, "block")
+    t = mesh.surface
+    edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+    forward = {tuple(e) for e in edges.tolist()}
+    assert len(forward) == len(edges)
+    assert all((b, a) in forward for a, b in forward)
+    x = mesh.nodes[t]
+    enclosed = np.einsum("ti,ti->t", x[:, 0], np.cross(x[:, 1], x[:, 2])).sum() / 6
+    load, _ = node_volumes(kind, mesh.nodes[mesh.elements])
+    assert enclosed == pytest.approx(load.sum(), rel=0.02)  # faces of hexahedra are not flat
+    assert element_quality(mesh).min() > 0.1
+
+
+@pytest.mark.parametrize("law", ["neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff"])
+def test_patch_of_distorted_elements_holds_a_large_uniform_strain(kind: Element, law: str) -> None:
+    mesh = block(kind)
+    nodes = mesh.nodes
+    solid = Solid(nodes, np.array(mesh.elements), kind, law, 1.0, 1.0)
+    F = random_rotation(np.random.default_rng(6)) @ np.array(
+        [[1.3, 0.2, 0.0], [0.1, 0.9, 0.1], [0.0, 0.2, 1.1]]
+    )
+    x, modes, g = nodes @ F.T, solid.rest_modes(), np.zeros_like(nodes)
+    assert solid.stiffness(x, modes, project=True) == -1
+    solid.add_gradient(x, modes, g)
+    outer = np.unique(mesh.surface)
+    inner = np.setdiff1d(np.arange(len(nodes)), outer)
+    assert len(inner) >= 1
+    assert np.abs(g[outer]).max() > 0.01
+    np.testing.assert_allclose(g[inner], 0, atol=1e-12)
+    assert solid.mode_residual_squared < 1e-24
+
+
+def test_permuted_nodes_give_the_same_energy(kind: Element) -> None:
+    """The same cell begun at another corner (a rotation of the cell) stores the same energy for the same motion."""
+    mesh = block(kind, (1, 1, 1))
+    turn = (
+        np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+        if kind.corners == 8
+        else np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    )
+    order = [int(np.argmin(np.linalg.norm(kind.reference - turn @ r, axis=1))) for r in kind.reference]
+    rng, energies = np.random.default_rng(2), []
+    x = mesh.nodes + 0.05 * rng.standard_normal(mesh.nodes.shape)
+    for elements in (np.array(mesh.elements), np.array(mesh.elements)[:, order]):
+        solid = Solid(mesh.nodes, elements, kind, "stable_neo_hooke", 1.0, 1.0)
+        energies.append(solid.energy(x, solid.rest_modes()))
+    assert order != list(range(kind.size))
+    assert energies[1] == pytest.approx(energies[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("law", ["neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff"])
+def test_stiffness_is_the_derivative_of_the_gradient(kind: Element, law: str) -> None:
+    mesh, rng = block(kind, (1, 1, 1)), np.random.default_rng(3)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), kind, law, 1.0, 1.0)
+    x = mesh.nodes + 0.02 * rng.standard_normal(mesh.nodes.shape)
+    modes, still = solid.rest_modes(), np.zeros_like(x)
+
+    def gradient(x: np.ndarray) -> np.ndarray:
+        settled = modes.copy()
+        for _ in range(12):
+            assert solid.stiffness(x, settled, project=False) == -1
+            g = np.zeros_like(x)
+            solid.add_gradient(x, settled, g)
+            solid.advance_modes(settled.copy(), still, 1.0, settled)
+        modes[:] = settled
+        return g
+
+    base = gradient(x)
+    d, h = rng.standard_normal(x.shape), 1e-6
+    K = np.zeros((x.size, x.size))
+    for e, k in zip(mesh.elements, solid.matrices, strict=True):
+        dofs = (3 * e[:, None] + np.arange(3)).ravel()
+        K[np.ix_(dofs, dofs)] += k
+    np.testing.assert_allclose(K, K.T, atol=1e-11 * np.abs(K).max())
+    slope = (gradient(x + h * d) - gradient(x - h * d)).ravel() / (2 * h)
+    np.testing.assert_allclose(slope, K @ d.ravel(), atol=1e-6 * np.abs(slope).max())
+    assert np.abs(base).max() > 1e-3
+
+
+def tip_deflection(kind: Element) -> float:
+    """Deflection of a slender cantilever, one element thick, over beam theory's (nu = 0)."""
+    length, height, E = 10.0, 0.5, 1000.0
+    straight = block(H8_MODES, (10, 1, 1), noise=0.0)
+    mesh = SolidMesh(straight.nodes * [length / 10, height, height], straight.elements)
+    if kind is not H8_MODES:
+        mesh = convert_hexahedra(mesh, kind.name)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), kind, "neo_hooke", 0.0, E / 2)
+    solid.stiffness(np.array(mesh.nodes), solid.rest_modes(), project=False)
+    n = len(mesh.nodes)
+    K = np.zeros((3 * n, 3 * n))
+    for e, k in zip(mesh.elements, solid.matrices, strict=True):
+        dofs = (3 * e[:, None] + np.arange(3)).ravel()
+        K[np.ix_(dofs, dofs)] += k
+    free = np.flatnonzero(np.repeat(mesh.nodes[:, 0] > 1e-9, 3))
+    tip = np.flatnonzero(mesh.nodes[:, 0] > length - 1e-9)
+    load, u = np.zeros(3 * n), np.zeros(3 * n)
+    load[3 * tip + 2] = 1.0 / len(tip)
+    u[free] = np.linalg.solve(K[np.ix_(free, free)], load[free])
+    bending = length**3 / (3 * E * height**4 / 12)
+    shear = length / (5 / 6 * (E / 2) * height**2)
+    return float(u[3 * tip + 2].mean() / (bending + shear))
+
+
+def test_bending_of_one_layer(kind: Element) -> None:
+    """Elements made for bending are within 1.5 % of beam theory (T10 4 %); linear ones lock."""
+    ratio = tip_deflection(kind)
+    if kind.name in ("h8", "t4"):
+        assert ratio < 0.75
+    else:
+        assert ratio == pytest.approx(1.0, abs=0.015 if kind.name != "t10" else 0.04)

@@ -1,0 +1,61 @@
+"""Tetrahedra: linear (T4) and quadratic (T10).
+
+With barycentric coordinates l_a, T4 has N_a = l_a and one point; T10 has l_a (2 l_a - 1) at corners, 4 l_a l_b at
+mid-edge nodes and the four-point rule of degree 2 [Hughes1987]. T4 is far too stiff in bending and for nearly
+incompressible materials: it is here because others use it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.elements.element import Element
+
+FloatArray = NDArray[np.float64]
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
+"""Corners between which the nodes 4 to 9 lie, VTK order."""
+
+FACES = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3))
+
+_SLOPES = np.array([[-1, -1, -1], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)  # dl_a/dxi
+
+
+def _barycentric(xi: FloatArray) -> FloatArray:
+    return np.column_stack([1 - xi.sum(axis=1), xi])
+
+
+def t4_gradients(xi: FloatArray) -> FloatArray:
+    """Return dN_a/dxi at the points `xi` (p, 3), shape (p, 4, 3)."""
+    return np.tile(_SLOPES, (len(xi), 1, 1))
+
+
+def t10_functions(xi: FloatArray) -> FloatArray:
+    """Return N_a at the points `xi` (p, 3), shape (p, 10)."""
+    b = _barycentric(xi)
+    return np.concatenate([b * (2 * b - 1), np.stack([4 * b[:, i] * b[:, j] for i, j in EDGES], 1)], axis=1)
+
+
+def t10_gradients(xi: FloatArray) -> FloatArray:
+    """Return dN_a/dxi at the points `xi` (p, 3), shape (p, 10, 3)."""
+    b = _barycentric(xi)
+    corner = (4 * b - 1)[:, :, None] * _SLOPES
+    edge = [4 * (b[:, i, None] * _SLOPES[j] + b[:, j, None] * _SLOPES[i]) for i, j in EDGES]
+    return np.concatenate([corner, np.stack(edge, 1)], axis=1)
+
+
+def _face(loop: tuple[int, ...]) -> tuple[int, ...]:
+    sides = [{loop[i], loop[(i + 1) % 3]} for i in range(3)]
+    return (*loop, *(4 + next(i for i, e in enumerate(EDGES) if set(e) == side) for side in sides))
+
+
+_A, _B = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
+_FOUR = np.array([[_B, _B, _B], [_A, _B, _B], [_B, _A, _B], [_B, _B, _A]])
+
+T4 = Element(
+    "t4", "tetra", CORNERS, _barycentric, t4_gradients, np.full((1, 3), 0.25), np.array([1 / 6]), FACES, 4
+)
+T10 = Element(
+    "t10", "tetra10", np.concatenate([CORNERS, [CORNERS[list(e)].mean(axis=0) for e in EDGES]]), t10_functions,
+    t10_gradients, _FOUR, np.full(4, 1 / 24), tuple(_face(f) for f in FACES), 4,
+)  # fmt: skip

@@ -1,0 +1,60 @@
+"""From eight-node hexahedra to any other element on the same cells."""
+
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.elements import quadratic_hexahedron, tetrahedron
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.elements.hexahedron import CORNERS
+from tripod_sim.mesh.solid_mesh import SolidMesh
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+def convert_hexahedra(mesh: SolidMesh, name: str) -> SolidMesh:
+    """Return a mesh of the element `name` on the cells of a mesh of eight-node hexahedra.
+
+    Tetrahedra: six to a cell (Kuhn's division along the diagonal from node 0 to node 6); neighbouring cells agree when
+    their local axes point alike across the shared face. Quadratic elements: nodes halfway, straight edges.
+    """
+    kind = ELEMENTS[name]
+    nodes, elements = mesh.nodes, np.asarray(mesh.elements)
+    if kind.corners == 4:
+        elements = elements[:, _kuhn()].reshape(-1, 4)
+    if kind.size in (10, 20, 27):
+        quadratic = tetrahedron if kind.corners == 4 else quadratic_hexahedron
+        nodes, elements = _add_centres(nodes, elements, quadratic.EDGES)
+        if kind.size == 27:
+            nodes, elements = _add_centres(nodes, elements, quadratic_hexahedron.FACE_CENTRES)
+            nodes, elements = _add_centres(nodes, elements, (tuple(range(8)),))
+    return SolidMesh(nodes, elements, kind)
+
+
+def _kuhn() -> IndexArray:
+    """Return the six tetrahedra of a cell as its node numbers, shape (6, 4), each right-handed."""
+    number = {tuple(corner): i for i, corner in enumerate(((CORNERS + 1) // 2).astype(int).tolist())}
+    found = []
+    for order in permutations(range(3)):
+        corner, path = [0, 0, 0], [0]
+        for axis in order:
+            corner[axis] = 1
+            path.append(number[tuple(corner)])
+        a, b, c, d = (CORNERS[i] for i in path)
+        found.append(
+            path if np.linalg.det([b - a, c - a, d - a]) > 0 else [path[0], path[2], path[1], path[3]]
+        )
+    return np.array(found)
+
+
+def _add_centres(
+    nodes: FloatArray, elements: IndexArray, groups: tuple[tuple[int, ...], ...]
+) -> tuple[FloatArray, IndexArray]:
+    """Add one node at the centre of each group of an element's nodes; elements share those of equal groups."""
+    members = elements[:, np.array(groups)]  # (m, g, k)
+    keys = np.sort(members.reshape(-1, members.shape[2]), axis=1)
+    unique, inverse = np.unique(keys, axis=0, return_inverse=True)
+    added = len(nodes) + inverse.reshape(len(elements), len(groups))
+    return np.concatenate([nodes, nodes[unique].mean(axis=1)]), np.hstack([elements, added])
