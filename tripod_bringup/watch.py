@@ -15,7 +15,7 @@ from tripod_bringup.status_line import ChainStatus
 from tripod_graph import names
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Mode, ModeTracker
-from tripod_graph.qos import LATCHED, RELIABLE
+from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
 
 SILENT_AFTER = 2.0
 """A status older than this is not shown [s]."""
@@ -43,7 +43,7 @@ class Watch(Node):
         self._tracker = ModeTracker()
         self._processes: Callable[[], Mapping[str, str]] = dict
         self._mode_publisher = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED)
+        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED_OF_ALL)
         for topic, kind in (
             (names.SIM_STATUS, SimStatus),
             (names.IK_STATUS, IkStatus),

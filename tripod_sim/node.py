@@ -102,8 +102,8 @@ class SimNode(Node):
         self._cloud = self.create_publisher(PointCloud2, names.POINT_CLOUD, SENSOR)
         self._mesh_publisher = self.create_publisher(Mesh, names.MESH, LATCHED)
         self._mesh_publisher.publish(messages.mesh_message(self._mesh))
-        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
         self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL)
+        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
         self.create_service(Trigger, names.SIM_RESET, self._on_reset)
         self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
         self.create_service(Trigger, names.SIM_STEP, self._on_step)
@@ -171,7 +171,7 @@ class SimNode(Node):
         except ValueError as error:
             self._refuse(str(error))
             return
-        if changed and self._mode.mode is Mode.STOP:
+        if changed:  # as the driver does: nothing of another mode's trajectory goes on
             with self._lock:
                 self._follower.stop(time.monotonic())
 

@@ -30,7 +30,7 @@ from tripod_graph import names
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Mode
 from tripod_graph.parameters import declare
-from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_view import events
 from tripod_view.body import BodyError
@@ -116,7 +116,7 @@ class ViewNode(Node):
         for kind, topic, callback, qos in (
             (Mesh, names.MESH, self._on_mesh, LATCHED),
             (PoseStamped, names.TARGET_POSE, self._on_target_pose, RELIABLE),
-            (ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED),
+            (ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL),
             (SimStatus, names.SIM_STATUS, show.keep_sim, RELIABLE),
             (IkStatus, names.IK_STATUS, show.keep_ik, RELIABLE),
             (RobotStatus, names.ROBOT_STATUS, show.keep_robot, RELIABLE),
