@@ -13,7 +13,7 @@ from tripod_record.metadata import information_yaml, metadata_yaml
 from tripod_record.topic import Topic, qos_yaml
 
 COMPRESSIONS = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
-METADATA_PERIOD = 10.0
+METADATA_PERIOD = 1.0
 """While recording, metadata.yaml is rewritten for new topics, and this often for the counts [s]."""
 
 
