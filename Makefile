@@ -12,7 +12,7 @@ help: ## Show this list (default)
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
 
 setup: ## Create .venv with everything in it; where ROS 2 Jazzy is sourced, use that
-	@command -v "$(PYTHON)" >/dev/null || { echo "setup: $(PYTHON) not found; install it: sudo apt-get install python3" >&2; exit 2; }
+	@command -v "$(PYTHON)" >/dev/null || { echo "setup: $(PYTHON) not found; to install: sudo apt-get install python3" >&2; exit 2; }
 	@"$(PYTHON)" -m tools.setup_environment
 
 demo: setup ## Bring up the simulated robot following a target; ARGS="..." goes to `tripod up --demo`

@@ -1,6 +1,5 @@
 """What the machine must have before `.venv` can be made: compilers, Python's headers, venv."""
 
-import importlib.util
 import os
 import shutil
 import subprocess
@@ -26,25 +25,37 @@ def missing_things(
     """
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     lines = []
-    if not (importlib.util.find_spec("venv") and importlib.util.find_spec("ensurepip")):
-        lines.append(_line("Python's venv module", f"{version}-venv"))
+    if not _has_venv():
+        lines.append(_line("Python's module venv", f"{version}-venv"))
     compiler = _find(environ, "CC", C_COMPILERS)
     if compiler is None:
-        lines.append(_line("a C compiler", "gcc libc6-dev"))
-    elif not _builds(compiler, "c", "#include <stdio.h>\nint main(void) { return 0; }\n"):
-        lines.append(_line(f"the C library's headers ({compiler} cannot build a program)", "libc6-dev"))
+        lines.append(_line("C compiler", "gcc libc6-dev"))
+    elif not _builds(compiler, "c", "#include <stdio.h>\nint main(void) { return putchar(10); }\n"):
+        lines.append(_line(f"C library headers ({compiler} cannot build a program)", "libc6-dev"))
     elif not _builds(compiler, "c", "#include <Python.h>\n", include or sysconfig.get_path("include")):
-        lines.append(_line("Python's C headers (Python.h)", f"{version}-dev"))
+        lines.append(_line("Python headers (Python.h)", f"{version}-dev"))
     compiler = _find(environ, "CXX", CXX_COMPILERS)
-    if compiler is None or not _builds(compiler, "c++", "#include <vector>\nint main() { return 0; }\n"):
-        lines.append(_line("a C++ compiler", "g++"))
+    if compiler is None or not _builds(
+        compiler, "c++", "#include <vector>\nint main() { return std::vector<int>().size(); }\n"
+    ):
+        lines.append(_line("C++ compiler", "g++"))
     if cmake and not shutil.which("cmake", path=environ.get("PATH", "")):
         lines.append(_line("cmake", "cmake"))
     return lines
 
 
 def _line(what: str, package: str) -> str:
-    return f"{what} is missing; install it: sudo apt-get install {package}"
+    return f"missing: {what}; to install: sudo apt-get install {package}"
+
+
+def _has_venv() -> bool:
+    try:
+        import ensurepip  # noqa: PLC0415 - Debian ships it apart
+        import venv  # noqa: F401, PLC0415
+
+        return bool(ensurepip.version())
+    except (ImportError, AttributeError, OSError):
+        return False
 
 
 def _find(environ: Mapping[str, str], variable: str, names: tuple[str, ...]) -> str | None:

@@ -110,7 +110,7 @@ def _sourced(environ: Mapping[str, str], packages: Sequence[str]) -> RosSource:
     if lacking:
         names = " ".join(f"ros-{DISTRO}-{p.replace('_', '-')}" for p in lacking)
         raise MissingError(
-            f"ROS packages missing: {', '.join(lacking)}; install them: sudo apt-get install {names}"
+            f"missing: ROS packages {', '.join(lacking)}; to install: sudo apt-get install {names}"
         )
     return RosSource(paths)
 

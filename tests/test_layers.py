@@ -1,0 +1,200 @@
+"""Arrows between the packages point one way: bringup -> nodes -> pure libraries (docs/architecture.md)."""
+
+import ast
+import json
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+MAY_IMPORT = {
+    "tripod_graph": set(),
+    "tripod_sim": {"tripod_graph"},
+    "tripod_ik": {"tripod_graph", "tripod_sim"},
+    "tripod_driver": {"tripod_graph"},
+    "tripod_teleop": {"tripod_graph"},
+    "tripod_view": {"tripod_graph"},
+    "tripod_record": {"tripod_graph"},
+}
+"""Packages of the suite that each package may import; tripod_bringup may import all."""
+
+ROS_EDGE = {
+    "tripod_graph": {"diagnostics", "limits", "parameters", "qos", "run"},
+    "tripod_sim": {"node", "messages", "markers"},
+    "tripod_ik": {"node"},
+    "tripod_driver": {"node"},
+    "tripod_teleop": {"node"},
+    "tripod_view": {"node", "messages", "settings"},
+    "tripod_record": {"node"},
+}
+"""Modules that touch ROS, themselves or through what they import. All others work where there is no ROS."""
+
+HOME = {
+    "viser": {"tripod_view"},
+    "websockets": {"tripod_view"},
+    "serial": {"tripod_driver", "tripod_bringup"},  # the doctor looks at ports
+    "mcap": {"tripod_record"},
+    "osqp": {"tripod_ik"},
+    "qdldl": {"tripod_sim"},
+    "numba": {"tripod_sim"},
+    "typer": {"tripod_bringup"},
+    "rich": {"tripod_bringup"},
+}
+"""Libraries that only some packages may use."""
+
+ROS = {
+    "ament_index_python",
+    "builtin_interfaces",
+    "rclpy",
+    "rcl_interfaces",
+    "rosidl_adapter",
+    "rosidl_parser",
+    "rosidl_runtime_py",
+    "rpyutils",
+    "std_srvs",
+}
+
+
+def is_ros(module: str) -> bool:
+    top = module.partition(".")[0]
+    return top in ROS or top.endswith("_msgs")
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Every module of the suite by dotted name."""
+    found = {}
+    for path in sorted(ROOT.glob("tripod_*/**/*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+@cache
+def imports(module: str) -> frozenset[str]:
+    """What `module` imports anywhere in its text, also inside functions; modules of the suite by their full name."""
+    path = modules()[module]
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parents = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*parents, *([base] if base else [])])
+            found.add(base)
+            found |= {f"{base}.{a.name}" for a in node.names if f"{base}.{a.name}" in modules()}
+    return frozenset(found)
+
+
+@cache
+def reached(module: str) -> frozenset[str]:
+    """All modules that importing `module` may bring in, through the modules of the suite."""
+    seen, todo = set(), {module}
+    while todo:
+        name = todo.pop()
+        seen.add(name)
+        if name in modules():
+            parents = {name.rsplit(".", n)[0] for n in range(1, name.count(".") + 1)}
+            todo |= (imports(name) | parents) - seen
+    return frozenset(seen)
+
+
+def package_of(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def test_the_reader_of_imports_sees_what_it_must() -> None:
+    assert {package_of(m) for m in modules()} == {*MAY_IMPORT, "tripod_bringup"}
+    assert "tripod_graph.run" in imports("tripod_sim.node")
+    assert "rclpy" in imports("tripod_graph.run"), "imports inside functions count"
+    assert "rclpy" in {package_of(m) for m in reached("tripod_sim.node")}
+    assert "numpy" in reached("tripod_sim")
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_a_package_imports_only_what_is_below_it(package: str) -> None:
+    allowed = MAY_IMPORT[package] | {package, "tripod_msgs"}
+    wrong = {
+        f"{module} -> {target}"
+        for module in modules()
+        if package_of(module) == package
+        for target in imports(module)
+        if target.startswith("tripod_") and package_of(target) not in allowed
+    }
+    assert not wrong
+
+
+def test_only_bringup_imports_a_node() -> None:
+    wrong = {
+        f"{module} -> {target}"
+        for module in modules()
+        if package_of(module) != "tripod_bringup"
+        for target in imports(module)
+        if target.startswith("tripod_") and target.endswith(".node")
+    }
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", ROS_EDGE)
+def test_ros_stays_at_the_edge_of_a_package(package: str) -> None:
+    touching = {
+        module.removeprefix(f"{package}.")
+        for module in modules()
+        if package_of(module) == package and any(is_ros(m) for m in reached(module))
+    }
+    assert touching == ROS_EDGE[package]
+
+
+def test_a_library_is_used_at_home_only() -> None:
+    wrong = {
+        f"{module} -> {target}"
+        for module in modules()
+        for target in imports(module)
+        if package_of(module) not in HOME.get(package_of(target), {package_of(module)})
+    }
+    assert not wrong
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Top-level names of all modules that a fresh interpreter has after `statement`."""
+    code = f"import json, sys\n{statement}\nprint(json.dumps([m.partition('.')[0] for m in sys.modules]))"
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, check=True, stdout=subprocess.PIPE, timeout=60
+    )
+    return set(json.loads(result.stdout))
+
+
+@pytest.mark.parametrize("package", ROS_EDGE)
+def test_a_fresh_interpreter_loads_the_pure_modules_without_ros(package: str) -> None:
+    pure = [
+        m
+        for m in modules()
+        if package_of(m) == package and m.removeprefix(f"{package}.") not in ROS_EDGE[package]
+    ]
+    loaded = loaded_by(f"import {', '.join(pure)}")
+    assert package in loaded
+    assert not {m for m in loaded if is_ros(m)}
+    if package in {"tripod_graph", "tripod_sim", "tripod_ik"}:
+        assert not loaded & {"serial", "viser", "mcap", "typer", "rich"}
+
+
+def test_the_simulator_as_a_library_loads_neither_ros_nor_port_nor_page_nor_recorder() -> None:
+    loaded = loaded_by("from tripod_sim import Simulation, load_scene; Simulation(load_scene('tripod'))")
+    assert {"numba", "qdldl"} <= loaded
+    assert not loaded & {"serial", "viser", "mcap", "osqp", "typer", "rich", "meshio", "matplotlib"}
+    assert not {m for m in loaded if is_ros(m)}
+
+
+@pytest.mark.parametrize("package", [*MAY_IMPORT, "tripod_bringup"])
+def test_importing_a_package_alone_loads_nothing_heavy(package: str) -> None:
+    loaded = loaded_by(f"import {package}")
+    assert package in loaded
+    assert not loaded & {*HOME, "numpy", "scipy"}
+    assert not {m for m in loaded if is_ros(m)}
