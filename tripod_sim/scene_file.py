@@ -19,8 +19,8 @@ MAX_BYTES = 100_000
 MOST_DOTS = 1000
 """In one line: the time and memory to parse a dotted key grow with the square of its length."""
 
-DEEPEST = 10
-"""Parts of the path of an override; no scene is as deep."""
+LONGEST_PATH = 100
+"""Characters of the path of an override; no field is as deep."""
 
 
 def scene_names() -> list[str]:
@@ -96,7 +96,7 @@ def override(table: dict[str, Any], word: str) -> None:
     """Apply one `dotted.path=value` to a parsed scene, in place; `path=off` removes an effect. Raises SceneError."""
     path, equals, text = (part.strip() for part in word.partition("="))
     keys = path.split(".")
-    if not equals or not all(keys) or len(keys) > DEEPEST:
+    if not equals or not all(keys) or len(path) > LONGEST_PATH:
         raise SceneError(f"override {shown(word)} is not of the form dotted.path=value")
     node: Any = table
     for depth, key in enumerate(keys[:-1]):

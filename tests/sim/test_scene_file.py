@@ -1,0 +1,342 @@
+"""Scenes as text: what is read back equals what was written, and whatever else is written is refused in one line."""
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tripod_sim
+from tripod_sim import SceneError, load_scene, scene_names
+from tripod_sim.scene import (
+    EFFECTS,
+    Damping,
+    Effector,
+    FixedBox,
+    Gravity,
+    Inertia,
+    Material,
+    Mesh,
+    Scene,
+    Servos,
+    Solver,
+)
+from tripod_sim.scene_file import MAX_BYTES, scene_to_toml
+
+FUZZ = settings(max_examples=300, deadline=None, derandomize=True, database=None)
+
+BOX = FixedBox((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+
+EVERYTHING = Scene(
+    name='quotes " and \\ backslashes',
+    description="lines\nand\ttabs, \x00, \x7f, \u2028, µ, 😀",
+    mesh=Mesh(source="/somewhere/piece.vtk", level=3, scale=1e-3),
+    material=Material(law="corotational", young=1 / 3, poisson=0.0, mass=1e-300),
+    dt=0.1 + 0.2,
+    duration=1e16,
+    gravity=Gravity((5e-324, -1.7976931348623157e308, -0.0)),
+    inertia=Inertia(),
+    damping=Damping(mass=2.5, stiffness=0.0),
+    fixed=(FixedBox((-1.0, -2.0, -3.0), (1.0, 2.0, 3.0)), BOX),
+    servos=Servos(0.07, 0.03, 0.04, -1.5, 0.25, 0.01, (-1.5, 0.25, 0.1), 0.01),
+    effector=Effector(0.01),
+    solver=Solver(1e-9, 7, 0, 0.02),
+)
+
+
+def written(folder: Path, text: str | bytes) -> Path:
+    path = folder / "scene.toml"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def refusal(source: str | Path, *overrides: str) -> str:
+    """Return the message with which a scene is refused; it must be one line that a person can read."""
+    with pytest.raises(SceneError) as caught:
+        load_scene(source, overrides)
+    message = str(caught.value)
+    assert message.isprintable()
+    assert len(message) < 400
+    return message
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_shipped_scene_loads_by_its_name(name: str) -> None:
+    scene = load_scene(name)
+    assert scene.name == name
+    assert scene.description
+
+
+def test_the_shipped_scenes_are_there() -> None:
+    assert {"tripod", "silicone"} <= set(scene_names())
+
+
+@pytest.mark.parametrize("scene", [*map(load_scene, scene_names()), EVERYTHING], ids=lambda s: s.name[:8])
+def test_a_written_scene_reads_back_equal(scene: Scene, tmp_path: Path) -> None:
+    again = load_scene(written(tmp_path, scene_to_toml(scene)))
+    assert again == scene
+    assert repr(again) == repr(scene)  # equality does not see -0.0 or 1 for 1.0
+
+
+def test_a_mesh_file_is_looked_for_beside_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "scenes").mkdir()
+    text = scene_to_toml(replace(load_scene("tripod"), mesh=Mesh("meshes/piece.vtk")))
+    written(tmp_path / "scenes", text)
+    monkeypatch.chdir(tmp_path)
+    scene = load_scene("scenes/scene.toml")
+    assert scene.mesh.source == str(tmp_path / "scenes/meshes/piece.vtk")
+    (tmp_path / "copies").mkdir()
+    assert load_scene(written(tmp_path / "copies", scene_to_toml(scene))) == scene
+
+
+@pytest.mark.parametrize(
+    ("scene", "word", "read", "value"),
+    [
+        ("tripod", "material.young=3e5", lambda s: s.material.young, 3e5),
+        ("tripod", " material.young = 300000 ", lambda s: s.material.young, 300000.0),
+        ("tripod", "mesh.level=1", lambda s: s.mesh.level, 1),
+        ("tripod", "material.law=corotational", lambda s: s.material.law, "corotational"),
+        ("tripod", 'material.law="corotational"', lambda s: s.material.law, "corotational"),
+        ("tripod", "name=two words", lambda s: s.name, "two words"),
+        ("tripod", 'description="off"', lambda s: s.description, "off"),
+        ("tripod", "description=", lambda s: s.description, ""),
+        ("tripod", "description=a=b", lambda s: s.description, "a=b"),
+        ("tripod", 'description=1\nname = "x"', lambda s: (s.description, s.name), ('1\nname = "x"', "tripod")),
+        ("tripod", "gravity.acceleration=[0, 0, -1.62]", lambda s: s.gravity.acceleration, (0.0, 0.0, -1.62)),
+        ("tripod", "servos.angles=[0.1, -1, 0]", lambda s: s.servos.angles, (0.1, -1.0, 0.0)),
+        ("tripod", "solver.max_iterations=7", lambda s: s.solver.max_iterations, 7),
+        ("tripod", "fixed=[{low=[0,0,0], high=[1,1,1]}]", lambda s: s.fixed, (BOX,)),
+        ("silicone", "fixed.0.low.0=0.05", lambda s: s.fixed[0].low, (0.05, -0.02, -0.01)),
+        ("silicone", "effector.radius=0.009", lambda s: s.effector, Effector(0.009)),
+    ],
+)  # fmt: skip
+def test_an_override_changes_what_it_names_and_nothing_else(scene, word, read, value) -> None:
+    before, after = load_scene(scene), load_scene(scene, [word])
+    assert read(after) == value
+    assert repr(read(after)) == repr(value)
+    assert read(before) != value
+    changed = {f for f in before.__dict__ if getattr(before, f) != getattr(after, f)}
+    assert changed == {word.split("=")[0].split(".")[0].strip()}
+
+
+def test_the_last_override_of_a_field_counts() -> None:
+    assert load_scene("tripod", ["dt=0.001", "dt=0.002"]).dt == 0.002
+
+
+@pytest.mark.parametrize(
+    ("scene", "words", "message"),
+    [
+        ("tripod", "material.young=0", "material.young is 0.0; it must be above 0 Pa"),
+        ("tripod", "material.young=nan", "material.young is nan; it must be above 0 Pa"),
+        ("tripod", "material.young=inf", "material.young is inf; it must be above 0 Pa"),
+        ("tripod", "material.young=hard", "material.young is 'hard'; it must be a number"),
+        ("tripod", "material.young=true", "material.young is True; it must be a number"),
+        ("tripod", "material.young={}", "material.young is {}; it must be a number"),
+        ("tripod", f"material.young={2**63}", "material.young is a whole number of more than 64 bits"),
+        ("tripod", f"mesh.level=0x{'f' * 5000}", "mesh.level is a whole number of more than 64 bits"),
+        ("tripod", "material.yung=1", "field material.yung is unknown; fields: law, young,"),
+        ("tripod", "material.yung=1", "did you mean 'young'?"),
+        ("tripod", "materiel.young=1", "field materiel is unknown"),
+        ("tripod", "materiel.young=1", "did you mean 'material'?"),
+        ("tripod", "material.poisson=0.5", "material.poisson is 0.5; it must be at least 0 and at most 0.499"),
+        ("tripod", "mesh.level=5", "mesh.level is 5; it must be at least 1 and at most 4"),
+        ("tripod", "mesh.level=2.0", "mesh.level is 2.0; it must be a whole number"),
+        ("tripod", "mesh.level=true", "mesh.level is True; it must be a whole number"),
+        ("tripod", "material.law=rubber", "material.law is 'rubber'; allowed: neo_hooke, corotational"),
+        ("tripod", f"material.law={'x' * 9999}", "material.law is 'xxx"),
+        ("tripod", "name=5", "name is 5; it must be text"),
+        ("tripod", "dt=2", "dt is 2.0; it must be above 0 s and at most 1 s"),
+        ("tripod", "dt=0", "dt is 0.0; it must be above 0 s"),
+        ("tripod", "gravity=5", "gravity is 5; it must be a table"),
+        ("tripod", "gravity.acceleration=9.81", "gravity.acceleration is 9.81; it must be a list"),
+        ("tripod", "gravity.acceleration=[0, 0]", "gravity.acceleration has 2 values; it needs 3"),
+        ("tripod", "gravity.acceleration=[0, 0, 'g']", "gravity.acceleration.2 is 'g'; it must be a number"),
+        ("tripod", "gravity.acceleration=[0, nan, 0]", "gravity.acceleration is (0.0, nan, 0.0); it must be a finite"),
+        ("tripod", "servos.angles=[0, 0, 1]", "servos.angles.2 is 1.0 rad; allowed is -2.1 to 0.6 rad"),
+        ("tripod", "servos.slide=0.05", "servos.slide is 0.05 m; allowed is 0 to 0.04 m"),
+        ("silicone", "fixed.1.low=[0, 0, 0]", "fixed.1: there is no entry '1'; it has entries 0 to 0"),
+        ("silicone", "fixed.-1.low=[0, 0, 0]", "fixed.-1: there is no entry '-1'; it has entries 0 to 0"),
+        ("silicone", f"fixed.{'9' * 5000}=1", "is not of the form dotted.path=value"),
+        ("silicone", "fixed=[];fixed.0.low=1", "fixed.0: there is no entry '0'; it is empty"),
+        ("silicone", "fixed=[{low=[0, 0, 0]}]", "field fixed.0.high is missing"),
+        ("silicone", "fixed.0.low=[1, 0, 0]", "fixed.0: low (1.0, 0.0, 0.0) must not exceed high (0.06, "),
+        ("tripod", "material.young.x=3", "override 'material.young.x=3': material.young is a value, not a table"),
+        ("tripod", "material.young.x.y=3", "material.young.x: material.young is a value, not a table"),
+        ("tripod", "material.young", "override 'material.young' is not of the form dotted.path=value"),
+        ("tripod", "=3", "override '=3' is not of the form dotted.path=value"),
+        ("tripod", "material..young=3", "is not of the form dotted.path=value"),
+        ("tripod", f"{'a.' * 5000}a=3", "is not of the form dotted.path=value"),
+        ("tripod", "material.a\nb=3", r"field material.'a\nb' is unknown"),
+        ("tripod", "material=off", "only an effect can be off; effects: gravity, inertia, damping, fixed, servos, eff"),
+        ("tripod", "gravity.acceleration=off", "gravity.acceleration=off: only an effect can be off"),
+        ("silicone", "fixed.1=off", "fixed.1: there is no entry '1'"),
+        ("tripod", "inertia=off", "damping needs inertia"),
+        ("tripod", "inertia=off;damping=off;servos=off", "nothing holds the body"),
+    ],
+)  # fmt: skip
+def test_a_bad_override_is_refused_by_its_path(scene: str, words: str, message: str) -> None:
+    assert message in refusal(scene, *words.split(";"))
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_goes_with_off_and_returns_as_it_was(effect: str) -> None:
+    scene = replace(EVERYTHING, damping=None) if effect == "inertia" else EVERYTHING
+    table = tomllib.loads(scene_to_toml(scene))
+    words = ["damping=off"] if effect == "inertia" else []
+    shipped = load_scene("tripod", [*words, "fixed=[{low=[0,0,0], high=[1,1,1]}]"])
+    off = load_scene("tripod", [*words, "fixed=[{low=[0,0,0], high=[1,1,1]}]", f"{effect}=off"])
+    absent = () if effect == "fixed" else None
+    assert getattr(shipped, effect) != absent
+    assert off == replace(shipped, **{effect: absent})
+    back = f"{effect}={inline(table[effect])}"
+    again = load_scene("tripod", [*words, f"{effect}=off", back])
+    assert getattr(again, effect) == getattr(EVERYTHING, effect)
+
+
+def test_one_entry_of_a_list_goes_with_off() -> None:
+    boxes = "fixed=[{low=[0,0,0], high=[1,1,1]}, {low=[2,2,2], high=[3,3,3]}]"
+    assert load_scene("tripod", [boxes, "fixed.0=off"]).fixed == (FixedBox((2, 2, 2), (3, 3, 3)),)
+
+
+def test_an_effect_that_is_not_there_can_be_off() -> None:
+    assert load_scene("tripod", ["fixed=off"]) == load_scene("tripod")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("tripd", "scene 'tripd' is unknown; scenes: "),
+        ("tripd", ", or the path of a .toml file; did you mean 'tripod'?"),
+        ("Silicone", "did you mean 'silicone'?"),
+        ("", "scene '' is unknown"),
+        ("../scenes/tripod", "is unknown"),
+        ("no/such/place.toml", "scene file 'no/such/place.toml' cannot be read: No such file or directory"),
+        ("zero\0byte.toml", r"scene file 'zero\x00byte.toml' cannot be read: embedded null byte"),
+    ],
+)
+def test_an_unknown_scene_is_refused_with_the_nearest_name(name: str, message: str) -> None:
+    assert message in refusal(name)
+
+
+def test_a_name_like_no_other_gets_no_hint() -> None:
+    assert "did you mean" not in refusal("xyzzy")
+
+
+BASE = scene_to_toml(load_scene("tripod"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", "field name is missing"),
+        ("name = ", "is not valid TOML: Invalid value (at end of document)"),
+        (BASE + "[material]\n", "is not valid TOML"),
+        (b'name = "\xff"', "is not UTF-8 text"),
+        ("#" * (MAX_BYTES + 1), f"is larger than {MAX_BYTES} bytes"),
+        ("v = " + "[" * 20_000, "is not valid TOML: nested too deeply"),
+        ("v = " + "[" * 20_000 + "]" * 20_000, "is not valid TOML: nested too deeply"),
+        ("v = " + "{a=" * 20_000, "is not valid TOML: nested too deeply"),
+        (".".join("a" * 40_000) + " = 1", "is not valid TOML: a line with more than 1000 dots"),
+        ("name." + ".".join("a" * 900) + " = {" + ".".join("b" * 90) + " = 1}", "name is <dict>; it must be text"),
+        ("name." * 30 + "a = 1", "name is {'name': {'name': "),
+        ("dt = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
+        (f"{BASE}[friction]\n", "field friction is unknown"),
+        (f'"a\\nb\\u0000" = 1\n{BASE}', r"field 'a\nb\x00' is unknown"),
+        (f"{'x' * 9000} = 1\n{BASE}", "field 'xxx"),
+        (f"mesh = 1\n{BASE.split('[mesh]', maxsplit=1)[0]}", "mesh is 1; it must be a table"),
+    ],
+)  # fmt: skip
+def test_a_hostile_file_is_refused_in_one_line(text: str | bytes, message: str, tmp_path: Path) -> None:
+    assert message in refusal(written(tmp_path, text))
+
+
+def test_what_is_not_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "folder.toml").mkdir()
+    os.mkfifo(tmp_path / "pipe.toml")  # opening it would wait for ever
+    assert "is not a file" in refusal(tmp_path / "folder.toml")
+    assert "is not a file" in refusal(tmp_path / "pipe.toml")
+
+
+PARTS = {"mesh": Mesh, "material": Material, "solver": Solver, "gravity": Gravity, "inertia": Inertia} | {
+    "damping": Damping, "servos": Servos, "effector": Effector, "fixed.0": FixedBox
+}  # fmt: skip
+PATHS = [
+    *Scene.__dataclass_fields__,
+    *(f"{p}.{f}" for p, kind in PARTS.items() for f in kind.__dataclass_fields__),
+]
+WORDS = sorted({word for path in PATHS for word in path.split(".")})
+ANY_PATH = st.one_of(
+    st.sampled_from(PATHS),
+    st.tuples(st.sampled_from(PATHS), st.sampled_from(["0", "1", "-1", "x"])).map(".".join),
+    st.lists(st.sampled_from(WORDS), min_size=1, max_size=4).map(".".join),
+)
+TEXT = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\x7f"), max_size=8)
+NUMBERS = (
+    st.integers() | st.floats() | st.floats(0, 1) | st.sampled_from([2**63, -(10**400), int("9" * 4000)])
+)
+VALUES = st.recursive(
+    st.one_of(st.booleans(), NUMBERS, TEXT, st.dates(), st.sampled_from(["y_piece", "neo_hooke", "off"])),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(WORDS) | TEXT, inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+def inline(value: object) -> str:
+    """Return a TOML value on one line."""
+    if isinstance(value, dict):
+        return (
+            "{"
+            + ", ".join(f"{json.dumps(k, ensure_ascii=False)} = {inline(v)}" for k, v in value.items())
+            + "}"
+        )
+    if isinstance(value, list):
+        return "[" + ", ".join(inline(v) for v in value) + "]"
+    if isinstance(value, bool | str):
+        return json.dumps(value, ensure_ascii=False)
+    return str(value)
+
+
+def assert_kept_or_refused(source: str | Path, overrides: list[str], folder: Path) -> None:
+    """Whatever the input: a SceneError of one line, or a scene that can be written and read."""
+    try:
+        scene = load_scene(source, overrides)
+    except SceneError as error:
+        assert str(error).isprintable()
+        return
+    again = load_scene(written(folder, scene_to_toml(scene)))
+    assert again == scene
+
+
+@FUZZ
+@given(st.lists(st.tuples(ANY_PATH, VALUES), min_size=1, max_size=3))
+def test_any_value_at_any_path_is_kept_or_refused(tmp_path_factory, values) -> None:
+    words = [f"{path}={inline(value)}" for path, value in values]
+    assert_kept_or_refused("tripod", words, tmp_path_factory.getbasetemp())
+
+
+@FUZZ
+@given(data=st.data())
+def test_any_damage_to_a_file_is_survived(tmp_path_factory, data: st.DataObject) -> None:
+    at = data.draw(st.integers(0, len(BASE)))
+    end = data.draw(st.integers(at, min(len(BASE), at + 40)))
+    patch = data.draw(st.binary(max_size=6) | TEXT.map(str.encode) | VALUES.map(inline).map(str.encode))
+    path = written(tmp_path_factory.getbasetemp(), BASE.encode()[:at] + patch + BASE.encode()[end:])
+    assert_kept_or_refused(path, [], tmp_path_factory.getbasetemp())
+
+
+def test_listing_scenes_loads_no_compiler() -> None:
+    code = "import sys, tripod_sim; assert tripod_sim.scene_names(); assert not {'numba', 'rclpy'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_an_unknown_public_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="module 'tripod_sim' has no attribute 'Simulator'"):
+        _ = tripod_sim.Simulator
