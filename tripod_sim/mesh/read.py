@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh, names_of
 
 MAX_BYTES = 200_000_000
 """A mesh file larger than this is refused unread."""
@@ -39,8 +39,10 @@ def read_hexahedra(path: Path, scale: float) -> SolidMesh:
         raise SceneError(
             f"mesh.source: {str(path)!r} has points of shape {points.shape}; three coordinates are needed"
         )
-    if ((elements < 0) | (elements >= len(points))).any():
-        raise SceneError(f"mesh.source: {str(path)!r} names nodes outside 0..{len(points) - 1}")
+    if (bad := np.flatnonzero(((elements < 0) | (elements >= len(points))).any(axis=1))).size:
+        raise SceneError(
+            f"mesh.source: {str(path)!r}: elements {names_of(bad)} name nodes outside 0..{len(points) - 1}"
+        )
     used, renumbered = np.unique(elements, return_inverse=True)
     return SolidMesh(points[used] * scale, renumbered.reshape(elements.shape))
 
