@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import SceneError, shown
 
 FloatArray = NDArray[np.float64]
 
@@ -58,7 +58,9 @@ def parse_timeline(text: str, width: int, what: str) -> Timeline:
             or len(numbers) != width
             or not np.isfinite([times[-1] if times else np.nan, *numbers]).all()
         ):
-            raise SceneError(f"{what}: {part.strip()!r} is not 'time: value, ...' with {width} finite values")
+            raise SceneError(
+                f"{what}: {shown(part.strip())} is not 'time: value, ...' with {width} finite values"
+            )
         values.append(numbers)
     t = np.array(times)
     if t[0] < 0 or (np.diff(t) <= 0).any():
@@ -82,7 +84,7 @@ def parse_slide(text: str, servo: Timeline | None) -> Timeline:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise SceneError(f"--slide {text!r} is neither a number [m] nor 'time: value; ...'")
+        raise SceneError(f"--slide {shown(text)} is neither a number [m] nor 'time: value; ...'")
     if servo is not None and len(servo.times) > 1:
         ends = servo.times[[0, -1]]
         return Timeline(ends, np.array([[0.0], [value]]))
