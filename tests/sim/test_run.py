@@ -1,0 +1,276 @@
+"""A run without ROS: its summary, its recording, and that the same inputs give the same bits."""
+
+import errno
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, StepError, load_scene, scene_names
+from tripod_sim import run as run_module
+from tripod_sim.run import run
+
+COARSE = ["mesh.level=1"]
+BEND = "0:0,0,0; 0.2:-0.4,-0.3,0.1"
+
+
+def never(_: float) -> None:
+    pytest.fail("a step was simulated")
+
+
+def refusal(scene: str = "tripod", **options: Any) -> str:
+    """Return why a run is refused; it must be said before the first step."""
+    with pytest.raises(SceneError) as caught:
+        run(scene, progress=never, **{"overrides": COARSE, **options})
+    message = str(caught.value)
+    assert message.isprintable()
+    assert len(message) < 500
+    return message
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], dict[str, np.ndarray], Path]:
+    """The summary and the arrays of one run."""
+    out = tmp_path_factory.mktemp("run") / "bend.npz"
+    summary = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=COARSE, out=out)
+    with np.load(out, allow_pickle=False) as file:
+        return summary, dict(file), out
+
+
+def test_the_summary_is_json_with_every_number_finite(recorded) -> None:
+    summary = json.loads(json.dumps(recorded[0], allow_nan=False))
+    assert summary["scene"] == "tripod"
+    assert summary["dt"] == 0.005
+    assert summary["steps"] == 60
+    assert summary["time"] == pytest.approx(0.3)
+    assert summary["angles"] == pytest.approx([-0.4, -0.3, 0.1], abs=1e-12)
+    assert summary["slide"] == pytest.approx(0.02, abs=1e-12)
+    assert len(summary["torques"]) == 3
+    assert min(abs(t) for t in summary["torques"]) > 1e-3
+    assert len(summary["effector"]["position"]) == 3
+    assert np.linalg.norm(summary["effector"]["quaternion"]) == pytest.approx(1, abs=1e-12)
+    assert summary["effector"]["quaternion"][3] > 0.9
+    assert set(summary["energies"]) == {"kinetic", "strain", "gravity"}
+    assert summary["energies"]["strain"] > 1e-3
+    assert summary["newton_iterations"] >= summary["parts"] >= 60
+    assert summary["halvings"] == 0
+    assert 0 < summary["residual"] < 1e-4
+    assert 0 < summary["step_ms"]["median"] <= summary["step_ms"]["p99"]
+
+
+def test_the_recording_holds_every_step(recorded) -> None:
+    summary, arrays, _ = recorded
+    nodes = 144
+    shapes = {name: a.shape for name, a in arrays.items()}
+    assert shapes == {
+        "time": (60,),
+        "positions": (60, nodes, 3),
+        "effector": (60, 7),
+        "angles": (60, 3),
+        "slide": (60,),
+        "torques": (60, 3),
+    }
+    assert all(np.isfinite(a).all() for a in arrays.values())
+    np.testing.assert_allclose(arrays["time"], 0.005 * np.arange(1, 61), atol=1e-12)
+    share = np.minimum(arrays["time"] / 0.2, 1)
+    np.testing.assert_allclose(arrays["angles"], share[:, None] * [-0.4, -0.3, 0.1], atol=1e-12)
+    np.testing.assert_allclose(arrays["slide"], share * 0.02, atol=1e-12)  # in proportion with the servos
+    assert arrays["effector"][-1].tolist() == [
+        *summary["effector"]["position"],
+        *summary["effector"]["quaternion"],
+    ]
+    assert arrays["torques"][-1].tolist() == summary["torques"]
+    moves = np.abs(np.diff(arrays["positions"], axis=0)).max(axis=(1, 2))
+    assert moves[:39].min() > 1e-4  # while the servos turn, no row twice
+
+
+def test_two_runs_give_the_same_bits_in_two_processes_and_in_one(recorded, tmp_path: Path) -> None:
+    summary, _, first = recorded
+    second, third = tmp_path / "second.npz", tmp_path / "third.npz"
+    again = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=COARSE, out=second)
+    assert second.read_bytes() == first.read_bytes()
+    words = ["run", "tripod", "--json", "--duration", "0.3", "--servo", BEND, "--slide", "0.02"]
+    child = subprocess.run(
+        [sys.executable, "-m", "tripod_bringup.cli", *words, "--set", COARSE[0], "--out", str(third)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert third.read_bytes() == first.read_bytes()
+    reports = [{**r, "step_ms": None} for r in (summary, again, json.loads(child.stdout))]
+    assert reports[0] == reports[1] == reports[2]
+
+
+def test_another_input_gives_other_bits(recorded, tmp_path: Path) -> None:
+    other = tmp_path / "other.npz"
+    run(
+        "tripod",
+        duration=0.3,
+        servo=BEND.replace("0.1", "0.100001"),
+        slide="0.02",
+        overrides=COARSE,
+        out=other,
+    )
+    assert other.read_bytes() != recorded[2].read_bytes()
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    summary = run(name, duration=0.02, overrides=COARSE, out=out)
+    scene = load_scene(name)
+    assert summary["steps"] == round(0.02 / scene.dt)
+    assert (summary["effector"] is None) == (scene.effector is None)
+    assert len(summary["angles"]) == len(summary["torques"]) == (3 if scene.servos else 0)
+    with np.load(out) as arrays:
+        assert ("effector" in arrays) == (scene.effector is not None)
+        assert all(np.isfinite(arrays[n]).all() for n in arrays)
+
+
+def steps(**options: Any) -> int:
+    """Return how many steps a run makes, at a step so long that they are few."""
+    return run("tripod", **{"overrides": [*COARSE, "dt=0.1", "duration=0.3"], **options})["steps"]
+
+
+def test_the_duration_is_what_is_asked_or_a_second_after_the_last_command_or_the_scenes() -> None:
+    assert steps() == 3
+    assert steps(duration=0.2) == 2
+    assert steps(duration=0.01) == 1
+    assert steps(servo="0:0,0,0; 0.5:0,0,-0.1") == 15
+    assert steps(servo="0:0,0,-0.1") == 3
+    assert steps(slide="0:0; 0.4:0.001") == 14
+
+
+def test_a_run_starts_at_rest_where_its_timelines_begin(tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    servo, slide = "0.5:-0.5,-0.4,-0.3", "0.1:0.015"
+    summary = run("tripod", duration=0.05, servo=servo, slide=slide, overrides=COARSE, out=out)
+    assert summary["energies"]["kinetic"] < 1e-9
+    with np.load(out) as a:
+        assert a["angles"][0].tolist() == [-0.5, -0.4, -0.3]
+        assert a["slide"].tolist() == [0.015] * 10
+        assert np.abs(a["positions"] - a["positions"][0]).max() < 1e-6
+
+
+def test_progress_rises_to_one() -> None:
+    seen: list[float] = []
+    run("tripod", duration=0.025, overrides=COARSE, progress=seen.append)
+    assert seen == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"servo": "0:0,0,0; 1:0,0,0.7"}, "--servo: angles reach 0 to 0.7 rad; allowed is -2.1 to 0.6 rad"),
+        ({"servo": "0:0,0,-2.2"}, "--servo: angles reach -2.2 to 0 rad; allowed is -2.1 to 0.6 rad"),
+        ({"servo": "0:0,0"}, "--servo: '0:0,0' is not 'time: value, ...' with 3 finite values"),
+        ({"slide": "0.05"}, "--slide: reaches 0.05 to 0.05 m; allowed is 0 to 0.04 m"),
+        ({"slide": "0:0; 1:-0.001"}, "--slide: reaches -0.001 to 0 m; allowed is 0 to 0.04 m"),
+        ({"slide": "far"}, "--slide 'far' is neither a number"),
+        ({"duration": 0.0}, "the duration is 0 s; it must be positive and at most 5e+06 s"),
+        ({"duration": -1.0}, "the duration is -1 s; it must be positive"),
+        ({"duration": float("nan")}, "the duration is nan s; it must be positive"),
+        ({"duration": float("inf")}, "the duration is inf s; it must be positive"),
+        ({"duration": 1e8}, "the duration is 1e+08 s; it must be positive and at most 5e+06 s, 1000000000 steps of dt"),
+        ({"servo": "0:0,0,0; 1e300:0,0,0"}, "the duration is 1e+300 s; it must be"),
+        ({"overrides": ["dt=1e-300"]}, "the duration is 1 s; it must be positive and at most 1e-291 s"),
+        ({"overrides": ["mesh.level=9"]}, "mesh.level is 9"),
+        ({"scene": "silicone", "servo": "0:0,0,0"}, "--servo: scene 'silicone' has no servos"),
+        ({"scene": "silicone", "slide": "0.01"}, "--slide: scene 'silicone' has no servos"),
+        ({"scene": "tripot"}, "scene 'tripot' is unknown"),
+    ],
+)  # fmt: skip
+def test_bad_options_are_refused_before_the_first_step(options: dict[str, Any], message: str) -> None:
+    assert message in refusal(**options)
+
+
+def test_a_recording_too_large_for_memory_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    assert "--out would take 17.9 GB (at most 4); shorten --duration or enlarge dt" in refusal(
+        duration=25e3, out=out
+    )
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_the_first_step(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("kept")
+    (tmp_path / "folder").mkdir()
+    for out, reason in (
+        (tmp_path / "gone" / "run.npz", "No such file or directory"),
+        (tmp_path / "file" / "run.npz", "Not a directory"),
+        (tmp_path / "folder", "it is a directory"),
+        (tmp_path / ("n" * 256), "File name too long"),
+        (tmp_path / "a\0b", "embedded null byte"),
+        (Path("/"), "it is a directory"),
+        (Path(), "it is a directory"),
+        (Path("/proc/run.npz"), ""),
+    ):
+        message = refusal(out=out)
+        assert message.startswith("--out ")
+        assert f"cannot be written: {reason}" in message
+    assert (tmp_path / "file").read_text() == "kept"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_a_full_disk_is_said_and_leaves_the_older_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "run.npz"
+    out.write_text("older")
+
+    def fail(file: Any, **_: Any) -> None:
+        file.write(b"half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("numpy.savez", fail)
+    with pytest.raises(SceneError, match=r"--out '.*run.npz' cannot be written: No space left on device"):
+        run("tripod", duration=0.01, overrides=COARSE, out=out)
+    assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
+    assert out.read_text() == "older"
+
+
+def test_a_finished_run_replaces_the_older_file_whole(tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    out.write_text("older")
+    run("tripod", duration=0.01, overrides=COARSE, out=out)
+    assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
+    with np.load(out) as arrays:
+        assert len(arrays["time"]) == 2
+
+
+@pytest.mark.parametrize("error", [StepError("element 3 is crushed"), KeyboardInterrupt()])
+def test_a_run_that_breaks_off_keeps_the_steps_it_made(
+    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Breaking(run_module.Simulation):
+        def step(self, joints: Any = None) -> Any:
+            if self.state.step == 4:
+                raise error
+            return super().step(joints)
+
+    monkeypatch.setattr(run_module, "Simulation", Breaking)
+    whole, broken = tmp_path / "whole.npz", tmp_path / "broken.npz"
+    with pytest.raises(type(error)):
+        run("tripod", duration=0.05, servo=BEND, overrides=COARSE, out=broken)
+    monkeypatch.undo()
+    run("tripod", duration=0.05, servo=BEND, overrides=COARSE, out=whole)
+    with np.load(broken) as a, np.load(whole) as b:
+        assert len(a["time"]) == 4
+        for name in b:
+            np.testing.assert_array_equal(a[name], b[name][:4])
+
+
+def test_a_run_that_breaks_off_at_once_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def crush(*_: Any) -> None:
+        raise StepError("element 3 is crushed")
+
+    monkeypatch.setattr(run_module.Simulation, "step", crush)
+    with pytest.raises(StepError, match="element 3 is crushed"):
+        run("tripod", duration=0.05, overrides=COARSE, out=tmp_path / "run.npz")
+    assert not list(tmp_path.iterdir())
