@@ -75,11 +75,11 @@ def build(scene: Scene) -> Parts:
     system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=damping)
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stepper: Stepper
-    if inertia:
-        from tripod_sim.integrators.implicit_euler import ImplicitEuler
+    if scene.inertia and inertia:
+        from tripod_sim.integrators.schemes import make_scheme
 
         drag = scene.damping.mass if scene.damping else 0.0
-        stepper = ImplicitEuler(newton, inertia, inert, drag, scene.solver.max_halvings)
+        stepper = make_scheme(scene.inertia.scheme, newton, inertia, inert, drag, scene.solver.max_halvings)
     else:
         from tripod_sim.integrators.quasi_static import QuasiStatic
 

@@ -110,10 +110,10 @@ class Inertia:
     """Mass and velocity; without it every step is a static equilibrium.
 
     Attributes:
-        scheme: Time integrator, `implicit_euler`.
+        scheme: Time integrator: `implicit_euler` (first order), `bdf2` or `tr_bdf2` (second order).
     """
 
-    scheme: str = one_of("implicit_euler", default="implicit_euler")
+    scheme: str = one_of("implicit_euler", "bdf2", "tr_bdf2", default="implicit_euler")
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
-from tripod_sim.integrators.implicit_euler import ImplicitEuler
+from tripod_sim.integrators.backward import ImplicitEuler
 from tripod_sim.integrators.quasi_static import QuasiStatic
 
 MODULES = {
     "gravity": "tripod_sim.forces.gravity",
-    "inertia": "tripod_sim.integrators.implicit_euler",
+    "inertia": "tripod_sim.integrators.backward",
     "damping": "tripod_sim.forces.rayleigh",
     "servos": "tripod_sim.robot.arms",
 }

@@ -12,9 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tripod_sim.build import build
+from tripod_sim.elements.hexahedron import FACES
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh import read
-from tripod_sim.mesh.solid_mesh import HEXAHEDRON_FACES, SolidMesh, check_mesh, corner_quality
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality
 from tripod_sim.mesh.y_piece import LEVELS, YLevel, YShape, y_piece
 from tripod_sim.scene import Mesh
 from tripod_sim.scene_file import load_scene, scene_to_toml
@@ -143,7 +144,7 @@ def test_the_surface_is_closed_and_faces_outward(piece) -> None:
 
 
 def test_faces_of_a_brick_face_outward() -> None:
-    for face in BRICK[HEXAHEDRON_FACES]:
+    for face in BRICK[np.array(FACES)]:
         normal = np.cross(face[1] - face[0], face[2] - face[0])
         assert normal @ (face.mean(axis=0) - 0.5) == pytest.approx(0.5)
 
@@ -198,15 +199,17 @@ def test_a_mesh_keeps_copies_that_nobody_can_write() -> None:
             array[0] = 1
 
 
-def test_corner_quality_is_the_sine_product_of_its_worst_corner() -> None:
+def test_quality_is_the_sine_product_of_its_worst_corner() -> None:
     """A brick has 1 at any size; a prism over a rhomb of angle a has sin a at every corner."""
-    quality = corner_quality(SolidMesh(BRICK * [1e-6, 3.0, 200.0], np.arange(8)[None]))
+    quality = element_quality(SolidMesh(BRICK * [1e-6, 3.0, 200.0], np.arange(8)[None]))
     assert quality == pytest.approx([1.0], rel=1e-12)
     angle = 0.3
     sheared = BRICK @ np.array([[1, 0, 0], [np.cos(angle), np.sin(angle), 0], [0, 0, 1]])
-    assert corner_quality(SolidMesh(sheared, np.arange(8)[None])) == pytest.approx([np.sin(angle)], rel=1e-12)
+    assert element_quality(SolidMesh(sheared, np.arange(8)[None])) == pytest.approx(
+        [np.sin(angle)], rel=1e-12
+    )
     inward = changed(SolidMesh(BRICK, np.arange(8)[None]), nodes={6: [0.3, 0.3, 0.3]})
-    assert corner_quality(inward)[0] < 0  # one corner pushed in, though the volume is positive
+    assert element_quality(inward)[0] < 0  # one corner pushed in, though the volume is positive
     assert volumes(inward)[0] > 0
 
 
@@ -224,7 +227,7 @@ FLAT = [[1, 2 * y - 0.5, 2 * z - 0.5] for z in (0, 1) for y in (0, 1)]
         (SolidMesh(ROW.nodes, FLIPPED), "elements 0, 1, 2, 3, 4, 5, 6, 7 and 4 more are inverted"),
         (SolidMesh(row(2).nodes * [-1, 1, 1], row(2).elements), "elements 0, 1 are inverted"),
         (changed(row(2), nodes={11: [0.4, 0.4, 0.4]}), "elements 1 are inverted"),
-        (changed(row(2), nodes=dict(zip(range(8, 12), FLAT, strict=True))), "elements 1 have no volume at a corner"),
+        (changed(row(2), nodes=dict(zip(range(8, 12), FLAT, strict=True))), "elements 1 have no volume somewhere"),
         (SolidMesh(row(2).nodes * [1, 1, 0] + [0, 0, 1], row(2).elements), "share their position"),
         (SolidMesh(row(2).nodes, [[0, 4, 5, 1, 2, 6, 7, 3], [4, 8, 9, 5, 10, 10, 11, 11]]), "elements 1 have no vol"),
         (SolidMesh(row(1).nodes, [[0, 4, 5, 1, 2, 6, 7, 3], [0, 4, 5, 1, 2, 2, 3, 3]]), "elements 1 have no volume"),
@@ -237,10 +240,10 @@ FLAT = [[1, 2 * y - 0.5, 2 * z - 0.5] for z in (0, 1) for y in (0, 1)]
         (SolidMesh(row(2).nodes, row(1).elements), "nodes 8, 9, 10, 11 belong to no element"),
         (SolidMesh(np.vstack([BRICK, row(1).nodes + 1]), [range(8), [8, 12, 13, 9, 10, 14, 15, 11]]), "nodes 6, 8 s"),
         (SolidMesh(row(3).nodes, row(3).elements[[0, 1, 2, 1]]), "elements 1, 3 have the nodes of another element"),
-        (SolidMesh(row(2).nodes, np.zeros((0, 8))), "the mesh has no hexahedra"),
-        (SolidMesh(np.zeros((0, 3)), np.zeros((0, 8))), "the mesh has no hexahedra"),
+        (SolidMesh(row(2).nodes, np.zeros((0, 8))), "the mesh has no elements"),
+        (SolidMesh(np.zeros((0, 3)), np.zeros((0, 8))), "the mesh has no elements"),
         (SolidMesh(np.zeros((8, 3)), np.arange(8)[None]), "nodes 0, 1, 2, 3, 4, 5, 6, 7 share their position"),
-        (SolidMesh(BRICK * 1e-170, np.arange(8)[None]), "elements 0 have no volume at a corner"),
+        (SolidMesh(BRICK * 1e-170, np.arange(8)[None]), "elements 0 have no volume somewhere"),
     ],
 )  # fmt: skip
 def test_an_unusable_mesh_is_refused_with_its_offenders(mesh: SolidMesh, message: str) -> None:
@@ -324,7 +327,7 @@ def test_a_file_with_bad_elements_is_refused_with_their_numbers(mesh, message: s
 def test_a_file_with_a_flat_element_is_refused_with_its_number(tmp_path: Path) -> None:
     cube = row(2)
     flat = changed(cube, nodes=dict(zip(range(8, 12), FLAT, strict=True)))
-    assert "': elements 1 have no volume at a corner" in file_refusal(write(tmp_path, flat))
+    assert "': elements 1 have no volume somewhere" in file_refusal(write(tmp_path, flat))
 
 
 def test_a_file_in_the_wrong_unit_is_refused_by_what_it_misses(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ A node is free, belongs to a rigid body (six unknowns), to a driven frame (moved
 coordinate that matters for torque and compliance), or is fixed.
 """
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -95,19 +96,22 @@ class Groups:
         return kind, number
 
 
-def rotate(vectors: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Return `vectors` (n, 3) turned by the rotation vector `rotation` [rad] (Rodrigues' formula)."""
-    angle = float(np.linalg.norm(rotation))
-    if angle == 0.0:
-        return vectors.copy()
-    k = rotation / angle
-    along = np.outer(vectors @ k, k)
-    return np.asarray(along + np.cos(angle) * (vectors - along) + np.sin(angle) * np.cross(k, vectors))
-
-
 def rotation_matrix(rotation: FloatArray) -> FloatArray:
-    """Return the matrix of the rotation vector `rotation` [rad], shape (3, 3)."""
-    return rotate(np.eye(3), rotation).T
+    """Return the matrix of the rotation vector `rotation` [rad], shape (3, 3) (Rodrigues' formula)."""
+    x, y, z = rotation.tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = x / angle, y / angle, z / angle
+    c, s = math.cos(angle), math.sin(angle)
+    d = 1 - c
+    return np.array(
+        [
+            [c + d * x * x, d * x * y - s * z, d * x * z + s * y],
+            [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
+            [d * x * z - s * y, d * y * z + s * x, c + d * z * z],
+        ]
+    )
 
 
 def quaternion(matrix: FloatArray) -> FloatArray:

@@ -1,11 +1,16 @@
 """Advancing in parts: a part that fails is rolled back and halved."""
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tripod_sim.errors import StepError
-from tripod_sim.integrators.newton import NewtonError, NewtonReport
+from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.state import State
+
+FloatArray = NDArray[np.float64]
 
 
 @dataclass
@@ -27,51 +32,63 @@ class StepReport:
     residual: float = 0.0
 
 
-def advance_in_parts(
-    state: State,
-    backup: State,
-    part: Callable[[float, float], NewtonReport],
-    max_halvings: int,
-    first: float = 1.0,
-) -> StepReport:
-    """Advance `state` over a whole step by calls of `part(start, end)`, fractions of the step, in place.
+class Substeps(ABC):
+    """Advances a state by steps, whole or in parts. A scheme says in `_part` how it advances over one part."""
 
-    Args:
-        state: Advanced in place; unchanged if the step cannot be saved.
-        backup: Scratch of the same size.
-        part: Advances the state over one part or raises NewtonError.
-        max_halvings: Smallest part is `first` / 2^max_halvings.
-        first: Largest part tried.
+    def __init__(self, newton: Newton, max_halvings: int) -> None:
+        """`max_halvings`: the smallest part is 2^-max_halvings of the largest."""
+        self._newton, self._max_halvings = newton, max_halvings
+        self._backup: State | None = None
 
-    Raises:
-        StepError: the smallest part failed.
-    """
-    report, done, size = StepReport(), 0.0, first
-    origin: State | None = None
-    while done < 1.0:
-        end = min(1.0, done + size)
-        if 1.0 - end < 1e-9:
-            end = 1.0
-        state.copy_to(backup)
-        try:
-            result = part(done, end)
-        except NewtonError as error:
-            backup.copy_to(state)
-            report.halvings += 1
-            size *= 0.5
-            if size < first * 0.5**max_halvings * 0.999:
-                if origin is not None:
-                    origin.copy_to(state)
-                raise StepError(
-                    f"step {state.step + 1} at {state.time:.4g} s cannot be saved, even in parts of "
-                    f"{size * 2:.2g} of it: {error}"
-                ) from error
-            continue
-        if end < 1.0 and origin is None:
-            origin = backup.copy()
-        report.iterations += result.iterations
-        report.factorisations += result.factorisations
-        report.residual = result.residual
-        report.parts += 1
-        done, size = end, min(first, size * 2 if report.halvings else size)
-    return report
+    @abstractmethod
+    def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        """Advance `state` by `h` [s] while the driven frames move to `joints`, in place, or raise NewtonError."""
+
+    def _largest_part(self, move: FloatArray) -> float:
+        """Return the largest fraction of a step to try, for joints that move by `move`, shape (s + 1,)."""
+        return 1.0
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps, so that the next depends on its state alone."""
+        self._newton.forget()
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """Advance `state` by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.
+
+        Raises:
+            StepError: the step could not be saved; `state` is unchanged.
+        """
+        if self._backup is None:
+            self._backup = state.copy()
+        start, report, done = state.joints.copy(), StepReport(), 0.0
+        first = size = self._largest_part(joints - start)
+        origin: State | None = None
+        while done < 1.0:
+            end = 1.0 if done + size > 1.0 - 1e-9 else done + size
+            goal = joints if end == 1.0 else start + end * (joints - start)
+            state.copy_to(self._backup)
+            try:
+                result = self._part(state, goal, dt if end - done == 1.0 else dt * (end - done))
+            except NewtonError as error:
+                self._backup.copy_to(state)
+                report.halvings += 1
+                size *= 0.5
+                if size < first * 0.5**self._max_halvings * 0.999:
+                    if origin is not None:
+                        origin.copy_to(state)
+                    self.forget()
+                    raise StepError(
+                        f"step {state.step + 1} at {state.time:.4g} s cannot be saved, even in parts of "
+                        f"{size * 2:.2g} of it: {error}"
+                    ) from error
+                continue
+            if end < 1.0 and origin is None:
+                origin = self._backup.copy()
+            report.iterations += result.iterations
+            report.factorisations += result.factorisations
+            report.residual = result.residual
+            report.parts += 1
+            done, size = end, min(first, size * 2 if report.halvings else size)
+        state.time += dt
+        state.step += 1
+        return report

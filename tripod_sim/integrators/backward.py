@@ -1,0 +1,62 @@
+"""Backward differentiation: implicit Euler (first order) and BDF2 (second order), with steps of changing length.
+
+With r = h / h_before,
+
+    a x' - b x + c x_before = h v',   a = (1 + 2 r) / (1 + r),  b = 1 + r,  c = r² / (1 + r),
+
+and the same for v' and M^-1 f; implicit Euler is a = b = 1, c = 0. Both damp: implicit Euler takes about w² h² / 2
+of the amplitude of a mode of angular frequency w a step, BDF2 about w⁴ h⁴ / 4 [HairerWanner1996, chapter V].
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.integrators.newton import NewtonReport
+from tripod_sim.integrators.stage import ImplicitStage
+from tripod_sim.integrators.substeps import Substeps
+from tripod_sim.state import State
+
+FloatArray = NDArray[np.float64]
+
+
+class ImplicitEuler(Substeps):
+    """x' = x + h v', v' = v + h M^-1 f(x', v')."""
+
+    def __init__(self, stage: ImplicitStage, max_halvings: int) -> None:
+        super().__init__(stage.newton, max_halvings)
+        self._stage = stage
+
+    def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        self._stage.z[:], self._stage.u[:] = state.positions, state.velocities
+        return self._stage.solve(state, joints, h)
+
+
+class Bdf2(Substeps):
+    """The two-step formula; its first step, and the first after `forget`, is one of implicit Euler."""
+
+    def __init__(self, stage: ImplicitStage, max_halvings: int) -> None:
+        super().__init__(stage.newton, max_halvings)
+        self._stage = stage
+        self._now, self._before = np.zeros((2, *stage.z.shape)), np.zeros((2, *stage.z.shape))
+        self._h_before: float | None = None
+
+    def forget(self) -> None:
+        """Drop factorisation and history."""
+        super().forget()
+        self._h_before = None
+
+    def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        stage, now = self._stage, self._now
+        now[0], now[1] = state.positions, state.velocities
+        a = 1.0
+        if self._h_before is None:
+            stage.z[:], stage.u[:] = now
+        else:
+            r = h / self._h_before
+            a, b, c = (1 + 2 * r) / (1 + r), 1 + r, r * r / (1 + r)
+            for known, value, before in zip((stage.z, stage.u), now, self._before, strict=True):
+                np.multiply(value, b / a, out=known)
+                np.subtract(known, (c / a) * before, out=known)
+        report = stage.solve(state, joints, h / a)
+        self._now, self._before, self._h_before = self._before, now, h
+        return report

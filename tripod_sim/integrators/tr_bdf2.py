@@ -1,0 +1,65 @@
+"""TR-BDF2: the trapezoidal rule over g h, then BDF2 over the rest; g = 2 - sqrt 2 [BankEtAl1985].
+
+Second order, one step (no history but the acceleration), and it damps what it cannot resolve. With k = g h / 2 the
+first stage is
+
+    x_g = x + k (v + v_g),   v_g = v + k (a + M^-1 f(x_g, v_g)),
+
+the second, with p = 1 / (g (2 - g)), q = (1 - g)² p and s = (1 - g) / (2 - g) h (= k),
+
+    x' = p x_g - q x + s v',   v' = p v_g - q v + s M^-1 f(x', v').
+
+The acceleration a of each node at the start of a step is the one with which the step before ended; it includes the
+forces of constraints, so nodes of rigid bodies need no rule of their own.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.integrators.newton import NewtonReport
+from tripod_sim.integrators.stage import ImplicitStage
+from tripod_sim.integrators.substeps import Substeps
+from tripod_sim.state import State
+
+FloatArray = NDArray[np.float64]
+
+G = 2 - np.sqrt(2)
+P = 1 / (G * (2 - G))
+Q = (1 - G) ** 2 * P
+HALF = G / 2
+"""s / h of both stages: they share one factorisation."""
+
+
+class TrBdf2(Substeps):
+    """The composite scheme; the acceleration at the start, and after `forget`, is that of the free nodes at rest."""
+
+    def __init__(self, stage: ImplicitStage, mass: FloatArray, max_halvings: int) -> None:
+        """`mass`: of nodes [kg], shape (n,)."""
+        super().__init__(stage.newton, max_halvings)
+        self._stage, self._mass = stage, mass
+        self._acceleration: FloatArray | None = None
+        self._start = np.zeros((2, *stage.z.shape))
+
+    def forget(self) -> None:
+        """Drop factorisation and acceleration."""
+        super().forget()
+        self._acceleration = None
+
+    def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        if self._acceleration is None:
+            self._acceleration = self._stage.newton.system.free_acceleration(state, self._mass)
+        stage, k, a = self._stage, HALF * h, self._acceleration
+        x, v = self._start
+        x[:], v[:] = state.positions, state.velocities
+        middle = state.joints + G * (joints - state.joints)
+        stage.z[:], stage.u[:] = x + k * v, v + k * a
+        first = stage.solve(state, middle, k)
+        stage.z[:], stage.u[:] = P * state.positions - Q * x, P * state.velocities - Q * v
+        second = stage.solve(state, joints, k)
+        np.subtract(state.velocities, stage.u, out=a)
+        a /= k
+        return NewtonReport(
+            first.iterations + second.iterations,
+            first.factorisations + second.factorisations,
+            second.residual,
+        )
