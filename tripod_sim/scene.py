@@ -118,7 +118,7 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Damping:
-    """Rayleigh damping: the force -(a M + b K) v, K the tangent at the start of the step. Needs inertia.
+    """Rayleigh damping: the force -(a M + b K) v, K the tangent last assembled at the start of a step.
 
     Attributes:
         mass: a [1/s].

@@ -12,7 +12,8 @@ IndexArray = NDArray[np.int64]
 class StiffnessDamping:
     """Dissipation D(x) = c/2 (x - x_n)^T K_n (x - x_n), c = b / dt, whose gradient is the force b K_n v.
 
-    K_n is the tangent at the start of the step.
+    K_n is the tangent last assembled at the start of a step: of this one, or of the earlier step whose factorisation
+    still serves.
 
     Attributes:
         factor: c [dimensionless].
