@@ -3,6 +3,7 @@
 import re
 import subprocess
 import tomllib
+import xml.etree.ElementTree as ET
 from itertools import chain
 from pathlib import Path
 
@@ -76,6 +77,12 @@ def test_constraints_are_pins_and_cover_those_of_pyproject() -> None:
     direct = pins([*project["dependencies"], *chain(*project["optional-dependencies"].values())])
     assert direct
     assert {name: constraints.get(name) for name in direct} == direct
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for path in (ROOT / "package.xml", ROOT / "msgs" / "package.xml"):
+        assert ET.parse(path).findtext("version") == project["version"], path
 
 
 def test_make_lists_every_target_by_default() -> None:
