@@ -40,6 +40,9 @@ FloatArray = NDArray[np.float64]
 STATUS_PERIOD = 0.1
 """Time between two status messages [s]."""
 
+REPEAT_PERIOD = 1.0
+"""Time after which a state that no longer changes is published again, for who came late [s]."""
+
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "tripod", "Name of a shipped scene, or the path of a .toml file"),
     Parameter("set", "", "Overrides of the scene, dotted.path=value, separated by semicolons"),
@@ -79,7 +82,8 @@ class SimNode(Node):
             on_snapshot=self._on_snapshot,
             on_reset=self._on_start_state,
         )
-        self._shown = -1
+        self._shown: Snapshot | None = None
+        self._shown_at = 0.0
         self._pose_every = max(1, round(1 / (values["pose_rate"] * scene.dt)))
         self.create_timer(
             1 / values["body_rate"], self._on_body_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -142,9 +146,10 @@ class SimNode(Node):
 
     def _on_body_timer(self) -> None:
         snapshot = self._physics.latest
-        if snapshot.step == self._shown:
+        now = time.monotonic()
+        if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
             return
-        self._shown = snapshot.step
+        self._shown, self._shown_at = snapshot, now
         self._body.publish(messages.body_message(snapshot, self._mesh))
         if self._markers.get_subscription_count():
             self._markers.publish(self._surface.serialised(snapshot))
