@@ -26,7 +26,12 @@ class Timeline:
 
     def at(self, time: float) -> FloatArray:
         """Return the values at `time` [s], shape (width,)."""
-        return np.array([np.interp(time, self.times, column) for column in self.values.T])
+        i = int(np.searchsorted(self.times, time, side="right"))
+        if i in (0, len(self.times)):
+            return self.values[min(i, len(self.times) - 1)].copy()
+        t0, t1 = self.times[i - 1], self.times[i]
+        w = (time - t0) / (t1 - t0)
+        return np.asarray((1 - w) * self.values[i - 1] + w * self.values[i])
 
 
 def parse_timeline(text: str, width: int, what: str) -> Timeline:
