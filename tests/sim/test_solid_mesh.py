@@ -1,7 +1,9 @@
 """Meshes: the generated piece is what its dimensions say, and an unusable mesh is refused with its offenders named."""
 
 import importlib.util
+import os
 import struct
+import time
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -371,9 +373,36 @@ def test_a_file_that_a_parser_never_ends_is_refused(tmp_path: Path, monkeypatch:
     """This parser looks for the end of the header for ever; so do those of gmsh and Kratos in some files cut short."""
     monkeypatch.setattr(read, "PATIENCE", 1.0)
     (tmp_path / "cut.ply").write_bytes(b"ply\n")
+    began = time.monotonic()
     assert "cut.ply' is not read after 1 s; is the file cut short?" in file_refusal(
         scene_with(tmp_path, "cut.ply")
     )
+    assert time.monotonic() - began < 30
+
+
+NOISY_READER = """
+import os
+import types
+import numpy as np
+
+def read(path):
+    print("in Python")
+    os.write(1, b"below Python")
+    cube = types.SimpleNamespace(type="hexahedron", data=np.load(path + ".elements.npy"))
+    return types.SimpleNamespace(points=np.load(path + ".points.npy"), cells=[cube])
+"""
+
+
+def test_what_a_parser_prints_spoils_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd) -> None:
+    (tmp_path / "path").mkdir()
+    (tmp_path / "path" / "meshio.py").write_text(NOISY_READER)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "path"), prepend=os.pathsep)
+    (tmp_path / "piece.vtk").touch()
+    np.save(tmp_path / "piece.vtk.points.npy", PIECE.nodes)
+    np.save(tmp_path / "piece.vtk.elements.npy", PIECE.elements)
+    built = build(load_scene(scene_with(tmp_path, "piece.vtk"))).mesh
+    np.testing.assert_array_equal(built.nodes, PIECE.nodes)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_file_that_is_too_large_is_refused_unread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
