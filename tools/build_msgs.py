@@ -30,7 +30,6 @@ def build_messages(root: Path, venv: Path, ros: RosSource, shell: Shell) -> None
     """
     build, python = venv / "build_msgs", venv / "bin" / "python"
     shutil.rmtree(build, ignore_errors=True)
-    remove_messages(venv)
     prefixes = [*ros.prefixes, str(venv)]
     shell = shell.with_environ(AMENT_PREFIX_PATH=os.pathsep.join(prefixes))
     cmake = shutil.which("cmake", path=shell.environ["PATH"]) or "cmake"
@@ -45,7 +44,9 @@ def build_messages(root: Path, venv: Path, ros: RosSource, shell: Shell) -> None
         "-DBUILD_TESTING=OFF",
         *([] if ros.sourced else [f"-DCMAKE_PROJECT_{PACKAGE}_INCLUDE={WORKAROUND}"]),
     )
-    shell.run(cmake, "--build", build, "--target", "install")
+    shell.run(cmake, "--build", build)
+    remove_messages(venv)  # only now: what runs in the meantime has the old ones
+    shell.run(cmake, "--install", build)
     shell.run(python, "-c", f"import {PACKAGE}.msg")
     shutil.rmtree(build)
 
