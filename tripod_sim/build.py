@@ -1,8 +1,8 @@
 """Scene to simulation: each named effect becomes one term or stage; an absent one is not even imported."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
 from tripod_sim.scene import FixedBox, Mesh, Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
+
+if TYPE_CHECKING:
+    from tripod_sim.robot.servo import ServoMotion
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -38,15 +41,17 @@ class Parts:
 
     Attributes:
         mesh: The solid's mesh.
-        mass: Of nodes [kg], shape (n,).
+        mass: Of nodes [kg], shape (n,); zero for ghosts of a compliant clamp, which follow the mesh's nodes.
         system: The potential.
         stepper: The time integrator or the static solver.
+        servos: How the servos turn; None where their angles are ideal.
     """
 
     mesh: SolidMesh
     mass: FloatArray
     system: System
     stepper: Stepper
+    servos: "ServoMotion | None" = None
 
 
 def build(scene: Scene) -> Parts:
@@ -54,25 +59,32 @@ def build(scene: Scene) -> Parts:
     from tripod_sim.forces.solid import Solid
 
     mesh = _mesh(scene.mesh)
-    nodes = mesh.nodes
-    load, inert = _node_masses(mesh, scene.material.mass)
-    groups = _groups(scene, nodes)
+    groups = _groups(scene, mesh.nodes)
+    rest, foundation = mesh.nodes, None
+    if scene.clamp:
+        from tripod_sim.robot.clamp import bed_clamps
+
+        rest, frames, foundation = bed_clamps(mesh, groups.driven, scene.clamp.stiffness)
+        groups = replace(groups, size=len(rest), driven=frames)
+    load, inert = _node_masses(mesh, scene.material.mass, len(rest))
     lam, mu = lame_constants(scene.material.young, scene.material.poisson)
-    solid = Solid(nodes, _strained(mesh.elements, groups), mesh.kind, scene.material.law, lam, mu)
+    solid = Solid(rest, _strained(mesh.elements, groups), mesh.kind, scene.material.law, lam, mu)
     gravity = inertia = damping = None
     if scene.gravity:
         from tripod_sim.forces.gravity import GravityForce
 
-        gravity = GravityForce(load, scene.gravity.acceleration, nodes)
+        gravity = GravityForce(load, scene.gravity.acceleration, rest)
     if scene.inertia:
         from tripod_sim.forces.anchor import Anchor
 
-        inertia = Anchor(len(nodes))
+        inertia = Anchor(len(rest))
     if scene.damping and scene.damping.stiffness > 0:
         from tripod_sim.forces.rayleigh import StiffnessDamping
 
-        damping = StiffnessDamping(scene.damping.stiffness, solid.elements, solid.matrices, len(nodes))
-    system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=damping)
+        damping = StiffnessDamping(scene.damping.stiffness, solid.elements, solid.matrices, len(rest))
+    system = System(
+        rest, solid, groups, gravity=gravity, inertia=inertia, damping=damping, foundation=foundation
+    )
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stepper: Stepper
     if scene.inertia and inertia:
@@ -85,14 +97,19 @@ def build(scene: Scene) -> Parts:
 
         reach = scene.servos.axis_depth if scene.servos and scene.servos.axis_depth > 0 else 0.03
         stepper = QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach)
-    return Parts(mesh, inert, system, stepper)
+    servos = None
+    if scene.servo_dynamics:
+        from tripod_sim.robot.servo import ServoMotion
+
+        servos = ServoMotion(scene.servo_dynamics, len(groups.driven))
+    return Parts(mesh, inert, system, stepper, servos)
 
 
-def _node_masses(mesh: SolidMesh, total: float) -> tuple[FloatArray, FloatArray]:
-    """Return what nodes weigh and what inertia they have [kg], each of shape (n,) and of sum `total` [kg]."""
+def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, FloatArray]:
+    """Return what nodes weigh and what inertia they have [kg], each of shape (size,) and of sum `total` [kg]."""
     found = []
     for volumes in node_volumes(mesh.kind, mesh.nodes[mesh.elements]):
-        mass = np.zeros(len(mesh.nodes))
+        mass = np.zeros(size)
         np.add.at(mass, mesh.elements, volumes)
         found.append(mass * (total / mass.sum()))
     return found[0], found[1]
@@ -108,9 +125,9 @@ def _mesh(description: Mesh) -> SolidMesh:
 
             mesh = convert_hexahedra(mesh, description.element)
     elif "." in description.source:
-        from tripod_sim.mesh.read import read_hexahedra
+        from tripod_sim.mesh.read import read_solid
 
-        mesh = read_hexahedra(Path(description.source), description.scale)
+        mesh = read_solid(Path(description.source), description.scale, description.element)
     else:
         raise SceneError(
             f"mesh.source is {description.source!r}; allowed: y_piece, or the path of a mesh file"

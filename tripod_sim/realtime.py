@@ -200,7 +200,7 @@ class RealTime(threading.Thread):
             except StepError:
                 answer = None  # singular just here; the next one follows
         return Snapshot(
-            clock.time_ns(), state.step, state.time, state.positions.copy(), state.joints.copy(),
+            clock.time_ns(), state.step, state.time, simulation.positions.copy(), state.joints.copy(),
             simulation.torques.copy(), simulation.effector, answer, simulation.report, simulation.energies(),
         )  # fmt: skip
 

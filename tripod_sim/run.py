@@ -53,8 +53,9 @@ def run(
 
     Returns:
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
-        time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], and step_ms, the
-        wall time of a step [ms], median and 99th percentile.
+        time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], stalled (servos that
+        stand against their load at the end: servo, load and stall_torque [N m], short [rad]), stalled_time (of each
+        servo [s]), and step_ms, the wall time of a step [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
@@ -76,6 +77,7 @@ def run(
     recording = _Recording(simulation, steps, out) if out else None
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "halvings"), 0)
+    stalled_steps = [0] * len(simulation.torques)
     try:
         for k in range(steps):
             joints = _joints(simulation, servos, slides, (k + 1) * description.dt)
@@ -84,6 +86,8 @@ def run(
             taken.append(clock.perf_counter() - start)
             for name in totals:
                 totals[name] += getattr(report, name)
+            for stall in report.stalled:
+                stalled_steps[stall.servo] += 1
             if recording:
                 recording.add(k, simulation)
             if progress:
@@ -108,6 +112,8 @@ def run(
         "parts": totals["parts"],
         "halvings": totals["halvings"],
         "residual": simulation.report.residual,
+        "stalled": [asdict(stall) for stall in simulation.report.stalled],
+        "stalled_time": [count * description.dt for count in stalled_steps],
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},
     }
 
@@ -147,7 +153,7 @@ def _joints(
 ) -> FloatArray | None:
     if servos is None and slides is None:
         return None
-    joints = simulation.state.joints.copy()
+    joints = simulation.command
     if servos:
         joints[:-1] = servos.at(time)
     if slides:
@@ -184,7 +190,7 @@ class _Recording:
 
     def add(self, k: int, simulation: Simulation) -> None:
         a, state, pose = self._arrays, simulation.state, simulation.effector
-        a["time"][k], a["positions"][k] = state.time, state.positions
+        a["time"][k], a["positions"][k] = state.time, simulation.positions
         a["angles"][k], a["slide"][k], a["torques"][k] = (
             state.joints[:-1],
             state.joints[-1],

@@ -168,6 +168,35 @@ class Servos:
 
 
 @dataclass(frozen=True)
+class ServoDynamics:
+    """Real servos of the S90 class, as data sheets and shops describe them; without it angles are ideal.
+
+    Attributes:
+        speed: Without load [rad/s]; the default is 60 degrees in 0.1 s.
+        refresh: Time between two pulses; a servo hears of a new command only with the next one [s].
+        dead_band: Deviation from the pulse that a servo leaves alone, to either side [rad]; the default is 0.5 degrees.
+        stall_torque: At which its speed, falling linearly with the load, is zero [N m].
+    """
+
+    speed: float = number(10.47, unit="rad/s", above=0, high=1000.0)
+    refresh: float = number(0.02, unit="s", low=1e-4, high=1.0)
+    dead_band: float = number(0.0087, unit="rad", low=0, high=0.5)
+    stall_torque: float = number(0.17, unit="N m", above=0)
+
+
+@dataclass(frozen=True)
+class Clamp:
+    """Compliant clamps: the held ends of the strips are bedded on the arms, not tied to them. Needs servos.
+
+    Attributes:
+        stiffness: Of the bedding: force per volume and displacement [N/m⁴]. The default lets the strip of 250 kPa slip
+            over about 2 mm at the edge; the ideal clamp is the limit of an infinite one.
+    """
+
+    stiffness: float = number(6e10, unit="N/m⁴", above=0)
+
+
+@dataclass(frozen=True)
 class Effector:
     """A rigid disc in the centre of the piece.
 
@@ -205,7 +234,7 @@ class Scene:
         dt: Time step [s].
         duration: How long `tripod run` simulates unless told [s].
         mesh, material: The solid.
-        gravity, inertia, damping, fixed, servos, effector: Effects; None or empty is off.
+        gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector: Effects; None or empty is off.
         solver: Of each step.
     """
 
@@ -220,6 +249,8 @@ class Scene:
     damping: Damping | None = None
     fixed: tuple[FixedBox, ...] = ()
     servos: Servos | None = None
+    servo_dynamics: ServoDynamics | None = None
+    clamp: Clamp | None = None
     effector: Effector | None = None
     solver: Solver = Solver()
 
@@ -232,6 +263,10 @@ class Scene:
                     check_fields(part, f.name if i is None else f"{f.name}.{i}")
         if self.damping and not self.inertia:
             raise SceneError("damping needs inertia: without velocity there is nothing to damp")
+        if self.clamp and not self.servos:
+            raise SceneError("clamp needs servos: it is the bedding of the strips on their arms")
+        if self.servo_dynamics and not self.servos:
+            raise SceneError("servo_dynamics needs servos: without them there is nothing that turns")
         if not (self.inertia or self.servos or self.fixed):
             raise SceneError(
                 "nothing holds the body (no servos, no fixed box), so its translation and rotation are free and it has "
@@ -241,15 +276,28 @@ class Scene:
             if not all(a <= b for a, b in zip(box.low, box.high, strict=True)):
                 raise SceneError(f"fixed.{i}: low {box.low} must not exceed high {box.high} [m]")
         if self.servos:
-            s = self.servos
-            for i, angle in enumerate(s.angles):
-                if not s.angle_min <= angle <= s.angle_max:
-                    raise SceneError(
-                        f"servos.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
-                    )
-            if not 0 <= s.slide <= s.slide_max:
-                raise SceneError(f"servos.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
+            _check_start(self.servos)
 
 
-Effect = Literal["gravity", "inertia", "damping", "fixed", "servos", "effector"]
-EFFECTS: tuple[Effect, ...] = ("gravity", "inertia", "damping", "fixed", "servos", "effector")
+def _check_start(s: Servos) -> None:
+    """Raise SceneError if the servos start out of their limits."""
+    for i, angle in enumerate(s.angles):
+        if not s.angle_min <= angle <= s.angle_max:
+            raise SceneError(
+                f"servos.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
+            )
+    if not 0 <= s.slide <= s.slide_max:
+        raise SceneError(f"servos.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
+
+
+Effect = Literal["gravity", "inertia", "damping", "fixed", "servos", "servo_dynamics", "clamp", "effector"]
+EFFECTS: tuple[Effect, ...] = (
+    "gravity",
+    "inertia",
+    "damping",
+    "fixed",
+    "servos",
+    "servo_dynamics",
+    "clamp",
+    "effector",
+)

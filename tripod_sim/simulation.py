@@ -1,16 +1,21 @@
 """The loop: a scene that lives."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.build import build
+from tripod_sim.build import Parts, build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame, quaternion
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.scene import Scene
+from tripod_sim.state import State
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.robot.servo import ServoMotion, ServoState
 
 FloatArray = NDArray[np.float64]
 
@@ -53,9 +58,13 @@ class Simulation:
             StepError: no equilibrium in the start configuration.
         """
         self.scene = scene
-        parts = build(scene)
+        parts = self._parts = build(scene)
         held = bool(scene.servos or scene.fixed)
-        self._static = build(replace(scene, inertia=None, damping=None)) if scene.inertia and held else parts
+        self._static = (
+            build(replace(scene, inertia=None, damping=None, servo_dynamics=None))
+            if scene.inertia and held
+            else parts
+        )
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
             parts.mass,
@@ -67,9 +76,16 @@ class Simulation:
         self.state = self._system.start_state(np.zeros(count + 1))
         self.torques = np.zeros(count)
         self.report = StepReport()
+        self._servos: ServoMotion | None = parts.servos
+        undeformed = self.state.copy()
         if scene.servos:
             self._pose(joints)
         self._warm_up()
+        if self._servos:
+            self._measure_reactions(self._servos, undeformed)
+            self._measure_reactions(self._servos, self.state.copy())
+            self.state.servos = self._servos.start(self.state.joints[:-1])
+            self._next = self.state.servos.copy()
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
 
@@ -86,6 +102,28 @@ class Simulation:
         keep.copy_to(self.state)
         self._stepper.forget()
 
+    def _measure_reactions(self, motion: "ServoMotion", start: State) -> None:
+        """Raise the stiffness and drag of `motion` to those about `start`; the state stays."""
+        dt = self.scene.dt
+        stiffness = self._reaction(self._static, start, 0.0)
+        drag = (self._reaction(self._parts, start, dt) - stiffness) * dt
+        np.maximum(motion.stiffness, stiffness, out=motion.stiffness)
+        np.maximum(motion.drag, drag, out=motion.drag)
+
+    def _reaction(self, parts: Parts, start: State, dt: float) -> FloatArray:
+        """Return the sum of |d torque_i / d angle_j| over i for each j, in a step of `dt` from `start` [N m / rad]."""
+        count, turn = len(self.torques), 1e-4
+        torques = np.empty((count + 1, count))
+        for k in range(count + 1):
+            state, goal = start.copy(), start.joints.copy()
+            if k:
+                goal[k - 1] += turn
+            parts.stepper.forget()
+            parts.stepper.step(state, goal, dt)
+            torques[k] = parts.system.torques
+        parts.stepper.forget()
+        return np.asarray(np.abs(torques[1:] - torques[0]).sum(axis=1) / turn)
+
     def _pose(self, joints: FloatArray) -> None:
         """Bring the body to static equilibrium with its driven frames at `joints`."""
         self._static.stepper.step(self.state, joints, 0.0)
@@ -97,16 +135,31 @@ class Simulation:
         """Advance by the scene's dt.
 
         Args:
-            joints: Angle of each servo [rad] and the slide [m] at the end of the step, shape (s + 1,); None holds them.
+            joints: Angle of each servo [rad] and the slide [m] at the end of the step, shape (s + 1,); None keeps what
+                was asked last. With `servo_dynamics` the angles are commands, which the servos follow as they can.
 
         Raises:
             SceneError: `joints` has another shape, is not finite or is out of the scene's limits.
             StepError: the step could not be saved; the state is the last good one.
         """
-        goal = self.state.joints.copy() if joints is None else self._checked(joints)
+        goal = self.command if joints is None else self._checked(joints)
+        if self._servos and self.state.servos:
+            return self._step_servos(self._servos, self.state.servos, goal)
         self.report = self._stepper.step(self.state, goal, self.scene.dt)
         self.torques[:] = self._system.torques
         return self.report
+
+    def _step_servos(self, motion: "ServoMotion", servos: "ServoState", goal: FloatArray) -> StepReport:
+        """Advance with `goal` as the command of the servos; a step that fails leaves them as they were."""
+        servos.copy_to(self._next)
+        angles, dt = self.state.joints[:-1], self.scene.dt
+        goal[:-1] = motion.advance(self._next, angles, goal[:-1], self.torques, dt)
+        report = self._stepper.step(self.state, goal, dt)
+        self._next.copy_to(servos)
+        self.torques[:] = self._system.torques
+        report.stalled = motion.stalled(servos, self.state.joints[:-1], self.torques)
+        self.report = report
+        return report
 
     def _checked(self, joints: FloatArray) -> FloatArray:
         goal = np.array(joints, dtype=float)
@@ -132,9 +185,22 @@ class Simulation:
         self.report = StepReport()
 
     @property
+    def command(self) -> FloatArray:
+        """What was asked last: angles [rad] and slide [m], shape (s + 1,), a copy; the joints if servos are ideal."""
+        joints = self.state.joints.copy()
+        if self.state.servos:
+            joints[:-1] = self.state.servos.command
+        return joints
+
+    @property
     def driven_frames(self) -> tuple[DrivenFrame, ...]:
         """The servo arms."""
         return self._system.groups.driven
+
+    @property
+    def positions(self) -> FloatArray:
+        """Positions of the mesh's nodes [m], shape (n, 3): a view that the next step overwrites."""
+        return self.state.positions[: len(self.mesh.nodes)]
 
     @property
     def unknowns(self) -> int:
@@ -153,6 +219,8 @@ class Simulation:
         s = self.state
         kinetic = 0.5 * float(self._mass @ (s.velocities**2).sum(axis=1))
         strain = self._system.solid.energy(s.positions, s.modes)
+        if self._system.foundation:
+            strain += self._system.foundation.add_gradient(s.positions, np.zeros_like(s.positions))
         gravity = self._system.gravity.energy(s.positions) if self._system.gravity else 0.0
         return Energies(kinetic, strain, gravity)
 

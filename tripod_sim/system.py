@@ -19,6 +19,7 @@ from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.anchor import Anchor
+    from tripod_sim.forces.foundation import Foundation
     from tripod_sim.forces.gravity import GravityForce
     from tripod_sim.forces.rayleigh import StiffnessDamping
 
@@ -35,7 +36,7 @@ class System:
         lever: r_i of nodes of bodies and frames [m], shape (n, 3).
         driven: Nodes of all driven frames.
         factored: Whether the last `factor` found no zero pivot, be the matrix definite or not.
-        strain_energy, gravity_energy: Of the last `evaluate` [J].
+        strain_energy, gravity_energy: Of the last `evaluate` [J]; the foundation's energy counts as strain.
     """
 
     def __init__(
@@ -47,10 +48,13 @@ class System:
         gravity: "GravityForce | None" = None,
         inertia: "Anchor | None" = None,
         damping: "StiffnessDamping | None" = None,
+        foundation: "Foundation | None" = None,
     ) -> None:
         self.rest, self.solid, self.groups = rest, solid, groups
         self.gravity, self.inertia, self.damping = gravity, inertia, damping
-        self.reduction = Reduction(solid.elements, groups)
+        self.foundation = foundation
+        blocks = [solid.elements] + ([foundation.elements] if foundation else [])
+        self.reduction = Reduction(blocks, groups)
         self.ldl = Ldl(self.reduction.pattern)
         n, s = len(rest), len(groups.driven)
         self.gradient, self.lever = np.zeros((n, 3)), np.zeros((n, 3))
@@ -116,6 +120,8 @@ class System:
         self.strain_energy = self.solid.add_gradient(state.positions, state.modes, g)
         if not np.isfinite(self.strain_energy):
             return np.inf
+        if self.foundation:
+            self.strain_energy += self.foundation.add_gradient(state.positions, g)
         phi = self.strain_energy
         if self.gravity:
             self.gravity_energy = self.gravity.add_gradient(state.positions, g)
@@ -137,6 +143,8 @@ class System:
         """
         g = np.zeros_like(self.gradient)
         self.solid.add_gradient(state.positions, state.modes, g)
+        if self.foundation:
+            self.foundation.add_gradient(state.positions, g)
         if self.gravity:
             self.gravity.add_gradient(state.positions, g)
         acceleration = np.zeros_like(g)
@@ -169,7 +177,8 @@ class System:
             weight = self.inertia.weight
         if shift:
             weight = weight + shift
-        self.reduction.hessian(matrices, weight, self.gradient, self.lever, self.axes)
+        blocks = [matrices] + ([self.foundation.matrices] if self.foundation else [])
+        self.reduction.hessian(blocks, weight, self.gradient, self.lever, self.axes)
         self.factored = self.ldl.factor()
         return self.factored and self.ldl.is_positive()
 
@@ -177,6 +186,8 @@ class System:
         """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""
         self._change[:] = 0.0
         add_element_products(self.solid.matrices, self.solid.elements, dx, 1.0, self._change)
+        if self.foundation:
+            self.foundation.add_gradient(dx, self._change)
         if self.damping:
             add_element_products(
                 self.damping.matrices, self.solid.elements, dx, self.damping.factor, self._change

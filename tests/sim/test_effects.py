@@ -15,6 +15,7 @@ MODULES = {
     "inertia": "tripod_sim.integrators.backward",
     "damping": "tripod_sim.forces.rayleigh",
     "servos": "tripod_sim.robot.arms",
+    "clamp": "tripod_sim.forces.foundation",
 }
 
 
@@ -31,7 +32,7 @@ def loaded(overrides: list[str]) -> set[str]:
 
 def test_absent_effects_are_not_imported() -> None:
     bare = loaded(["gravity=off", "inertia=off", "damping=off"])
-    full = loaded(["servos={}", "fixed=off", "effector={}"])
+    full = loaded(["servos={}", "fixed=off", "effector={}", "clamp={}"])
     for effect, module in MODULES.items():
         assert module not in bare, effect
         assert module in full, effect

@@ -9,6 +9,7 @@ and the reduced Hessian J^T H J plus, for a body, the second-order term of the r
 and for a driven frame with axis a through the lever r_i: d²x_i/d angle² = a x (a x r_i).
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,8 @@ class Reduction:
         drive_drive: Second derivatives with respect to driven angles, shape (s, s).
     """
 
-    def __init__(self, elements: IndexArray, groups: Groups) -> None:
+    def __init__(self, blocks: Sequence[IndexArray], groups: Groups) -> None:
+        """`blocks`: node indices of elements, an array for each kind of element matrix; `groups`: all constraints."""
         self.kind, self.number = groups.kinds()
         free = np.flatnonzero(self.kind == FREE)
         self.bodies, self.driven = len(groups.rigid), len(groups.driven)
@@ -46,8 +48,8 @@ class Reduction:
         self.base[free] = 3 * np.arange(len(free))
         rigid = self.kind == RIGID
         self.base[rigid] = 3 * len(free) + 6 * self.number[rigid]
-        self.free, self.elements = free, elements
-        for e, nodes in enumerate(elements):
+        self.free, self.blocks = free, list(blocks)
+        for e, nodes in enumerate(self.blocks[0]):
             if len(set(self.number[nodes[self.kind[nodes] == RIGID]].tolist())) > 1:
                 raise SceneError(f"element {e} touches two rigid bodies; refine the mesh between them")
         self.pattern, self._slots, self._body_slots, self._node_slots = self._symbolic()
@@ -55,23 +57,26 @@ class Reduction:
         self.drive_drive = np.zeros((self.driven, self.driven))
         self._body = np.zeros((max(self.bodies, 1), 6, 6))
 
-    def _symbolic(self) -> tuple[sparse.csc_matrix, IndexArray, IndexArray, IndexArray]:
+    def _symbolic(self) -> tuple[sparse.csc_matrix, list[IndexArray], IndexArray, IndexArray]:
         """Return the pattern and where in its data stand: blocks of element pairs, bodies, diagonals of free nodes."""
         n, first = self.unknowns, 3 * self.free_count
-        kind, base = self.kind[self.elements], self.base[self.elements]  # (m, a)
-        row, col = (
-            base[:, :, None, None],
-            base[:, None, :, None] + np.arange(6),
-        )  # of a block's columns (m, a, b, 6)
-        is_free, is_rigid = kind == FREE, kind == RIGID
-        below = base[:, :, None] <= base[:, None, :]
-        block = is_free[:, :, None] & is_free[:, None, :] & below
-        bordered = is_free[:, :, None] & is_rigid[:, None, :]
-        wanted = (block[..., None] & (np.arange(6) < 3)) | bordered[..., None]
-        starts = (col * n + row)[wanted]
-        rows = [starts + k for k in range(3)]
+        starts, wanted = [], []
+        for elements in self.blocks:
+            kind, base = self.kind[elements], self.base[elements]  # (m, a)
+            row, col = (
+                base[:, :, None, None],
+                base[:, None, :, None] + np.arange(6),
+            )  # first row of each column
+            is_free, is_rigid = kind == FREE, kind == RIGID
+            below = base[:, :, None] <= base[:, None, :]
+            block = is_free[:, :, None] & is_free[:, None, :] & below
+            bordered = is_free[:, :, None] & is_rigid[:, None, :]
+            wanted.append((block[..., None] & (np.arange(6) < 3)) | bordered[..., None])
+            starts.append((col * n + row)[wanted[-1]])
         own = [np.arange(6 * b + first, 6 * b + first + 6) for b in range(self.bodies)]
-        keys = np.concatenate([*rows, *[c * n + b for b in own for c in b]])
+        keys = np.concatenate(
+            [*[s + k for s in starts for k in range(3)], *[c * n + b for b in own for c in b]]
+        )
         keys = np.unique(keys[keys % n <= keys // n])
         indptr = np.searchsorted(keys, np.arange(n + 1) * n)
         pattern = sparse.csc_matrix((np.ones(len(keys)), keys % n, indptr), shape=(n, n))
@@ -79,8 +84,10 @@ class Reduction:
         def slot(key: IndexArray) -> IndexArray:
             return np.searchsorted(keys, key)
 
-        slots = np.full((*wanted.shape[:3], 6), -1, dtype=np.int64)
-        slots[wanted] = slot(starts)
+        slots = []
+        for start, want in zip(starts, wanted, strict=True):
+            slots.append(np.full((*want.shape[:3], 6), -1, dtype=np.int64))
+            slots[-1][want] = slot(start)
         bodies = np.array([slot(b * n + b[0]) for b in own], dtype=np.int64).reshape(-1, 6)
         diagonal = (np.arange(first) * (n + 1)).reshape(-1, 3)
         return pattern, slots, bodies, slot(diagonal)
@@ -100,20 +107,31 @@ class Reduction:
         _gradient(g, lever, axes, self.kind, self.number, self.base, out, torque)
 
     def hessian(
-        self, stiffness: FloatArray, mass: FloatArray, g: FloatArray, lever: FloatArray, axes: FloatArray
+        self,
+        matrices: Sequence[FloatArray],
+        mass: FloatArray,
+        g: FloatArray,
+        lever: FloatArray,
+        axes: FloatArray,
     ) -> None:
         """Write the reduced Hessian into `pattern.data`, `drive` and `drive_drive`.
 
         Args:
-            stiffness: Element matrices [N/m], as `Solid.matrices`.
+            matrices: Element matrices [N/m] of each block, shape (m, 3 nodes, 3 nodes).
             mass: Isotropic nodal term [N/m] (mass over dt², or zero), shape (nodes,).
             g: Nodal gradient [N] of the whole potential, for the second-order terms.
             lever, axes: As in `gradient`.
         """
-        _hessian(
-            stiffness, mass, g, lever, axes, self.kind, self.number, self.base, self.elements, self._slots,
-            self._body_slots, self._node_slots, self.free, 3 * self.free_count, self.pattern.data, self.drive,
-            self.drive_drive, self._body,
+        for out in (self.pattern.data, self.drive, self.drive_drive, self._body):
+            out[:] = 0.0
+        for elements, slots, block in zip(self.blocks, self._slots, matrices, strict=True):
+            _add_elements(
+                block, lever, axes, self.kind, self.number, self.base, elements, slots, self.pattern.data, self.drive,
+                self.drive_drive, self._body,
+            )  # fmt: skip
+        _add_nodes(
+            mass, g, lever, axes, self.kind, self.number, self._body_slots, self._node_slots, self.free,
+            self.pattern.data, self.drive_drive, self._body,
         )  # fmt: skip
 
     def moves(self, solution: FloatArray, lever: FloatArray, out: FloatArray) -> None:
@@ -171,10 +189,8 @@ def _jacobian(r: Array, J: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _hessian(
+def _add_elements(
     stiffness: Array,
-    mass: Array,
-    g: Array,
     lever: Array,
     axes: Array,
     kind: Array,
@@ -182,19 +198,11 @@ def _hessian(
     base: Array,
     elements: Array,
     slots: Array,
-    body_slots: Array,
-    node_slots: Array,
-    free: Array,
-    first_body: int,
     data: Array,
     drive: Array,
     drive_drive: Array,
     body: Array,
 ) -> None:
-    data[:] = 0.0
-    drive[:] = 0.0
-    drive_drive[:] = 0.0
-    body[:] = 0.0
     J, JA, B = np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6))
     j, ja = np.empty(3), np.empty(3)
     size = elements.shape[1]
@@ -270,6 +278,25 @@ def _hessian(
                             + (a3[2] * r[0] - a3[0] * r[2]) * ja[1]
                             + (a3[0] * r[1] - a3[1] * r[0]) * ja[2]
                         )
+
+
+@njit(cache=True, error_model="numpy")
+def _add_nodes(
+    mass: Array,
+    g: Array,
+    lever: Array,
+    axes: Array,
+    kind: Array,
+    number: Array,
+    body_slots: Array,
+    node_slots: Array,
+    free: Array,
+    data: Array,
+    drive_drive: Array,
+    body: Array,
+) -> None:
+    """Add the nodal terms and the second-order terms of rotations, and put the bodies' own blocks into `data`."""
+    J = np.empty((3, 6))
     for k in range(free.shape[0]):
         for i in range(3):
             data[node_slots[k, i]] += mass[free[k]]

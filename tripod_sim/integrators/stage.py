@@ -46,7 +46,8 @@ class ImplicitStage:
         inertia, damping = self._inertia, self.newton.system.damping
         inertial, drag = self._mass / s**2, self._mass * (self._mass_damping / s)
         np.add(inertial, drag, out=inertia.weight)
-        np.multiply(self.u, (s * inertial / inertia.weight)[:, None], out=inertia.point)
+        np.divide(s * inertial, inertia.weight, out=inertial, where=inertia.weight > 0)  # ghosts have no mass
+        np.multiply(self.u, inertial[:, None], out=inertia.point)
         inertia.point += self.z
         if damping:
             damping.factor = damping.coefficient / s

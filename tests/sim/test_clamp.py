@@ -1,0 +1,85 @@
+"""The compliant clamp: its limit is the ideal one, its torques are the slope of the energy, absent it costs nothing."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, Simulation, load_scene
+
+STATIC = ["inertia=off", "damping=off", "mesh.level=1", "solver.tolerance=1e-8"]
+POSE = np.array([-0.7, -0.6, -0.8, 0.0])
+
+
+def at(pose: np.ndarray, *overrides: str) -> Simulation:
+    simulation = Simulation(load_scene("tripod", [*STATIC, *overrides]))
+    for k in range(1, 11):
+        simulation.step(pose * k / 10)
+    return simulation
+
+
+def test_a_stiff_bedding_is_the_ideal_clamp() -> None:
+    ideal = at(POSE)
+    gaps = []
+    for stiffness in (1e12, 1e13, 1e14):
+        bedded = at(POSE, f"clamp.stiffness={stiffness}")
+        gaps.append(np.abs(bedded.positions - ideal.positions).max())
+    # the bedding's slip falls with the square root of its stiffness near the edge, at last in proportion to it
+    assert gaps[0] > 1e-5
+    assert gaps[1] < 0.4 * gaps[0]
+    assert gaps[2] < 0.4 * gaps[1]
+
+
+def test_a_soft_bedding_yields() -> None:
+    torques = [at(POSE, f"clamp.stiffness={s}").torques[0] for s in (1e9, 1e10, 1e11)]
+    assert torques[0] > torques[1] > torques[2] > at(POSE).torques[0]  # all negative: the softer, the weaker
+
+
+def test_torques_are_the_slope_of_the_energy() -> None:
+    simulation, h = at(POSE, "clamp={}"), 1e-4
+    torques = simulation.torques.copy()
+    for servo in range(3):
+        energies = []
+        for sign in (1, -1):
+            moved = POSE.copy()
+            moved[servo] += sign * h
+            simulation.step(moved)
+            e = simulation.energies()
+            energies.append(e.strain + e.gravity)
+        assert (energies[0] - energies[1]) / (2 * h) == pytest.approx(torques[servo], rel=1e-4)
+
+
+def test_compliance_predicts_the_effector_through_the_bedding() -> None:
+    simulation, h = at(POSE, "clamp={}"), 1e-4
+    w = simulation.compliance().w
+    jacobian = w[:3, 6:] @ np.linalg.inv(w[6:, 6:])
+    ends = []
+    for sign in (1, -1):
+        simulation.step(POSE + np.array([sign * h, 0, 0, 0]))
+        ends.append(simulation.state.centres[0].copy())
+    np.testing.assert_allclose(jacobian[:, 0], (ends[0] - ends[1]) / (2 * h), atol=1e-7)
+
+
+def test_only_the_mesh_is_shown_and_the_mass_stays() -> None:
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1", "clamp={}"]))
+    assert simulation.positions.shape == simulation.mesh.nodes.shape
+    assert len(simulation.state.positions) > len(simulation.positions)
+    assert simulation._mass.sum() == pytest.approx(0.032)
+    for scheme in ("implicit_euler", "bdf2", "tr_bdf2"):
+        moving = Simulation(load_scene("tripod", ["mesh.level=1", "clamp={}", f"inertia.scheme={scheme}"]))
+        for k in range(20):
+            moving.step(np.array([-0.02 * k, 0, 0, 0]))
+        assert np.isfinite(moving.state.positions).all()
+        assert np.isfinite(moving.state.velocities).all()
+
+
+@pytest.mark.parametrize("element", ["t4", "t10", "h8", "h20", "h27"])
+def test_every_element_can_be_bedded(element: str) -> None:
+    bedded = at(np.array([-0.3, -0.3, -0.3, 0.0]), "clamp={}", f"mesh.element={element}")
+    assert bedded.torques.max() < -0.05
+    assert np.ptp(bedded.torques) < 0.02  # alike but for the cut of tetrahedra
+
+
+def test_a_clamp_without_servos_is_refused() -> None:
+    with pytest.raises(SceneError, match="clamp needs servos"):
+        load_scene("silicone", ["clamp={}"])
+    with pytest.raises(SceneError, match=r"clamp\.stiffness is 0\.0; it must be above 0 N/m⁴"):
+        load_scene("tripod", ["clamp.stiffness=0.0"])

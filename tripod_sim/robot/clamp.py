@@ -1,0 +1,47 @@
+"""The compliant clamp: strips bedded on their arms instead of tied to them."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.groups import DrivenFrame
+from tripod_sim.errors import SceneError
+from tripod_sim.forces.foundation import Foundation
+from tripod_sim.mesh.solid_mesh import SolidMesh
+
+FloatArray = NDArray[np.float64]
+
+
+def bed_clamps(
+    mesh: SolidMesh, frames: tuple[DrivenFrame, ...], stiffness: float
+) -> tuple[FloatArray, tuple[DrivenFrame, ...], Foundation]:
+    """Return the ghosts, the frames that drive them, and the foundation between the clamped elements and them.
+
+    Args:
+        mesh: The solid's mesh.
+        frames: The ideal clamps: all their nodes become free, and a ghost of each is driven in its place.
+        stiffness: kappa of the foundation [N/m⁴].
+
+    Returns:
+        Undeformed positions of mesh nodes and ghosts [m], shape (nodes + ghosts, 3); frames; foundation.
+
+    Raises:
+        SceneError: a clamp holds no whole element.
+    """
+    nodes, count = mesh.nodes, len(mesh.nodes)
+    ghost_of = np.full(count, -1, dtype=np.int64)
+    driven, clamped = [], []
+    for i, frame in enumerate(frames):
+        first = count + sum(len(f.nodes) for f in frames[:i])
+        ghost_of[frame.nodes] = first + np.arange(len(frame.nodes))
+        driven.append(replace(frame, nodes=ghost_of[frame.nodes]))
+        held = np.isin(mesh.elements, frame.nodes).all(axis=1)
+        if not held.any():
+            raise SceneError(
+                f"clamp: servo {i} holds no whole element of the mesh to bed; refine it or move the clamp"
+            )
+        clamped.append(mesh.elements[held])
+    elements = np.concatenate(clamped)
+    rest = np.concatenate([nodes, *(nodes[f.nodes] for f in frames)])
+    return rest, tuple(driven), Foundation(mesh.kind, rest, elements, ghost_of[elements], stiffness)
