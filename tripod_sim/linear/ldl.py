@@ -1,44 +1,65 @@
-"""Sparse L D L^T factorisation of symmetric matrices with a fixed pattern (QDLDL, its symbolic analysis reused)."""
+"""Sparse L D L^T factorisation of symmetric matrices with a fixed pattern: multifrontal, compiled, without pivoting.
+
+The order of elimination is AMD's [AmestoyEtAl1996], found once. Without pivoting, L D L^T exists for definite matrices
+and for almost all indefinite ones; what is asked of those here is only the signs of D and a rough answer.
+"""
 
 import numpy as np
-import qdldl
 from numpy.typing import NDArray
-from scipy import sparse
+
+from tripod_sim.linear import ldl_kernels as kernels
+from tripod_sim.linear.ldl_symbolic import analyse
+from tripod_sim.linear.solver import Pattern
 
 FloatArray = NDArray[np.float64]
 
 
 class Ldl:
-    """Factors matrices of one pattern.
+    """Factors matrices of one pattern (see `LinearSolver`).
 
     Positive definiteness is read from the signs of D (Sylvester's law of inertia).
+
+    Attributes:
+        negative: Negative pivots of the last `factor`: as many as negative eigenvalues; less than zero if it failed.
     """
 
-    def __init__(self, pattern: sparse.csc_matrix) -> None:
+    def __init__(self, pattern: Pattern) -> None:
         """`pattern`: upper triangle, CSC; the caller writes new values into its `data` before each `factor`."""
-        self._matrix = pattern
-        self._solver: qdldl.Solver | None = None
+        self._data, self._plan = pattern.data, analyse(pattern)
+        plan, n = self._plan, pattern.shape[0]
+        self._front, self._stack = np.zeros(plan.largest**2), np.zeros(plan.stack)
+        self._waiting = np.zeros(len(plan.parent), dtype=np.int64)
+        self._factors, self._inverse = np.zeros(plan.panel[-1]), np.zeros(n)
+        self._y, self._x = np.zeros(n), np.zeros(plan.largest)
+        self.negative = -1
 
     def factor(self) -> bool:
-        """Factor the present values; return False if they are singular or not finite."""
-        if not np.isfinite(self._matrix.data).all():
-            return False
-        try:
-            if self._solver is None:
-                self._solver = qdldl.Solver(self._matrix, upper=True)
-            else:
-                self._solver.update(self._matrix, upper=True)
-        except RuntimeError:  # a zero pivot
-            self._solver = None
-            return False
-        return True
+        """Factor the present values; return False at a pivot that is zero or not finite."""
+        p = self._plan
+        self.negative = kernels.factor(
+            self._data, p.pivots, p.first_row, p.panel, p.parent, p.place, p.target, p.source, p.first_entry,
+            self._front, self._stack, self._waiting, self._factors, self._inverse,
+        )  # fmt: skip
+        return self.negative >= 0
 
     def is_positive(self) -> bool:
-        """Whether the factored matrix is positive definite."""
-        assert self._solver is not None
-        return bool((self._solver.factors()[1] > 0).all())
+        """Return whether the factored matrix is positive definite."""
+        return self.negative == 0
 
     def solve(self, b: FloatArray) -> FloatArray:
         """Return A^-1 b, shape (n,)."""
-        assert self._solver is not None
-        return np.asarray(self._solver.solve(b))
+        p, out = self._plan, np.empty(len(self._inverse))
+        kernels.solve(
+            b,
+            p.order,
+            p.pivots,
+            p.rows,
+            p.first_row,
+            p.panel,
+            self._factors,
+            self._inverse,
+            self._y,
+            self._x,
+            out,
+        )
+        return out

@@ -1,0 +1,197 @@
+"""Numeric part of the multifrontal L D L^T: fronts are dense, row-major, and only their upper triangles count.
+
+Row k of a panel holds d_k L[j, k] for the rows j of its front, so that loops run over contiguous numbers.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+Array = Any
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def _eliminate_row(F: Array, size: int, i: int, pivots: int, inverse: Array) -> None:
+    """Subtract from row i what the first `pivots` rows eliminate, four at a time."""
+    n, start, end = size - i, i, size
+    out = F[i * size + i : (i + 1) * size]
+    k = 0
+    while k + 4 <= pivots:
+        u0, u1 = F[start:end], F[start + size : end + size]
+        u2, u3 = F[start + 2 * size : end + 2 * size], F[start + 3 * size : end + 3 * size]
+        a0, a1, a2, a3 = (
+            u0[0] * inverse[k],
+            u1[0] * inverse[k + 1],
+            u2[0] * inverse[k + 2],
+            u3[0] * inverse[k + 3],
+        )
+        for j in range(n):
+            out[j] -= a0 * u0[j] + a1 * u1[j] + a2 * u2[j] + a3 * u3[j]
+        k += 4
+        start += 4 * size
+        end += 4 * size
+    while k < pivots:
+        u0 = F[start:end]
+        a0 = u0[0] * inverse[k]
+        for j in range(n):
+            out[j] -= a0 * u0[j]
+        k += 1
+        start += size
+        end += size
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def _eliminate_two_rows(F: Array, size: int, i: int, pivots: int, inverse: Array) -> None:
+    """The same for rows i and i + 1."""
+    n, start, end = size - i, i, size
+    out0, out1 = F[i * size + i : (i + 1) * size], F[(i + 1) * size + i : (i + 2) * size]
+    k = 0
+    while k + 4 <= pivots:
+        u0, u1 = F[start:end], F[start + size : end + size]
+        u2, u3 = F[start + 2 * size : end + 2 * size], F[start + 3 * size : end + 3 * size]
+        a0, a1, a2, a3 = (
+            u0[0] * inverse[k],
+            u1[0] * inverse[k + 1],
+            u2[0] * inverse[k + 2],
+            u3[0] * inverse[k + 3],
+        )
+        b0, b1, b2, b3 = (
+            u0[1] * inverse[k],
+            u1[1] * inverse[k + 1],
+            u2[1] * inverse[k + 2],
+            u3[1] * inverse[k + 3],
+        )
+        for j in range(n):
+            f0, f1, f2, f3 = u0[j], u1[j], u2[j], u3[j]
+            out0[j] -= a0 * f0 + a1 * f1 + a2 * f2 + a3 * f3
+            out1[j] -= b0 * f0 + b1 * f1 + b2 * f2 + b3 * f3
+        k += 4
+        start += 4 * size
+        end += 4 * size
+    while k < pivots:
+        u0 = F[start:end]
+        a0, b0 = u0[0] * inverse[k], u0[1] * inverse[k]
+        for j in range(n):
+            f0 = u0[j]
+            out0[j] -= a0 * f0
+            out1[j] -= b0 * f0
+        k += 1
+        start += size
+        end += size
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def factor(
+    data: Array,
+    pivots: Array,
+    first_row: Array,
+    panel: Array,
+    parent: Array,
+    place: Array,
+    target: Array,
+    source: Array,
+    first_entry: Array,
+    F: Array,
+    stack: Array,
+    waiting: Array,
+    factors: Array,
+    inverse: Array,
+) -> int:
+    """Write `factors` (panels) and `inverse` (1 / D) of the matrix with the values `data`.
+
+    Return the number of negative pivots, or -1 - k where pivot k is zero or not finite. Arguments from `pivots` to
+    `first_entry` are those of `Symbolic`; F, stack and waiting are scratch: one front, the remainders that wait, and
+    the numbers of their fronts.
+    """
+    negative = count = top = 0
+    for s in range(parent.shape[0]):
+        begin = first_row[s]
+        size, width = first_row[s + 1] - begin, pivots[s + 1] - pivots[s]
+        for i in range(size):
+            F[i * size + i : (i + 1) * size] = 0.0
+        for e in range(first_entry[s], first_entry[s + 1]):
+            F[target[e]] += data[source[e]]
+        while count > 0 and parent[waiting[count - 1]] == s:
+            count -= 1
+            child = waiting[count]
+            m = first_row[child + 1] - first_row[child] - (pivots[child + 1] - pivots[child])
+            top -= m * m
+            own = first_row[child + 1] - m
+            for i in range(m):
+                row = F[place[own + i] * size : (place[own + i] + 1) * size]
+                left, to = stack[top + i * m + i : top + (i + 1) * m], place[own + i : own + m]
+                for j in range(m - i):
+                    row[to[j]] += left[j]
+        own = pivots[s]
+        inv = inverse[own : own + width]
+        for i in range(width):
+            _eliminate_row(F, size, i, i, inv)
+            d = F[i * size + i]
+            if not 0.0 < abs(d) < np.inf:  # zero, infinite or not a number
+                return -1 - (own + i)
+            if d < 0.0:
+                negative += 1
+            inv[i] = 1.0 / d
+        i = width
+        while i + 2 <= size:
+            _eliminate_two_rows(F, size, i, width, inv)
+            i += 2
+        if i < size:
+            _eliminate_row(F, size, i, width, inv)
+        at = panel[s]
+        factors[at : at + width * size] = F[: width * size]
+        if parent[s] >= 0:
+            m = size - width
+            for i in range(m):
+                row = (width + i) * size + width
+                stack[top + i * m + i : top + (i + 1) * m] = F[row + i : row + m]
+            top += m * m
+            waiting[count] = s
+            count += 1
+    return negative
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def solve(
+    b: Array,
+    order: Array,
+    pivots: Array,
+    rows: Array,
+    first_row: Array,
+    panel: Array,
+    factors: Array,
+    inverse: Array,
+    y: Array,
+    x: Array,
+    out: Array,
+) -> None:
+    """Write A^-1 b to `out`, shape (n,); `y`, shape (n,), and `x`, of the largest front, are scratch."""
+    n = b.shape[0]
+    for k in range(n):
+        y[k] = b[order[k]]
+    for s in range(first_row.shape[0] - 1):
+        begin, own, at = first_row[s], pivots[s], panel[s]
+        size, width = first_row[s + 1] - begin, pivots[s + 1] - own
+        x[:size] = 0.0
+        for k in range(width):
+            z = (y[own + k] - x[k]) * inverse[own + k]
+            u, part = factors[at + k * size + k : at + (k + 1) * size], x[k:size]
+            for j in range(size - k):
+                part[j] += u[j] * z
+            y[own + k] = z
+        for j in range(width, size):
+            y[rows[begin + j]] -= x[j]
+    for s in range(first_row.shape[0] - 2, -1, -1):
+        begin, own, at = first_row[s], pivots[s], panel[s]
+        size, width = first_row[s + 1] - begin, pivots[s + 1] - own
+        for j in range(size):
+            x[j] = y[rows[begin + j]]
+        for k in range(width - 1, -1, -1):
+            u, part, total = factors[at + k * size + k + 1 : at + (k + 1) * size], x[k + 1 : size], 0.0
+            for j in range(size - k - 1):
+                total += u[j] * part[j]
+            x[k] -= total * inverse[own + k]
+            y[own + k] = x[k]
+    for k in range(n):
+        out[order[k]] = y[k]

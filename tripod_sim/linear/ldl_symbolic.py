@@ -1,0 +1,153 @@
+"""Symbolic analysis of a multifrontal factorisation: order, supernodes and where every number goes. Done once.
+
+A supernode is a run of pivots whose columns of L have (nearly) the same rows; it becomes one dense front, in which its
+pivots are eliminated and whose remainder is added to the front of its parent in the elimination tree [DuffReid1983].
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import qdldl
+from numpy.typing import NDArray
+from scipy import sparse
+
+IndexArray = NDArray[np.int64]
+
+WIDE = 24
+"""Pivots up to which a front is merged with its parent at the price of some zeros."""
+
+WASTE = 0.25
+"""Zeros that such a merged front may hold, as a share of its panel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Symbolic:
+    """The plan of a factorisation of one pattern, for f fronts.
+
+    Attributes:
+        order: order[k] is the unknown eliminated as number k, shape (n,).
+        pivots: First pivot of each front; the last entry is n, shape (f + 1,).
+        rows: Row numbers (in elimination order) of all fronts, own pivots first, one after the other.
+        first_row: Where those of a front begin in `rows`, shape (f + 1,).
+        panel: Where the panel of a front, pivots x rows, begins in the factor, shape (f + 1,).
+        parent: Front that takes the remainder; -1 for a root, shape (f,).
+        place: Position in the parent's front of each entry of `rows`; unused for own pivots.
+        target: Position in its front (row * size + column) of each entry of the pattern, entries sorted by front.
+        source: Entry of the pattern that goes there.
+        first_entry: Where the entries of a front begin in `source`, shape (f + 1,).
+        stack: Size of the scratch that holds remainders not yet added.
+        largest: Rows of the largest front.
+    """
+
+    order: IndexArray
+    pivots: IndexArray
+    rows: IndexArray
+    first_row: IndexArray
+    panel: IndexArray
+    parent: IndexArray
+    place: IndexArray
+    target: IndexArray
+    source: IndexArray
+    first_entry: IndexArray
+    stack: int
+    largest: int
+
+
+def analyse(pattern: sparse.csc_matrix) -> Symbolic:
+    """Return the plan for a symmetric matrix given by its upper triangle (CSC, with a full diagonal)."""
+    order, columns = _minimum_degree(pattern)
+    n = len(order)
+    parent = np.array([c[0] if len(c) else -1 for c in columns], dtype=np.int64)
+    post = _postorder(parent)
+    number = np.empty(n, dtype=np.int64)
+    number[post] = np.arange(n)
+    columns = [np.sort(number[columns[k]]) for k in post]  # renumbered within the same elimination tree
+    order = order[post]
+    fronts = _supernodes(columns)
+    pivots = np.array([0, *[last + 1 for last, _ in fronts]], dtype=np.int64)
+    lists = [
+        np.concatenate([np.arange(pivots[s], pivots[s + 1]), below]) for s, (_, below) in enumerate(fronts)
+    ]
+    sizes = np.array([len(r) for r in lists], dtype=np.int64)
+    first_row = np.concatenate([[0], np.cumsum(sizes)])
+    panel = np.concatenate([[0], np.cumsum(np.diff(pivots) * sizes)])
+    front_of = np.repeat(np.arange(len(fronts)), np.diff(pivots))
+    above = np.array([front_of[below[0]] if len(below) else -1 for _, below in fronts], dtype=np.int64)
+    place = np.full(first_row[-1], -1, dtype=np.int64)
+    for s, (_, below) in enumerate(fronts):
+        if len(below):
+            place[first_row[s + 1] - len(below) : first_row[s + 1]] = np.searchsorted(lists[above[s]], below)
+    # entries of the pattern: the earlier pivot of the two names the front and the row in it
+    rank = np.empty(n, dtype=np.int64)
+    rank[order] = np.arange(n)
+    a, b = rank[pattern.indices], rank[np.repeat(np.arange(n), np.diff(pattern.indptr))]
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    owner = front_of[low]
+    source = np.argsort(owner, kind="stable")
+    target = np.empty(len(source), dtype=np.int64)
+    first_entry = np.searchsorted(owner[source], np.arange(len(fronts) + 1))
+    for s, r in enumerate(lists):
+        part = slice(first_entry[s], first_entry[s + 1])
+        e = source[part]
+        target[part] = (low[e] - pivots[s]) * sizes[s] + np.searchsorted(r, high[e])
+    depth = stack = 0
+    remainders = (sizes - np.diff(pivots)) ** 2
+    held = np.zeros(len(fronts), dtype=np.int64)  # what children of a front left on the stack
+    for s in range(len(fronts)):
+        depth += remainders[s] - held[s]
+        stack = max(stack, depth)
+        if above[s] >= 0:
+            held[above[s]] += remainders[s]
+    return Symbolic(
+        order, pivots, np.concatenate(lists), first_row, panel, above, place, target, source, first_entry, int(stack),
+        int(sizes.max()),
+    )  # fmt: skip
+
+
+def _minimum_degree(pattern: sparse.csc_matrix) -> tuple[IndexArray, list[IndexArray]]:
+    """Return an order of little fill (AMD, as QDLDL computes it) and the rows below the diagonal of L's columns."""
+    n = pattern.shape[0]
+    sample = sparse.csc_matrix(
+        (np.full(pattern.nnz, -1.0), pattern.indices, pattern.indptr), shape=pattern.shape, copy=True
+    )
+    sample.setdiag(n + 1.0)  # dominant, so that no pivot vanishes
+    sample.sort_indices()
+    lower, _, order = qdldl.Solver(sample, upper=True).factors()
+    indices, indptr = lower.indices.astype(np.int64), lower.indptr
+    return np.asarray(order, dtype=np.int64), [np.sort(indices[indptr[k] : indptr[k + 1]]) for k in range(n)]
+
+
+def _postorder(parent: IndexArray) -> IndexArray:
+    """Return an order of the forest in which every subtree is contiguous and ends with its root."""
+    children: list[list[int]] = [[] for _ in parent]
+    stack = []
+    for k, p in enumerate(parent.tolist()):
+        if p < 0:
+            stack.append(k)
+        else:
+            children[p].append(k)
+    post = []
+    while stack:  # parents first; reversed at the end
+        k = stack.pop()
+        post.append(k)
+        stack.extend(children[k])
+    return np.array(post[::-1], dtype=np.int64)
+
+
+def _supernodes(columns: list[IndexArray]) -> list[tuple[int, IndexArray]]:
+    """Return for each supernode its last pivot and the rows below it."""
+    done: list[tuple[int, int, IndexArray, int]] = []  # first and last pivot, rows below, zeros held
+    for k, column in enumerate(columns):
+        head = (k, k, column, 0)
+        while (
+            done and len(done[-1][2]) and done[-1][2][0] == head[0]
+        ):  # the front before is a child of this one
+            first, last, below, held = done[-1]
+            width, own = last - first + 1, head[1] - head[0] + 1
+            zeros = held + head[3] + width * (own + len(head[2]) - len(below))
+            if zeros > WASTE * (width + own) * (width + own + len(head[2])) or (zeros and width + own > WIDE):
+                break
+            head = (first, head[1], head[2], zeros)
+            done.pop()
+        done.append(head)
+    return [(last, below) for _, last, below, _ in done]
