@@ -224,9 +224,9 @@ class SimNode(Node):
     def _status_message(self) -> SimStatus:
         snapshot, speed = self._physics.latest, self._physics.speed()
         dt, energies, report = self._scene.dt, snapshot.energies, snapshot.report
-        failure = f"{self._physics.failure}; call sim/reset" if self._physics.failure else ""
+        message = f"{self._physics.failure}; call sim/reset" if self._physics.failure else stalls(snapshot)
         return SimStatus(
-            header=messages.header(time.time_ns()), state=self._state(), message=failure, scene=self._scene.name, dt=dt,
+            header=messages.header(time.time_ns()), state=self._state(), message=message, scene=self._scene.name, dt=dt,
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
             capacity=dt / speed.median if speed.median else 0.0, step_time_median=speed.median,
             step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings,
@@ -244,10 +244,17 @@ class SimNode(Node):
         }
         if self._physics.failure:
             return Level.ERROR, self._physics.failure, values
+        if stalled := stalls(self._physics.latest):
+            return Level.WARN, stalled, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:
             return Level.WARN, f"slower than real time: factor {speed.real_time_factor:.2f}", values
         return Level.OK, "running" if running else "paused", values
+
+
+def stalls(snapshot: Snapshot) -> str:
+    """Return which servos stand against their load, empty if none does."""
+    return "; ".join(str(stall) for stall in snapshot.report.stalled)
 
 
 def _within_scene(limits: CommandLimits, scene: Scene) -> CommandLimits:

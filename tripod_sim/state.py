@@ -1,9 +1,13 @@
 """What changes each step, and nothing else."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.robot.servo import ServoState
 
 FloatArray = NDArray[np.float64]
 
@@ -21,6 +25,7 @@ class State:
         joints: Angle of each driven frame [rad] and then their common slide [m], shape (s + 1,).
         time: Since the last reset [s].
         step: Completed steps since the last reset.
+        servos: What the servos remember; None where their angles are ideal.
     """
 
     positions: FloatArray
@@ -31,15 +36,19 @@ class State:
     joints: FloatArray
     time: float = 0.0
     step: int = 0
+    servos: "ServoState | None" = None
 
     def copy_to(self, other: "State") -> None:
         """Overwrite `other` with this state, without allocating."""
         for name in ("positions", "velocities", "modes", "centres", "rotations", "joints"):
             getattr(other, name)[:] = getattr(self, name)
         other.time, other.step = self.time, self.step
+        if self.servos and other.servos:
+            self.servos.copy_to(other.servos)
 
     def copy(self) -> "State":
         """Return an independent copy."""
         arrays = (self.positions, self.velocities, self.modes, self.centres, self.rotations, self.joints)
         x, v, modes, centres, rotations, joints = (a.copy() for a in arrays)
-        return State(x, v, modes, centres, rotations, joints, self.time, self.step)
+        servos = self.servos.copy() if self.servos else None
+        return State(x, v, modes, centres, rotations, joints, self.time, self.step, servos)

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,9 @@ from numpy.typing import NDArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.state import State
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.robot.servo import Stall
 
 FloatArray = NDArray[np.float64]
 
@@ -23,6 +27,7 @@ class StepReport:
         parts: Parts that the step was divided into; 1 is the whole.
         halvings: Times a part failed and was halved.
         residual: Unbalanced force at the end [N].
+        stalled: Servos that stand against their load at the end.
     """
 
     iterations: int = 0
@@ -30,6 +35,7 @@ class StepReport:
     parts: int = 0
     halvings: int = 0
     residual: float = 0.0
+    stalled: "tuple[Stall, ...]" = ()
 
 
 class Substeps(ABC):
