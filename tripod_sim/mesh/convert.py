@@ -1,4 +1,4 @@
-"""From eight-node hexahedra to any other element on the same cells."""
+"""From linear hexahedra or tetrahedra to other elements on the same cells."""
 
 from itertools import permutations
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tripod_sim.elements import quadratic_hexahedron, tetrahedron
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.hexahedron import CORNERS
+from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 FloatArray = NDArray[np.float64]
@@ -19,17 +20,33 @@ def convert_hexahedra(mesh: SolidMesh, name: str) -> SolidMesh:
 
     Tetrahedra: six to a cell (Kuhn's division along the diagonal from node 0 to node 6); neighbouring cells agree when
     their local axes point alike across the shared face. Quadratic elements: nodes halfway, straight edges.
+
+    Raises:
+        SceneError: tetrahedra are asked for and local axes of neighbouring cells do not point alike.
     """
     kind = ELEMENTS[name]
     nodes, elements = mesh.nodes, np.asarray(mesh.elements)
     if kind.corners == 4:
         elements = elements[:, _kuhn()].reshape(-1, 4)
+        if len(SolidMesh(nodes, elements, ELEMENTS["t4"]).boundary) != 2 * len(mesh.boundary):
+            raise SceneError(
+                f"mesh.element is {name!r}; hexahedra can be divided into tetrahedra only where the local axes of "
+                "neighbours point alike, and those of this mesh do not"
+            )
     if kind.size in (10, 20, 27):
         quadratic = tetrahedron if kind.corners == 4 else quadratic_hexahedron
         nodes, elements = _add_centres(nodes, elements, quadratic.EDGES)
         if kind.size == 27:
             nodes, elements = _add_centres(nodes, elements, quadratic_hexahedron.FACE_CENTRES)
             nodes, elements = _add_centres(nodes, elements, (tuple(range(8)),))
+    return SolidMesh(nodes, elements, kind)
+
+
+def convert_tetrahedra(mesh: SolidMesh, name: str) -> SolidMesh:
+    """Return a mesh of the element `name`, `t4` or `t10`, on the cells of a mesh of four-node tetrahedra."""
+    kind, nodes, elements = ELEMENTS[name], mesh.nodes, np.asarray(mesh.elements)
+    if kind.size == 10:
+        nodes, elements = _add_centres(nodes, elements, tetrahedron.EDGES)
     return SolidMesh(nodes, elements, kind)
 
 

@@ -1,7 +1,8 @@
-"""Meshes from files, through meshio (gmsh, VTK, Abaqus, and what else it reads)."""
+"""Volume meshes from files: GiD's text, and through meshio gmsh, VTK, Abaqus and what else it reads."""
 
 import importlib.util
 import io
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh, names_of
+from tripod_sim.mesh.cells import SIZES, Cells
+from tripod_sim.mesh.fit import fit_element
+from tripod_sim.mesh.gid import looks_like_gid, read_gid
+from tripod_sim.mesh.solid_mesh import SolidMesh
 
 MAX_BYTES = 200_000_000
 """A mesh file larger than this is refused unread."""
@@ -18,46 +22,55 @@ PATIENCE = 20.0
 """Longest time to read a file [s], besides one second per megabyte."""
 
 
-def read_hexahedra(path: Path, scale: float) -> SolidMesh:
-    """Return the hexahedra of a mesh file.
+def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
+    """Return the volume mesh of a file.
+
+    Cells without volume are left out, and nodes that only they use. Which elements the cells of a file allow is in
+    `fit.fit_element`.
 
     Args:
-        path: A file with eight-node hexahedra; other cells are left out, and nodes that only they use.
+        path: GiD text (`.gidmsh`, or `.msh` that begins with MESH), or what meshio reads by the ending of the name.
         scale: Length unit of the file [m].
+        element: Name of the element.
 
     Raises:
-        SceneError: no such file, not readable as a mesh, too large, or without hexahedra.
+        SceneError: no such file, not readable as a mesh, too large, or without cells of which the element is made.
     """
+    name = repr(str(path))
+    check_file(path, "mesh.source")
+    try:
+        gid = path.suffix.lower() == ".gidmsh" or (path.suffix.lower() == ".msh" and looks_like_gid(path))
+    except OSError as error:
+        raise SceneError(f"mesh.source: {name} cannot be read: {error.strerror}") from None
+    cells = read_gid(path, f"mesh.source: {name}") if gid else _read(path)
+    return fit_element(cells, element, scale, name)
+
+
+def check_file(path: Path, field: str) -> None:
+    """Refuse what is no file, or too large. Raises SceneError that begins with the name of the scene's `field`."""
     if not path.is_file():
-        raise SceneError(f"mesh.source: file {str(path)!r} does not exist")
+        raise SceneError(f"{field}: file {str(path)!r} does not exist")
     if path.stat().st_size > MAX_BYTES:
-        raise SceneError(f"mesh.source: file {str(path)!r} is larger than {MAX_BYTES} bytes")
-    points, elements, kinds = _read(path)
-    if not len(elements):
-        raise SceneError(f"mesh.source: {str(path)!r} has no hexahedra (cells: {', '.join(kinds) or 'none'})")
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise SceneError(
-            f"mesh.source: {str(path)!r} has points of shape {points.shape}; three coordinates are needed"
-        )
-    if (bad := np.flatnonzero(((elements < 0) | (elements >= len(points))).any(axis=1))).size:
-        raise SceneError(
-            f"mesh.source: {str(path)!r}: elements {names_of(bad)} name nodes outside 0..{len(points) - 1}"
-        )
-    used, renumbered = np.unique(elements, return_inverse=True)
-    return SolidMesh(points[used] * scale, renumbered.reshape(elements.shape))
+        raise SceneError(f"{field}: file {str(path)!r} is larger than {MAX_BYTES} bytes")
 
 
-def _read(path: Path) -> tuple[FloatArray, IndexArray, list[str]]:
-    """Return points [file's unit], hexahedra and the names of all cell types. Raises SceneError."""
+def _read(path: Path) -> Cells:
+    """Return what meshio reads. Raises SceneError."""
     if importlib.util.find_spec("meshio") is None:
         raise SceneError(
             "mesh.source: reading mesh files needs the package meshio (pip install 'tripod[mesh]')"
         )
     program = [sys.executable, "-P", str(Path(__file__).with_name("foreign.py")), str(path.absolute())]
+    program += [f"{kind}={size}" for kind, size in SIZES.items()]
     patience = PATIENCE + path.stat().st_size / 1e6
     try:
         run = subprocess.run(
-            program, stdin=subprocess.DEVNULL, capture_output=True, timeout=patience, check=False
+            program,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=patience,
+            check=False,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # threads reserve memory, which is bounded there
         )
     except subprocess.TimeoutExpired:
         raise SceneError(
@@ -69,4 +82,5 @@ def _read(path: Path) -> tuple[FloatArray, IndexArray, list[str]]:
         )
         raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {why[:200]}")
     with np.load(io.BytesIO(run.stdout), allow_pickle=False) as found:
-        return found["points"], found["hexahedra"], found["kinds"].tolist()
+        volumes = {kind: found[kind] for kind in SIZES if kind in found}
+        return Cells(found["points"], volumes, tuple(found["kinds"].tolist()))

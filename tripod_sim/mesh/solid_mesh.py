@@ -1,6 +1,7 @@
 """A volume mesh, and the checks that name what is wrong with one."""
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import H8_MODES
 from tripod_sim.errors import SceneError
+from tripod_sim.mesh.topology import coincident, edge_uses, parts
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -22,6 +24,10 @@ FACE_TRIANGLES = {
     9: ((0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8)),
 }
 """Triangles of a face by its number of nodes: corners in a loop, mid-edge nodes in the same order, centre."""
+
+
+SAME = 1e-9
+"""Nodes closer than this fraction of the size of the mesh share their position."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +51,29 @@ class SolidMesh:
             object.__setattr__(self, name, array)
 
     @cached_property
+    def boundary(self) -> IndexArray:
+        """Faces that only one element has, nodes as in `kind.faces`, shape (k, nodes of a face)."""
+        faces, first, count = self._faces()
+        return faces[np.sort(first[count == 1])]
+
+    @cached_property
     def surface(self) -> IndexArray:
         """Boundary triangles, shape (k, 3), counter-clockwise seen from outside."""
+        boundary = self.boundary
+        return np.concatenate([boundary[:, list(t)] for t in FACE_TRIANGLES[boundary.shape[1]]])
+
+    @cached_property
+    def overfull_faces(self) -> IndexArray:
+        """Faces that more than two elements have, as `boundary`."""
+        faces, first, count = self._faces()
+        return faces[np.sort(first[count > 2])]
+
+    def _faces(self) -> tuple[IndexArray, IndexArray, IndexArray]:
+        """Return the faces of all elements, the first of each set of equal ones, and how many are equal."""
         faces = self.elements[:, np.array(self.kind.faces)].reshape(-1, len(self.kind.faces[0]))
         corners = np.sort(faces[:, : self.kind.face_corners], axis=1)
         _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
-        boundary = faces[np.sort(first[count == 1])]
-        return np.concatenate([boundary[:, list(t)] for t in FACE_TRIANGLES[faces.shape[1]]])
+        return faces, first, count
 
     @cached_property
     def topology_id(self) -> int:
@@ -74,7 +96,8 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
 
     Raises:
         SceneError: no elements; positions not finite; node numbers out of range; unreferenced nodes; coincident nodes;
-            elements inverted or without volume somewhere (scaled Jacobian not above 1e-6), or given twice.
+            elements inverted or without volume somewhere (scaled Jacobian not above 1e-6), or given twice; faces of
+            more than two elements; elements that touch along an edge only.
     """
     if not len(mesh.elements):
         raise SceneError(f"{source}: the mesh has no elements")
@@ -85,15 +108,10 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
         raise SceneError(f"{source}: elements {names_of(bad)} name nodes outside 0..{len(mesh.nodes) - 1}")
     if (bad := np.setdiff1d(np.arange(len(mesh.nodes)), mesh.elements)).size:
         raise SceneError(f"{source}: nodes {names_of(bad)} belong to no element")
-    scale = np.ptp(mesh.nodes, axis=0).max()
-    rounded = (
-        np.round((mesh.nodes - mesh.nodes.min(axis=0)) / (1e-9 * scale)).astype(np.int64)
-        if scale > 0
-        else np.zeros((len(mesh.nodes), 3))
-    )
-    _, inverse, count = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
-    if (bad := np.flatnonzero(count[inverse.ravel()] > 1)).size:
-        raise SceneError(f"{source}: nodes {names_of(bad)} share their position with another node")
+    with np.errstate(over="ignore"):
+        shared = coincident(mesh.nodes, SAME * np.ptp(mesh.nodes, axis=0).max())
+    if shared.size:
+        raise SceneError(f"{source}: nodes {names_of(shared)} share their position with another node")
     quality = element_quality(mesh)
     if (bad := np.flatnonzero(~(quality > 1e-6))).size:
         inverted = np.flatnonzero(quality < -1e-6)
@@ -105,6 +123,43 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
     )
     if (bad := np.flatnonzero(count[inverse.ravel()] > 1)).size:
         raise SceneError(f"{source}: elements {names_of(bad)} have the nodes of another element")
+    _check_boundary(mesh, source)
+
+
+def _check_boundary(mesh: SolidMesh, source: str) -> None:
+    if len(mesh.overfull_faces):
+        nodes = np.unique(mesh.overfull_faces[:, : mesh.kind.face_corners])
+        raise SceneError(f"{source}: faces at nodes {names_of(nodes)} belong to more than two elements")
+    edges, uses = edge_uses(mesh.boundary[:, : mesh.kind.face_corners])
+    if (bad := edges[uses > 2]).size:
+        raise SceneError(
+            f"{source}: the boundary is no surface at nodes {names_of(np.unique(bad))}: elements touch there along "
+            "an edge only"
+        )
+
+
+def check_held(mesh: SolidMesh, bodies: Sequence[IndexArray], held: IndexArray, source: str) -> None:
+    """Refuse a mesh for a static simulation if a part of it is not held.
+
+    Parts are connected by shared nodes and by rigid bodies.
+
+    Args:
+        mesh: A mesh that `check_mesh` accepts.
+        bodies: Nodes of each rigid body.
+        held: Nodes that are fixed or driven.
+        source: Where the mesh comes from, for the message.
+
+    Raises:
+        SceneError: a part without held nodes, named by some of its nodes, and how many parts there are.
+    """
+    label = parts([mesh.elements, *(np.asarray(body)[None] for body in bodies)], len(mesh.nodes))
+    loose = np.setdiff1d(label, label[held])
+    if loose.size:
+        count = len(np.unique(label))
+        raise SceneError(
+            f"{source}: the mesh has {count} part{'s' if count > 1 else ''}, and nothing holds the one with nodes "
+            f"{names_of(np.flatnonzero(label == loose[0]))}; without inertia every part must be held"
+        )
 
 
 def element_quality(mesh: SolidMesh) -> FloatArray:

@@ -1,0 +1,100 @@
+"""From the cells of a file to a mesh of the element that a scene asks for."""
+
+import numpy as np
+
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.elements.element import Element
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.cells import FLAT, Cells, FloatArray, IndexArray
+from tripod_sim.mesh.convert import convert_hexahedra, convert_tetrahedra
+from tripod_sim.mesh.solid_mesh import SolidMesh, names_of
+
+LINEAR = {"hexahedron": "h8", "tetra": "t4"}
+"""Cells that can be made into others, and their plainest element."""
+
+SAMPLE = 512
+"""Elements by which the order of mid-edge and face nodes is told."""
+
+
+def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMesh:
+    """Return the mesh of the cells of a file; nodes that no element has are left out.
+
+    Linear hexahedra become any element, linear tetrahedra T4 or T10; quadratic cells only the elements of their kind.
+
+    Args:
+        cells: Of one file.
+        element: Name of the element, as in `elements.catalogue`.
+        scale: Length unit of the file [m].
+        name: What messages call the file.
+
+    Raises:
+        SceneError: no volume cells, several kinds of them, none that the element can be made of; cells that name points
+            which the file does not have; points without three coordinates.
+    """
+    solid = [k for k in cells.kinds if not k.startswith(FLAT)]
+    volumes = {k: v for k, v in cells.volumes.items() if len(v)}
+    if not volumes:
+        raise SceneError(
+            f"mesh.source: {name} has no tetrahedra or hexahedra (cells: {', '.join(cells.kinds) or 'none'})"
+        )
+    if others := [k for k in solid if k not in volumes and k not in cells.volumes]:
+        raise SceneError(f"mesh.source: {name} has cells of which no element is made: {', '.join(others)}")
+    if len(volumes) > 1:
+        raise SceneError(
+            f"mesh.source: {name} has several kinds of volume cells ({', '.join(sorted(volumes))}); one is needed"
+        )
+    ((cell, elements),) = volumes.items()
+    points = _checked(cells.points, elements, name)
+    fitting = [e.name for e in ELEMENTS.values() if e.cell == cell]
+    makeable = [e.name for e in ELEMENTS.values() if _makeable(e, cell)]
+    if element not in makeable:
+        raise SceneError(
+            f"mesh.element is {element!r}; the {cell} cells of {name} allow {', '.join(makeable)}"
+        )
+    used, renumbered = np.unique(elements, return_inverse=True)
+    with np.errstate(over="ignore"):  # positions that overflow are named by check_mesh
+        nodes = points[used] * scale
+    kind = ELEMENTS[element if element in fitting else LINEAR[cell]]
+    mesh = SolidMesh(nodes, in_order(nodes, renumbered.reshape(elements.shape), kind), kind)
+    if element in fitting:
+        return mesh
+    return convert_hexahedra(mesh, element) if cell == "hexahedron" else convert_tetrahedra(mesh, element)
+
+
+def _makeable(kind: Element, cell: str) -> bool:
+    return cell in (kind.cell, "hexahedron") or (cell == "tetra" and kind.corners == 4)
+
+
+def _checked(points: FloatArray, elements: IndexArray, name: str) -> FloatArray:
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise SceneError(
+            f"mesh.source: {name} has points of shape {points.shape}; three coordinates are needed"
+        )
+    if (bad := np.flatnonzero(((elements < 0) | (elements >= len(points))).any(axis=1))).size:
+        raise SceneError(
+            f"mesh.source: {name}: elements {names_of(bad)} name nodes outside 0..{len(points) - 1}"
+        )
+    return points
+
+
+def in_order(nodes: FloatArray, elements: IndexArray, kind: Element) -> IndexArray:
+    """Return quadratic elements with their mid-edge, face and centre nodes in VTK order, corners as they are.
+
+    Formats number these nodes differently, and writers of one format do too; but each lies near the middle of its
+    corners. The one order for all elements is read off the mean square distances in a sample of them. If that gives no
+    one-to-one order, the elements are returned as they are, for `check_mesh` to refuse.
+    """
+    c = kind.corners
+    if kind.size == c:
+        return elements
+    plain = ELEMENTS["t4" if c == 4 else "h8"]
+    sample = elements[:: max(1, len(elements) // SAMPLE)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        x = nodes[sample]
+        x = (x - x[:, :1]) / np.ptp(x, axis=1).max(axis=1)[:, None, None]
+        middles = np.einsum("ka,eai->eki", plain.functions(kind.reference[c:]), x[:, :c])
+        square = ((x[:, c:, None] - middles[:, None]) ** 2).sum(axis=3).mean(axis=0)
+    order = square.argmin(axis=0)
+    if not np.isfinite(square).all() or len(set(order.tolist())) < len(order):
+        return elements
+    return np.hstack([elements[:, :c], elements[:, c:][:, order]])

@@ -1,0 +1,69 @@
+"""Questions about connectivity and coincidence that volume and surface meshes share; plain arrays in, indices out."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+DIRECTION = np.array([0.5377, 0.6180, 0.5735])
+"""Points are sorted along this direction, in which no plane of a regular grid lies."""
+
+MOST_NEIGHBOURS = 64
+"""Neighbours in that order with which a point is compared."""
+
+
+def coincident(points: FloatArray, tolerance: float) -> IndexArray:
+    """Return which of the finite points (n, 3) share their position with another, ascending.
+
+    Equal points are all found. If there are none, pairs closer than `tolerance` are, except where more than
+    `MOST_NEIGHBOURS` other points lie between them in projection.
+    """
+    _, inverse, count = np.unique(points + 0.0, axis=0, return_inverse=True, return_counts=True)
+    if (count > 1).any():
+        return np.flatnonzero(count[inverse.ravel()] > 1)
+    centred = points - points[:1]
+    order = np.argsort(centred @ DIRECTION, kind="stable")
+    placed = centred[order]
+    along = placed @ DIRECTION
+    found = np.zeros(len(points), dtype=bool)
+    for k in range(1, min(MOST_NEIGHBOURS, len(points) - 1) + 1):
+        candidates = np.flatnonzero(along[k:] - along[:-k] <= tolerance)
+        if not candidates.size:
+            break
+        near = np.linalg.norm(placed[candidates + k] - placed[candidates], axis=1) <= tolerance
+        found[order[candidates[near]]] = found[order[candidates[near] + k]] = True
+    return np.flatnonzero(found)
+
+
+def directed_edges(polygons: IndexArray) -> IndexArray:
+    """Return the edges of polygons (m, c) in the direction in which each runs round, shape (m c, 2)."""
+    return np.stack([polygons, np.roll(polygons, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def edge_uses(polygons: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Return the undirected edges of polygons (m, c), shape (k, 2), and how many polygons have each, shape (k,)."""
+    edges = np.sort(directed_edges(polygons), axis=1)
+    size = int(edges.max(initial=0)) + 1
+    keys, count = np.unique(edges[:, 0] * size + edges[:, 1], return_counts=True)
+    return np.stack([keys // size, keys % size], axis=1), count
+
+
+def parts(groups: list[IndexArray], size: int) -> IndexArray:
+    """Return for each of `size` nodes the smallest node that it is connected with, shape (size,).
+
+    Args:
+        groups: Arrays (m, k) of node indices; the nodes of one row are connected.
+        size: Number of nodes.
+    """
+    label = np.arange(size)
+    while True:
+        before = label.copy()
+        for rows in groups:
+            if rows.size:
+                lowest = label[rows].min(axis=1)
+                np.minimum.at(label, rows, lowest[:, None])
+                np.minimum.at(label, before[rows], lowest[:, None])  # the root follows, so that chains halve
+        label = label[label]
+        if (label == before).all():
+            return label
