@@ -66,8 +66,8 @@ class Mesh:
         source: The generator `y_piece`, or the path of a file with tetrahedra or hexahedra (relative to the scene's
             file): GiD text, gmsh, VTK, Abaqus and what else meshio reads.
         level: Resolution of the generator, 1 (coarse) to 4.
-        element: Kind of element: `h8_modes` (with incompatible modes), `h8`, `h20`, `h20_full`, `h27`, `t4`, `t10`; of a
-            file those that its cells allow (linear hexahedra all, linear tetrahedra `t4` and `t10`).
+        element: Kind of element: `h8_modes` (with incompatible modes), `h8`, `h20`, `h20_full`, `h27`, `t4`, `t10`;
+            of a file those that its cells allow (linear hexahedra all, linear tetrahedra `t4` and `t10`).
         scale: Length unit of a file [m]: 0.001 for millimetres.
     """
 
