@@ -7,15 +7,13 @@ then far out of it, so that limits come and go as in use. "QP" is the update of 
 the certificate; "step" is all that happens between compliance and command, checks and the building of the QP included.
 Times are CPU times of the one thread that computes.
 """
-# ruff: noqa: E402 - the number of threads is set before numpy is loaded
 
 import argparse
-import os
 import time
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"
+from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
+# isort: split
 import numpy as np
 
 from tripod_graph.names import SERVOS, WORKING_POSE
@@ -28,17 +26,6 @@ from tripod_sim import Simulation, load_scene
 
 WARM_UP = 50
 DT = 0.01  # [s]
-
-
-def calibration() -> float:
-    """Return the median time of a 1000 x 1000 float64 matrix product [s]."""
-    a, b = np.random.default_rng(0).standard_normal((2, 1000, 1000))
-    times = []
-    for _ in range(9):
-        begin = time.thread_time()
-        a @ b
-        times.append(time.thread_time() - begin)
-    return float(np.median(times))
 
 
 def in_working_pose() -> Simulation:

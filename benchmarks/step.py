@@ -5,28 +5,16 @@ period apart. CPU time of one thread. `python benchmarks/step.py --help` lists t
 """
 
 import argparse
-import os
 import time
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"  # before NumPy is loaded
+from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
-import numpy as np  # noqa: E402
+# isort: split
+import numpy as np
 
-from tripod_sim import Simulation, load_scene  # noqa: E402
+from tripod_sim import Simulation, load_scene
 
 SCENE = ("servos.angles=[-1.4965, -1.4965, -1.4965]", "servos.slide=0.035")
-
-
-def calibration(repeats: int = 7) -> float:
-    """Return the median time of a 1000 x 1000 float64 matrix product on one thread [s]."""
-    a, b = np.random.default_rng(0).random((2, 1000, 1000))
-    taken = []
-    for _ in range(repeats):
-        start = time.thread_time()
-        a @ b
-        taken.append(time.thread_time() - start)
-    return float(np.median(taken))
 
 
 def swing(t: float) -> np.ndarray:

@@ -92,7 +92,7 @@ def ik_line(status: IkFields) -> Line:
     off, limits = f"{1e3 * status.error:.2f} mm off", ", ".join(status.active_limits)
     texts = {
         0: (Light.OFF, "idle"),
-        1: (Light.GOOD, f"on target: {off}"),
+        1: (Light.GOOD, f"following, {off}"),
         2: (Light.WATCH, f"target out of reach: {off}" + (f" (at limit: {limits})" if limits else "")),
         3: (Light.WATCH, "holds: no fresh data from the simulator"),
         4: (Light.BAD, f"solver failed: {status.message or status.solver_status}"),

@@ -36,7 +36,7 @@ def robot(**values: object) -> SimpleNamespace:
         (words.sim_line(sim(state=4, message="node 7 inverted")), Light.BAD, "failed: node 7 inverted"),
         (words.sim_line(sim(state=77)), Light.BAD, "unknown state 77"),
         (words.ik_line(ik(state=0)), Light.OFF, "idle"),
-        (words.ik_line(ik()), Light.GOOD, "on target: 0.12 mm off"),
+        (words.ik_line(ik()), Light.GOOD, "following, 0.12 mm off"),
         (
             words.ik_line(ik(state=2, error=0.003, active_limits=["servo_0 angle max"])),
             Light.WATCH,
