@@ -29,6 +29,10 @@ class FakeSimulation:
         self.state = SimpleNamespace(positions=np.zeros((3, 3)), joints=np.zeros(4), step=0, time=0.0)
         self.singular = False
 
+    @property
+    def positions(self) -> np.ndarray:
+        return self.state.positions
+
     def step(self, joints: np.ndarray | None) -> StepReport:
         self.during(self.state.step + 1)
         self.state.joints[:] = 0 if joints is None else joints
@@ -424,7 +428,7 @@ def test_stop_ends_the_thread_in_any_state(state: str) -> None:
 
 def test_requests_from_many_threads_all_count(start) -> None:
     """No request is lost and none is served twice, whatever the thread is doing when it comes."""
-    physics = start(FakeSimulation())
+    physics = start(FakeSimulation(during=lambda step: time.sleep(5e-4)))
     physics.pause(True)
     first = physics.latest.step
     askers = [
