@@ -63,9 +63,18 @@ class YLevel:
     layers: int = 1
 
 
-LEVELS = {1: YLevel(2, 1, 5, 1.4), 2: YLevel(4, 1, 5, 1.4), 3: YLevel(6, 2, 7, 1.2), 4: YLevel(8, 2, 8, 1.2)}
+LEVELS = {
+    1: YLevel(2, 1, 5, 1.4),
+    2: YLevel(4, 1, 5, 1.4),
+    3: YLevel(6, 2, 7, 1.2),
+    4: YLevel(8, 2, 8, 1.2),
+    5: YLevel(2, 1, 7, 1.2),
+    6: YLevel(6, 2, 9, 1.1),
+    7: YLevel(9, 3, 12, 1.05),
+}
 """Mesh levels by number. The sheet bends along its strips: elements across matter least, those along most.
-Finer meshes than these resolve the singular edge of the sharp clamp and leave the smooth branch in the working pose."""
+Finer meshes than 4 resolve the singular edge of the sharp clamp and leave the smooth branch in the working pose.
+5 to 7 are for linear tetrahedra, hardly graded, 540, 1692 and 3150 coordinates: the sizes of the workshop's meshes."""
 
 
 def y_piece(level: YLevel, shape: YShape | None = None) -> SolidMesh:

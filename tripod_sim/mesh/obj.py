@@ -1,0 +1,83 @@
+"""Reads vertices and faces of Wavefront OBJ files; normals, texture coordinates, groups, materials are left out."""
+
+from array import array
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.lines import numbered_lines, to_coordinates, to_integer, word
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+
+LEFT_OUT = frozenset(
+    b"vt vn vp g o s l p usemtl mtllib mg lod bevel c_interp d_interp usemap maplib shadow_obj trace_obj".split()
+)
+"""Statements that say nothing about the shape of polygons."""
+
+MOST_TRIANGLES = 20_000_000
+"""Triangles of one file: a face of two bytes a word becomes 24 bytes a triangle."""
+
+MOST_WORDS = 100_000
+"""Words of one statement, continued lines included."""
+
+
+def read_obj(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
+    """Return the vertices (n, 3), in the file's unit, and the triangles (m, 3) of an OBJ file.
+
+    Polygons are divided into triangles from their first vertex, as is right for convex ones. Negative numbers count
+    back from the last vertex so far.
+
+    Args:
+        path: The file.
+        name: What messages call it.
+
+    Raises:
+        SceneError: not such a file; the message names the line and what is wrong with it.
+    """
+    xyz, corners = array("d"), array("q")
+    for number, tokens in _statements(path, name):
+        where = f"{name}, line {number}"
+        keyword, values = tokens[0], tokens[1:]
+        if keyword == b"v":
+            if len(values) not in (3, 4, 6, 7):  # a weight, a colour
+                raise SceneError(f"{where}: a vertex needs 3 coordinates, found {len(values)} words")
+            xyz.extend(to_coordinates(values[:3], where))
+        elif keyword == b"f":
+            count = len(xyz) // 3
+            polygon = [_vertex(value, count, where) for value in values]
+            if len(polygon) < 3:
+                raise SceneError(f"{where}: a face needs at least 3 vertices, found {len(polygon)}")
+            for second, third in pairwise(polygon[1:]):
+                corners.extend((polygon[0], second, third))
+            if len(corners) > 3 * MOST_TRIANGLES:
+                raise SceneError(f"{where}: more than {MOST_TRIANGLES} triangles")
+        elif keyword not in LEFT_OUT:
+            raise SceneError(f"{where}: {word(keyword)} is no OBJ statement for polygons")
+    return np.array(xyz).reshape(-1, 3), np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def _statements(path: Path, name: str) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield the words of each statement with its line number; a backslash at the end of a line continues it."""
+    kept: list[bytes] = []
+    for number, line in numbered_lines(path, name):
+        text = line.partition(b"#")[0].rstrip()
+        more = text.endswith(b"\\")
+        kept += text[: len(text) - more].split()
+        if len(kept) > MOST_WORDS:
+            raise SceneError(f"{name}, line {number}: a statement of more than {MOST_WORDS} words")
+        if kept and not more:
+            yield number, kept
+            kept = []
+    if kept:
+        raise SceneError(f"{name}: the last line is continued, but the file ends; is it cut short?")
+
+
+def _vertex(token: bytes, count: int, where: str) -> int:
+    """Return the index of the vertex that a word of a face names (`7`, `7/1`, `7//3` or `7/1/3`). Raises SceneError."""
+    number = to_integer(token.partition(b"/")[0], where, "vertex")
+    index = number - 1 if number > 0 else count + number
+    if number == 0 or not 0 <= index < count:
+        raise SceneError(f"{where}: vertex {number} of a face is not among the {count} vertices before it")
+    return index
