@@ -1,0 +1,139 @@
+"""Bars and blocks for benchmarks: bodies that no scene describes, made of the simulator's own parts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.groups import Groups
+from tripod_sim.elements.element import node_volumes
+from tripod_sim.elements.hexahedron import CORNERS
+from tripod_sim.forces.anchor import Anchor
+from tripod_sim.forces.gravity import GravityForce
+from tripod_sim.forces.rayleigh import StiffnessDamping
+from tripod_sim.forces.solid import Solid
+from tripod_sim.integrators.newton import Newton
+from tripod_sim.integrators.schemes import make_scheme
+from tripod_sim.integrators.substeps import StepReport, Substeps
+from tripod_sim.materials.lame import lame_constants
+from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
+from tripod_sim.state import State
+from tripod_sim.system import System
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+def brick(element: str, lines: tuple[FloatArray, FloatArray, FloatArray]) -> SolidMesh:
+    """Return the mesh of a brick whose cells lie between the given coordinates of each axis [m]."""
+    nodes = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
+    a, b, c = (len(line) for line in lines)
+    n = np.arange(len(nodes)).reshape(a, b, c)
+    corners = ((CORNERS + 1) // 2).astype(int)
+    cells = [n[p : a - 1 + p, q : b - 1 + q, r : c - 1 + r].ravel() for p, q, r in corners]
+    mesh = SolidMesh(nodes, np.stack(cells, axis=1))
+    if element != mesh.kind.name:
+        mesh = convert_hexahedra(mesh, element)
+    check_mesh(mesh, "brick")
+    return mesh
+
+
+def lumped(mesh: SolidMesh, mass: float) -> tuple[FloatArray, FloatArray]:
+    """Return what nodes weigh and what inertia they have [kg], each of shape (n,) and of sum `mass`."""
+    found = []
+    for volumes in node_volumes(mesh.kind, mesh.nodes[mesh.elements]):
+        node = np.zeros(len(mesh.nodes))
+        np.add.at(node, mesh.elements, volumes)
+        found.append(node * (mass / node.sum()))
+    return found[0], found[1]
+
+
+def elastic(mesh: SolidMesh, young: float, poisson: float, law: str = "neo_hooke") -> Solid:
+    """Return the elastic solid on a mesh; `young` in Pa."""
+    lam, mu = lame_constants(young, poisson)
+    return Solid(np.array(mesh.nodes), np.array(mesh.elements), mesh.kind, law, lam, mu)
+
+
+@dataclass(eq=False)
+class Block:
+    """A body of one mesh, free or held at some nodes, stepped in time.
+
+    Attributes:
+        mesh: Its mesh.
+        solid: Its elasticity.
+        mass: Inertia of nodes [kg], shape (n,).
+        gravity: Its weight.
+        state: Where it is.
+        stepper: The time integrator.
+        dt: Time step [s].
+    """
+
+    mesh: SolidMesh
+    solid: Solid
+    mass: FloatArray
+    gravity: GravityForce
+    state: State
+    stepper: Substeps
+    dt: float
+
+    def step(self) -> StepReport:
+        """Advance by dt."""
+        return self.stepper.step(self.state, self.state.joints.copy(), self.dt)
+
+    def warm_up(self) -> None:
+        """Load every kernel by one step, and undo it."""
+        start = self.state.copy()
+        self.step()
+        start.copy_to(self.state)
+        self.stepper.forget()
+
+    def energies(self) -> tuple[float, float]:
+        """Return kinetic energy, and the sum of kinetic, strain and gravity [J]."""
+        s = self.state
+        kinetic = 0.5 * float(self.mass @ (s.velocities**2).sum(axis=1))
+        return kinetic, kinetic + self.solid.energy(s.positions, s.modes) + self.gravity.energy(s.positions)
+
+    def momenta(self) -> tuple[FloatArray, FloatArray]:
+        """Return linear [kg m/s] and angular momentum about the origin [kg m²/s]."""
+        s = self.state
+        angular = (self.mass[:, None] * np.cross(s.positions, s.velocities)).sum(axis=0)
+        return self.mass @ s.velocities, angular
+
+
+def block(
+    mesh: SolidMesh,
+    *,
+    young: float,
+    poisson: float,
+    mass: float,
+    held: IndexArray,
+    dt: float,
+    scheme: str,
+    law: str = "neo_hooke",
+    acceleration: tuple[float, float, float] = (0.0, 0.0, -9.81),
+    damping: tuple[float, float] = (0.0, 0.0),
+    tolerance: float = 1e-4,
+) -> Block:
+    """Return a block at rest.
+
+    Args:
+        mesh: Its mesh.
+        young, poisson, mass, law: E [Pa], nu, total mass [kg] and elastic law.
+        held: Nodes that never move; may be none.
+        dt: Time step [s].
+        scheme: Time integrator.
+        acceleration: Of gravity [m/s²].
+        damping: Rayleigh's a [1/s] and b [s].
+        tolerance: Unbalanced force at which a step counts as solved [N].
+    """
+    solid, (load, inert) = elastic(mesh, young, poisson, law), lumped(mesh, mass)
+    nodes = np.array(mesh.nodes)
+    gravity, inertia = GravityForce(load, acceleration, nodes), Anchor(len(nodes))
+    lagged = (
+        StiffnessDamping(damping[1], solid.elements, solid.matrices, len(nodes)) if damping[1] > 0 else None
+    )
+    groups = Groups(len(nodes), fixed=np.array(held, dtype=np.int64))
+    system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=lagged)
+    stepper = make_scheme(scheme, Newton(system, tolerance, 100), inertia, inert, damping[0], 8)
+    return Block(mesh, solid, inert, gravity, system.start_state(np.zeros(1)), stepper, dt)
