@@ -65,14 +65,14 @@ class Mesh:
     Attributes:
         source: The generator `y_piece`, or the path of a file with tetrahedra or hexahedra (relative to the scene's
             file): GiD text, gmsh, VTK, Abaqus and what else meshio reads.
-        level: Resolution of the generator, 1 (coarse) to 4.
+        level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes.
         element: Kind of element: `h8_modes` (with incompatible modes), `h8`, `h20`, `h20_full`, `h27`, `t4`, `t10`;
             of a file those that its cells allow (linear hexahedra all, linear tetrahedra `t4` and `t10`).
         scale: Length unit of a file [m]: 0.001 for millimetres.
     """
 
     source: str = "y_piece"
-    level: int = number(2, low=1, high=4)
+    level: int = number(2, low=1, high=7)
     element: str = one_of("h8_modes", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes")
     scale: float = number(1.0, unit="m", above=0)
 
@@ -218,12 +218,16 @@ class Solver:
         max_iterations: Before a step is rolled back and halved.
         max_halvings: Before the simulation gives up.
         max_turn: Largest servo move of one static load increment [rad].
+        linear: Linear solver: `ldl`, `cholmod` (optional extra), `cg` (conjugate gradients), or `auto`, by size.
+        linear_tolerance: Relative residual at which conjugate gradients stop; without effect on direct solvers.
     """
 
     tolerance: float = number(1e-4, unit="N", above=0)
     max_iterations: int = number(100, low=1, high=1000)
     max_halvings: int = number(8, low=0, high=20)
     max_turn: float = number(0.1, unit="rad", above=0)
+    linear: str = one_of("auto", "ldl", "cholmod", "cg", default="auto")
+    linear_tolerance: float = number(1e-8, above=0, high=0.1)
 
 
 @dataclass(frozen=True)

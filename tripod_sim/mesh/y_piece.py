@@ -68,13 +68,14 @@ LEVELS = {
     2: YLevel(4, 1, 5, 1.4),
     3: YLevel(6, 2, 7, 1.2),
     4: YLevel(8, 2, 8, 1.2),
-    5: YLevel(2, 1, 7, 1.2),
-    6: YLevel(6, 2, 9, 1.1),
-    7: YLevel(9, 3, 12, 1.05),
+    5: YLevel(2, 1, 4, 1.2, layers=2),
+    6: YLevel(4, 1, 9, 1.1, layers=2),
+    7: YLevel(5, 2, 10, 1.05, layers=3),
 }
 """Mesh levels by number. The sheet bends along its strips: elements across matter least, those along most.
 Finer meshes than 4 resolve the singular edge of the sharp clamp and leave the smooth branch in the working pose.
-5 to 7 are for linear tetrahedra, hardly graded, 540, 1692 and 3150 coordinates: the sizes of the workshop's meshes."""
+5 to 7 are for linear tetrahedra: 567, 1674 and 3096 coordinates, about the sizes of the workshop's meshes. They have
+more layers, since along the sheet alone no refinement cures the locking of linear tetrahedra in bending."""
 
 
 def y_piece(level: YLevel, shape: YShape | None = None) -> SolidMesh:
