@@ -1,0 +1,102 @@
+"""The shipped scenes do what their descriptions say."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.scene import Damping, Inertia
+
+
+def test_the_free_piece_falls_undeformed() -> None:
+    """Step 1 of the workshop: v_n = -g n dt, x_n = x_0 - g dt² n (n + 1) / 2 for every node, no strain."""
+    scene = load_scene("silicone_free")
+    assert (scene.fixed, scene.servos, scene.effector) == ((), None, None)
+    simulation = Simulation(scene)
+    n, rest = round(scene.duration / scene.dt), simulation.mesh.nodes
+    for _ in range(n):
+        simulation.step()
+    moved = simulation.state.positions - rest
+    fall = -9.81 * scene.dt**2 * n * (n + 1) / 2
+    # each node's error: the residual of a step, 1e-4 N at most on 0.2 g, acts over 0.2 s
+    np.testing.assert_allclose(moved, np.tile([0, 0, fall], (len(rest), 1)), rtol=0, atol=1e-6)
+    assert fall < -0.19
+    energies = simulation.energies()
+    assert energies.strain < 1e-9
+    assert energies.kinetic == pytest.approx(0.5 * 0.032 * (9.81 * n * scene.dt) ** 2, rel=1e-6)
+
+
+def test_the_piece_in_the_fixing_box_hangs_from_it_and_quiets_down() -> None:
+    """Steps 2 and 3: the held end does not move, the rest swings down, energy only falls, and the swing dies away."""
+    scene = load_scene("silicone")
+    simulation = Simulation(scene)
+    rest = simulation.mesh.nodes
+    held = rest[:, 0] >= 0.045 - 1e-9
+    assert held.sum() >= 3
+    total, kinetic = 0.0, []
+    for _ in range(round(scene.duration / scene.dt)):
+        simulation.step()
+        e = simulation.energies()
+        # the residual, 1e-4 N at most, works over moves of at most 1 cm
+        assert e.kinetic + e.strain + e.gravity <= total + 1e-6
+        total = e.kinetic + e.strain + e.gravity
+        kinetic.append(e.kinetic)
+    moved = simulation.state.positions - rest
+    assert not moved[held].any()
+    assert moved[~held][:, 2].max() < 0
+    assert simulation.state.positions[:, 2].min() < -0.07  # soft enough to hang, not to stand out
+    assert max(kinetic[-50:]) < 0.02 * max(kinetic)
+
+
+def test_the_assembly_holds_three_ends_and_a_rigid_disc() -> None:
+    """Step 4: each servo holds the end of its strip; the nodes of the disc keep their distances while all bends."""
+    simulation = Simulation(load_scene("tripod"))
+    assert len(simulation.driven_frames) == 3
+    rest = simulation.mesh.nodes
+    disc = np.hypot(rest[:, 0], rest[:, 1]) <= 0.0075 + 1e-9
+    for k in range(40):
+        simulation.step(np.array([-0.4, -0.2, 0.1, 0.01]) * (k + 1) / 40)
+    for nodes in (disc, *(frame.nodes for frame in simulation.driven_frames)):
+        before, after = rest[nodes], simulation.state.positions[nodes]
+        d0, d1 = (np.linalg.norm(p[:, None] - p[None], axis=2) for p in (before, after))
+        np.testing.assert_allclose(d1, d0, atol=1e-12)
+        assert np.abs(after - before).max() > 1e-3
+
+
+SIZES = {5: 567, 6: 1674, 7: 3096}
+
+
+@pytest.mark.parametrize("level", SIZES)
+def test_the_preset_sofa_is_the_workshop_s_choice_at_its_sizes(level: int) -> None:
+    scene = load_scene("tripod_sofa", [f"mesh.level={level}"])
+    assert (scene.dt, scene.material.law) == (0.01, "corotational")
+    assert scene.inertia == Inertia("implicit_euler")
+    assert scene.damping == Damping(mass=0.0, stiffness=0.05)
+    simulation = Simulation(scene)
+    assert simulation.mesh.kind is ELEMENTS["t4"]
+    assert 3 * len(simulation.mesh.nodes) == SIZES[level]
+
+
+def test_the_preset_sofa_locks_less_when_finer() -> None:
+    """Linear tetrahedra in bending: a quarter to a half of the sag of the converged solution (L1, -2.097 mm)."""
+    sags = [Simulation(load_scene("tripod_sofa", [f"mesh.level={n}"])).effector.position[2] for n in SIZES]
+    np.testing.assert_allclose(
+        np.array(sags) / -2.097e-3, [0.244, 0.354, 0.486], atol=0.005
+    )  # measured, see above
+
+
+def test_the_preset_sofa_creeps() -> None:
+    """After a jump of all servos the way left falls as exp(-t / b), b = 0.05 s: damping rules, inertia does not.
+
+    Without mass every mode moves as x' = -x / b, whatever its stiffness; a step of implicit Euler leaves
+    1 / (1 + h / b) of it, 1 / 1.2 here. The jump is small, so that stiffness does not change on the way.
+    """
+    light = ["material.mass=1e-6", "gravity=off", "solver.tolerance=1e-9"]
+    simulation = Simulation(load_scene("tripod_sofa", ["mesh.level=5", *light]))
+    goal, heights = np.array([-0.002, -0.002, -0.002, 0.0]), []
+    for _ in range(120):
+        simulation.step(goal)
+        heights.append(simulation.effector.position[2])
+    left = np.abs(np.array(heights) - heights[-1])[:12]
+    assert left[-1] > 2e-8  # positions are good to 1e-10 m: the tolerance over about 10 N/m
+    np.testing.assert_allclose(left[1:] / left[:-1], 1 / 1.2, atol=0.002)
