@@ -13,7 +13,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.materials.lame import lame_constants
-from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
 from tripod_sim.scene import FixedBox, Mesh, Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -60,6 +60,9 @@ def build(scene: Scene) -> Parts:
 
     mesh = _mesh(scene.mesh)
     groups = _groups(scene, mesh.nodes)
+    if not scene.inertia:
+        held = np.concatenate([groups.fixed, *(frame.nodes for frame in groups.driven)])
+        check_held(mesh, groups.rigid, held, f"mesh.source {scene.mesh.source!r}")
     rest, foundation = mesh.nodes, None
     if scene.clamp:
         from tripod_sim.robot.clamp import bed_clamps

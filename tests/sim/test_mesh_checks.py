@@ -1,0 +1,172 @@
+"""Checks of a volume mesh beyond single elements: coincident nodes, boundaries that are no surface, loose parts."""
+
+import tracemalloc
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from tripod_sim.build import build
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
+from tripod_sim.mesh.topology import MOST_NEIGHBOURS, coincident, edge_uses, parts
+from tripod_sim.scene import FixedBox, Inertia, Material, Scene
+from tripod_sim.scene import Mesh as SceneMesh
+
+BRICK = np.array(
+    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float
+)
+
+
+def bricks(*origins: tuple[float, float, float]) -> SolidMesh:
+    """Return unit bricks that share the nodes at which they touch."""
+    corners = np.concatenate([BRICK + np.array(origin) for origin in origins])
+    nodes, elements = np.unique(corners, axis=0, return_inverse=True)
+    return SolidMesh(nodes, elements.reshape(-1, 8))
+
+
+def refusal(mesh: SolidMesh) -> str:
+    with pytest.raises(SceneError) as caught:
+        check_mesh(mesh, "the mesh")
+    return str(caught.value)
+
+
+def grid(n: int) -> np.ndarray:
+    return np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), -1).reshape(-1, 3).astype(float)
+
+
+def test_equal_points_are_all_named_wherever_they_stand() -> None:
+    points = np.vstack([grid(5), grid(5)[[7, 40]], -0.0 * grid(5)[:1]])
+    np.testing.assert_array_equal(coincident(points, 0.0), [0, 7, 40, 125, 126, 127])
+    np.testing.assert_array_equal(coincident(np.ones((3000, 3)), 0.0), np.arange(3000))
+
+
+@pytest.mark.parametrize("at", [0.0, 0.5e-6, 1.0, 3.3])
+def test_near_points_are_found_in_any_direction_and_no_others(at: float) -> None:
+    """Also across the limits of any raster: the pairs stand at many places."""
+    rng = np.random.default_rng(2)
+    base = grid(6) + at
+    apart = rng.standard_normal((len(base), 3))
+    apart *= 1e-6 / np.linalg.norm(apart, axis=1)[:, None]
+    assert not coincident(base, 1e-6).size
+    pairs = np.vstack([base, base + 0.99 * apart])
+    np.testing.assert_array_equal(coincident(pairs, 1e-6), np.arange(2 * len(base)))
+    assert not coincident(np.vstack([base, base + 1.01 * apart]), 1e-6).size
+
+
+def test_near_points_behind_a_crowd_are_found_up_to_its_limit() -> None:
+    """Points in a plane across the direction of sorting all lie between the two of a pair."""
+    direction = np.array([0.5377, 0.6180, 0.5735])
+    across = np.cross(direction, [1.0, 0, 0])
+    crowd = np.outer(np.arange(1, MOST_NEIGHBOURS), across)
+    step = 1e-6 * direction / np.linalg.norm(direction)
+    points = np.vstack([-0.4 * step, crowd, 0.4 * step])
+    np.testing.assert_array_equal(coincident(points, 1e-6), [0, len(points) - 1])
+
+
+def test_a_hostile_crowd_costs_no_square_of_its_size() -> None:
+    points = np.random.default_rng(0).uniform(0, 1e-12, (20_000, 3))
+    tracemalloc.start()
+    assert coincident(points, 1e-9).size == len(points)
+    assert tracemalloc.get_traced_memory()[1] < 20_000 * 1000  # 3.2 GB would be the square
+    tracemalloc.stop()
+
+
+def test_edges_are_counted_once_for_each_polygon() -> None:
+    edges, uses = edge_uses(np.array([[0, 1, 2, 3], [1, 0, 4, 5]]))
+    assert {tuple(e): n for e, n in zip(edges.tolist(), uses.tolist(), strict=True)} == {
+        (0, 1): 2, (1, 2): 1, (2, 3): 1, (0, 3): 1, (0, 4): 1, (4, 5): 1, (1, 5): 1
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_parts_are_those_of_a_search(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    chain = rng.permutation(300)
+    rows = np.stack([chain[:-1], chain[1:]], 1)[rng.permutation(299)]
+    rows = np.delete(rows, rng.integers(299, size=6), axis=0)
+    near: dict[int, set[int]] = {i: {i} for i in range(300)}
+    for a, b in rows.tolist():
+        near[a].add(b)
+        near[b].add(a)
+    label = parts([rows], 300)
+    for start in range(300):
+        seen, todo = {start}, [start]
+        while todo:
+            new = near[todo.pop()] - seen
+            seen |= new
+            todo += new
+        assert label[start] == min(seen)
+
+
+def test_elements_that_touch_along_an_edge_only_are_refused_with_its_nodes() -> None:
+    mesh = bricks((0, 0, 0), (1, 1, 0))
+    shared = [int(np.flatnonzero((mesh.nodes == [1, 1, z]).all(axis=1))[0]) for z in (0, 1)]
+    assert refusal(mesh) == (
+        f"the mesh: the boundary is no surface at nodes {shared[0]}, {shared[1]}: "
+        "elements touch there along an edge only"
+    )
+    check_mesh(bricks((0, 0, 0), (1, 1, 0), (1, 0, 0)), "with the gap filled")
+    check_mesh(bricks((0, 0, 0), (1, 1, 1)), "touching in one node")
+
+
+@pytest.mark.parametrize("name", ELEMENTS)
+def test_every_element_knows_its_edges(name: str) -> None:
+    assert "the boundary is no surface at nodes" in refusal(
+        convert_hexahedra(bricks((0, 0, 0), (1, 1, 0)), name)
+    )
+    ring = [(x, y, 0) for x in range(3) for y in range(3) if (x, y) != (1, 1)]
+    check_mesh(convert_hexahedra(bricks(*ring), name), "ring")
+
+
+def test_a_face_of_three_elements_is_refused_with_its_nodes() -> None:
+    """Two bricks on one side of a face, a little apart."""
+    mesh = bricks((0, 0, 0), (1, 0, 0))
+    face = np.flatnonzero(mesh.nodes[:, 0] == 1)
+    far = np.array([[1.5, 0.1, 0.1], [1.5, 1.1, 0.1], [1.5, 0.1, 1.1], [1.5, 1.1, 1.1]])
+    nodes = np.vstack([mesh.nodes, far])
+    n = len(mesh.nodes)
+    third = [*mesh.elements[1]]
+    for corner, node in enumerate(mesh.elements[1]):
+        if mesh.nodes[node, 0] == 2:
+            _, y, z = mesh.nodes[node]
+            third[corner] = n + int(y) + 2 * int(z)
+    refused = refusal(SolidMesh(nodes, [*mesh.elements, third]))
+    assert refused == f"the mesh: faces at nodes {', '.join(map(str, face))} belong to more than two elements"
+
+
+TWO = bricks((0, 0, 0), (1, 0, 0), (5, 0, 0))
+
+
+def test_every_part_must_be_held_or_tied_to_one_that_is() -> None:
+    left, right = np.flatnonzero(TWO.nodes[:, 0] == 0), np.flatnonzero(TWO.nodes[:, 0] == 6)
+    check_mesh(TWO, "two parts")  # in motion they may be
+    check_held(TWO, [], np.concatenate([left, right]), "m")
+    check_held(TWO, [np.concatenate([left[:1], right])], left, "m")
+    for bodies, held, loose in (
+        ([], left, "12, 13, 14"),
+        ([right], left, "12, 13, 14"),
+        ([], right, "0, 1, 2"),
+    ):
+        with pytest.raises(SceneError) as caught:
+            check_held(TWO, bodies, held, "m")
+        assert str(caught.value).startswith(
+            f"m: the mesh has 2 parts, and nothing holds the one with nodes {loose}, "
+        )
+        assert str(caught.value).endswith("without inertia every part must be held")
+
+
+def test_a_static_scene_with_a_loose_part_is_refused_and_one_in_motion_is_not(tmp_path: Path) -> None:
+    meshio.write(tmp_path / "two.vtu", meshio.Mesh(TWO.nodes, [("hexahedron", TWO.elements)]))
+    source = SceneMesh(str(tmp_path / "two.vtu"))
+    left = FixedBox((0.0, 0.0, 0.0), (0.0, 1.0, 1.0))
+    right = FixedBox((6.0, 0.0, 0.0), (6.0, 1.0, 1.0))
+    with pytest.raises(
+        SceneError, match="the mesh has 2 parts, and nothing holds the one with nodes 12, 13, 14, 15"
+    ):
+        build(Scene("two", source, Material(), fixed=(left,)))
+    build(Scene("two", source, Material(), fixed=(left, right)))
+    build(Scene("two", source, Material(), fixed=(left,), inertia=Inertia()))
