@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks import stability
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 
 WORKING = (-1.5, -1.5, -1.5, 0.035)
@@ -103,3 +104,62 @@ def test_bad_commands_are_refused_and_change_nothing(joints: list[float], word: 
         simulation.step(np.array(joints))
     np.testing.assert_array_equal(simulation.state.positions, before)
     assert simulation.state.step == 0
+
+
+JUMP, STABLE, COROTATIONAL = (
+    "1.5 rad and 35 mm in one step",
+    "noise 50 %, stable neo-Hooke",
+    "noise 50 %, corotational",
+)
+SOFT, TURNED, SLIVERS = stability.BLOCKS
+MATRIX = [
+    *[(JUMP, element, scheme) for element in ("t4", "h8_modes") for scheme in stability.SCHEMES],
+    *[("dt 0.1 s", element, scheme) for element in stability.ELEMENTS for scheme in stability.SCHEMES],
+    *[(SLIVERS, element, scheme) for element in ("t4", "h8_modes") for scheme in stability.SCHEMES],
+    *[("E 10 MPa", element, "implicit_euler") for element in stability.ELEMENTS],
+    *[("gravity x100", element, "bdf2") for element in ("t4", "h8_modes", "h20")],
+    *[("nu 0.499", element, "implicit_euler") for element in ("t4", "h8_modes", "h20")],
+    *[(STABLE, element, "implicit_euler") for element in ("t4", "h8_modes")],
+    *[(STABLE, "h8_modes", scheme) for scheme in ("bdf2", "tr_bdf2")],
+    (JUMP, "h20", "bdf2"),
+    (COROTATIONAL, "t4", "bdf2"),
+    (COROTATIONAL, "h8_modes", "implicit_euler"),
+    (COROTATIONAL, "h20", "implicit_euler"),
+    (SOFT, "t4", "implicit_euler"),
+    (TURNED, "t4", "tr_bdf2"),
+]
+"""A part of the matrix of benchmarks/stability.py that a test has time for."""
+
+
+@pytest.mark.parametrize(("name", "element", "scheme"), MATRIX)
+def test_cell_of_the_stability_matrix(name: str, element: str, scheme: str) -> None:
+    found = stability.run(name, element, scheme)
+    assert not found.failure
+    if "noise" in name:
+        assert found.inverted < -0.1  # elements are inside out at the start
+    if scheme == "implicit_euler":  # its potential bounds the energy of every step by that of the step before
+        assert found.rise < 1e-6
+
+
+def test_the_matrix_sees_what_does_not_come_to_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    brief = stability.Case(seconds=0.05)
+    monkeypatch.setitem(stability.TRIPOD, JUMP, brief)
+    assert "still moving" in stability.run(JUMP, "h8_modes", "bdf2").failure
+
+
+def test_the_matrix_sees_what_ends_inside_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Simulation, "step", lambda self, joints: self.report)
+    assert "ends inside out" in stability.run(STABLE, "h8_modes", "bdf2").failure
+
+
+def test_the_matrix_sees_energy_that_grows(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Simulation.step
+
+    def push(self: Simulation, joints: np.ndarray) -> object:
+        report = whole(self, joints)
+        if self.state.step == 20:
+            self.state.velocities[:, 2] += 20.0
+        return report
+
+    monkeypatch.setattr(Simulation, "step", push)
+    assert "energy grows" in stability.run("gravity x100", "h8_modes", "implicit_euler").failure
