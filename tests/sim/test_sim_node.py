@@ -93,8 +93,9 @@ class Graph:
         self.mode = self.ear.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
         self.trajectory = self.ear.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
 
-    def start(self) -> "Graph":
+    def start(self, before_it_listens: Callable[[], None] = lambda: None) -> "Graph":
         self.node = SimNode()
+        before_it_listens()
         self.executor.add_node(self.node)
         for topic in PUBLISHED:
             if topic not in QUIET:
@@ -392,15 +393,25 @@ def test_silence_holds_and_then_parks(make) -> None:
 
 
 def test_the_newest_of_several_operators_decides_for_a_late_simulator(make) -> None:
+    """The last word of each waits for the simulator, in any order: it must keep them all, not the last to arrive."""
     graph = make()
     operators = [graph.ear.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED) for _ in range(6)]
     for stamp, operator in enumerate(operators, start=1):
-        word = ControlMode(mode=ControlMode.IK if stamp == 3 else ControlMode.TELEOP, source=str(stamp))
-        word.header.stamp.sec = 1000 if stamp == 3 else stamp
+        newest = stamp == 3
+        word = ControlMode(mode=ControlMode.IK if newest else ControlMode.TELEOP, source=str(stamp))
+        word.header.stamp.sec = 1000 if newest else stamp
         operator.publish(word)
-    graph.start()
-    graph.wait(lambda: graph.node._mode.mode != ControlMode.STOP, "a mode")
-    graph.spin(0.3)
+
+    def arrive() -> None:
+        deadline = time.monotonic() + DEADLINE
+        while not all(operator.get_subscription_count() for operator in operators):
+            assert time.monotonic() < deadline, "the operators do not find the simulator"
+            time.sleep(0.01)
+        time.sleep(0.2)
+
+    graph.start(arrive)
+    graph.wait(lambda: graph.node._mode.mode == ControlMode.IK, "the newest word")
+    graph.spin(0.2)
     assert graph.node._mode.mode == ControlMode.IK
     assert graph.status().rejected_commands == 0
 
