@@ -12,6 +12,7 @@ from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
 from tripod_sim.scene import FixedBox, Mesh, Scene
@@ -86,8 +87,9 @@ def build(scene: Scene) -> Parts:
 
         damping = StiffnessDamping(scene.damping.stiffness, solid.elements, solid.matrices, len(rest))
     system = System(
-        rest, solid, groups, gravity=gravity, inertia=inertia, damping=damping, foundation=foundation
-    )
+        rest, solid, groups, gravity=gravity, inertia=inertia, damping=damping, foundation=foundation,
+        linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
+    )  # fmt: skip
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stepper: Stepper
     if scene.inertia and inertia:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import quaternion
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -57,11 +58,11 @@ def compliance(system: System, state: State) -> Compliance:
 
     Raises:
         SceneError: the system has no effector.
-        StepError: the static tangent is singular there.
+        StepError: the static tangent is singular there, or conjugate gradients do not solve with it.
     """
     if not system.groups.rigid:
         raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
-    reduction, s = system.reduction, len(system.groups.driven)
+    reduction, linear, s = system.reduction, system.linear, len(system.groups.driven)
     for project in (False, True):
         if system.assemble(state, project=project) < 0:
             break
@@ -70,18 +71,22 @@ def compliance(system: System, state: State) -> Compliance:
     system.factor()
     if not system.factored:
         raise StepError(
-            f"the static tangent is singular at {state.time:.4g} s; the compliance is not defined"
+            f"the static tangent is singular at {state.time:.4g} s (or indefinite, with solver.linear = 'cholmod'); "
+            "the compliance is not defined"
         )
     first = 3 * reduction.free_count
     effector = slice(first, first + 6)
     answers = np.empty((reduction.unknowns, 6 + s))
-    for k in range(6):
-        unit = np.zeros(reduction.unknowns)
-        unit[first + k] = 1.0
-        answers[:, k] = system.ldl.solve(unit)
-    for k in range(s):
-        answers[:, 6 + k] = system.ldl.solve(reduction.drive[:, k])
-    offset = -system.ldl.solve(system.residual)[effector]
+    try:
+        for k in range(6):
+            unit = np.zeros(reduction.unknowns)
+            unit[first + k] = 1.0
+            answers[:, k] = linear.solve(unit)
+        for k in range(s):
+            answers[:, 6 + k] = linear.solve(reduction.drive[:, k].copy())
+        offset = -linear.solve(system.residual)[effector]
+    except LinearError as error:
+        raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
     w = np.empty((6 + s, 6 + s))
     jacobian = -answers[effector, 6:]
     stiffness = reduction.drive_drive - reduction.drive.T @ answers[:, 6:]

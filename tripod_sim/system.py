@@ -14,7 +14,7 @@ from tripod_sim.constraints.groups import Groups, Kind, rotation_matrix
 from tripod_sim.constraints.reduction import Reduction
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_kernels import add_element_products
-from tripod_sim.linear.ldl import Ldl
+from tripod_sim.linear.choice import LinearFactory, linear_factory
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
@@ -24,6 +24,8 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.rayleigh import StiffnessDamping
 
 FloatArray = NDArray[np.float64]
+
+DEFAULT_LINEAR = linear_factory("auto", 1e-8)
 
 
 class System:
@@ -35,7 +37,8 @@ class System:
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
         lever: r_i of nodes of bodies and frames [m], shape (n, 3).
         driven: Nodes of all driven frames.
-        factored: Whether the last `factor` found no zero pivot, be the matrix definite or not.
+        linear: Solves with the Hessian of the last `factor`.
+        factored: Whether `linear` can solve after the last `factor`, be the matrix definite or not.
         strain_energy, gravity_energy: Of the last `evaluate` [J]; the foundation's energy counts as strain.
     """
 
@@ -49,13 +52,16 @@ class System:
         inertia: "Anchor | None" = None,
         damping: "StiffnessDamping | None" = None,
         foundation: "Foundation | None" = None,
+        linear: LinearFactory = DEFAULT_LINEAR,
     ) -> None:
         self.rest, self.solid, self.groups = rest, solid, groups
         self.gravity, self.inertia, self.damping = gravity, inertia, damping
         self.foundation = foundation
         blocks = [solid.elements] + ([foundation.elements] if foundation else [])
         self.reduction = Reduction(blocks, groups)
-        self.ldl = Ldl(self.reduction.pattern)
+        free, bodies = self.reduction.free_count, self.reduction.bodies
+        diagonal_blocks = np.append(3 * np.arange(free), 3 * free + 6 * np.arange(bodies + 1))
+        self.linear = linear(self.reduction.pattern, diagonal_blocks)
         n, s = len(rest), len(groups.driven)
         self.gradient, self.lever = np.zeros((n, 3)), np.zeros((n, 3))
         self.residual, self.torques = np.zeros(self.reduction.unknowns), np.zeros(s)
@@ -179,8 +185,8 @@ class System:
             weight = weight + shift
         blocks = [matrices] + ([self.foundation.matrices] if self.foundation else [])
         self.reduction.hessian(blocks, weight, self.gradient, self.lever, self.axes)
-        self.factored = self.ldl.factor()
-        return self.factored and self.ldl.is_positive()
+        self.factored = self.linear.factor()
+        return self.factored and self.linear.is_positive()
 
     def add_driven(self, dx: FloatArray) -> None:
         """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""

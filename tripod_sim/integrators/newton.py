@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -125,7 +126,7 @@ class Newton:
         system = self.system
         phi = self._renew(state, report)
         before = system.unbalanced()
-        slope = float(system.residual @ system.ldl.solve(system.residual))
+        slope = float(system.residual @ self._solve())
         scale = 1.0
         while scale >= self.SHORTEST:
             trial_phi = self._step(state, trial, scale, report)
@@ -163,11 +164,18 @@ class Newton:
         """Solve for a step from the evaluated `state`, write `scale` of it to `trial`, return Phi there."""
         system = self.system
         report.iterations += 1
-        solution = system.ldl.solve(system.residual)
+        solution = self._solve()
         np.negative(solution, out=solution)
         system.reduction.moves(solution, system.lever, self._dx)
         system.move(state, solution, self._dx, scale, trial)
         return system.evaluate(trial)
+
+    def _solve(self) -> FloatArray:
+        """Return A^-1 residual, or raise NewtonError where the linear solver gives up."""
+        try:
+            return self.system.linear.solve(self.system.residual)
+        except LinearError as error:
+            raise NewtonError(str(error)) from error
 
     @staticmethod
     def _slack(phi: float) -> float:

@@ -20,21 +20,29 @@ class Ldl:
     Positive definiteness is read from the signs of D (Sylvester's law of inertia).
 
     Attributes:
+        entries: Numbers that the factor L holds.
         negative: Negative pivots of the last `factor`: as many as negative eigenvalues; less than zero if it failed.
     """
 
     def __init__(self, pattern: Pattern) -> None:
         """`pattern`: upper triangle, CSC; the caller writes new values into its `data` before each `factor`."""
         self._data, self._plan = pattern.data, analyse(pattern)
-        plan, n = self._plan, pattern.shape[0]
+        self.entries, self.negative = int(self._plan.panel[-1]), -1
+        self._allocated = False
+
+    def _allocate(self) -> None:
+        """Allocate factor and scratch: not before they are needed, for whoever only asks how many entries there are."""
+        plan, n = self._plan, len(self._plan.order)
         self._front, self._stack = np.zeros(plan.largest**2), np.zeros(plan.stack)
         self._waiting = np.zeros(len(plan.parent), dtype=np.int64)
-        self._factors, self._inverse = np.zeros(plan.panel[-1]), np.zeros(n)
+        self._factors, self._inverse = np.zeros(self.entries), np.zeros(n)
         self._y, self._x = np.zeros(n), np.zeros(plan.largest)
-        self.negative = -1
+        self._allocated = True
 
     def factor(self) -> bool:
         """Factor the present values; return False at a pivot that is zero or not finite."""
+        if not self._allocated:
+            self._allocate()
         p = self._plan
         self.negative = kernels.factor(
             self._data, p.pivots, p.first_row, p.panel, p.parent, p.place, p.target, p.source, p.first_entry,

@@ -105,16 +105,34 @@ def analyse(pattern: sparse.csc_matrix) -> Symbolic:
 
 
 def _minimum_degree(pattern: sparse.csc_matrix) -> tuple[IndexArray, list[IndexArray]]:
-    """Return an order of little fill (AMD, as QDLDL computes it) and the rows below the diagonal of L's columns."""
+    """Return an order of little fill (AMD, as QDLDL computes it) and the rows below the diagonal of L's columns.
+
+    Where the pattern consists of full 3 x 3 blocks, that of the blocks is ordered: QDLDL cannot but factor what it
+    orders, and so that takes a 27th of the time.
+    """
     n = pattern.shape[0]
-    sample = sparse.csc_matrix(
-        (np.full(pattern.nnz, -1.0), pattern.indices, pattern.indptr), shape=pattern.shape, copy=True
-    )
-    sample.setdiag(n + 1.0)  # dominant, so that no pivot vanishes
-    sample.sort_indices()
-    lower, _, order = qdldl.Solver(sample, upper=True).factors()
+    columns = np.repeat(np.arange(n), np.diff(pattern.indptr))
+    keys = np.unique(columns // 3 * n + pattern.indices // 3)
+    step = 3 if n % 3 == 0 and pattern.nnz == 9 * len(keys) - n else 1
+    size = n // step
+    if step == 1:
+        keys = columns * n + pattern.indices
+    upper = sparse.csc_matrix(
+        (np.full(len(keys), -1.0), (keys % n, keys // n)), shape=(size, size)
+    )  # a copy, its rows sorted
+    upper.setdiag(size + 1.0)  # dominant, so that no pivot vanishes
+    upper.sort_indices()
+    lower, _, order = qdldl.Solver(upper, upper=True).factors()
     indices, indptr = lower.indices.astype(np.int64), lower.indptr
-    return np.asarray(order, dtype=np.int64), [np.sort(indices[indptr[k] : indptr[k + 1]]) for k in range(n)]
+    below = [np.sort(indices[indptr[k] : indptr[k + 1]]) for k in range(size)]
+    if step == 1:
+        return np.asarray(order, dtype=np.int64), below
+    inner = np.arange(3)
+    wide = [(3 * rows[:, None] + inner).ravel() for rows in below]
+    expanded = [
+        np.concatenate([np.arange(3 * k + i + 1, 3 * k + 3), wide[k]]) for k in range(size) for i in inner
+    ]
+    return (3 * np.asarray(order, dtype=np.int64)[:, None] + inner).ravel(), expanded
 
 
 def _postorder(parent: IndexArray) -> IndexArray:
