@@ -1,5 +1,6 @@
-"""Draw the pictures of the documentation: `python docs/pictures.py` (needs matplotlib)."""
+"""Draw the pictures of the documentation, off-screen: `python docs/pictures.py` (needs matplotlib)."""
 
+from itertools import product
 from pathlib import Path
 
 import matplotlib as mpl
@@ -8,56 +9,122 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.colors import LightSource
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from tripod_sim import Simulation, load_scene
 
 IMAGES = Path(__file__).parent / "images"
 STATIC = ("inertia=off", "damping=off", "mesh.level=3")
+FLAT, TALL = (-40.0, 22.0), (-90.0, 34.0)
+"""Heights that a picture shows [mm]."""
 
 
-def draw(ax: plt.Axes, simulation: Simulation, title: str) -> None:
-    """Draw the deformed surface, shaded by the sun and coloured by displacement, and the arms that hold it."""
-    x, rest, triangles = simulation.state.positions, simulation.mesh.nodes, simulation.mesh.surface
-    corners = 1e3 * x[triangles]
+def panel(figure: plt.Figure, at: tuple[int, int, int], title: str, heights: tuple[float, float]) -> plt.Axes:
+    """Return empty axes in millimetres, all three at one scale."""
+    ax = figure.add_subplot(*at, projection="3d")
+    ax.set(xlim=(-62, 62), ylim=(-62, 62), zlim=heights, xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    ax.set_box_aspect((124, 124, heights[1] - heights[0]))
+    ax.view_init(elev=28, azim=-62)
+    ax.set_title(title, fontsize=10)
+    return ax
+
+
+def draw_body(ax: plt.Axes, simulation: Simulation, colours: np.ndarray) -> None:
+    """Draw the deformed surface, shaded by the sun; one colour of the map viridis (0 to 1) for each triangle."""
+    corners = 1e3 * simulation.state.positions[simulation.mesh.surface]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    moved = 1e3 * np.linalg.norm(x - rest, axis=1)[triangles].mean(axis=1)
-    colours = plt.get_cmap("viridis")(moved / max(moved.max(), 1e-9))
+    rgba = plt.get_cmap("viridis")(colours)
     shade = LightSource(azdeg=300, altdeg=55).shade_normals(
         normals / np.linalg.norm(normals, axis=1, keepdims=True)
     )
-    colours[:, :3] *= 0.55 + 0.45 * shade[:, None]
+    rgba[:, :3] *= 0.55 + 0.45 * shade[:, None]
     ax.add_collection3d(
-        Poly3DCollection(corners, facecolors=colours, edgecolors=(0, 0, 0, 0.15), linewidths=0.3)
+        Poly3DCollection(corners, facecolors=rgba, edgecolors=(0, 0, 0, 0.15), linewidths=0.3)
     )
-    for i, frame in enumerate(simulation.driven_frames):
+
+
+def displacements(simulation: Simulation) -> np.ndarray:
+    """Return how far each triangle has moved [mm]."""
+    moved = np.linalg.norm(
+        simulation.state.positions[: len(simulation.mesh.nodes)] - simulation.mesh.nodes, axis=1
+    )
+    return 1e3 * moved[simulation.mesh.surface].mean(axis=1)
+
+
+def draw_arms(ax: plt.Axes, simulation: Simulation) -> None:
+    """Draw each servo arm: its axis, and a line from there to the end that it holds."""
+    for frame in simulation.driven_frames:
         axis = 1e3 * (frame.point + simulation.state.joints[-1] * frame.inward)
-        held = 1e3 * x[frame.nodes].mean(axis=0)
+        held = 1e3 * simulation.state.positions[frame.nodes].mean(axis=0)
         ax.plot(*zip(axis, held, strict=True), color="0.25", linewidth=4, solid_capstyle="round")
-        ends = np.array([axis - 9 * frame.axis, axis + 9 * frame.axis])
-        ax.plot(*ends.T, color="tab:red", linewidth=5, label="servo axes" if i == 0 else None)
-    ax.set(xlim=(-62, 62), ylim=(-62, 62), zlim=(-40, 22), xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
-    ax.set_box_aspect((124, 124, 62))
-    ax.view_init(elev=28, azim=-62)
-    ax.set_title(f"{title}\nlargest displacement {moved.max():.1f} mm", fontsize=10)
+        ax.plot(*np.array([axis - 9 * frame.axis, axis + 9 * frame.axis]).T, color="tab:red", linewidth=5)
 
 
-def main() -> None:
-    """Draw the robot flat and in its working pose."""
-    IMAGES.mkdir(exist_ok=True)
+def draw_box(ax: plt.Axes, low: tuple[float, ...], high: tuple[float, ...]) -> None:
+    """Draw the edges of a fixing box [m]."""
+    corners = 1e3 * np.array(list(product(*zip(low, high, strict=True))))
+    edges = [(a, b) for a, b in product(corners, corners) if 0 < (a != b).sum() < 2]
+    ax.add_collection3d(Line3DCollection(edges, colors="tab:red", linewidths=1.2))
+
+
+def free_fall() -> plt.Figure:
+    """Step 1: the free piece at three times."""
+    figure = plt.figure(figsize=(6, 5.4), dpi=110)
+    simulation = Simulation(load_scene("silicone_free", ["dt=0.001", "mesh.level=3"]))
+    ax = panel(figure, (1, 1, 1), "the free piece after 0, 80 and 120 ms", TALL)
+    for steps in (0, 80, 40):
+        for _ in range(steps):
+            simulation.step()
+        draw_body(ax, simulation, np.full(len(simulation.mesh.surface), simulation.state.time / 0.12))
+    return figure
+
+
+def fixing_box() -> plt.Figure:
+    """Steps 2 and 3: the end of one strip in a box, the rest hanging."""
+    figure = plt.figure(figsize=(11, 5.0), dpi=110)
+    scene = load_scene("silicone", ["mesh.level=3"])
+    simulation = Simulation(scene)
+    for k, seconds in enumerate((0.1, 1.9)):
+        for _ in range(round(seconds / scene.dt)):
+            simulation.step()
+        moved = displacements(simulation)
+        when = f"held in the red box, {simulation.state.time:.1f} s after release"
+        ax = panel(figure, (1, 2, k + 1), f"{when}\nlargest displacement {moved.max():.0f} mm", TALL)
+        draw_body(ax, simulation, moved / moved.max())
+        for box in scene.fixed:
+            draw_box(ax, box.low, box.high)
+    return figure
+
+
+def assembly() -> plt.Figure:
+    """Step 4: the robot flat and in its working pose."""
     figure = plt.figure(figsize=(11, 4.6), dpi=110)
-    for k, (title, joints) in enumerate(
-        {
-            "at rest, sagging under its weight": (0, 0, 0, 0),
-            "working pose": (-1.4965, -1.4965, -1.4965, 0.035),
-        }.items()
-    ):
+    poses = {
+        "at rest, sagging under its weight": (0, 0, 0, 0),
+        "working pose": (-1.4965, -1.4965, -1.4965, 0.035),
+    }
+    for k, (title, joints) in enumerate(poses.items()):
         simulation = Simulation(load_scene("tripod", STATIC))
         for part in np.linspace(0, 1, 21)[1:]:
             simulation.step(part * np.array(joints))
-        draw(figure.add_subplot(1, 2, k + 1, projection="3d"), simulation, title)
-    figure.tight_layout()
-    figure.savefig(IMAGES / "tripod.png")
+        moved = displacements(simulation)
+        ax = panel(figure, (1, 2, k + 1), f"{title}\nlargest displacement {moved.max():.1f} mm", FLAT)
+        draw_body(ax, simulation, moved / moved.max())
+        draw_arms(ax, simulation)
+    return figure
+
+
+PICTURES = {"silicone_free": free_fall, "silicone": fixing_box, "tripod": assembly}
+
+
+def main(folder: Path = IMAGES) -> None:
+    """Draw every picture."""
+    folder.mkdir(exist_ok=True)
+    for name, draw in PICTURES.items():
+        figure = draw()
+        figure.tight_layout()
+        figure.savefig(folder / f"{name}.png")
+        plt.close(figure)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,12 @@
-"""The shipped scenes do what their descriptions say."""
+"""The shipped scenes do what their descriptions say, and the tutorial's commands run."""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +36,7 @@ def test_the_free_piece_falls_undeformed() -> None:
 
 def test_the_piece_in_the_fixing_box_hangs_from_it_and_quiets_down() -> None:
     """Steps 2 and 3: the held end does not move, the rest swings down, energy only falls, and the swing dies away."""
-    scene = load_scene("silicone")
+    scene = load_scene("silicone", ["mesh.level=1"])
     simulation = Simulation(scene)
     rest = simulation.mesh.nodes
     held = rest[:, 0] >= 0.045 - 1e-9
@@ -100,3 +108,60 @@ def test_the_preset_sofa_creeps() -> None:
     left = np.abs(np.array(heights) - heights[-1])[:12]
     assert left[-1] > 2e-8  # positions are good to 1e-10 m: the tolerance over about 10 N/m
     np.testing.assert_allclose(left[1:] / left[:-1], 1 / 1.2, atol=0.002)
+
+
+# the tutorial ---------------------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).parents[2]
+TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
+COMMANDS = [
+    line
+    for block in re.findall(r"```sh\n(.*?)```", TUTORIAL, re.DOTALL)
+    for line in block.strip().splitlines()
+]
+
+
+@cache
+def tripod(command: str) -> str:
+    """Run a line of the tutorial and return what it prints."""
+    name, *arguments = shlex.split(command)
+    assert name == "tripod"
+    done = subprocess.run(
+        [sys.executable, "-m", "tripod_bringup.cli", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+    assert done.returncode == 0, f"{command}\n{done.stderr}"
+    return done.stdout
+
+
+def test_the_tutorial_has_commands_of_all_four_scenes() -> None:
+    scenes = {shlex.split(c)[2] for c in COMMANDS}
+    assert scenes == {"silicone_free", "silicone", "tripod", "tripod_sofa"}
+    assert len(COMMANDS) >= 8
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_of_the_tutorial_runs(command: str) -> None:
+    assert tripod(command).strip()
+
+
+def test_the_tutorial_s_numbers_are_those_of_its_commands() -> None:
+    stall = next(c for c in COMMANDS if "servo_dynamics" in c)
+    summary = json.loads(tripod(stall))
+    assert [s["servo"] for s in summary["stalled"]] == [0, 1, 2]
+    np.testing.assert_allclose(np.degrees(summary["angles"]), -11, atol=0.5)
+    working = json.loads(tripod(next(c for c in COMMANDS if "--slide" in c)))
+    np.testing.assert_allclose(working["torques"], -0.14, atol=0.005)
+
+
+def test_every_picture_of_the_tutorial_is_there_and_drawn_by_the_script() -> None:
+    named = re.findall(r"!\[.+?\]\((.+?)\)", TUTORIAL)
+    assert len(named) == 3
+    script = (ROOT / "docs" / "pictures.py").read_text()
+    for name in named:
+        picture = ROOT / "docs" / name
+        assert picture.read_bytes().startswith(b"\x89PNG")
+        assert f'"{picture.stem}": ' in script
