@@ -1,8 +1,10 @@
 """The servo effect: ramp, staircase, dead band, stall, and a coupling that is stable at every step."""
 
 import json
+import random
 import subprocess
 import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -290,3 +292,42 @@ def test_a_steady_step_allocates_no_growing_memory() -> None:
 def test_bad_values_are_refused_by_name(word: str, message: str) -> None:
     with pytest.raises(SceneError, match=message):
         load_scene("tripod", ["servo_dynamics={}", word])
+
+
+# in the graph ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("real", [True, False])
+def test_the_node_names_a_stalled_servo_in_status_and_diagnostics(real: bool) -> None:
+    """The servos start at -45 degrees, with 0.5 N m each: more than a real one holds."""
+    rclpy = pytest.importorskip("rclpy")
+    pytest.importorskip("tripod_msgs")
+    from tripod_graph.diagnostics import Level
+    from tripod_graph.run import ros_arguments
+    from tripod_sim.node import SimNode
+
+    words = ["mesh.level=1", f"servos.angles=[{QUARTER},{QUARTER},{QUARTER}]"]
+    words += ["servo_dynamics={}"] if real else []
+    namespace = f"__ns:=/servo_{random.getrandbits(48):x}"
+    rclpy.init(args=ros_arguments([namespace, f"set:={';'.join(words)}"]), domain_id=random.randint(1, 100))
+    try:
+        node = SimNode()
+        try:
+            deadline = time.monotonic() + 20
+            while node._physics.latest.step < 3 and time.monotonic() < deadline:
+                time.sleep(0.01)
+            node._physics.pause(True)
+            message, (level, text, _) = node._status_message().message, node._report()
+        finally:
+            node.close()
+            node.destroy_node()
+    finally:
+        rclpy.shutdown()
+    if real:
+        for i in range(3):
+            assert f"servo_{i} is stalled: load 0.5" in message
+        assert (level, text) == (Level.WARN, message)
+    else:
+        assert message == ""
+        assert "stall" not in text

@@ -1,7 +1,7 @@
 """Small hobby servos (S90 class): limited speed, pulses at 50 Hz, a dead band, a stall torque.
 
 A servo holds a pulse p [rad], the command as it was when the last pulse came. Outside its dead band, |p - angle| > d,
-it turns towards p, s = sign(p - angle), on the torque-speed line of a motor at constant voltage,
+it turns towards p, s = sign(p - angle), on the torque-speed line of a motor at constant voltage [Condit2004],
 
     u = u0 (1 - L / T),   0 <= u <= u0,   L = s torque,
 
