@@ -1,14 +1,26 @@
 """Linear solvers against dense algebra, and the Tripod's load cases against each other with every solver."""
 
+import subprocess
+import sys
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 from scipy import sparse
 
-from tripod_sim import load_scene
+from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.build import build
+from tripod_sim.linear import choice
+from tripod_sim.linear.cg import ConjugateGradients
 from tripod_sim.linear.ldl import Ldl
+from tripod_sim.linear.solver import LinearError
 
 EPS = np.finfo(float).eps
+NAMES = (
+    "ldl",
+    "cg",
+    pytest.param("cholmod", marks=pytest.mark.skipif(not find_spec("cvxopt"), reason="no cvxopt")),
+)
 
 
 def tangent(level: int = 1) -> sparse.csc_matrix:
@@ -41,11 +53,10 @@ def close(x: np.ndarray, A: np.ndarray, b: np.ndarray) -> None:
     assert np.abs(A @ x - b).max() <= 1e3 * len(b) * EPS * np.abs(A).max() * np.abs(x).max()
 
 
-def definite(upper: sparse.csc_matrix) -> sparse.csc_matrix:
-    """The same pattern, its diagonal dominant."""
-    upper = upper.copy()
-    upper.setdiag(1.1 * np.abs(whole(upper)).sum(axis=1))
-    return upper
+def blocks_of(n: int, bodies: int = 1) -> np.ndarray:
+    """Diagonal blocks: nodes, then bodies at the end."""
+    first = n - 6 * bodies
+    return np.append(np.arange(0, first, 3), first + 6 * np.arange(bodies + 1))
 
 
 @pytest.mark.parametrize("level", [1, 2])
@@ -106,3 +117,206 @@ def test_ldl_reports_a_pivot_that_is_zero_or_not_finite_and_recovers(value: floa
     assert solver.factor()
     assert solver.is_positive()
     np.testing.assert_allclose(whole(upper) @ solver.solve(np.ones(3)), 1, rtol=1e-14)
+
+
+def test_the_order_of_blocks_is_as_good_as_that_of_unknowns() -> None:
+    """A mesh is ordered by blocks; with one entry less, by unknowns, which gives hardly other fill."""
+    upper = tangent(2)
+    less = upper.tolil()
+    less[0, 1] = 0
+    less = sparse.csc_matrix(less)
+    less.eliminate_zeros()
+    assert less.nnz < upper.nnz
+    by_blocks, by_unknowns = Ldl(upper).entries, Ldl(less).entries
+    assert by_blocks == pytest.approx(by_unknowns, rel=0.2)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_solver_solves_the_tangent(name: str) -> None:
+    upper = tangent()
+    A, b = whole(upper), np.random.default_rng(7).standard_normal(upper.shape[0])
+    tolerance = 1e-10
+    solver = choice.linear_factory(name, tolerance)(upper, blocks_of(len(A)))
+    assert solver.factor()
+    assert solver.is_positive()
+    exact, x = np.linalg.solve(A, b), solver.solve(b)
+    # a relative residual t in the norm of M^-1 bounds the error by t times the condition number of M^-1 A
+    M = np.zeros_like(A)
+    for first, end in zip(blocks_of(len(A))[:-1], blocks_of(len(A))[1:], strict=True):
+        M[first:end, first:end] = A[first:end, first:end]
+    L = np.linalg.cholesky(M)
+    eigenvalues = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, A).T))
+    error = np.linalg.norm(L.T @ (x - exact)) / np.linalg.norm(L.T @ exact)
+    assert error <= tolerance * eigenvalues[-1] / eigenvalues[0]
+    np.testing.assert_array_equal(b, np.random.default_rng(7).standard_normal(len(A)))  # left as it was
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("share", [1e-3, 0.3, 2.0])
+def test_no_solver_takes_an_indefinite_matrix_for_positive(name: str, share: float) -> None:
+    """One slightly negative eigenvalue, few, many; in Newton's order of calls."""
+    upper = tangent()
+    n = upper.shape[0]
+    low = np.linalg.eigvalsh(whole(upper))
+    upper.setdiag(upper.diagonal() - (1 + share) * low[0] if share < 1 else upper.diagonal() - low[n // 2])
+    assert np.linalg.eigvalsh(whole(upper))[0] < 0
+    solver = choice.linear_factory(name, 1e-8)(upper, blocks_of(n))
+    assert not (solver.factor() and solver.is_positive())
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_no_solver_takes_a_value_that_is_not_finite(name: str, value: float) -> None:
+    upper = tangent()
+    solver = choice.linear_factory(name, 1e-8)(upper, blocks_of(upper.shape[0]))
+    assert solver.factor()
+    upper.data[len(upper.data) // 2] = value
+    assert not solver.factor()
+
+
+def test_conjugate_gradients_report_what_they_do_not_solve() -> None:
+    upper = tangent()
+    n = upper.shape[0]
+    b = np.random.default_rng(1).standard_normal(n)
+    strict = ConjugateGradients(upper, blocks_of(n), tolerance=1e-30)
+    assert strict.factor()
+    with pytest.raises(LinearError, match=r"did not converge.*tolerance 1e-30.*solver.linear = 'ldl'"):
+        strict.solve(b)
+    b[3] = np.nan
+    with pytest.raises(LinearError, match="not finite"):
+        strict.solve(b)
+    np.testing.assert_array_equal(strict.solve(np.zeros(n)), np.zeros(n))
+    # indefinite, but with positive blocks: the direction of negative curvature itself cannot be missed
+    values, vectors = np.linalg.eigh(whole(upper))
+    upper.setdiag(upper.diagonal() - 0.5 * (values[0] + values[1]))
+    solver = ConjugateGradients(upper, blocks_of(n))
+    assert solver.factor()
+    with pytest.raises(LinearError, match="met negative curvature"):
+        solver.solve(whole(upper) @ vectors[:, 0])
+    upper.setdiag(-np.abs(upper.diagonal()))
+    assert solver.factor()
+    assert not solver.is_positive()
+    with pytest.raises(LinearError, match="diagonal block is not"):
+        solver.solve(np.ones(n))
+
+
+def test_conjugate_gradients_end_in_as_many_iterations_as_distinct_eigenvalues() -> None:
+    """Diagonal blocks alone: the preconditioner is exact, one iteration; k blocks away from it, at most 2 k + 1."""
+    rng, n = np.random.default_rng(3), 60
+    A = np.zeros((n, n))
+    for k in range(0, n, 3):
+        a = rng.standard_normal((3, 3))
+        A[k : k + 3, k : k + 3] = a @ a.T + np.eye(3)
+    A[:3, 3:6] = 0.1
+    A[3:6, :3] = 0.1
+    for matrix, most in (
+        (A * (np.abs(np.subtract.outer(np.arange(n) // 3, np.arange(n) // 3)) < 1), 1),
+        (A, 3),
+    ):
+        upper = sparse.csc_matrix(np.triu(matrix))
+        solver = ConjugateGradients(upper, np.arange(0, n + 1, 3), 1e-12)
+        assert solver.factor()
+        b = rng.standard_normal(n)
+        np.testing.assert_allclose(matrix @ solver.solve(b), b, atol=1e-9)
+        assert solver.iterations <= most
+
+
+QUARTER = -np.pi / 4
+CASES = {
+    "L1": np.zeros(4),
+    "L2": np.array([QUARTER, QUARTER, QUARTER, 0.0]),
+    "L3": np.array([QUARTER, 0.0, 0.0, 0.0]),
+    "L4": np.array([-1.4965, -1.4965, -1.4965, 0.035]),
+}
+
+
+@pytest.fixture(scope="module")
+def reference() -> dict[str, np.ndarray]:
+    return {case: displacements("ldl", case) for case in CASES}
+
+
+def displacements(name: str, case: str) -> np.ndarray:
+    """Of all nodes [m], at equilibrium to 1e-9 N: with stiffnesses near 100 N/m that leaves 1e-11 m."""
+    options = ["inertia=off", "damping=off", "mesh.level=1", "solver.tolerance=1e-9", f"solver.linear={name}"]
+    simulation = Simulation(load_scene("tripod", options))
+    for k in range(1, 9):
+        simulation.step(CASES[case] * k / 8)
+    return simulation.state.positions - simulation.mesh.nodes
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("name", NAMES[1:])
+def test_load_cases_do_not_depend_on_the_solver(
+    name: str, case: str, reference: dict[str, np.ndarray]
+) -> None:
+    u = reference[case]
+    assert np.abs(u).max() > 1e-3
+    np.testing.assert_allclose(displacements(name, case), u, rtol=0, atol=1e-6 * np.abs(u).max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_newton_projects_where_a_solver_reports_an_indefinite_tangent(name: str) -> None:
+    """Half of the node spacing as noise turns elements inside out: no solver may follow the tangent as it is there."""
+    options = ["mesh.level=1", "material.law=stable_neo_hooke", f"solver.linear={name}"]
+    simulation = Simulation(load_scene("tripod", options))
+    free = simulation._system._free
+    noise = 2e-3 * np.random.default_rng(0).standard_normal((len(free), 3))
+    simulation.state.positions[free] += noise
+    system = simulation._system
+    assert system.assemble(simulation.state, project=False) >= 0 or not system.factor()
+    for _ in range(40):
+        simulation.step()
+    assert np.isfinite(simulation.state.positions).all()
+    assert simulation._system.solid.worst_element(simulation.state.positions, simulation.state.modes)[1] > 0.5
+
+
+def test_a_step_that_conjugate_gradients_cannot_make_says_so() -> None:
+    options = [
+        "inertia=off",
+        "damping=off",
+        "mesh.level=1",
+        "solver.linear=cg",
+        "solver.linear_tolerance=1e-30",
+    ]
+    with pytest.raises(
+        (StepError, SceneError), match=r"conjugate gradients did not converge|tangent is singular"
+    ):
+        Simulation(load_scene("tripod", options)).step(np.array([-0.1, 0, 0, 0]))
+
+
+def test_compliance_is_that_of_the_direct_solver() -> None:
+    found = []
+    for options in (["solver.linear=ldl"], ["solver.linear=cg", "solver.linear_tolerance=1e-10"]):
+        found.append(Simulation(load_scene("tripod", ["mesh.level=1", *options])).compliance().w)
+    np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-6 * np.abs(found[0]).max())
+
+
+def test_auto_goes_by_the_size_of_the_factor(monkeypatch: pytest.MonkeyPatch) -> None:
+    upper = tangent()
+    blocks, entries = blocks_of(upper.shape[0]), Ldl(upper).entries
+    auto = choice.linear_factory("auto", 1e-5)
+    assert isinstance(auto(upper, blocks), Ldl)
+    monkeypatch.setattr(choice, "LARGE", entries - 1)
+    assert isinstance(auto(upper, blocks), Ldl)  # not below SMALL
+    monkeypatch.setattr(choice, "SMALL", entries - 1)
+    iterative = auto(upper, blocks)
+    assert isinstance(iterative, ConjugateGradients)
+    assert iterative.tolerance == 1e-5
+    monkeypatch.setattr(choice, "LARGE", entries)
+    monkeypatch.setattr(choice, "_has_cholmod", lambda: False)
+    assert isinstance(auto(upper, blocks), Ldl)
+    assert isinstance(choice.linear_factory("ldl", 1e-8)(upper, blocks), Ldl)
+    with pytest.raises(SceneError, match=r"solver.linear is 'cholmod', which is not installed: pip install"):
+        choice.linear_factory("cholmod", 1e-8)
+
+
+def test_a_solver_that_is_not_chosen_is_not_imported() -> None:
+    code = (
+        "import sys; from tripod_sim import Simulation, load_scene;"
+        "Simulation(load_scene('tripod', ['mesh.level=1'])).step();"
+        "print(*[m for m in sys.modules if m.startswith('tripod_sim.linear') or m == 'cvxopt'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    loaded = set(done.stdout.split())
+    assert "tripod_sim.linear.ldl" in loaded
+    assert not {"tripod_sim.linear.cg", "tripod_sim.linear.cholmod", "cvxopt"} & loaded
