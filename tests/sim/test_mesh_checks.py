@@ -10,9 +10,11 @@ import pytest
 from tripod_sim.build import build
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
+from tripod_sim.mesh import solid_mesh
 from tripod_sim.mesh.convert import convert_hexahedra
-from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh, element_quality
 from tripod_sim.mesh.topology import MOST_NEIGHBOURS, coincident, edge_uses, parts
+from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.scene import FixedBox, Inertia, Material, Scene
 from tripod_sim.scene import Mesh as SceneMesh
 
@@ -136,6 +138,17 @@ def test_a_face_of_three_elements_is_refused_with_its_nodes() -> None:
             third[corner] = n + int(y) + 2 * int(z)
     refused = refusal(SolidMesh(nodes, [*mesh.elements, third]))
     assert refused == f"the mesh: faces at nodes {', '.join(map(str, face))} belong to more than two elements"
+
+
+def test_quality_does_not_depend_on_how_many_elements_are_kept_at_a_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mesh = convert_hexahedra(y_piece(LEVELS[2]), "t10")
+    whole = element_quality(mesh)
+    assert whole.shape == (len(mesh.elements),)
+    assert len(np.unique(whole.round(6))) > 3
+    monkeypatch.setattr(solid_mesh, "CHUNK", 7)
+    np.testing.assert_array_equal(element_quality(mesh), whole)
 
 
 TWO = bricks((0, 0, 0), (1, 0, 0), (5, 0, 0))

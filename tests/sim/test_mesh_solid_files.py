@@ -136,8 +136,10 @@ def test_the_mean_order_of_a_distorted_mesh_is_read_off_its_positions() -> None:
         np.testing.assert_array_equal(fit.in_order(nodes, shuffled, mesh.kind), mesh.elements)
 
 
-@pytest.mark.parametrize("name", ["gid.gidmsh", "a.vtu"])
-@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize(
+    ("cell", "name"),
+    [*((cell, "gid.gidmsh") for cell in CELLS), ("tetra", "gmsh.msh"), ("hexahedron20", "a.vtu")],
+)
 def test_one_element_with_permuted_nodes_is_refused_with_its_number(
     cell: str, name: str, tmp_path: Path
 ) -> None:
@@ -269,6 +271,7 @@ def test_gid_numbers_need_not_be_in_order(tmp_path: Path) -> None:
         (edited(11, ""), "line 13: a node needs its number and 3 coordinates, found 1 words"),
         (edited(14, "1 1 2 3"), "line 14: an element needs its number, 4 nodes and perhaps a material, found 4 words"),
         (edited(15, "2 1 2 3 99"), "line 15: node 99 is not among the Coordinates"),
+        (edited(4, "20 1 0 0"), "line 18: node 2 is not among the Coordinates"),
         (edited(20, ""), "'x.gidmsh': Elements of line 13 never end; is the file cut short?"),
         (GOOD[: GOOD.index("End Coord")], "'x.gidmsh': Coordinates of line 2 never end; is the file cut short?"),
         (GOOD[: GOOD.index("Elements")], "has no tetrahedra or hexahedra (cells: tetra)"),

@@ -89,7 +89,7 @@ def in_order(nodes: FloatArray, elements: IndexArray, kind: Element) -> IndexArr
         return elements
     plain = ELEMENTS["t4" if c == 4 else "h8"]
     sample = elements[:: max(1, len(elements) // SAMPLE)]
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         x = nodes[sample]
         x = (x - x[:, :1]) / np.ptp(x, axis=1).max(axis=1)[:, None, None]
         middles = np.einsum("ka,eai->eki", plain.functions(kind.reference[c:]), x[:, :c])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import H8_MODES
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.topology import coincident, edge_uses, parts
+from tripod_sim.mesh.topology import coincident, edge_uses, equal_rows, parts
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -28,6 +28,10 @@ FACE_TRIANGLES = {
 
 SAME = 1e-9
 """Nodes closer than this fraction of the size of the mesh share their position."""
+
+
+CHUNK = 4096
+"""Elements whose Jacobians are kept at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +57,7 @@ class SolidMesh:
     @cached_property
     def boundary(self) -> IndexArray:
         """Faces that only one element has, nodes as in `kind.faces`, shape (k, nodes of a face)."""
-        faces, first, count = self._faces()
+        faces, first, count = self._faces
         return faces[np.sort(first[count == 1])]
 
     @cached_property
@@ -65,14 +69,15 @@ class SolidMesh:
     @cached_property
     def overfull_faces(self) -> IndexArray:
         """Faces that more than two elements have, as `boundary`."""
-        faces, first, count = self._faces()
+        faces, first, count = self._faces
         return faces[np.sort(first[count > 2])]
 
+    @cached_property
     def _faces(self) -> tuple[IndexArray, IndexArray, IndexArray]:
         """Return the faces of all elements, the first of each set of equal ones, and how many are equal."""
         faces = self.elements[:, np.array(self.kind.faces)].reshape(-1, len(self.kind.faces[0]))
         corners = np.sort(faces[:, : self.kind.face_corners], axis=1)
-        _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
+        first, count = equal_rows(corners)
         return faces, first, count
 
     @cached_property
@@ -169,8 +174,12 @@ def element_quality(mesh: SolidMesh) -> FloatArray:
     """
     kind = mesh.kind
     points = np.concatenate([kind.reference, kind.points])
-    jacobian = kind.jacobians(mesh.nodes[mesh.elements], points)
-    length = np.linalg.norm(jacobian, axis=2).prod(axis=2)
-    volume = np.linalg.det(jacobian)
-    ratio = np.divide(volume, length, out=np.zeros_like(volume), where=length > 0)
-    return np.asarray(ratio.min(axis=1))
+    quality = np.empty(len(mesh.elements))
+    for start in range(0, len(quality), CHUNK):
+        part = slice(start, start + CHUNK)
+        jacobian = kind.jacobians(mesh.nodes[mesh.elements[part]], points)
+        length = np.linalg.norm(jacobian, axis=2).prod(axis=2)
+        volume = np.linalg.det(jacobian)
+        ratio = np.divide(volume, length, out=np.zeros_like(volume), where=length > 0)
+        quality[part] = ratio.min(axis=1)
+    return quality

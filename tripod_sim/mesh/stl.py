@@ -48,7 +48,7 @@ def read_stl(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
     else:
         claim = f"; a binary one of {count} triangles has {expected}" if len(start) == HEADER + 4 else ""
         raise SceneError(f"{name} is no STL file: it does not begin with 'solid' and has {size} bytes{claim}")
-    vertices, triangles = np.unique(corners + 0.0, axis=0, return_inverse=True)
+    vertices, triangles = np.unique(corners, axis=0, return_inverse=True)
     return vertices.reshape(-1, 3), triangles.reshape(-1, 3)
 
 

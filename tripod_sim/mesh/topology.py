@@ -19,7 +19,7 @@ def coincident(points: FloatArray, tolerance: float) -> IndexArray:
     Equal points are all found. If there are none, pairs closer than `tolerance` are, except where more than
     `MOST_NEIGHBOURS` other points lie between them in projection.
     """
-    _, inverse, count = np.unique(points + 0.0, axis=0, return_inverse=True, return_counts=True)
+    _, inverse, count = np.unique(points, axis=0, return_inverse=True, return_counts=True)
     if (count > 1).any():
         return np.flatnonzero(count[inverse.ravel()] > 1)
     centred = points - points[:1]
@@ -34,6 +34,14 @@ def coincident(points: FloatArray, tolerance: float) -> IndexArray:
         near = np.linalg.norm(placed[candidates + k] - placed[candidates], axis=1) <= tolerance
         found[order[candidates[near]]] = found[order[candidates[near] + k]] = True
     return np.flatnonzero(found)
+
+
+def equal_rows(rows: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Return the first of each set of equal rows of an array (m, k), and how many there are, both of shape (sets,)."""
+    order = np.lexsort(rows.T)
+    ranked = rows[order]
+    starts = np.flatnonzero(np.r_[True, (ranked[1:] != ranked[:-1]).any(axis=1)][: len(rows)])
+    return order[starts], np.diff(np.append(starts, len(rows)))
 
 
 def directed_edges(polygons: IndexArray) -> IndexArray:
@@ -62,8 +70,7 @@ def parts(groups: list[IndexArray], size: int) -> IndexArray:
         for rows in groups:
             if rows.size:
                 lowest = label[rows].min(axis=1)
-                np.minimum.at(label, rows, lowest[:, None])
-                np.minimum.at(label, before[rows], lowest[:, None])  # the root follows, so that chains halve
-        label = label[label]
+                np.minimum.at(label, before[rows], lowest[:, None])
+        label = label[label]  # the nodes follow their roots, so that chains halve
         if (label == before).all():
             return label
