@@ -243,18 +243,21 @@ def main() -> None:
     options = parser.parse_args()
     print("| case | element | steps | " + " | ".join(SCHEMES) + " |")
     print("|---|---|---|" + "---|" * len(SCHEMES))
-    failures = []
+    failures, rises = [], dict.fromkeys(SCHEMES, 0.0)
     for name in options.cases:
         for element in options.elements:
             cells, steps = [], 0
             for scheme in SCHEMES:
                 found = run(name, element, scheme)
-                steps = max(steps, found.steps)
+                steps, rises[scheme] = max(steps, found.steps), max(rises[scheme], found.rise)
                 mark = "**fails** " if found.failure else ""
                 cells.append(f"{mark}{found.mean:.2f} / {found.worst:.0f} ms, {found.halvings}")
                 if found.failure:
                     failures.append(f"- {name}, {element}, {scheme}: {found.failure}")
             print(f"| {name} | {element} | {steps} | " + " | ".join(cells) + " |", flush=True)
+    print("\nCPU time of a step, mean / longest, and how often a part of a step was halved.")
+    print("Largest rise of the energy above an earlier value, over the energy lost in the run: ", end="")
+    print(", ".join(f"{scheme} {rise:.0e}" for scheme, rise in rises.items()))
     print("\n".join(["", *failures]) if failures else "")
 
 
