@@ -257,7 +257,7 @@ def test_gid_numbers_need_not_be_in_order(tmp_path: Path) -> None:
         (edited(1, "MESH dimension 2 ElemType Tetrahedra Nnode 4"), "line 1: dimension is '2'; only 3 can be read"),
         (edited(1, "MESH dimension 3 ElemType Cube Nnode 4"), "line 1: ElemType is 'cube'; Tetrahedra or Hexahedra"),
         (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode 5"), "'tetrahedra' with Nnode 5; allowed: 4, 10"),
-        (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode x"), "line 1: 'x' is not the number of a nodes"),
+        (edited(1, "MESH dimension 3 ElemType Tetrahedra Nnode x"), "line 1: 'x' is not a number of nodes"),
         (edited(1, "MESH dimension 3 ElemType Hexahedra Nnode 8"), "line 14: an element needs its number, 8 nodes"),
         (edited(2, "Coordinate"), "line 2: expected Coordinates, Elements or MESH, found 'Coordinate'"),
         (edited(4, "2 0 0"), "line 4: a node needs its number and 3 coordinates, found 3 words"),

@@ -123,7 +123,7 @@ class _Reader:
             raise SceneError(
                 f"{self._where}: ElemType is {word(found[b'elemtype'])}; Tetrahedra or Hexahedra are needed"
             )
-        size = to_integer(found[b"nnode"], self._where, "nodes of an element")
+        size = to_integer(found[b"nnode"], self._where, "a number of nodes")
         if size not in kinds:
             allowed = ", ".join(str(k) for k in kinds)
             raise SceneError(
@@ -149,7 +149,7 @@ class _Reader:
             raise SceneError(
                 f"{self._where}: a node needs its number and 3 coordinates, found {len(tokens)} words"
             )
-        self._ids.append(to_integer(tokens[0], self._where, "node"))
+        self._ids.append(to_integer(tokens[0], self._where, "the number of a node"))
         self._id_lines.append(self._at)
         self._xyz.extend(to_coordinates(tokens[1:], self._where))
 
@@ -161,7 +161,9 @@ class _Reader:
             )
         self._element_lines[kind].append(self._at)
         if kind in self._nodes:
-            self._nodes[kind].extend([to_integer(t, self._where, "node") for t in tokens[1 : size + 1]])
+            self._nodes[kind].extend(
+                [to_integer(t, self._where, "the number of a node") for t in tokens[1 : size + 1]]
+            )
 
     def _resolved(self) -> dict[str, IndexArray]:
         """Return the cells with node numbers turned into indices of points. Raises SceneError."""

@@ -54,8 +54,12 @@ def to_coordinates(tokens: list[bytes], where: str) -> list[float]:
 
 
 def to_integer(token: bytes, where: str, what: str) -> int:
-    """Return a token as an integer of at most 18 digits. Raises SceneError, which begins with `where`."""
+    """Return a token as an integer of at most 18 digits; messages begin with `where` and say that it is not `what`.
+
+    Raises:
+        SceneError: it is not.
+    """
     digits = token[1:] if token[:1] in (b"-", b"+") else token
     if not digits.isdigit() or len(digits) > 18:
-        raise SceneError(f"{where}: {word(token)} is not the number of a {what}")
+        raise SceneError(f"{where}: {word(token)} is not {what}")
     return int(token)

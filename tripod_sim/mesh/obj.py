@@ -76,7 +76,7 @@ def _statements(path: Path, name: str) -> Iterator[tuple[int, list[bytes]]]:
 
 def _vertex(token: bytes, count: int, where: str) -> int:
     """Return the index of the vertex that a word of a face names (`7`, `7/1`, `7//3` or `7/1/3`). Raises SceneError."""
-    number = to_integer(token.partition(b"/")[0], where, "vertex")
+    number = to_integer(token.partition(b"/")[0], where, "the number of a vertex")
     index = number - 1 if number > 0 else count + number
     if not 0 <= index < count:
         raise SceneError(f"{where}: vertex {number} of a face is not among the {count} vertices before it")
