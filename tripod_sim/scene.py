@@ -74,7 +74,7 @@ class Mesh:
     source: str = "y_piece"
     level: int = number(2, low=1, high=7)
     element: str = one_of("h8_modes", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes")
-    scale: float = number(1.0, unit="m", above=0)
+    scale: float = number(1.0, unit="m", above=0, high=1e3)
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,9 @@ class Material:
     law: str = one_of(
         "neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff", default="neo_hooke"
     )
-    young: float = number(250e3, unit="Pa", above=0)
+    young: float = number(250e3, unit="Pa", above=0, high=1e13)
     poisson: float = number(0.45, low=0, high=0.499)
-    mass: float = number(0.032, unit="kg", above=0)
+    mass: float = number(0.032, unit="kg", above=0, high=1e6)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Gravity:
         acceleration: [m/s²], three components in world.
     """
 
-    acceleration: tuple[float, float, float] = number((0.0, 0.0, -9.81), unit="m/s²")
+    acceleration: tuple[float, float, float] = number((0.0, 0.0, -9.81), unit="m/s²", low=-1e6, high=1e6)
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ class Damping:
         stiffness: b [s].
     """
 
-    mass: float = number(0.0, unit="1/s", low=0)
-    stiffness: float = number(5e-4, unit="s", low=0)
+    mass: float = number(0.0, unit="1/s", low=0, high=1e6)
+    stiffness: float = number(5e-4, unit="s", low=0, high=1e3)
 
 
 @dataclass(frozen=True)
@@ -159,12 +159,12 @@ class Servos:
         slide: At the start [m].
     """
 
-    axis_radius: float = number(0.060, unit="m", above=0)
-    axis_depth: float = number(0.02885, unit="m", low=0)
-    clamp_radius: float = number(0.045, unit="m", above=0)
+    axis_radius: float = number(0.060, unit="m", above=0, high=10.0)
+    axis_depth: float = number(0.02885, unit="m", low=0, high=10.0)
+    clamp_radius: float = number(0.045, unit="m", above=0, high=10.0)
     angle_min: float = number(-2.1, unit="rad", low=-3.2, high=0)
     angle_max: float = number(0.6, unit="rad", low=0, high=3.2)
-    slide_max: float = number(0.04, unit="m", low=0)
+    slide_max: float = number(0.04, unit="m", low=0, high=10.0)
     angles: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="rad")
     slide: float = number(0.0, unit="m")
 
@@ -183,7 +183,7 @@ class ServoDynamics:
     speed: float = number(10.47, unit="rad/s", above=0, high=1000.0)
     refresh: float = number(0.02, unit="s", low=1e-4, high=1.0)
     dead_band: float = number(0.0087, unit="rad", low=0, high=0.5)
-    stall_torque: float = number(0.17, unit="N m", above=0)
+    stall_torque: float = number(0.17, unit="N m", above=0, high=1e6)
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ class Clamp:
             over about 2 mm at the edge; the ideal clamp is the limit of an infinite one.
     """
 
-    stiffness: float = number(6e10, unit="N/m⁴", above=0)
+    stiffness: float = number(6e10, unit="N/m⁴", above=0, high=1e20)
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ class Effector:
         radius: Nodes within it of the Z axis belong to the disc [m].
     """
 
-    radius: float = number(0.0075, unit="m", above=0)
+    radius: float = number(0.0075, unit="m", above=0, high=10.0)
 
 
 @dataclass(frozen=True)
@@ -222,10 +222,10 @@ class Solver:
         linear_tolerance: Relative residual at which conjugate gradients stop; without effect on direct solvers.
     """
 
-    tolerance: float = number(1e-4, unit="N", above=0)
+    tolerance: float = number(1e-4, unit="N", low=1e-14, high=1e3)
     max_iterations: int = number(100, low=1, high=1000)
     max_halvings: int = number(8, low=0, high=20)
-    max_turn: float = number(0.1, unit="rad", above=0)
+    max_turn: float = number(0.1, unit="rad", low=1e-4, high=7.0)
     linear: str = one_of("auto", "ldl", "cholmod", "cg", default="auto")
     linear_tolerance: float = number(1e-8, above=0, high=0.1)
 
@@ -248,8 +248,8 @@ class Scene:
     mesh: Mesh
     material: Material
     description: str = ""
-    dt: float = number(0.005, unit="s", above=0, high=1.0)
-    duration: float = number(1.0, unit="s", above=0)
+    dt: float = number(0.005, unit="s", low=1e-9, high=1.0)
+    duration: float = number(1.0, unit="s", above=0, high=1e9)
     gravity: Gravity | None = None
     inertia: Inertia | None = None
     damping: Damping | None = None
