@@ -270,7 +270,7 @@ def test_newton_projects_where_a_solver_reports_an_indefinite_tangent(name: str)
     assert simulation._system.solid.worst_element(simulation.state.positions, simulation.state.modes)[1] > 0.5
 
 
-def test_a_step_that_conjugate_gradients_cannot_make_says_so() -> None:
+def test_a_tolerance_below_rounding_is_reported() -> None:
     options = [
         "inertia=off",
         "damping=off",
@@ -278,10 +278,23 @@ def test_a_step_that_conjugate_gradients_cannot_make_says_so() -> None:
         "solver.linear=cg",
         "solver.linear_tolerance=1e-30",
     ]
-    with pytest.raises(
-        (StepError, SceneError), match=r"conjugate gradients did not converge|tangent is singular"
-    ):
+    with pytest.raises(StepError, match=r"conjugate gradients did not converge|tangent is singular"):
         Simulation(load_scene("tripod", options)).step(np.array([-0.1, 0, 0, 0]))
+
+
+def test_a_solver_that_gives_up_fails_the_step_and_leaves_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    def give_up(b: np.ndarray) -> np.ndarray:
+        raise LinearError("no solution to be had")
+
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    before = simulation.state.positions.tobytes()
+    for system in (simulation._system, simulation._static.system):
+        monkeypatch.setattr(system.linear, "solve", give_up)
+    with pytest.raises(StepError, match=r"step 1 .* cannot be saved.*no solution to be had"):
+        simulation.step(np.array([-0.1, 0, 0, 0]))
+    assert simulation.state.positions.tobytes() == before
+    with pytest.raises(StepError, match="no compliance at 0 s: no solution to be had"):
+        simulation.compliance()
 
 
 def test_compliance_is_that_of_the_direct_solver() -> None:
