@@ -223,7 +223,7 @@ class Solver:
     """
 
     tolerance: float = number(1e-4, unit="N", low=1e-14, high=1e3)
-    max_iterations: int = number(100, low=1, high=1000)
+    max_iterations: int = number(300, low=1, high=1000)
     max_halvings: int = number(8, low=0, high=20)
     max_turn: float = number(0.1, unit="rad", low=1e-4, high=7.0)
     linear: str = one_of("auto", "ldl", "cholmod", "cg", default="auto")
