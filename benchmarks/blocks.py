@@ -1,6 +1,8 @@
 """Bars and blocks for benchmarks: bodies that no scene describes, made of the simulator's own parts."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +27,8 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 
-def brick(element: str, lines: tuple[FloatArray, FloatArray, FloatArray]) -> SolidMesh:
-    """Return the mesh of a brick whose cells lie between the given coordinates of each axis [m]."""
+def brick(element: str, lines: Sequence[NDArray[Any]]) -> SolidMesh:
+    """Return the mesh of a brick whose cells lie between the given coordinates of each of the three axes [m]."""
     nodes = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
     a, b, c = (len(line) for line in lines)
     n = np.arange(len(nodes)).reshape(a, b, c)
