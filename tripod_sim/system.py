@@ -140,23 +140,6 @@ class System:
         self.reduction.gradient(g, self.lever, self.axes, self.residual, self.torques)
         return phi
 
-    def free_acceleration(self, state: State, mass: FloatArray) -> FloatArray:
-        """Return the acceleration of free nodes under strain and gravity [m/s²], zero for all others, shape (n, 3).
-
-        Args:
-            state: Its incompatible modes must be at equilibrium.
-            mass: Of nodes [kg], shape (n,).
-        """
-        g = np.zeros_like(self.gradient)
-        self.solid.add_gradient(state.positions, state.modes, g)
-        if self.foundation:
-            self.foundation.add_gradient(state.positions, g)
-        if self.gravity:
-            self.gravity.add_gradient(state.positions, g)
-        acceleration = np.zeros_like(g)
-        acceleration[self._free] = -g[self._free] / mass[self._free, None]
-        return acceleration
-
     def unbalanced(self) -> float:
         """Return the norm of the residual and of the modes' gradients [N].
 

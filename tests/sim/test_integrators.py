@@ -20,9 +20,9 @@ def recurrence(scheme: str, h: float, steps: int) -> tuple[float, float]:
     """Height and speed of a mass with v' = FALL - DRAG v, from rest, by each scheme's formulas."""
     x = v = 0.0
     x_before = v_before = 0.0
-    acceleration = FALL
+    acceleration = 0.0
     for n in range(steps):
-        if scheme == "tr_bdf2":
+        if scheme == "tr_bdf2" and n > 0:
             g = 2 - np.sqrt(2)
             k = g * h / 2
             v_g = (v + k * (acceleration + FALL)) / (1 + k * DRAG)
@@ -39,6 +39,7 @@ def recurrence(scheme: str, h: float, steps: int) -> tuple[float, float]:
         else:
             v_new = (v + h * FALL) / (1 + h * DRAG)
             x_before, v_before, x, v = x, v, x + h * v_new, v_new
+            acceleration = FALL - DRAG * v
     return x, v
 
 

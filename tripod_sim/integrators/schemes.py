@@ -30,5 +30,5 @@ def make_scheme(
     if name == "bdf2":
         return Bdf2(stage, max_halvings)
     if name == "tr_bdf2":
-        return TrBdf2(stage, mass, max_halvings)
+        return TrBdf2(stage, max_halvings)
     return ImplicitEuler(stage, max_halvings)

@@ -31,12 +31,14 @@ HALF = G / 2
 
 
 class TrBdf2(Substeps):
-    """The composite scheme; the acceleration at the start, and after `forget`, is that of the free nodes at rest."""
+    """The composite scheme; its first step, and the first after `forget`, is one of implicit Euler.
 
-    def __init__(self, stage: ImplicitStage, mass: FloatArray, max_halvings: int) -> None:
-        """`mass`: of nodes [kg], shape (n,)."""
+    That step gives the acceleration. To take it from the forces at the start would throw a crumpled body apart.
+    """
+
+    def __init__(self, stage: ImplicitStage, max_halvings: int) -> None:
         super().__init__(stage.newton, max_halvings)
-        self._stage, self._mass = stage, mass
+        self._stage = stage
         self._acceleration: FloatArray | None = None
         self._start = np.zeros((2, *stage.z.shape))
 
@@ -47,7 +49,7 @@ class TrBdf2(Substeps):
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
         if self._acceleration is None:
-            self._acceleration = self._stage.newton.system.free_acceleration(state, self._mass)
+            return self._first(state, joints, h)
         stage, k, a = self._stage, HALF * h, self._acceleration
         x, v = self._start
         x[:], v[:] = state.positions, state.velocities
@@ -63,3 +65,10 @@ class TrBdf2(Substeps):
             first.factorisations + second.factorisations,
             second.residual,
         )
+
+    def _first(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        stage = self._stage
+        stage.z[:], stage.u[:] = state.positions, state.velocities
+        report = stage.solve(state, joints, h)
+        self._acceleration = (state.velocities - stage.u) / h
+        return report

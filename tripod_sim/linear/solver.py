@@ -29,7 +29,7 @@ class LinearSolver(Protocol):
         """Return whether the A of the last `factor`, which returned True, is positive definite."""
 
     def solve(self, b: FloatArray) -> FloatArray:
-        """Return A^-1 b, shape (n,), an array of the caller's own. Raises LinearError (iterative solvers only)."""
+        """Return A^-1 b, a new array; `b` is contiguous, shape (n,). Raises LinearError (iterative solvers only)."""
 
 
 Pattern = Any
