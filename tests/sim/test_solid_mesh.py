@@ -351,7 +351,7 @@ def test_a_file_in_the_wrong_unit_is_refused_by_what_it_misses(tmp_path: Path) -
         ("empty.vtu", b"", "empty.vtu' cannot be read as a mesh: not in the format that its name says"),
         ("lines.msh", b"$MeshFormat\n4.1 0\n8\n", "lines.msh' cannot be read as a mesh: "),
         ("piece.doc", b"x", "piece.doc' cannot be read as a mesh: ReadError: Could not deduce file format"),
-        ("cube.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "cube.obj' has no tetrahedra or hexahedra (cells: triangle)"),
+        ("f.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "f.obj' has no tetrahedra or hexahedra (cells: triangle)"),
         ("void.obj", b"", "void.obj' has no tetrahedra or hexahedra (cells: none)"),
     ],
 )  # fmt: skip
