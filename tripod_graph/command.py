@@ -15,6 +15,10 @@ from tripod_graph.names import SERVOS, SLIDE
 FloatArray = NDArray[np.float64]
 
 
+LONGEST_TRAJECTORY = 600.0
+"""Latest time of a point [s]: while a trajectory lasts its source may be silent, so it must not last for ever."""
+
+
 class CommandError(ValueError):
     """A command that is refused; the message names the joint, the value and what is allowed."""
 
@@ -244,10 +248,10 @@ class CommandFollower:
             )
         t = np.asarray(times, float)
         before = np.concatenate([[0.0], t[:-1]])
-        if not (ok := np.isfinite(t) & (t >= before)).all():
+        if not (ok := (t >= before) & (t <= LONGEST_TRAJECTORY)).all():
             i = int(np.argmin(ok))
             raise CommandError(
-                f"time of point {i} is {t[i]:g} s; allowed is finite and at least {before[i]:g} s"
+                f"time of point {i} is {t[i]:g} s; allowed is {before[i]:g} to {LONGEST_TRAJECTORY:g} s"
             )
         points = np.tile(self.joints, (len(t), 1))
         order = [known.index(n) for n in names]

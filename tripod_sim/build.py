@@ -100,7 +100,7 @@ def build(scene: Scene) -> Parts:
     else:
         from tripod_sim.integrators.quasi_static import QuasiStatic
 
-        reach = scene.servos.axis_depth if scene.servos and scene.servos.axis_depth > 0 else 0.03
+        reach = max(scene.servos.axis_depth, 0.005) if scene.servos else 0.03
         stepper = QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach)
     servos = None
     if scene.servo_dynamics:

@@ -105,7 +105,7 @@ class Newton:
         """Iterate from an evaluated `state` until the residual is below the tolerance."""
         system = self.system
         size = system.unbalanced()
-        while size > self.tolerance:
+        while not size <= self.tolerance:  # written so that NaN counts as unsolved
             if report.iterations >= self.max_iterations:
                 raise NewtonError(
                     f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
