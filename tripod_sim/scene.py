@@ -4,7 +4,7 @@ A table that is absent is an effect that is off: it is not imported, allocates n
 """
 
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any, Literal
+from typing import Any
 
 from tripod_sim.errors import SceneError, shown
 
@@ -296,8 +296,7 @@ def _check_start(s: Servos) -> None:
         raise SceneError(f"servos.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
 
 
-Effect = Literal["gravity", "inertia", "damping", "fixed", "servos", "servo_dynamics", "clamp", "effector"]
-EFFECTS: tuple[Effect, ...] = (
+EFFECTS = (
     "gravity",
     "inertia",
     "damping",
@@ -307,3 +306,4 @@ EFFECTS: tuple[Effect, ...] = (
     "clamp",
     "effector",
 )
+"""Tables of a scene that may be absent."""
