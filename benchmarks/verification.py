@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script,
 
 from benchmarks import analytic, calculix
 
-ELEMENTS = ("h8_modes", "t10", "h20", "h20_full", "h27", "h8", "t4")
+ELEMENTS = ("h8_modes", "t10", "h20", "h20_full", "h27", "h8", "h8_mean", "t4")
 
 
 def percent(ratio: float) -> str:

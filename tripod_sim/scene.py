@@ -66,14 +66,17 @@ class Mesh:
         source: The generator `y_piece`, or the path of a file with tetrahedra or hexahedra (relative to the scene's
             file): GiD text, gmsh, VTK, Abaqus and what else meshio reads.
         level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes.
-        element: Kind of element: `h8_modes` (with incompatible modes), `h8`, `h20`, `h20_full`, `h27`, `t4`, `t10`;
-            of a file those that its cells allow (linear hexahedra all, linear tetrahedra `t4` and `t10`).
+        element: Kind of element: `h8_modes` (with incompatible modes), `h8_mean` (with mean dilatation), `h8`,
+            `h20`, `h20_full`, `h27`, `t4`, `t10`; of a file those that its cells allow (linear hexahedra all, linear
+            tetrahedra `t4` and `t10`).
         scale: Length unit of a file [m]: 0.001 for millimetres.
     """
 
     source: str = "y_piece"
     level: int = number(2, low=1, high=7)
-    element: str = one_of("h8_modes", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes")
+    element: str = one_of(
+        "h8_modes", "h8_mean", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes"
+    )
     scale: float = number(1.0, unit="m", above=0, high=1e3)
 
 

@@ -169,6 +169,21 @@ def test_stiffness_is_the_derivative_of_the_gradient(kind: Element, law: str) ->
     assert np.abs(base).max() > 1e-3
 
 
+@pytest.mark.parametrize("law", ["neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff"])
+def test_a_rotation_of_the_frame_rotates_the_forces(kind: Element, law: str) -> None:
+    mesh = block(kind, (1, 1, 1))
+    solid = Solid(mesh.nodes, np.array(mesh.elements), kind, law, 1.0, 1.0)
+    rng = np.random.default_rng(8)
+    x, Q = mesh.nodes + 0.02 * rng.standard_normal(mesh.nodes.shape), random_rotation(rng)
+    modes, forces, energies = 0.01 * rng.standard_normal(solid.rest_modes().shape), [], []
+    for turn in (np.eye(3), Q):
+        g = np.zeros_like(x)
+        energies.append(solid.add_gradient(x @ turn.T + (turn - np.eye(3)).sum(axis=1), modes @ turn.T, g))
+        forces.append(g)
+    assert energies[1] == pytest.approx(energies[0], rel=1e-10)
+    np.testing.assert_allclose(forces[1], forces[0] @ Q.T, atol=1e-10 * np.abs(forces[0]).max())
+
+
 def tip_deflection(kind: Element) -> float:
     """Deflection of a slender cantilever, one element thick, over beam theory's (nu = 0)."""
     length, height, E = 10.0, 0.5, 1000.0
@@ -196,7 +211,7 @@ def tip_deflection(kind: Element) -> float:
 def test_bending_of_one_layer(kind: Element) -> None:
     """Elements made for bending are within 1.5 % of beam theory (T10 4 %); linear ones lock."""
     ratio = tip_deflection(kind)
-    if kind.name in ("h8", "t4"):
+    if kind.name in ("h8", "h8_mean", "t4"):
         assert ratio < 0.75
     else:
         assert ratio == pytest.approx(1.0, abs=0.015 if kind.name != "t10" else 0.04)

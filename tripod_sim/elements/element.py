@@ -25,6 +25,7 @@ class Element:
         faces: Node numbers of each face, corners first in a loop that is counter-clockwise seen from outside.
         corners: Number of corner nodes of the cell.
         modes: Whether incompatible modes are added (see `hexahedron`).
+        mean_dilatation: Whether the points share one volume change (see `mean_dilatation`).
     """
 
     name: str
@@ -37,6 +38,7 @@ class Element:
     faces: tuple[tuple[int, ...], ...]
     corners: int
     modes: bool = False
+    mean_dilatation: bool = False
 
     @property
     def size(self) -> int:

@@ -30,7 +30,7 @@ class Solid:
         self.elements = elements
         gradients, self._weight = reference_gradients(kind, nodes[elements])
         self._G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
-        self._law, self._lam, self._mu = LAWS[law], lam, mu
+        self._law, self._lam, self._mu, self._mean = LAWS[law], lam, mu, kind.mean_dilatation
         self.mode_residual_squared = 0.0
         count, columns, dofs = len(elements), self._G.shape[3], 3 * kind.size
         self._modes = columns - kind.size
@@ -50,15 +50,16 @@ class Solid:
         """Return E [J] at positions `x` [m], shape (n, 3); infinite where the material has none."""
         return float(
             kernels.solid_energy(
-                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._work
+                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._mean,
+                self._work,
             )
-        )
+        )  # fmt: skip
 
     def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
         """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
         energy, self.mode_residual_squared = kernels.solid_gradient(
-            x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._X, self._inverse,
-            self._y, g, self._work,
+            x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._mean, self._X,
+            self._inverse, self._y, g, self._work,
         )  # fmt: skip
         return float(energy)
 
@@ -66,8 +67,8 @@ class Solid:
         """Write `matrices`; return -1, or the first element whose modes are unstable (only without `project`)."""
         return int(
             kernels.solid_stiffness(
-                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, project, self._X,
-                self._inverse, self.matrices, self._C, self._CB, self._K, self._work,
+                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._mean, project,
+                self._X, self._inverse, self.matrices, self._C, self._CB, self._K, self._work,
             )
         )  # fmt: skip
 

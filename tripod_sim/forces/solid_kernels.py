@@ -7,6 +7,10 @@ element, components come first, (3, c): the inner loops then run over contiguous
 Condensation: with f_u, f_a the gradients with respect to nodes and modes and K_ua, K_aa the blocks of the tangent,
 
     X = K_aa^-1 K_au,   y = K_aa^-1 f_a,   g = f_u - X^T f_a,   K = K_uu - K_ua X,   d_modes = -y - X d_x.
+
+Mean dilatation (`mean`; v, kappa: see `dilatation`): with v* = sum_q w v / sum_q w the density at a point becomes
+psi - kappa/2 (v - v*)^2, its stress P + kappa (v* - v) dv/dF, and the tangent of an element gains
+kappa b b^T / sum_q w, b = sum_q w dv/dx.
 """
 
 from typing import Any
@@ -14,12 +18,18 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.materials import laws
+from tripod_sim.materials import dilatation, laws
 from tripod_sim.materials.neo_hooke import determinant
 
 Array = Any
 
 _energy, _stress, _tangent = laws.energy, laws.stress, laws.tangent
+_volume, _volume_slope, _tangent_at_mean = (
+    dilatation.volume,
+    dilatation.volume_slope,
+    dilatation.tangent_at_mean,
+)
+_modulus = dilatation.modulus
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
@@ -44,6 +54,17 @@ def _gather(e: int, x: Array, modes: Array, elements: Array, xe: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def _mean_volume(xe: Array, G: Array, weight: Array, law: int, F: Array) -> float:
+    """Return v* of one element, G (q, 3, c) and weight (q,) its own; F is scratch."""
+    total = size = 0.0
+    for q in range(G.shape[0]):
+        _deformation(xe, G[q], F)
+        total += weight[q] * _volume(law, F)
+        size += weight[q]
+    return total / size
+
+
+@njit(cache=True, error_model="numpy")
 def solid_energy(
     x: Array,
     modes: Array,
@@ -53,16 +74,21 @@ def solid_energy(
     law: int,
     lam: float,
     mu: float,
+    mean: bool,
     work: Array,
 ) -> float:
     """Return the strain energy [J]; infinite as soon as a point has none."""
     xe, F = work[:3], work[3:6, :3]
-    total = 0.0
+    total, shared, kappa = 0.0, 0.0, _modulus(law, lam, mu)
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
+        if mean:
+            shared = _mean_volume(xe, G[e], weight[e], law, F)
         for q in range(G.shape[1]):
             _deformation(xe, G[e, q], F)
             density = _energy(law, F, lam, mu)
+            if mean:
+                density -= 0.5 * kappa * (_volume(law, F) - shared) ** 2
             total += weight[e, q] * density
         if not np.isfinite(total):
             return np.inf
@@ -79,6 +105,7 @@ def solid_gradient(
     law: int,
     lam: float,
     mu: float,
+    mean: bool,
     X: Array,
     K_aa_inverse: Array,
     y: Array,
@@ -92,16 +119,25 @@ def solid_gradient(
     """
     nodes, count = elements.shape[1], G.shape[3]
     xe, F, P, f = work[:3], work[3:6, :3], work[6:9, :3], work[9:12]
+    slope, shared, kappa = np.empty((3, 3)), 0.0, _modulus(law, lam, mu)
     total = unbalanced = 0.0
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
         f[:] = 0.0
+        if mean:
+            shared = _mean_volume(xe, G[e], weight[e], law, F)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
             _deformation(xe, Ge, F)
             density = _stress(law, F, lam, mu, P)
             if not np.isfinite(density):
                 return np.inf, np.inf
+            if mean:
+                excess = _volume_slope(law, F, slope) - shared
+                density -= 0.5 * kappa * excess * excess
+                for i in range(3):
+                    for j in range(3):
+                        P[i, j] -= kappa * excess * slope[i, j]
             total += w * density
             for i in range(3):
                 p0, p1, p2 = w * P[i, 0], w * P[i, 1], w * P[i, 2]
@@ -134,6 +170,7 @@ def solid_stiffness(
     law: int,
     lam: float,
     mu: float,
+    mean: bool,
     project: bool,
     X: Array,
     K_aa_inverse: Array,
@@ -153,15 +190,28 @@ def solid_stiffness(
         -1, or the first element whose K_aa is not positive definite.
     """
     nodes, count = elements.shape[1], G.shape[3]
-    xe, F = work[:3], work[3:6, :3]
+    xe, F, slope, B = work[:3], work[3:6, :3], work[6:9, :3], work[9:12]
+    shared, kappa = 0.0, _modulus(law, lam, mu)
     coupling = np.empty((3 * (count - nodes), 3 * nodes))
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
         K[:] = 0.0
+        B[:] = 0.0
+        if mean:
+            shared = _mean_volume(xe, G[e], weight[e], law, F)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
             _deformation(xe, Ge, F)
-            _tangent(law, F, lam, mu, project, C)
+            if mean:
+                _tangent_at_mean(law, F, shared, lam, mu, project, C)
+                _volume_slope(law, F, slope)
+                for i in range(3):
+                    for a in range(count):
+                        B[i, a] += w * (
+                            slope[i, 0] * Ge[0, a] + slope[i, 1] * Ge[1, a] + slope[i, 2] * Ge[2, a]
+                        )
+            else:
+                _tangent(law, F, lam, mu, project, C)
             for i in range(3):
                 for j in range(3):
                     for k in range(i + 1):
@@ -176,9 +226,22 @@ def solid_stiffness(
                     g0, g1, g2 = Ge[0, a], Ge[1, a], Ge[2, a]
                     for c in range((i + 1) * count):
                         K[i, a, c] += g0 * CB[i, 0, c] + g1 * CB[i, 1, c] + g2 * CB[i, 2, c]
+        if mean:
+            _add_volume_stiffness(B, kappa / weight[e].sum(), K)
         if not _condense(K, nodes, count, X[e], K_aa_inverse[e], stiffness[e], coupling):
             return e
     return -1
+
+
+@njit(cache=True, error_model="numpy")
+def _add_volume_stiffness(b: Array, factor: float, K: Array) -> None:
+    """Add factor b b^T, b (3, c), to the lower component blocks of K, shape (3, c, 3c)."""
+    count = b.shape[1]
+    for i in range(3):
+        for a in range(count):
+            for k in range(i + 1):
+                for c in range(count):
+                    K[i, a, k * count + c] += factor * b[i, a] * b[k, c]
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
