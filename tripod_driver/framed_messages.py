@@ -1,0 +1,222 @@
+"""Messages of the `framed` protocol (docs/protocol.md): what host and board tell each other, without the bytes."""
+
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+
+from tripod_driver.protocol import SERVO_COUNT, ProtocolError
+
+TEXT_MAX = 32
+"""Longest text of an `ImuLine`."""
+
+Pulses = tuple[int, int, int]
+"""Pulse widths of the three servos [0.1 us], 0 to 65535."""
+
+
+def _check_number(name: str, value: int, highest: int) -> None:
+    if not 0 <= value <= highest:
+        raise ProtocolError(f"{name} is {value}; allowed is 0 to {highest}")
+
+
+def _check_pulses(pulses: Pulses) -> None:
+    if len(pulses) != SERVO_COUNT:
+        raise ProtocolError(f"{len(pulses)} pulses given; a message carries {SERVO_COUNT}")
+    for i, pulse in enumerate(pulses):
+        _check_number(f"pulse of servo {i}", pulse, 0xFFFF)
+
+
+class BoardState(IntEnum):
+    """What the board does with the servos."""
+
+    IDLE = 0
+    """No command came yet: no pulses."""
+    ACTIVE = 1
+    """Pulses as commanded."""
+    HOLDING = 2
+    """The last pulses, because of `Hold` or of silence."""
+    RELEASED = 3
+    """No pulses, because of `Release` or of silence."""
+
+
+class Flags(IntFlag):
+    """What happened since the last reply that carried flags."""
+
+    RESTARTED = 1
+    """This is the first reply since the board was reset."""
+    WATCHDOG = 2
+    """The host was silent so long that the board held, and perhaps released, by itself."""
+    SEQUENCE_GAP = 4
+    """The sequence did not follow the last one: frames were lost, or someone else writes too."""
+    OVERRUN = 8
+    """Bytes were lost because the board could not take, or send, them in time."""
+
+
+class ErrorCode(IntEnum):
+    """Why the board refused a message whose CRC was right."""
+
+    VERSION = 1
+    """Another version of the protocol; the detail is the board's own."""
+    TYPE = 2
+    """No such message; the detail is its type."""
+    LENGTH = 3
+    """Payload of the wrong length; the detail is its length."""
+    PULSE = 4
+    """Pulse out of the board's range; the detail is the number of the servo."""
+
+
+@dataclass(frozen=True)
+class Hello:
+    """Host to board: who are you? Changes nothing on the board."""
+
+
+@dataclass(frozen=True)
+class SetPulses:
+    """Host to board: emit these pulses from the next period on.
+
+    Attributes:
+        pulses: Pulse widths of servos 0, 1, 2 [0.1 us].
+    """
+
+    pulses: Pulses
+
+    def __post_init__(self) -> None:
+        _check_pulses(self.pulses)
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Host to board: keep the pulses as they are; without pulses, change nothing."""
+
+
+@dataclass(frozen=True)
+class Release:
+    """Host to board: no more pulses; the servos let go."""
+
+
+@dataclass(frozen=True)
+class HelloReply:
+    """Board to host: what it is and what it does.
+
+    Attributes:
+        firmware: Version of the firmware: major, minor.
+        protocol: Version of the protocol.
+        servo_count: Number of servos.
+        pulse_min: Shortest pulse that the board emits [0.1 us].
+        pulse_max: Longest pulse that the board emits [0.1 us].
+        watchdog: Silence after which the board holds, and after as much again releases [ms].
+        state: What the board does with the servos.
+        flags: What happened since the last reply.
+        pulses: Pulse widths emitted now or, when there are none, last [0.1 us]; 0 if there never were any.
+    """
+
+    firmware: tuple[int, int]
+    protocol: int
+    servo_count: int
+    pulse_min: int
+    pulse_max: int
+    watchdog: int
+    state: BoardState
+    flags: Flags
+    pulses: Pulses
+
+    def __post_init__(self) -> None:
+        if len(self.firmware) != 2:
+            raise ProtocolError(f"firmware version {self.firmware}; it has two numbers")
+        for name, value in (
+            ("firmware", self.firmware[0]),
+            ("firmware", self.firmware[1]),
+            ("protocol", self.protocol),
+            ("servo_count", self.servo_count),
+            ("flags", self.flags),
+        ):
+            _check_number(name, value, 0xFF)
+        for name, value in (
+            ("pulse_min", self.pulse_min),
+            ("pulse_max", self.pulse_max),
+            ("watchdog", self.watchdog),
+        ):
+            _check_number(name, value, 0xFFFF)
+        _check_pulses(self.pulses)
+
+
+@dataclass(frozen=True)
+class Acknowledgement:
+    """Board to host: the message with this frame's sequence was carried out.
+
+    Attributes:
+        state: What the board does with the servos now.
+        flags: What happened since the last reply.
+        pulses: Pulse widths applied, in the steps of the board's timer [0.1 us]; 0 if there never were any.
+        dropped: Frames that reached the board damaged since its reset, modulo 65536.
+    """
+
+    state: BoardState
+    flags: Flags
+    pulses: Pulses
+    dropped: int
+
+    def __post_init__(self) -> None:
+        _check_number("flags", self.flags, 0xFF)
+        _check_number("dropped", self.dropped, 0xFFFF)
+        _check_pulses(self.pulses)
+
+
+@dataclass(frozen=True)
+class Error:
+    """Board to host: the message with this frame's sequence was refused and changed nothing.
+
+    Attributes:
+        code: Why.
+        type: Type byte of the refused message.
+        detail: What `code` says of it.
+    """
+
+    code: ErrorCode
+    type: int
+    detail: int
+
+    def __post_init__(self) -> None:
+        _check_number("type", self.type, 0xFF)
+        _check_number("detail", self.detail, 0xFFFF)
+
+
+@dataclass(frozen=True)
+class ImuLine:
+    """Board to host: one line that an IMU wrote.
+
+    Attributes:
+        text: The line without its end, printable ASCII, at most TEXT_MAX characters.
+    """
+
+    text: str
+
+    def __post_init__(self) -> None:
+        if len(self.text) > TEXT_MAX or not (self.text.isascii() and self.text.isprintable()):
+            raise ProtocolError(f"IMU line {self.text!r}: printable ASCII, at most {TEXT_MAX} characters")
+
+
+@dataclass(frozen=True)
+class OtherVersion:
+    """A frame of another version of the protocol, sound but not understood. Only received, never sent.
+
+    Attributes:
+        version: Version of the protocol that the sender speaks.
+    """
+
+    version: int
+
+
+Message = Hello | SetPulses | Hold | Release | HelloReply | Acknowledgement | Error | ImuLine
+"""What can be sent."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A message received.
+
+    Attributes:
+        sequence: Sequence number, 0 to 255; a reply has that of what it answers.
+        message: The message.
+    """
+
+    sequence: int
+    message: Message | OtherVersion
