@@ -1,0 +1,73 @@
+"""The broad phase finds what comparing all with all finds, whatever the boxes."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tripod_sim.contact.broad_phase import AllPairs, Boxes, Tree
+
+
+def found(pairs: np.ndarray) -> list[tuple[int, int]]:
+    return sorted(map(tuple, pairs.tolist()))
+
+
+def boxes_of(points: np.ndarray, size: int, margin: float) -> Boxes:
+    boxes = Boxes(np.arange(len(points) // size * size).reshape(-1, size))
+    boxes.sweep(points, points + 0.1 * points[::-1], margin)
+    return boxes
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(0, 60),
+    st.integers(1, 60),
+    st.sampled_from([0.0, 1e-3, 0.3]),
+    st.sampled_from(["cube", "plane", "line", "point", "grid", "wide"]),
+)
+def test_tree_finds_the_pairs_of_the_reference(seed: int, n: int, m: int, margin: float, spread: str) -> None:
+    rng = np.random.default_rng(seed)
+
+    def points(count: int) -> np.ndarray:
+        x = rng.standard_normal((3 * count, 3))
+        if spread == "grid":
+            x = np.round(x)  # boxes that touch exactly
+        if spread == "wide":
+            x *= 10.0 ** rng.uniform(-6, 6, (len(x), 1))
+        x[:, {"plane": 1, "line": 2}.get(spread, 3) :] = 0.0
+        return x * (0.0 if spread == "point" else 1.0)
+
+    query, boxes = boxes_of(points(n), 3, margin), boxes_of(points(m), 3, margin)
+    tree, reference = Tree(boxes), AllPairs(boxes)
+    tree.update()
+    reference.update()
+    assert found(tree.pairs(query)) == found(reference.pairs(query))
+    assert found(np.sort(tree.pairs(), axis=1)) == found(reference.pairs())
+
+
+def test_boxes_that_move_are_swept() -> None:
+    start, end = np.zeros((2, 3)), np.array([[1.0, 0, 0], [0, 0, 0]])
+    boxes = Boxes(np.array([[0]]))
+    boxes.sweep(start, end, 0.25)
+    np.testing.assert_array_equal(boxes.low, [[-0.25, -0.25, -0.25]])
+    np.testing.assert_array_equal(boxes.high, [[1.25, 0.25, 0.25]])
+
+
+def test_more_pairs_than_the_buffer_holds_are_all_reported() -> None:
+    boxes = boxes_of(np.zeros((300, 3)), 1, 0.0)
+    tree = Tree(boxes)
+    tree.update()
+    assert len(tree.pairs()) == 300 * 299 // 2
+    assert len(set(found(tree.pairs(boxes)))) == 300 * 300
+
+
+@pytest.mark.parametrize("collection", [Tree, AllPairs])
+def test_nothing_overlaps_nothing(collection: type) -> None:
+    empty = Boxes(np.zeros((0, 3), dtype=np.int64))
+    tree = collection(empty)
+    tree.update()
+    assert len(tree.pairs()) == 0
+    full = collection(boxes_of(np.ones((3, 3)), 3, 0.0))
+    full.update()
+    assert len(full.pairs(empty)) == 0

@@ -1,0 +1,1 @@
+"""Contact: broad phase, proximity and continuous detection, response by penalty or multipliers with friction."""
