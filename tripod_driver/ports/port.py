@@ -10,7 +10,7 @@ class PortError(OSError):
 
 
 class Port(ABC):
-    """A way for bytes to the servos. `with port:` opens it and closes it whatever happens inside.
+    """A way for bytes to the servos and back. `with port:` opens it and closes it whatever happens inside.
 
     Attributes:
         boot_time: Time after opening in which the board may lose bytes [s].
@@ -30,6 +30,10 @@ class Port(ABC):
     @abstractmethod
     def write(self, data: bytes) -> None:
         """Hand over all of `data`, or raise PortError within a short time: the port is then lost."""
+
+    @abstractmethod
+    def read(self) -> bytes:
+        """Return what has come from the board since the last call, at once; raise PortError if the port is lost."""
 
     @abstractmethod
     def close(self) -> None:

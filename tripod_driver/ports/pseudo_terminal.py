@@ -14,9 +14,12 @@ from tripod_driver.ports.port import Port, PortError
 LINGER_TIME: Final = 0.2
 """How long closing waits for a reader to take the last bytes [s]."""
 
+READ_MAX: Final = 4096
+"""Bytes that one call of `read` returns at most."""
+
 
 class PseudoTerminalPort(Port):
-    """A pair of terminals: packets written here are read from the device `name`.
+    """A pair of terminals: packets written here are read from the device `name`, and answers may be written there.
 
     Without a reader nothing blocks: when the kernel's buffer is full, what is old in it is dropped.
     """
@@ -51,6 +54,17 @@ class PseudoTerminalPort(Port):
                 termios.tcflush(far, termios.TCIFLUSH)
                 self._written(near, data)
         except (OSError, termios.error) as error:
+            raise PortError(f"pseudo-terminal {self.name} was lost: {error}") from error
+
+    def read(self) -> bytes:
+        """Return what the other program has written."""
+        if self._ends is None:
+            raise PortError("the pseudo-terminal is not open")
+        try:
+            return os.read(self._ends[0], READ_MAX)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
             raise PortError(f"pseudo-terminal {self.name} was lost: {error}") from error
 
     def close(self) -> None:

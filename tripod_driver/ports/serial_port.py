@@ -19,6 +19,9 @@ AUTO: Final = "auto"
 DRAIN_TIME: Final = 0.2
 """How long closing waits for the last bytes to leave [s]; the kernel itself would wait up to 30 s."""
 
+READ_MAX: Final = 4096
+"""Bytes that one call of `read` returns at most: a board that babbles must not hold up the rest."""
+
 
 class SerialPort(Port):
     """A serial port, held exclusively.
@@ -67,6 +70,15 @@ class SerialPort(Port):
             message = f"{self.name} took no bytes for {self._write_timeout:g} s; is the board alive?"
             raise PortError(message) from error
         except (OSError, termios.error) as error:
+            raise PortError(f"{self.name} was lost ({error}); check cable and power") from error
+
+    def read(self) -> bytes:
+        """Return what has come, at most READ_MAX bytes of it; raise PortError if the port is gone."""
+        if self._serial is None:
+            raise PortError(f"{self._path} is not open")
+        try:
+            return bytes(self._serial.read(READ_MAX))
+        except (OSError, TypeError, termios.error) as error:  # TypeError: pyserial of a port closed under it
             raise PortError(f"{self.name} was lost ({error}); check cable and power") from error
 
     def close(self) -> None:

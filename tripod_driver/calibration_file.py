@@ -1,0 +1,140 @@
+"""Calibrations as YAML text. A file is a stranger until it is parsed: all that is wrong is told in one line."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
+from tripod_graph.names import SERVOS
+
+LARGEST_FILE: Final = 65536
+"""Bytes that a calibration may have."""
+
+FIELDS: Final = tuple(field.name for field in fields(ServoCalibration))
+PAIRS: Final = ("pulse_range", "safe_range")
+
+HEADER: Final = """\
+# Calibration of the servos, as `tripod calibrate` writes it; `tripod driver calibration:=FILE` uses it.
+# offset: angle of the shaft when the piece is flat [rad, 0 to pi]; direction: 1, or -1 if the servo is mounted the
+# other way round; pulse_range: pulse widths with the shaft at 0 and at pi [us]; safe_range: smallest and largest joint
+# angle that may be sent [rad], 0 is the flat piece, negative bends the strip down.
+"""
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without what a calibration never has: keys that come twice, and references."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            line = self.peek_event().start_mark.line + 1
+            raise CalibrationError(f"line {line} refers to another part; write the values out")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            name = str(key.value)
+            if name in seen:
+                raise CalibrationError(f"{name:.40} comes twice, again in line {key.start_mark.line + 1}")
+            seen.add(name)
+        found: dict[Any, Any] = super().construct_mapping(node, deep)
+        return found
+
+
+def parse_calibration(text: str) -> Calibration:
+    """Return the calibration that YAML `text` describes; a field left out has its default.
+
+    Raises:
+        CalibrationError: anything is wrong with it; the message names servo and field.
+    """
+    try:
+        table = yaml.load(text, Loader=_Loader)  # a SafeLoader
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}: " if mark is not None else ""
+        reason = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise CalibrationError(f"{where}this is no YAML: {reason:.100}") from None
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, CalibrationError):
+            raise
+        raise CalibrationError(f"a value cannot be read: {error!s:.100}") from None
+    servos = _mapping(table, "the file", ("servos",)).get("servos")
+    found = _mapping(servos, "servos", SERVOS)
+    if missing := [name for name in SERVOS if name not in found]:
+        raise CalibrationError(f"servos.{missing[0]} is missing; all of {', '.join(SERVOS)} are needed")
+    return Calibration(tuple(_servo(name, found[name]) for name in SERVOS))
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Return the calibration in the file at `path`; raise CalibrationError, naming the file, if there is none."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+        if len(data) > LARGEST_FILE:
+            raise CalibrationError(f"it has more than {LARGEST_FILE} bytes")
+        return parse_calibration(data.decode("utf-8"))
+    except OSError as error:
+        raise CalibrationError(
+            f"calibration {path}: {error.strerror}; make it with `tripod calibrate`"
+        ) from None
+    except UnicodeDecodeError as error:
+        raise CalibrationError(f"calibration {path}: byte {error.start} is no UTF-8 text") from None
+    except CalibrationError as error:
+        raise CalibrationError(f"calibration {path}: {error}") from None
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return the YAML of a calibration, with what its fields mean; `parse_calibration` reads it back."""
+    lines = [HEADER + "servos:"]
+    for name, servo in zip(SERVOS, calibration.servos, strict=True):
+        pulses = ", ".join(f"{pulse:.1f}" for pulse in servo.pulse_range)
+        safe = ", ".join(f"{angle:.6f}" for angle in servo.safe_range)
+        lines += [
+            f"  {name}:",
+            f"    offset: {servo.offset:.6f}",
+            f"    direction: {servo.direction}",
+            f"    pulse_range: [{pulses}]",
+            f"    safe_range: [{safe}]",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _servo(name: str, table: object) -> ServoCalibration:
+    values: dict[str, Any] = {}
+    for key, value in _mapping(table, f"servos.{name}", FIELDS).items():
+        if key in PAIRS:
+            if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 2:
+                raise CalibrationError(
+                    f"servos.{name}.{key} is {_shown(value)}; it needs two numbers, [low, high]"
+                )
+            values[key] = tuple(_number(f"servos.{name}.{key}[{i}]", v) for i, v in enumerate(value))
+        else:
+            values[key] = _number(f"servos.{name}.{key}", value)
+    try:
+        return ServoCalibration(**values)
+    except CalibrationError as error:
+        raise CalibrationError(f"servos.{name}.{error}") from None
+
+
+def _mapping(value: object, what: str, known: Sequence[str]) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise CalibrationError(f"{what} is {_shown(value)}; it must be a table of {', '.join(known)}")
+    if unknown := [key for key in value if key not in known]:
+        raise CalibrationError(
+            f"{what} has an unknown field {_shown(unknown[0])}; fields: {', '.join(known)}"
+        )
+    return value
+
+
+def _number(what: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise CalibrationError(f"{what} is {_shown(value)}; it must be a finite number")
+    return value
+
+
+def _shown(value: object) -> str:
+    return f"{value!r:.60}"
