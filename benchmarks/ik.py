@@ -17,8 +17,9 @@ from calibration import calibration  # it sets the number of threads, so it come
 import numpy as np
 
 from tripod_graph.names import SERVOS, WORKING_POSE
-from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit, TorqueLimit
+from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import build_ik
+from tripod_ik.row_limits import TorqueLimit
 from tripod_ik.solver import IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask
@@ -46,7 +47,7 @@ def target(k: int, home: np.ndarray) -> np.ndarray:
 def run(steps: int, torque: TorqueLimit | None) -> dict[str, np.ndarray]:
     """Return times [s], iterations and whether a limit was active of `steps` steps in closed loop."""
     limits = (AngleLimit(-2.1, 0.6), StepLimit(0.5), SpeedLimit(3.0))
-    simulation, solver = in_working_pose(), IkSolver(3, torque=torque is not None)
+    simulation, solver = in_working_pose(), IkSolver(3, rows=3 if torque else 0)
     home, command = simulation.compliance().position, simulation.state.joints[:3]
     found: dict[str, list[float]] = {"step": [], "QP": [], "iterations": [], "limited": []}
     for k in range(steps + WARM_UP):
@@ -54,7 +55,7 @@ def run(steps: int, torque: TorqueLimit | None) -> dict[str, np.ndarray]:
         begin = time.thread_time()
         state = LinearState(SERVOS, c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w)
         task = PositionTask(target(k, home))
-        problem = build_ik(state, task, limits, torque, previous=command, dt=DT)
+        problem = build_ik(state, [task], limits, [torque] if torque else [], previous=command, dt=DT)
         built = time.thread_time()
         result = solver.solve(problem)
         end = time.thread_time()

@@ -54,10 +54,11 @@ def polish(problem: IkProblem, x: FloatArray, y: FloatArray) -> tuple[FloatArray
         matrix[:n, n:] = problem.A[rows].T
         matrix[n:, :n] = problem.A[rows]
         bounds = np.where(at_high, problem.u, problem.l)[rows]
+        right = np.concatenate([-problem.q, bounds])
         try:
-            solution = np.linalg.solve(matrix, np.concatenate([-problem.q, bounds]))
-        except np.linalg.LinAlgError:
-            break
+            solution = np.linalg.solve(matrix, right)
+        except np.linalg.LinAlgError:  # active rows that say the same twice
+            solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
         x, y = solution[:n], np.zeros(len(problem.l))
         y[rows] = solution[n:]
         residual = kkt_residual(problem, x, y)

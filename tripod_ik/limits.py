@@ -1,4 +1,4 @@
-"""What the command must keep to: intervals of each servo angle, and the torque.
+"""What the command must keep to: intervals of each servo angle. Limits of anything else are in `row_limits`.
 
 Angle, step and speed limits are intervals of the commanded angle. They are hard and are applied in order,
 each within what the ones before it leave. Where one leaves nothing of the rest (a robot found outside its
@@ -109,26 +109,6 @@ class SpeedLimit:
         """Return the previous command -+ `speed` dt."""
         reach = self.speed * motion.dt
         return motion.previous - reach, motion.previous + reach
-
-
-@dataclass(frozen=True)
-class TorqueLimit:
-    """Torques |tau + d_tau| stay below `maximum` [N m], one number or one a servo; soft.
-
-    The torque comes from a linear model and may already be too large when the limit is set, so no command
-    might keep to it; and a torque is not a command that a receiver refuses. Exceeding it by an angle's worth
-    of s [rad] costs weight · s² / 2 beside the task (see `problem.build_ik`): it is exceeded only where the
-    hard limits leave no choice, or by about (remaining distance in angle) / weight.
-    """
-
-    maximum: float | FloatArray
-    weight: float = 1e3
-
-    def __post_init__(self) -> None:
-        if not (np.all(np.greater(self.maximum, 0)) and np.all(np.isfinite(self.maximum))):
-            raise IkError(f"torque limit is {self.maximum} N m; it must be positive and finite")
-        if not 0 < self.weight < np.inf:
-            raise IkError(f"weight of the torque limit is {self.weight}; it must be positive and finite")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """The quadratic program of one step of inverse kinematics: from state, task and limits to its matrices.
 
-The method is the inverse one of soft robotics [Duriez2013], [Coevoet2017]: the compliance of the present
+The method is the inverse one of soft robotics [Duriez2013], [CoevoetEtAl2017]: the compliance of the present
 state, projected to effector and actuators, makes the effector's displacement a linear function of the
 actuators' efforts, and a quadratic program finds the efforts that bring it closest to the target within the
 limits.
@@ -17,10 +17,6 @@ It is a Newton step on the *static* inverse problem. The error is measured from 
 effector plus its offset from rest), so the dynamics of the body are not in the loop, and the new command is
 an absolute angle, not an increment upon the last command, so the delay of the loop is not either: repeated at
 any rate it converges as the Newton iteration does.
-
-[Duriez2013] C. Duriez: Control of elastic soft robots based on real-time finite element method, ICRA 2013.
-[Coevoet2017] E. Coevoet, A. Escande, C. Duriez: Optimization-based inverse model of soft robots with contact
-    handling, IEEE Robotics and Automation Letters 2(3), 2017.
 """
 
 from collections.abc import Sequence
@@ -30,9 +26,10 @@ import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
-from tripod_ik.limits import CommandBox, IntervalLimit, Motion, TorqueLimit, command_box
+from tripod_ik.limits import CommandBox, IntervalLimit, Motion, command_box
+from tripod_ik.row_limits import RowLimit
 from tripod_ik.state import LinearState
-from tripod_ik.tasks import PositionTask
+from tripod_ik.tasks import Task, TaskRows
 
 REGULARISATION = 1e-4
 """ε: weight of the change of the command against the mean square of the Jacobian. It decides where the task
@@ -41,23 +38,28 @@ angles, it moves no solution: a step leaves 1e-4 of the distance, the next 1e-4 
 """
 
 ROW_BOUND = 1e3
-"""Torque bounds farther away than this [rad] are cut: they cannot act, and large numbers disturb OSQP."""
+"""Bounds of rows farther away than this [rad] are cut: they cannot act, and large numbers disturb OSQP."""
+
+BLIND = 1e-9
+"""Rows of limits smaller than this [unit/rad] count as zero: no angle changes what they limit."""
 
 
 @dataclass(frozen=True, eq=False)
 class IkProblem:
-    """minimise x·P x / 2 + q·x subject to l ≤ A x ≤ u, with x = (δ [rad], slack of the torque limits).
+    """minimise x·P x / 2 + q·x subject to l ≤ A x ≤ u, with x = (δ [rad], slacks of the row limits [rad]).
 
     Attributes:
-        P: Symmetric, positive definite, shape (m, m); m is n, or 2 n with a torque limit.
+        P: Symmetric, positive definite, shape (m, m); m is n plus the number of limit rows.
         q: Shape (m,).
-        A: First the identity for the bounds of δ, then one row a torque; shape (m, m).
-        l: Lower bounds [rad], shape (m,).
-        u: Upper bounds [rad], shape (m,).
+        A: The identity for the bounds of δ and of the slacks, then the limit rows, shape (2 m - n, m).
+        l: Lower bounds [rad], shape (2 m - n,).
+        u: Upper bounds [rad], shape (2 m - n,).
         state: The state it is about.
-        task: The task it was built for.
+        tasks: The tasks it was built for.
+        rows: Their rows.
         box: The commands allowed.
         hold: The command allowed that is nearest to the previous one [rad], shape (n,).
+        names: Of the limit rows, shape (m - n,).
     """
 
     P: FloatArray
@@ -66,70 +68,93 @@ class IkProblem:
     l: FloatArray  # noqa: E741 - its name in every text on quadratic programs
     u: FloatArray
     state: LinearState
-    task: PositionTask
+    tasks: tuple[Task, ...]
+    rows: tuple[TaskRows, ...]
     box: CommandBox
     hold: FloatArray
+    names: tuple[str, ...]
 
 
 def build_ik(
     state: LinearState,
-    task: PositionTask,
+    tasks: Sequence[Task],
     limits: Sequence[IntervalLimit] = (),
-    torque: TorqueLimit | None = None,
+    row_limits: Sequence[RowLimit] = (),
     *,
     previous: FloatArray | None = None,
     dt: float = 0.0,
 ) -> IkProblem:
     """Return the quadratic program of one step.
 
-    With e = target - p̄, S the weights, c the curvature of the task, μ = c |S² e|, σ = |S J|²/n + μ and
-    δ_hold the step to the allowed command nearest to the previous one, it is
+    With e, J, S and c the error, the Jacobian, the weights and the curvature of each task,
 
-        minimise  (|S (J δ - e)|² + μ |δ|²) / 2σ + ε |δ - δ_hold|² / 2 + |s|² / 2
+        μ = Σ c |S² e|,   σ = Σ |S J|²/n + μ,
+
+    and δ_hold the step to the allowed command nearest to the previous one, it is
+
+        minimise  (Σ |S (J δ - e)|² + μ |δ|²) / 2σ + ε |δ - δ_hold|² / 2 + |s|² / 2
         with      low ≤ angles + δ ≤ high
-                  |torques + K δ + k s / √weight| ≤ maximum     row by row, k = |K_i|, written divided by k
+                  row limits, see `row_limits`, each divided by k = |G|.
 
     The division by σ makes P of order one and q an angle. The damping μ vanishes with the error, so that
-    reachable targets are approached quadratically [Yamashita2001]; where the target cannot be reached the
+    reachable targets are approached quadratically [YamashitaFukushima2001]; where the target cannot be reached the
     error remains, the second derivative of |e|² is J'J minus e times the curvature, and without μ the
     iteration would jump about the closest pose for ever once that second part is the larger one. With c at
     least half of the curvature it converges. Damping counts from the present angles and not from the previous
     command, since then a delay between command and state does not matter.
 
-    [Yamashita2001] N. Yamashita, M. Fukushima: On the rate of convergence of the Levenberg-Marquardt method,
-        Computing Supplement 15, 2001.
-
     Args:
         state: The linearised state.
-        task: What to do.
+        tasks: What to do.
         limits: Hard limits of the command, the first outranks the next.
-        torque: Soft limit of the torques.
+        row_limits: Limits of torques, of the effector and the like, soft or hard.
         previous: The command sent before this one [rad], shape (n,); None means the present angles.
         dt: Time since then [s].
 
     Raises:
-        IkError: `previous` or `dt` is not finite, or has the wrong shape or sign.
+        IkError: there is no task, or `previous` or `dt` is not finite, or has the wrong shape or sign.
     """
     n = len(state.joint_names)
+    if not tasks:
+        raise IkError("no task: there is nothing to solve for")
     before = state.angles if previous is None else frozen("previous", previous, (n,))
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")
     box = command_box(limits, Motion(state, before, dt))
-
-    e, SJ = task.error(state), task.weights[:, None] * task.jacobian(state)
-    mu = task.curvature * float(np.linalg.norm(task.weights**2 * e))
-    sigma = max(float(np.sum(SJ**2)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
-    m = n if torque is None else 2 * n
-    P, q, A = np.eye(m), np.zeros(m), np.eye(m)
-    P[:n, :n] = (SJ.T @ SJ + mu * np.eye(n)) / sigma + REGULARISATION * np.eye(n)
     hold = np.clip(before, box.low, box.high)
-    q[:n] = -SJ.T @ (task.weights * e) / sigma - REGULARISATION * (hold - state.angles)
-    low, high = box.low - state.angles, box.high - state.angles
-    if torque is not None:
-        k = np.linalg.norm(state.stiffness, axis=1)
-        k = np.where(k > 1e-9, k, np.inf)  # [N m/rad]; a servo that cannot turn gets a row of zeros
-        A[n:, :n] = state.stiffness / k[:, None]
-        A[n:, n:] /= np.sqrt(torque.weight)
-        reach = np.clip([(s * torque.maximum - state.torques) / k for s in (-1, 1)], -ROW_BOUND, ROW_BOUND)
-        low, high = np.concatenate([low, reach[0]]), np.concatenate([high, reach[1]])
-    return IkProblem(P, q, A, low, high, state, task, box, hold)
+    keep = hold - state.angles
+
+    rows = tuple(task.rows(state) for task in tasks)
+    Se = np.concatenate([r.weights * r.error for r in rows])
+    SJ = np.concatenate([r.weights[:, None] * r.jacobian for r in rows])
+    mu = sum(r.curvature * float(np.linalg.norm(r.weights**2 * r.error)) for r in rows)
+    sigma = max(float(np.sum(SJ**2)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
+
+    limited = [limit.rows(state) for limit in row_limits]
+    extra = sum(len(r.names) for r in limited)
+    m = n + extra
+    P, q, A = np.eye(m), np.zeros(m), np.zeros((m + extra, m))
+    P[:n, :n] = (SJ.T @ SJ + mu * np.eye(n)) / sigma + REGULARISATION * np.eye(n)
+    q[:n] = -SJ.T @ Se / sigma - REGULARISATION * keep
+    A[:m] = np.eye(m)
+    low, high = np.full(m + extra, -np.inf), np.full(m + extra, np.inf)
+    low[:n], high[:n] = box.low - state.angles, box.high - state.angles
+    first = 0
+    for limit, found in zip(row_limits, limited, strict=True):
+        slack = slice(n + first, n + first + len(found.names))
+        here = slice(m + first, m + first + len(found.names))
+        k = np.linalg.norm(found.matrix, axis=1)
+        k = np.where(k > BLIND, k, np.inf)  # what no angle changes gets a row of zeros without bounds
+        blind = np.isinf(k)
+        low[here] = np.where(blind, -ROW_BOUND, np.clip(found.low / k, -ROW_BOUND, ROW_BOUND))
+        high[here] = np.where(blind, ROW_BOUND, np.clip(found.high / k, -ROW_BOUND, ROW_BOUND))
+        A[here, :n] = found.matrix / k[:, None]
+        A[here, slack] = np.eye(len(found.names)) / np.sqrt(limit.weight)
+        if limit.hard:  # no more slack than holding needs
+            held = A[here, :n] @ keep
+            beyond = np.maximum(np.maximum(low[here] - held, held - high[here]), 0.0)
+            high[slack] = np.sqrt(limit.weight) * beyond
+            low[slack] = -high[slack]
+        first += len(found.names)
+    names = tuple(name for found in limited for name in found.names)
+    return IkProblem(P, q, A, low, high, state, tuple(tasks), rows, box, hold, names)

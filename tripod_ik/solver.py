@@ -1,6 +1,7 @@
 """The quadratic programs solved: one OSQP instance, set up once, and a result that certifies itself."""
 
 import signal
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from tripod_ik.arrays import FloatArray
 from tripod_ik.certificate import kkt_residual, polish
 from tripod_ik.errors import IkError
 from tripod_ik.problem import IkProblem
+from tripod_ik.tasks import total_distance
 
 KKT_TOLERANCE = 1e-6
 """Residual of the optimality conditions [rad] up to which a solution is used."""
@@ -31,8 +33,10 @@ class IkResult:
             to it.
         command: Servo angles to send [rad], shape (n,); finite and within all hard limits, always.
         d_tau: Change of the torques that goes with them [N m], shape (n,).
-        error: Distance from the target to the equilibrium of the state [m].
+        error: Distance from all that the tasks ask to the equilibrium of the state [m], see
+            `tasks.total_distance`.
         residual: The same after this command, as the linear model predicts [m].
+        residuals: The residual of each task by name with unit, such as {"position [m]": 1e-5}.
         active_limits: Limits that keep the effector from coming closer, such as "servo_0 angle max", "servo_1
             torque".
         kkt: Residual of the optimality conditions, see `certificate.kkt_residual` [rad].
@@ -45,6 +49,7 @@ class IkResult:
     d_tau: FloatArray
     error: float
     residual: float
+    residuals: Mapping[str, float]
     active_limits: tuple[str, ...]
     kkt: float
     iterations: int
@@ -62,26 +67,41 @@ class IkSolver:
     """
 
     def __init__(
-        self, n: int, *, torque: bool = False, max_iterations: int = 2000, time_limit: float | None = None
+        self,
+        n: int,
+        *,
+        rows: int = 0,
+        max_iterations: int = 2000,
+        time_limit: float | None = None,
+        polishing: bool = True,
     ) -> None:
-        """`n`: number of servos; `torque`: whether the problems have a torque limit; `time_limit`: [s]."""
-        self._size = 2 * n if torque else n
-        full = np.ones((n, n), bool)
+        """Set OSQP up, once.
+
+        Args:
+            n: Number of servos.
+            rows: Number of rows of the row limits.
+            max_iterations: Of OSQP.
+            time_limit: Of OSQP [s]; None for none.
+            polishing: Whether the solution is polished to the last digit; without it OSQP has to find all digits
+                itself, and takes ten times as many iterations.
+        """
+        self._size, self._polishing = n + rows, polishing
         self._P = np.eye(self._size, dtype=bool)
-        self._P[:n, :n] = np.triu(full)
-        self._A = np.eye(self._size, dtype=bool)
-        if torque:
-            self._A[n:, :n] = full
+        self._P[:n, :n] = np.triu(np.ones((n, n), bool))
+        self._A = np.zeros((self._size + rows, self._size), bool)
+        self._A[: self._size] = np.eye(self._size, dtype=bool)
+        self._A[self._size :, :n] = True
+        self._A[self._size :, n:] = np.eye(rows, dtype=bool)
         self._osqp = osqp.OSQP()
-        ones = np.ones(self._size)
+        ones = np.ones(len(self._A))
         self._osqp.setup(
             _csc(np.eye(self._size), self._P),
             np.zeros(self._size),
-            _csc(np.eye(self._size), self._A),
+            _csc(np.eye(*self._A.shape), self._A),
             -ones,
             ones,
             verbose=False,
-            eps_abs=COARSE,
+            eps_abs=COARSE if polishing else FINE,
             eps_rel=0.0,
             max_iter=max_iterations,
             time_limit=1e10 if time_limit is None else time_limit,
@@ -108,7 +128,8 @@ class IkSolver:
             q=problem.q, l=problem.l, u=problem.u, Px=problem.P.T[self._P.T], Ax=problem.A.T[self._A.T]
         )
         x, y, kkt, iterations, status = self._attempt(problem)
-        if not kkt <= KKT_TOLERANCE and status == "solved":  # four digits did not tell the active limits
+        unsure = not kkt <= KKT_TOLERANCE and status == "solved"
+        if self._polishing and unsure:  # four digits did not tell the active limits
             self._osqp.update_settings(eps_abs=FINE)
             x, y, kkt, more, status = self._attempt(problem)
             self._osqp.update_settings(eps_abs=COARSE)
@@ -121,14 +142,17 @@ class IkSolver:
         found = self._osqp.solve(raise_error=False)
         if found.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
             signal.raise_signal(signal.SIGINT)  # OSQP takes Ctrl-C for itself while it runs: pass it on
-        x, y, kkt = polish(problem, np.array(found.x), np.array(found.y))
+        x, y = np.array(found.x), np.array(found.y)
+        if self._polishing:
+            x, y, kkt = polish(problem, x, y)
+        else:
+            kkt = kkt_residual(problem, x, y)
         return x, y, kkt, int(found.info.iter), str(found.info.status)
 
 
 def solve_ik(problem: IkProblem) -> IkResult:
     """Solve one program by a solver of its own; to solve many, keep an `IkSolver`."""
-    n = len(problem.state.joint_names)
-    return IkSolver(n, torque=len(problem.q) > n).solve(problem)
+    return IkSolver(len(problem.state.joint_names), rows=len(problem.names)).solve(problem)
 
 
 def _csc(matrix: FloatArray, pattern: np.ndarray) -> sparse.csc_matrix:
@@ -144,9 +168,8 @@ def _solved(problem: IkProblem, x: FloatArray, y: FloatArray, iterations: int, s
     command = np.clip(state.angles + x[:n], box.low, box.high)
     kkt = kkt_residual(problem, np.concatenate([command - state.angles, x[n:]]), y)
     names = [(box.high_names if y[i] > 0 else box.low_names)[i] for i in range(n) if abs(y[i]) > ACTIVE]
-    names += [
-        f"{name} torque" for name, push in zip(state.joint_names, y[n:], strict=False) if abs(push) > ACTIVE
-    ]
+    pushes = y[len(y) - len(problem.names) :]
+    names += [name for name, push in zip(problem.names, pushes, strict=True) if abs(push) > ACTIVE]
     return _result(problem, command, tuple(names), ok=True, kkt=kkt, iterations=iterations, status=status)
 
 
@@ -165,15 +188,20 @@ def _result(
     iterations: int,
     status: str,
 ) -> IkResult:
-    state, task = problem.state, problem.task
+    state, tasks = problem.state, problem.tasks
     step = command - state.angles
-    error = task.error(state)
+    errors = [rows.error for rows in problem.rows]
+    left = [rows.error - rows.jacobian @ step for rows in problem.rows]
+    residuals: dict[str, float] = {}
+    for task, rest in zip(tasks, left, strict=True):
+        residuals.update(task.distances(rest))
     return IkResult(
         ok=ok,
         command=command,
         d_tau=state.stiffness @ step,
-        error=task.distance(error),
-        residual=task.distance(error - task.jacobian(state) @ step),
+        error=total_distance(tasks, errors),
+        residual=total_distance(tasks, left),
+        residuals=residuals,
         active_limits=active_limits,
         kkt=kkt,
         iterations=iterations,

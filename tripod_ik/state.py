@@ -7,6 +7,7 @@ import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
+from tripod_ik.rotation import quaternion_matrix, vector_matrix
 
 ASYMMETRY = 1e-6
 """Largest |W - Wᵀ| accepted, relative to the largest entry of W."""
@@ -71,6 +72,13 @@ class LinearState:
     def equilibrium(self) -> FloatArray:
         """Position of the effector at rest at these angles [m], shape (3,)."""
         return self.effector + self.equilibrium_offset[:3]
+
+    @cached_property
+    def equilibrium_rotation(self) -> FloatArray:
+        """Orientation of the effector at rest at these angles, matrix, shape (3, 3)."""
+        return vector_matrix(self.equilibrium_offset[3:]) @ quaternion_matrix(
+            self.rotation / np.linalg.norm(self.rotation)
+        )
 
     @cached_property
     def stiffness(self) -> FloatArray:

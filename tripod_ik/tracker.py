@@ -10,8 +10,9 @@ import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
-from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit, TorqueLimit
+from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import build_ik
+from tripod_ik.row_limits import TorqueLimit
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask
@@ -102,7 +103,7 @@ class Tracker:
             SpeedLimit(settings.angle_speed),
         )
         self._limited = bool(np.isfinite(settings.torque_max))
-        self._solver = IkSolver(n, torque=self._limited)
+        self._solver = IkSolver(n, rows=n if self._limited else 0)
         self._target: FloatArray | None = None
         self._kept: FloatArray | None = None
         self.start()
@@ -133,11 +134,11 @@ class Tracker:
             self._kept = state.equilibrium
         target = self._kept if self._target is None else self._target
         task = PositionTask(target, np.array(settings.weights))
-        torque = TorqueLimit(self._torque_ceiling(state)) if self._limited else None
-        problem = build_ik(state, task, self._limits, torque, previous=self._previous, dt=dt)
+        torque = [TorqueLimit(self._torque_ceiling(state))] if self._limited else []
+        problem = build_ik(state, [task], self._limits, torque, previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
         self._previous, self._time = result.command, max(self._time, now)
-        error = task.distance(target - state.effector)
+        error = task.distances(target - state.effector)["position [m]"]
         return TrackerStep(self._activity(result), target, error, result)
 
     def _torque_ceiling(self, state: LinearState) -> FloatArray:

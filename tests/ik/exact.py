@@ -11,13 +11,13 @@ from itertools import product
 import numpy as np
 
 from tripod_ik.arrays import FloatArray
-from tripod_ik.limits import TorqueLimit
 from tripod_ik.problem import REGULARISATION, IkProblem
+from tripod_ik.row_limits import TorqueLimit
 
 
 def cost(problem: IkProblem, torque: TorqueLimit | None, delta: FloatArray) -> float:
     """Return the cost of the steps `delta` [rad], shape (..., n), as `build_ik` has it, less |S e|²/2σ."""
-    state, task = problem.state, problem.task
+    state, task = problem.state, problem.tasks[0]
     S, J, e = np.diag(task.weights), state.jacobian[:3], task.target - state.equilibrium
     mu = task.curvature * np.linalg.norm(S @ S @ e)
     sigma = max(np.sum((S @ J) ** 2) / len(state.angles) + mu, 1e-18)
@@ -35,7 +35,7 @@ def cost(problem: IkProblem, torque: TorqueLimit | None, delta: FloatArray) -> f
 
 def best_step(problem: IkProblem, torque: TorqueLimit | None) -> FloatArray:
     """Return the step δ [rad] of least cost within the bounds, shape (n,)."""
-    state, task = problem.state, problem.task
+    state, task = problem.state, problem.tasks[0]
     n = len(state.angles)
     low, high = problem.box.low - state.angles, problem.box.high - state.angles
     S, J, e = np.diag(task.weights), state.jacobian[:3], task.target - state.equilibrium

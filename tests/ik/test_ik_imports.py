@@ -7,6 +7,8 @@ PURE = (
     "errors",
     "limits",
     "problem",
+    "rotation",
+    "row_limits",
     "solver",
     "state",
     "target",

@@ -3,7 +3,8 @@ import pytest
 
 from tests.ik.plant import SpringRobot
 from tripod_ik.errors import IkError
-from tripod_ik.limits import AngleLimit, Motion, SpeedLimit, StepLimit, TorqueLimit, command_box
+from tripod_ik.limits import AngleLimit, Motion, SpeedLimit, StepLimit, command_box
+from tripod_ik.row_limits import TorqueLimit
 
 LIMITS = (AngleLimit(-2.0, 0.5), StepLimit(0.3), SpeedLimit(2.0))
 

@@ -12,8 +12,9 @@ from tripod_graph.names import SERVOS
 from tripod_ik import solver
 from tripod_ik.certificate import kkt_residual, polish
 from tripod_ik.errors import IkError
-from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit, TorqueLimit
+from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import build_ik
+from tripod_ik.row_limits import TorqueLimit
 from tripod_ik.solver import IkSolver, solve_ik
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask
@@ -54,13 +55,14 @@ def random_problem(rng, *, torque):
     previous = angles + rng.standard_normal(3) * 10 ** rng.uniform(-3, 0)
     limits = LIMITS[: rng.integers(1, 4)]
     task = PositionTask(target, weights, curvature=rng.choice([0.0, 0.03]))
-    return build_ik(state, task, limits, limit, previous=previous, dt=rng.choice([0.0, 0.01, 0.1])), limit
+    rows, dt = [limit] if limit else [], rng.choice([0.0, 0.01, 0.1])
+    return build_ik(state, [task], limits, rows, previous=previous, dt=dt), limit
 
 
 @pytest.mark.parametrize(("torque", "count"), [(False, 150), (True, 60)])
 def test_the_solution_is_the_best_of_all_combinations_of_active_limits(torque, count):
     rng = np.random.default_rng(5)
-    warm = IkSolver(3, torque=torque)
+    warm = IkSolver(3, rows=3 if torque else 0)
     binding = 0
     for _ in range(count):
         problem, limit = random_problem(rng, torque=torque)
@@ -81,7 +83,7 @@ def test_the_solution_is_the_best_of_all_combinations_of_active_limits(torque, c
 def test_no_problem_is_too_hard(torque):
     """Some of these need the finer tolerance, some are certified though OSQP ran out of iterations."""
     rng = np.random.default_rng(7)
-    one = IkSolver(3, torque=torque)
+    one = IkSolver(3, rows=3 if torque else 0)
     results = [one.solve(random_problem(rng, torque=torque)[0]) for _ in range(1500)]
     assert [r.status for r in results if not (r.ok and r.kkt < 1e-9)] == []
 
@@ -90,7 +92,7 @@ def test_polishing_never_makes_it_worse():
     rng = np.random.default_rng(9)
     for _ in range(100):
         problem, _ = random_problem(rng, torque=True)
-        x, y = rng.standard_normal((2, 6)) * 1e-3
+        x, y = rng.standard_normal(6) * 1e-3, rng.standard_normal(9) * 1e-3
         residual = kkt_residual(problem, x, y)
         for _ in range(3):
             x, y, after = polish(problem, x, y)
@@ -106,7 +108,7 @@ def test_a_servo_that_cannot_turn_has_no_torque_limit():
     W[8, 8] = 1e-14  # what rounding leaves
     state = dataclasses.replace(state, W=W, torques=np.array([0.0, 0.0, 5.0]))
     task = PositionTask(state.equilibrium + np.array([0.001, 0.0, 0.0]))
-    result = solve_ik(build_ik(state, task, LIMITS, TorqueLimit(0.3), dt=0.1))
+    result = solve_ik(build_ik(state, [task], LIMITS, [TorqueLimit(0.3)], dt=0.1))
     assert result.ok
     assert result.command[2] == pytest.approx(WORKING[2], abs=1e-12)
     assert np.abs(result.command[:2] - WORKING[:2]).max() > 1e-2
@@ -117,9 +119,9 @@ def test_angles_and_torques_are_two_forms_of_one_problem():
     """Without limits, minimise over d_tau directly, as the method is published, with the same damping."""
     state = SpringRobot(slide=0.035).state(np.array([-1.3, -1.5, -1.6]))
     task = PositionTask(state.equilibrium + np.array([0.004, -0.003, 0.002]))
-    result = solve_ik(build_ik(state, task))
+    result = solve_ik(build_ik(state, [task]))
     W_ea, W_aa = state.W[:3, 6:], state.W[6:, 6:]
-    e = task.error(state)
+    e = task.target - state.equilibrium
     mu = task.curvature * np.linalg.norm(e)
     sigma = np.sum((W_ea @ np.linalg.inv(W_aa)) ** 2) / 3 + mu
     H = (W_ea.T @ W_ea + (mu + 1e-4 * sigma) * W_aa.T @ W_aa) / sigma
@@ -135,9 +137,9 @@ def test_the_prediction_agrees_with_the_robot():
     robot = SpringRobot(slide=0.035)
     state = robot.state(WORKING)
     task = PositionTask(state.equilibrium + np.array([1e-4, 2e-4, -1e-4]))
-    result = solve_ik(build_ik(state, task))
+    result = solve_ik(build_ik(state, [task]))
     there = robot.state(result.command)
-    assert np.linalg.norm(task.error(there)) == pytest.approx(result.residual, abs=1e-6)
+    assert np.linalg.norm(task.target - there.equilibrium) == pytest.approx(result.residual, abs=1e-6)
     assert there.torques - state.torques == pytest.approx(result.d_tau, abs=2e-5)
     assert np.abs(result.d_tau).max() > 1e-4
 
@@ -145,23 +147,23 @@ def test_the_prediction_agrees_with_the_robot():
 @pytest.mark.parametrize(
     ("limits", "torque", "name"),
     [
-        ([AngleLimit(-3.0, -1.4)], None, "servo_0 angle max"),
-        ([AngleLimit(-1.5, 0.0)], None, "servo_1 angle min"),
-        ([SpeedLimit(2.0)], None, "servo_0 speed"),
-        ([StepLimit(0.05)], None, "servo_0 step"),
-        ([], TorqueLimit(0.016), "servo_0 torque"),
+        ([AngleLimit(-3.0, -1.4)], [], "servo_0 angle max"),
+        ([AngleLimit(-1.5, 0.0)], [], "servo_1 angle min"),
+        ([SpeedLimit(2.0)], [], "servo_0 speed"),
+        ([StepLimit(0.05)], [], "servo_0 step"),
+        ([], [TorqueLimit(0.016)], "servo_0 torque"),
     ],
 )
 def test_a_limit_binds_when_on_and_not_when_off(limits, torque, name):
     state = SpringRobot(slide=0.035).state(WORKING)
     task = PositionTask(state.equilibrium + np.array([-0.004, 0.002, 0.003]))
-    free = solve_ik(build_ik(state, task, dt=0.01))
-    bound = solve_ik(build_ik(state, task, limits, torque, dt=0.01))
+    free = solve_ik(build_ik(state, [task], dt=0.01))
+    bound = solve_ik(build_ik(state, [task], limits, torque, dt=0.01))
     assert free.active_limits == ()
     assert name in bound.active_limits
     assert bound.residual > free.residual + 2e-5
     wide = [AngleLimit(-3.0, 0.0), SpeedLimit(500.0), StepLimit(2.0)]
-    off = solve_ik(build_ik(state, task, wide, TorqueLimit(1.0), dt=0.01))
+    off = solve_ik(build_ik(state, [task], wide, [TorqueLimit(1.0)], dt=0.01))
     assert off.active_limits == ()
     assert off.command == pytest.approx(free.command, abs=1e-9)
 
@@ -176,7 +178,7 @@ def test_hard_limits_hold_exactly():
         low, high = rng.uniform(-2.1, -1.6), rng.uniform(-1.5, -1.0)
         task = PositionTask(state.equilibrium + rng.standard_normal(3) * 0.05)
         limits = [AngleLimit(low, high), SpeedLimit(3.0)]
-        result = one.solve(build_ik(state, task, limits, previous=previous, dt=0.02))
+        result = one.solve(build_ik(state, [task], limits, previous=previous, dt=0.02))
         before = np.clip(previous, low, high)
         assert (result.command >= low).all()  # no tolerance: a receiver has none
         assert (result.command <= high).all()
@@ -186,7 +188,7 @@ def test_hard_limits_hold_exactly():
 def test_all_bounds_active():
     state = SpringRobot(slide=0.035).state(WORKING)
     task = PositionTask(state.equilibrium + np.array([0.0, 0.0, -0.1]))
-    result = solve_ik(build_ik(state, task, [SpeedLimit(1.0)], dt=0.01))
+    result = solve_ik(build_ik(state, [task], [SpeedLimit(1.0)], dt=0.01))
     assert result.ok
     assert result.active_limits == ("servo_0 speed", "servo_1 speed", "servo_2 speed")
     assert np.abs(result.command - WORKING) == pytest.approx([0.01] * 3, abs=1e-15)
@@ -196,7 +198,7 @@ def test_zero_time_holds_the_previous_command_and_says_why():
     state = SpringRobot(slide=0.035).state(WORKING)
     previous = WORKING + np.array([0.01, -0.02, 0.0])
     task = PositionTask(state.equilibrium + np.array([0.01, 0.0, 0.0]))
-    result = solve_ik(build_ik(state, task, LIMITS, TorqueLimit(0.3), previous=previous, dt=0.0))
+    result = solve_ik(build_ik(state, [task], LIMITS, [TorqueLimit(0.3)], previous=previous, dt=0.0))
     assert result.ok
     assert result.command.tolist() == previous.tolist()
     assert set(result.active_limits) == {"servo_0 speed", "servo_1 speed", "servo_2 speed"}
@@ -207,7 +209,7 @@ def test_a_torque_limit_below_the_present_torque_is_approached_not_refused():
     angles = np.full(3, -1.1)
     state = robot.state(angles)
     limit = TorqueLimit(0.8 * np.abs(state.torques).min())
-    result = solve_ik(build_ik(state, PositionTask(state.equilibrium), [SpeedLimit(1.0)], limit, dt=0.01))
+    result = solve_ik(build_ik(state, [PositionTask(state.equilibrium)], [SpeedLimit(1.0)], [limit], dt=0.01))
     assert result.ok
     after = np.abs(state.torques + result.d_tau)
     assert (after < np.abs(state.torques) - 1e-5).all()
@@ -217,30 +219,30 @@ def test_a_torque_limit_below_the_present_torque_is_approached_not_refused():
 def infeasible(problem):
     """Ask for δ_0 <= 0.1 and, in the row of a torque, for δ_0 >= 1."""
     A, low, high = problem.A.copy(), problem.l.copy(), problem.u.copy()
-    A[3] = [1, 0, 0, 0, 0, 0]
-    high[0], low[3], high[3] = 0.1, 1.0, 2.0
+    A[6] = [1, 0, 0, 0, 0, 0]
+    high[0], low[6], high[6] = 0.1, 1.0, 2.0
     return dataclasses.replace(problem, A=A, l=low, u=high)
 
 
 def typical(**changes):
     state = SpringRobot(slide=0.035).state(WORKING)
     task = PositionTask(state.equilibrium + np.array([0.005, -0.002, 0.004]))
-    problem = build_ik(state, task, LIMITS, TorqueLimit(0.3), previous=WORKING + 0.01, dt=0.01)
+    problem = build_ik(state, [task], LIMITS, [TorqueLimit(0.3)], previous=WORKING + 0.01, dt=0.01)
     return dataclasses.replace(problem, **changes)
 
 
 def test_what_is_held_keeps_to_the_limits_too():
     state = SpringRobot(slide=0.035).state(WORKING)
     problem = build_ik(
-        state, PositionTask(state.equilibrium), LIMITS, TorqueLimit(0.3), previous=np.full(3, 1.5)
+        state, [PositionTask(state.equilibrium)], LIMITS, [TorqueLimit(0.3)], previous=np.full(3, 1.5)
     )
-    result = IkSolver(3, torque=True).solve(infeasible(problem))
+    result = IkSolver(3, rows=3).solve(infeasible(problem))
     assert not result.ok
     assert result.command == pytest.approx(WORKING + 0.5)
 
 
 def test_an_infeasible_problem_holds_the_previous_command():
-    one = IkSolver(3, torque=True)
+    one = IkSolver(3, rows=3)
     result = one.solve(infeasible(typical()))
     assert not result.ok
     assert "infeasible" in result.status
@@ -253,10 +255,10 @@ def test_an_infeasible_problem_holds_the_previous_command():
 
 
 @pytest.mark.parametrize(
-    "changes", [{"q": np.full(6, np.nan)}, {"P": np.full((6, 6), np.inf)}, {"l": np.full(6, np.nan)}]
+    "changes", [{"q": np.full(6, np.nan)}, {"P": np.full((6, 6), np.inf)}, {"l": np.full(9, np.nan)}]
 )
 def test_a_problem_that_is_not_finite_holds_the_previous_command(changes):
-    result = IkSolver(3, torque=True).solve(typical(**changes))
+    result = IkSolver(3, rows=3).solve(typical(**changes))
     assert not result.ok
     assert "not finite" in result.status
     assert result.command == pytest.approx(WORKING + 0.01, abs=1e-15)
@@ -267,13 +269,13 @@ def test_a_problem_that_is_not_finite_holds_the_previous_command(changes):
     [({"max_iterations": 1}, "maximum iterations reached"), ({"time_limit": 1e-9}, "run time limit reached")],
 )
 def test_without_time_the_result_is_used_only_if_it_is_certified(monkeypatch, settings, status):
-    starved = IkSolver(3, torque=True, **settings)
+    starved = IkSolver(3, rows=3, **settings)
     rescued = starved.solve(typical())
     assert rescued.status == status
     assert rescued.ok  # the active limits were guessed right, and the residual proves it
     assert rescued.command == pytest.approx(solve_ik(typical()).command, abs=1e-9)
     monkeypatch.setattr(solver, "polish", lambda problem, x, y: (x, y, kkt_residual(problem, x, y)))
-    held = IkSolver(3, torque=True, **settings).solve(typical())
+    held = IkSolver(3, rows=3, **settings).solve(typical())
     assert held.status == status
     assert not held.ok
     assert held.command == pytest.approx(WORKING + 0.01, abs=1e-15)
@@ -282,7 +284,7 @@ def test_without_time_the_result_is_used_only_if_it_is_certified(monkeypatch, se
 def test_equal_sequences_give_equal_bits():
     def sequence():
         rng = np.random.default_rng(11)
-        one = IkSolver(3, torque=True)
+        one = IkSolver(3, rows=3)
         return [one.solve(random_problem(rng, torque=True)[0]) for _ in range(40)]
 
     for a, b in zip(sequence(), sequence(), strict=True):
@@ -294,7 +296,7 @@ def test_nothing_is_printed(capfd):
     state = SpringRobot(slide=0.035).state(WORKING)
     one = IkSolver(3)
     for target in (state.equilibrium, state.equilibrium + np.array([0, 0, 0.1])):
-        one.solve(build_ik(state, PositionTask(target), LIMITS, dt=0.01))
+        one.solve(build_ik(state, [PositionTask(target)], LIMITS, dt=0.01))
     assert capfd.readouterr() == ("", "")
 
 
@@ -307,17 +309,17 @@ def test_previous_and_dt_are_checked():
     state = SpringRobot().state(np.zeros(3))
     task = PositionTask(state.equilibrium)
     with pytest.raises(IkError, match=r"previous\[2\] is nan"):
-        build_ik(state, task, previous=np.array([0, 0, np.nan]))
+        build_ik(state, [task], previous=np.array([0, 0, np.nan]))
     for dt in (np.nan, -1.0, np.inf):
         with pytest.raises(IkError, match="dt is"):
-            build_ik(state, task, dt=dt)
+            build_ik(state, [task], dt=dt)
 
 
 def test_ctrl_c_during_a_solve_is_not_lost():
     """OSQP installs a handler of its own while it runs; an endless problem and a signal from outside show it."""
     problem = infeasible(typical())
-    problem = dataclasses.replace(problem, A=np.zeros((6, 6)), l=np.full(6, -1.0), u=np.full(6, 1.0))
-    one = IkSolver(3, torque=True, max_iterations=2_000_000_000, time_limit=10.0)
+    problem = dataclasses.replace(problem, A=np.zeros((9, 6)), l=np.full(9, -1.0), u=np.full(9, 1.0))
+    one = IkSolver(3, rows=3, max_iterations=2_000_000_000, time_limit=10.0)
     one._osqp.update_settings(eps_abs=1e-300, check_termination=0)
     caught = []
     before = signal.signal(signal.SIGINT, lambda *_: caught.append(True))

@@ -42,7 +42,7 @@ def test_relinearised_steps_converge_to_the_target(offset):
     task, one = PositionTask(robot.rest(WORKING) + np.array(offset)), IkSolver(3)
     errors = [float(np.linalg.norm(offset))]
     while errors[-1] > 1e-6 and len(errors) < 60:
-        result = one.solve(build_ik(robot.state(angles), task, [AngleLimit(-2.1, 0.6), StepLimit(0.3)]))
+        result = one.solve(build_ik(robot.state(angles), [task], [AngleLimit(-2.1, 0.6), StepLimit(0.3)]))
         assert result.ok
         assert result.kkt < 1e-6
         angles = result.command

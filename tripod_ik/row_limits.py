@@ -1,0 +1,163 @@
+"""Limits of what follows from the angles: torques, the effector's position, a range of angles to prefer.
+
+Each gives rows G of the quadratic program, low ≤ G δ ≤ high, linear in the step δ of the angles. All have a slack s,
+
+    low ≤ G δ + k s / √weight ≤ high,   k = |G| row by row,
+
+that costs s²/2 beside the task: going beyond by an angle's worth of s costs weight · s²/2. A soft limit leaves s free;
+it is passed by about (remaining distance in angle) / weight. A hard limit leaves s only what holding the previous
+command needs. Where holding keeps to the limit, so does every solution, as exactly as the linear model; where the
+robot is found beyond, it may not go farther and is pulled back. So no limit, hard or soft, can make the program
+infeasible.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tripod_ik.arrays import FloatArray, frozen, per_joint
+from tripod_ik.errors import IkError
+from tripod_ik.state import LinearState
+
+WEIGHT = 1e3
+"""Weight of a limit against the task: passed by a thousandth of what is missing."""
+
+
+@dataclass(frozen=True, eq=False)
+class LimitRows:
+    """low ≤ G δ ≤ high at one state.
+
+    Attributes:
+        matrix: G [unit/rad], shape (m, n).
+        low: [unit], shape (m,).
+        high: [unit], shape (m,).
+        names: Of each row, for people, such as "servo_1 torque".
+    """
+
+    matrix: FloatArray
+    low: FloatArray
+    high: FloatArray
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RowLimit(ABC):
+    """A limit on something linear in the step of the angles.
+
+    Attributes:
+        weight: How much passing it costs, see above.
+        hard: Whether it may not be passed at all.
+    """
+
+    weight: float = field(default=WEIGHT, kw_only=True)
+    hard: bool = field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not 0 < self.weight < np.inf:
+            raise IkError(f"weight of the {self.what} limit is {self.weight}; it must be positive and finite")
+
+    @property
+    @abstractmethod
+    def what(self) -> str:
+        """What it limits."""
+
+    @abstractmethod
+    def rows(self, state: LinearState) -> LimitRows:
+        """Return the rows at `state`."""
+
+    @abstractmethod
+    def size(self, n: int) -> int:
+        """Return the number of rows for `n` servos."""
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueLimit(RowLimit):
+    """Torques |tau + K δ| stay below `maximum` [N m], one number or one a servo.
+
+    Soft by default: the torque comes from a model, and it may already be too large when the limit is set.
+    """
+
+    maximum: float | FloatArray
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (np.all(np.greater(self.maximum, 0)) and np.all(np.isfinite(self.maximum))):
+            raise IkError(f"torque limit is {self.maximum} N m; it must be positive and finite")
+
+    @property
+    def what(self) -> str:
+        """What it limits."""
+        return "torque"
+
+    def size(self, n: int) -> int:
+        """Return n: a row a servo."""
+        return n
+
+    def rows(self, state: LinearState) -> LimitRows:
+        """Return -maximum - tau ≤ K δ ≤ maximum - tau [N m]."""
+        maximum = per_joint("torque limit", self.maximum, len(state.angles))
+        names = tuple(f"{name} torque" for name in state.joint_names)
+        return LimitRows(state.stiffness, -maximum - state.torques, maximum - state.torques, names)
+
+
+@dataclass(frozen=True, eq=False)
+class EffectorBox(RowLimit):
+    """The effector at rest stays within a box: low ≤ p + J δ ≤ high [m], each of shape (3,), in `world`."""
+
+    low: FloatArray
+    high: FloatArray
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for side in ("low", "high"):
+            object.__setattr__(self, side, frozen(f"effector box, {side},", getattr(self, side), (3,)))
+        if not np.all(self.low < self.high):
+            raise IkError(
+                f"effector box: low {self.low.tolist()} m must be below high {self.high.tolist()} m"
+            )
+
+    @property
+    def what(self) -> str:
+        """What it limits."""
+        return "effector box"
+
+    def size(self, n: int) -> int:
+        """Return 3: x, y and z."""
+        return 3
+
+    def rows(self, state: LinearState) -> LimitRows:
+        """Return low - p ≤ J δ ≤ high - p [m], p the equilibrium."""
+        names = tuple(f"effector {axis}" for axis in "xyz")
+        return LimitRows(
+            state.jacobian[:3], self.low - state.equilibrium, self.high - state.equilibrium, names
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PreferredAngles(RowLimit):
+    """Angles stay within [low, high] [rad] where the task can do without more: the soft neighbour of `AngleLimit`."""
+
+    low: float | FloatArray
+    high: float | FloatArray
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not np.all(np.less(self.low, self.high)):
+            raise IkError(f"preferred angles: low {self.low} rad must be below high {self.high} rad")
+
+    @property
+    def what(self) -> str:
+        """What it limits."""
+        return "preferred angles"
+
+    def size(self, n: int) -> int:
+        """Return n: a row a servo."""
+        return n
+
+    def rows(self, state: LinearState) -> LimitRows:
+        """Return low - angles ≤ δ ≤ high - angles [rad]."""
+        n = len(state.angles)
+        names = tuple(f"{name} preferred angle" for name in state.joint_names)
+        low, high = (per_joint("preferred angles", side, n) for side in (self.low, self.high))
+        return LimitRows(np.eye(n), low - state.angles, high - state.angles, names)
