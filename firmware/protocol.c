@@ -1,0 +1,226 @@
+#include "protocol.h"
+
+#include <string.h>
+
+enum {
+    HELLO = 0x01,
+    SET_PULSES = 0x02,
+    HOLD = 0x03,
+    RELEASE = 0x04,
+    FROM_BOARD = 0x80,
+    HELLO_REPLY = 0x81,
+    ACKNOWLEDGEMENT = 0x82,
+    ERROR = 0x83,
+    IMU_LINE = 0x84,
+};
+
+enum { ERROR_VERSION = 1, ERROR_TYPE, ERROR_LENGTH, ERROR_PULSE };
+
+enum { FLAG_RESTARTED = 1, FLAG_WATCHDOG = 2, FLAG_SEQUENCE_GAP = 4, FLAG_OVERRUN = 8 };
+
+enum {
+    HEADER_SIZE = 3,
+    PULSES_SIZE = 2 * SERVO_COUNT,
+    LEGACY_HEADER = 255,
+    LEGACY_MAX = 180,     // [degree]
+    LEGACY_CREDIT = 2,    // well-formed packets before the first that counts
+    LEGACY_NONE = 255,
+    LEGACY_SILENCE = 3,   // ticks: at least 2 ms
+};
+
+void protocol_init(struct protocol *p)
+{
+    memset(p, 0, sizeof *p);
+    p->flags = FLAG_RESTARTED;
+    p->legacy_count = LEGACY_NONE;
+}
+
+static uint8_t *put16(uint8_t *at, uint16_t value)
+{
+    *at++ = (uint8_t)value;
+    *at++ = value >> 8;
+    return at;
+}
+
+static uint8_t *put_state(struct protocol *p, uint8_t *at)
+{
+    *at++ = p->state;
+    *at++ = p->flags;
+    p->flags = 0;
+    for (uint8_t i = 0; i < SERVO_COUNT; i++)
+        at = put16(at, p->pulses[i]);
+    return at;
+}
+
+static void command(struct protocol *p, enum state state)
+{
+    p->since_command = 0;
+    p->state = state;
+}
+
+static uint8_t *error(uint8_t *at, uint8_t *type, uint8_t code, uint16_t detail)
+{
+    *at++ = code;
+    *at++ = *type;
+    *type = ERROR;
+    return put16(at, detail);
+}
+
+static uint16_t get16(const uint8_t *at)
+{
+    return at[0] | (uint16_t)at[1] << 8;
+}
+
+// The first servo whose pulse is out of range, or SERVO_COUNT.
+static uint8_t first_wrong(const uint8_t *pulses)
+{
+    uint8_t i = 0;
+    while (i < SERVO_COUNT && get16(pulses + 2 * i) >= PULSE_MIN && get16(pulses + 2 * i) <= PULSE_MAX)
+        i++;
+    return i;
+}
+
+// Carry out the message in `body` and append the payload of the reply at `at`, its type at `type`.
+static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t length, uint8_t *type, uint8_t *at)
+{
+    const uint8_t *payload = body + HEADER_SIZE;
+    uint8_t size = length - HEADER_SIZE;
+    if (body[0] != PROTOCOL_VERSION)
+        return error(at, type, ERROR_VERSION, PROTOCOL_VERSION);
+    if (*type < HELLO || *type > RELEASE)
+        return error(at, type, ERROR_TYPE, *type);
+    if (size != (*type == SET_PULSES ? PULSES_SIZE : 0))
+        return error(at, type, ERROR_LENGTH, size);
+    if (*type == HELLO) {
+        *type = HELLO_REPLY;
+        *at++ = FIRMWARE_MAJOR;
+        *at++ = FIRMWARE_MINOR;
+        *at++ = PROTOCOL_VERSION;
+        *at++ = SERVO_COUNT;
+        at = put16(at, PULSE_MIN);
+        at = put16(at, PULSE_MAX);
+        at = put16(at, WATCHDOG_MS);
+        return put_state(p, at);
+    }
+    if (*type == SET_PULSES) {
+        uint8_t wrong = first_wrong(payload);
+        if (wrong < SERVO_COUNT)
+            return error(at, type, ERROR_PULSE, wrong);
+        for (uint8_t i = 0; i < SERVO_COUNT; i++)
+            p->pulses[i] = (get16(payload + 2 * i) + PULSE_STEP / 2) / PULSE_STEP * PULSE_STEP;
+        command(p, STATE_ACTIVE);
+    } else if (*type == RELEASE) {
+        command(p, STATE_RELEASED);
+    } else {
+        command(p, protocol_emits_pulses(p) ? STATE_HOLDING : p->state);
+    }
+    *type = ACKNOWLEDGEMENT;
+    return put16(put_state(p, at), p->dropped);
+}
+
+static uint8_t answer(struct protocol *p, uint8_t reply[FRAME_MAX])
+{
+    const uint8_t *body = p->frames.bytes;
+    uint8_t out[BODY_MAX - CRC_SIZE], type, sequence;
+    if (p->frames.length < HEADER_SIZE || body[1] >= FROM_BOARD) {
+        p->dropped++;  // an echo of the board's own, which an answer would keep alive for ever
+        return 0;
+    }
+    type = body[1];
+    sequence = body[2];
+    if (p->framed && sequence != p->sequence)
+        p->flags |= FLAG_SEQUENCE_GAP;
+    p->sequence = sequence + 1;
+    p->framed = true;
+    uint8_t *end = carry_out(p, body, p->frames.length, &type, out + HEADER_SIZE);
+    out[0] = PROTOCOL_VERSION;
+    out[1] = type;
+    out[2] = sequence;
+    return frame_encode(out, (uint8_t)(end - out), reply);
+}
+
+// The pulse that the Arduino Servo library makes of whole degrees, within the board's range.
+static uint16_t legacy_pulse(uint8_t degrees)
+{
+    uint16_t pulse = (uint16_t)(544 + degrees * 1856UL / 180) * 10;
+    return pulse < PULSE_MIN ? PULSE_MIN : pulse > PULSE_MAX ? PULSE_MAX : pulse;
+}
+
+static void legacy_receive(struct protocol *p, uint8_t byte)
+{
+    if (byte == LEGACY_HEADER) {
+        if (p->legacy_count != SERVO_COUNT)
+            p->legacy_credit = 0;
+        if (p->silence >= LEGACY_SILENCE)
+            p->legacy_credit = LEGACY_CREDIT;
+        p->legacy_count = 0;
+        return;
+    }
+    if (p->legacy_count >= SERVO_COUNT || byte > LEGACY_MAX) {
+        p->legacy_count = LEGACY_NONE;
+        return;
+    }
+    p->legacy[p->legacy_count++] = byte;
+    if (p->legacy_count < SERVO_COUNT)
+        return;
+    if (p->legacy_credit < LEGACY_CREDIT) {
+        p->legacy_credit++;
+        return;
+    }
+    for (uint8_t i = 0; i < SERVO_COUNT; i++)
+        p->pulses[i] = legacy_pulse(p->legacy[i]);
+    command(p, STATE_ACTIVE);
+}
+
+uint8_t protocol_receive(struct protocol *p, uint8_t byte, uint8_t reply[FRAME_MAX])
+{
+    if (!p->framed)
+        legacy_receive(p, byte);
+    p->silence = 0;
+    switch (frame_receive(&p->frames, byte)) {
+    case FRAME_COMPLETE:
+        return answer(p, reply);
+    case FRAME_DAMAGED:
+        if (p->framed)
+            p->dropped++;
+        return 0;
+    default:
+        return 0;
+    }
+}
+
+void protocol_tick(struct protocol *p)
+{
+    if (p->silence < UINT8_MAX)
+        p->silence++;
+    if (p->since_command < UINT16_MAX)
+        p->since_command++;
+    if (!protocol_emits_pulses(p) || p->since_command <= WATCHDOG_MS)
+        return;
+    p->flags |= FLAG_WATCHDOG;
+    p->state = p->since_command <= 2 * WATCHDOG_MS ? STATE_HOLDING : STATE_RELEASED;
+}
+
+void protocol_lost_input(struct protocol *p)
+{
+    p->flags |= FLAG_OVERRUN;
+    p->frames.lost = true;
+    p->legacy_count = LEGACY_NONE;
+}
+
+void protocol_lost_output(struct protocol *p)
+{
+    p->flags |= FLAG_OVERRUN;
+}
+
+uint8_t protocol_imu_line(struct protocol *p, const char *text, uint8_t length, uint8_t out[FRAME_MAX])
+{
+    if (!p->framed) {
+        memcpy(out, text, length);
+        out[length] = '\n';
+        return length + 1;
+    }
+    uint8_t body[HEADER_SIZE + TEXT_MAX] = {PROTOCOL_VERSION, IMU_LINE, p->imu_sequence++};
+    memcpy(body + HEADER_SIZE, text, length);
+    return frame_encode(body, HEADER_SIZE + length, out);
+}

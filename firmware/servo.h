@@ -1,0 +1,13 @@
+// Three servo outputs, a pulse each every 20 ms: D9 and D10 from the compare outputs of Timer 1, D11 by software.
+#ifndef SERVO_H
+#define SERVO_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+void servo_init(void);
+
+// Emit these pulses [0.1 us], or none, from the next period on: all three together, never a part of a pulse.
+void servo_set(bool on, const uint16_t pulses[3]);
+
+#endif
