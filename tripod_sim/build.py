@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import DrivenFrame, Groups, Kind
+from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
@@ -124,11 +125,13 @@ def _mesh(description: Mesh) -> SolidMesh:
     if description.source == "y_piece":
         from tripod_sim.mesh.y_piece import LEVELS, y_piece
 
-        mesh = y_piece(LEVELS[description.level])
-        if description.element != mesh.kind.name:
+        kind = ELEMENTS[description.element]
+        if kind.corners == 8:
+            mesh = y_piece(LEVELS[description.level], kind=kind)
+        else:
             from tripod_sim.mesh.convert import convert_hexahedra
 
-            mesh = convert_hexahedra(mesh, description.element)
+            mesh = convert_hexahedra(y_piece(LEVELS[description.level]), kind.name)
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid
 

@@ -14,6 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 from tripod_sim.build import build
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import FACES
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh import read
@@ -72,6 +74,7 @@ PIECES = {f"level {n}": (level, YShape()) for n, level in LEVELS.items()}
 PIECES |= {
     "three layers": (YLevel(3, 2, 4, 1.0, 3), YShape()),
     "odd shape": (YLevel(5, 3, 2, 1.3, 2), ODD_SHAPE),
+    "graded": (YLevel(3, 3, 4, 1.3, clamped=3, inner_grading=1.4, clamped_grading=1.5), YShape()),
 }
 
 
@@ -103,9 +106,11 @@ def test_the_piece_has_the_volume_of_its_shape(piece) -> None:
 
 
 def test_the_piece_reaches_where_its_shape_says(piece) -> None:
-    mesh, _, s = piece
+    mesh, level, s = piece
     strip = mesh.nodes[(mesh.nodes[:, 0] > s.clamp_radius - 1e-9)]
-    np.testing.assert_allclose(np.unique(strip[:, 0].round(9)), [s.clamp_radius, s.tip_radius], atol=1e-9)
+    lines = np.unique(strip[:, 0].round(9))
+    assert len(lines) == level.clamped + 1
+    np.testing.assert_allclose(lines[[0, -1]], [s.clamp_radius, s.tip_radius], atol=1e-9)
     np.testing.assert_allclose([strip[:, 1].min(), strip[:, 1].max()], [-s.width / 2, s.width / 2])
     np.testing.assert_allclose(
         [mesh.nodes[:, 2].min(), mesh.nodes[:, 2].max()], [-s.thickness / 2, s.thickness / 2]
@@ -113,6 +118,36 @@ def test_the_piece_reaches_where_its_shape_says(piece) -> None:
     radius = np.hypot(mesh.nodes[:, 0], mesh.nodes[:, 1])
     np.testing.assert_allclose(radius.min(), s.hole_radius)
     assert (abs(radius - s.disc_radius) < 1e-12).sum() >= 9  # the disc's rim is a line of the mesh
+
+
+@pytest.mark.parametrize("name", ["h20", "h27"])
+def test_quadratic_hexahedra_follow_the_arcs(piece, name: str) -> None:
+    """Their corners are the linear mesh's; of the round hole's area they lack two orders less than its polygon."""
+    linear, level, s = piece
+    mesh = y_piece(level, s, ELEMENTS[name])
+    check_mesh(mesh, "the piece")
+    np.testing.assert_allclose(mesh.nodes[mesh.elements[:, :8]], linear.nodes[linear.elements], atol=1e-15)
+    assert len(np.unique(mesh.elements)) == len(mesh.nodes)
+    radius = np.hypot(mesh.nodes[:, 0], mesh.nodes[:, 1])
+    np.testing.assert_allclose(radius.min(), s.hole_radius)
+    assert (abs(radius - s.disc_radius) < 1e-12).sum() >= 2 * 3 * level.across * (level.layers + 1)
+    half = s.width / 2
+    strips = 3 * (half**2 / np.tan(np.pi / 3) + s.width * (s.tip_radius - half / np.tan(np.pi / 3)))
+    exact = s.thickness * (strips - np.pi * s.hole_radius**2)
+    found = node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum()
+    # of the area under an arc of angle a a parabola through three of its points misses r² a^5 / 960, the chord r² a³ / 12
+    assert abs(found - exact) < (2 * np.pi / (3 * level.across)) ** 2 / 70 * (volumes(linear).sum() - exact)
+
+
+def test_elements_shrink_towards_disc_and_clamp_edge_by_their_gradings() -> None:
+    level = YLevel(2, 3, 4, 1.3, clamped=3, inner_grading=1.4, clamped_grading=1.5)
+    nodes = y_piece(level).nodes
+    x = np.unique(nodes[(abs(nodes[:, 1]) < 1e-12) & (nodes[:, 0] > 0.007), 0].round(12))
+    lengths = np.diff(x)
+    assert len(lengths) == 10
+    np.testing.assert_allclose(lengths[1:3] / lengths[:2], 1.4, rtol=1e-6)
+    np.testing.assert_allclose(lengths[3:6] / lengths[4:7], 1.3, rtol=1e-6)
+    np.testing.assert_allclose(lengths[8:] / lengths[7:9], 1.5, rtol=1e-6)
 
 
 def same_points(a: FloatArray, b: FloatArray) -> bool:

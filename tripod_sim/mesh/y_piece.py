@@ -2,7 +2,7 @@
 
 Each strip is one mapped grid. Its cross lines run from the arc of the hole over the arc of the effector disc and
 the straight line through the inner corners, where neighbouring strips meet, to the clamp edge and the tip. Lines lie
-densest at the disc and at the clamp edge, where the sheet bends most.
+densest at the disc and at the clamp edge, where the sheet bends most. Quadratic hexahedra follow the two arcs.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from tripod_sim.elements.element import Element
+from tripod_sim.elements.hexahedron import H8_MODES
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import FloatArray, SolidMesh
 
@@ -54,6 +56,9 @@ class YLevel:
         along: Elements from there to the clamp edge.
         grading: Ratio of neighbouring element lengths along the strip; above 1 they shrink towards the clamp edge.
         layers: Elements through the thickness.
+        clamped: Elements from the clamp edge to the tip, which only a compliant clamp strains.
+        inner_grading: As `grading`, from the line through the inner corners towards the disc.
+        clamped_grading: As `grading`, from the tip towards the clamp edge.
     """
 
     across: int
@@ -61,6 +66,9 @@ class YLevel:
     along: int
     grading: float
     layers: int = 1
+    clamped: int = 1
+    inner_grading: float = 1.0
+    clamped_grading: float = 1.0
 
 
 LEVELS = {
@@ -78,19 +86,21 @@ Finer meshes than 4 resolve the singular edge of the sharp clamp and leave the s
 more layers, since along the sheet alone no refinement cures the locking of linear tetrahedra in bending."""
 
 
-def y_piece(level: YLevel, shape: YShape | None = None) -> SolidMesh:
+def y_piece(level: YLevel, shape: YShape | None = None, kind: Element = H8_MODES) -> SolidMesh:
     """Return the mesh of the piece, mid-plane at z = 0, strip i along azimuth 2 pi i / 3.
 
     Args:
         level: Resolution.
         shape: Dimensions; None takes the tutorial's.
+        kind: Of the elements, hexahedra; the nodes between corners lie on the arcs of hole and disc, too.
     """
     shape = shape or YShape()
-    lines = _cross_lines(level, shape)  # (k, across + 1, 2), strip 0
+    order = 1 if kind.size == 8 else 2
+    lines = _cross_lines(level, shape, order)  # (k, order across + 1, 2), strip 0
     n_lines, n_across = lines.shape[:2]
     plane: list[FloatArray] = []
     index = np.empty((3, n_lines, n_across), dtype=np.int64)
-    shared = 2 + level.inner  # lines whose ends lie on the seam with the neighbouring strip
+    shared = order * (1 + level.inner) + 1  # lines whose ends lie on the seam with the neighbouring strip
     for arm in range(3):
         c, s = np.cos(2 * np.pi * arm / 3), np.sin(2 * np.pi * arm / 3)
         turned = lines @ np.array([[c, s], [-s, c]])
@@ -104,23 +114,24 @@ def y_piece(level: YLevel, shape: YShape | None = None) -> SolidMesh:
                     index[arm, k, j] = len(plane)
                     plane.append(turned[k, j])
     flat = np.array(plane)
-    levels = np.linspace(-shape.thickness / 2, shape.thickness / 2, level.layers + 1)
+    levels = np.linspace(-shape.thickness / 2, shape.thickness / 2, order * level.layers + 1)
     nodes = np.concatenate([np.column_stack([flat, np.full(len(flat), z)]) for z in levels])
-    quads = np.stack(
-        [index[:, :-1, :-1], index[:, 1:, :-1], index[:, 1:, 1:], index[:, :-1, 1:]], axis=-1
-    ).reshape(-1, 4)
-    elements = np.concatenate(
-        [
-            np.hstack([quads + layer * len(flat), quads + (layer + 1) * len(flat)])
-            for layer in range(level.layers)
-        ]
-    )
-    return SolidMesh(nodes, elements)
+    steps = np.round((kind.reference + 1) / 2 * order).astype(int)
+    cells = np.stack(
+        [index[:, a : n_lines - order + a : order, b : n_across - order + b : order] for a, b, _ in steps],
+        axis=-1,
+    ).reshape(-1, kind.size)
+    elements = np.concatenate([cells + len(flat) * (order * k + steps[:, 2]) for k in range(level.layers)])
+    used, elements = np.unique(elements, return_inverse=True)  # H20 has no nodes in faces and cells
+    return SolidMesh(nodes[used], elements.reshape(-1, kind.size), kind)
 
 
-def _cross_lines(level: YLevel, shape: YShape) -> FloatArray:
-    """Return the nodes of strip 0, line by line from the hole to the tip, shape (lines, across + 1, 2) [m]."""
-    t = np.linspace(-1, 1, level.across + 1)
+def _cross_lines(level: YLevel, shape: YShape, order: int) -> FloatArray:
+    """Return the nodes of strip 0, line by line from the hole to the tip, shape (lines, order across + 1, 2) [m].
+
+    With order 2, the nodes midway between corners as well.
+    """
+    t = np.linspace(-1, 1, order * level.across + 1)
     half = shape.width / 2
     corner = half / np.tan(np.pi / 3)  # x of the inner corners
 
@@ -132,9 +143,20 @@ def _cross_lines(level: YLevel, shape: YShape) -> FloatArray:
 
     disc, first = arc(shape.disc_radius), cross(corner)
     lines = [arc(shape.hole_radius), disc]
-    lines += [disc + (first - disc) * (i + 1) / level.inner for i in range(level.inner)]
-    lengths = level.grading ** -np.arange(level.along, dtype=float)
-    where = np.cumsum(lengths) / lengths.sum()
-    lines += [cross(corner + (shape.clamp_radius - corner) * w) for w in where]
-    lines.append(cross(shape.tip_radius))
-    return np.array(lines)
+    lines += [disc + (first - disc) * w for w in _graded(level.inner, 1 / level.inner_grading)]
+    lines += [cross(corner + (shape.clamp_radius - corner) * w) for w in _graded(level.along, level.grading)]
+    clamped = shape.tip_radius - shape.clamp_radius
+    lines += [
+        cross(shape.clamp_radius + clamped * w) for w in _graded(level.clamped, 1 / level.clamped_grading)
+    ]
+    if order == 1:
+        return np.array(lines)
+    return np.array([lines[0], *(x for a, b in pairwise(lines) for x in ((a + b) / 2, b))])
+
+
+def _graded(count: int, ratio: float) -> FloatArray:
+    """Return the ends of `count` elements that divide [0, 1], each shorter than the one before by `ratio`."""
+    lengths = ratio ** -np.arange(count, dtype=float)
+    ends = np.cumsum(lengths) / lengths.sum()
+    ends[-1] = 1.0
+    return ends
