@@ -135,7 +135,7 @@ def test_quadratic_hexahedra_follow_the_arcs(piece, name: str) -> None:
     strips = 3 * (half**2 / np.tan(np.pi / 3) + s.width * (s.tip_radius - half / np.tan(np.pi / 3)))
     exact = s.thickness * (strips - np.pi * s.hole_radius**2)
     found = node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum()
-    # of the area under an arc of angle a a parabola through three of its points misses r² a^5 / 960, the chord r² a³ / 12
+    # of the area under an arc of angle a a parabola through it misses r² a^5 / 960, the chord r² a³ / 12
     assert abs(found - exact) < (2 * np.pi / (3 * level.across)) ** 2 / 70 * (volumes(linear).sum() - exact)
 
 
