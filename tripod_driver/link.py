@@ -1,8 +1,9 @@
-"""A port kept usable: opened, given time to boot, and opened again after a loss."""
+"""A port kept usable, and the conversation on it: opened, begun, and opened again after a loss."""
 
 from enum import Enum
 
 from tripod_driver.ports.port import Port, PortError
+from tripod_driver.session import Session, SessionState
 
 
 class LinkState(Enum):
@@ -11,30 +12,35 @@ class LinkState(Enum):
     DISCONNECTED = "disconnected"
     CONNECTING = "connecting"
     READY = "ready"
+    FAULT = "fault"
 
 
 class Link:
     """Keeps a port usable; the caller gives the time and calls `poll` at a regular rate.
 
-    A port that cannot be opened, or is lost, is tried again after `retry_min`, then after twice as long each
-    time up to `retry_max`; the first write that succeeds ends that growth.
+    A port that cannot be opened, or is lost, or whose board does not answer, is tried again after `retry_min`, then
+    after twice as long each time up to `retry_max`; the first packet that leaves ends that growth. A board that must
+    not be driven is a fault: the port is closed, for other programs to use, and stays so until `close`.
 
     Attributes:
         port: The port.
+        session: The conversation on it: the first of those given or, where the board says no word to that, the next.
         state: How far the link is.
         message: Why it is not ready; empty when it is.
     """
 
-    def __init__(self, port: Port, *, retry_min: float, retry_max: float) -> None:
-        """`retry_min`, `retry_max`: shortest and longest time between two attempts [s]."""
-        self.port = port
+    def __init__(
+        self, port: Port, session: Session, *others: Session, retry_min: float, retry_max: float
+    ) -> None:
+        """`others`: to be tried after `session`; `retry_min`, `retry_max`: bounds of the time between attempts [s]."""
+        self.port, self.session = port, session
+        self._sessions = (session, *others)
         self.state = LinkState.DISCONNECTED
         self.message = "the port was not opened yet"
         self._opened = 0
         self._retry_min, self._retry_max = retry_min, retry_max
         self._delay = retry_min
         self._next_attempt = float("-inf")
-        self._ready_at = 0.0
 
     @property
     def reconnects(self) -> int:
@@ -45,16 +51,16 @@ class Link:
         """Do what is due at `now` [s] and return the state."""
         if self.state is LinkState.DISCONNECTED and now >= self._next_attempt:
             self._attempt(now)
-        if self.state is LinkState.CONNECTING and now >= self._ready_at:
-            self.state, self.message = LinkState.READY, ""
+        if self.state in (LinkState.CONNECTING, LinkState.READY):
+            self._converse(now)
         return self.state
 
-    def write(self, data: bytes, now: float) -> bool:
-        """Write to the port; on failure give it up, to be tried again later, and return False."""
+    def write(self, packet: bytes, now: float) -> bool:
+        """Write a packet to the port; on failure give it up, to be tried again later, and return False."""
         try:
-            self.port.write(data)
+            self.port.write(packet)
         except PortError as error:
-            self._fail(error, now)
+            self._fail(str(error), now)
             return False
         self._delay = self._retry_min
         return True
@@ -69,16 +75,40 @@ class Link:
         try:
             self.port.open()
         except PortError as error:
-            self._fail(error, now)
+            self._fail(str(error), now)
             return
         self._opened += 1
-        self._ready_at = now + self.port.boot_time
         self.state = LinkState.CONNECTING
-        self.message = f"{self.port.name} is open; the board starts within {self.port.boot_time:g} s"
+        self.session = self._sessions[0]
+        self.session.begin(now, self.port.boot_time)
 
-    def _fail(self, error: PortError, now: float) -> None:
+    def _converse(self, now: float) -> None:
+        session, name = self.session, self.port.name
+        try:
+            session.hear(self.port.read(), now)
+            if due := session.say(now):
+                self.port.write(due)
+        except PortError as error:
+            self._fail(str(error), now)
+            return
+        match session.state:
+            case SessionState.READY:
+                self.state, self.message = LinkState.READY, ""
+            case SessionState.OPENING:
+                self.state, self.message = LinkState.CONNECTING, f"{name} is open; {session.message}"
+            case SessionState.LOST if session.unheard and session is not self._sessions[-1]:
+                self.session = self._sessions[self._sessions.index(session) + 1]
+                self.session.begin(now, 0.0)  # the board has booted by now
+            case SessionState.LOST:
+                self._fail(f"{name}: {session.message}", now)
+            case SessionState.REFUSED:
+                self.port.close()
+                self.state = LinkState.FAULT
+                self.message = f"{name}: {session.message}; then restart the driver"
+
+    def _fail(self, why: str, now: float) -> None:
         self.port.close()
         self._next_attempt = now + self._delay
         self.state = LinkState.DISCONNECTED
-        self.message = f"{error}; next attempt after {self._delay:g} s"
+        self.message = f"{why}; next attempt after {self._delay:g} s"
         self._delay = min(2 * self._delay, self._retry_max)

@@ -1,10 +1,12 @@
-"""Bytes of the serial line: angles [rad] to packets and back. Degrees exist nowhere else in the project.
+"""Packets of the workshop's boards: angles [rad] to whole degrees and back (docs/protocol.md).
 
-The workshop's firmware (protocol `legacy`) reads `[255, a, b, c]`, one byte a servo in whole degrees, and
-never answers. 180 is the flat piece, less bends the strip down; 255 occurs only at the start of a packet.
+Its firmware (protocol `legacy`) reads `[255, a, b, c]`, one byte a servo in whole degrees, and never answers. 180 is
+the flat piece, less bends the strip down; 255 occurs only at the start of a packet. Its closed-loop variant (`ascii`)
+reads the same degrees as text and answers with lines of an IMU.
 """
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -66,6 +68,16 @@ class LegacyProtocol:
         return "legacy"
 
     @property
+    def baud(self) -> int:
+        """Speed of the workshop's boards [bit/s]."""
+        return 115200
+
+    @property
+    def has_imu(self) -> bool:
+        """Whether the board answers with lines of an IMU."""
+        return False
+
+    @property
     def lowest(self) -> float:
         """Smallest angle that a packet can carry to within RESOLUTION [rad]."""
         return self.mapping.angle(BYTE_MIN) - RESOLUTION
@@ -75,8 +87,8 @@ class LegacyProtocol:
         """Largest angle that a packet can carry to within RESOLUTION [rad]."""
         return self.mapping.angle(BYTE_MAX) + RESOLUTION
 
-    def encode(self, angles: Sequence[float]) -> bytes:
-        """Return the packet of three angles [rad]; one beyond `lowest` or `highest` becomes the nearest byte.
+    def degrees(self, angles: Sequence[float]) -> tuple[int, ...]:
+        """Return the whole degrees of three angles [rad]; one beyond `lowest` or `highest` becomes the nearest.
 
         Raises:
             ProtocolError: the number of angles is wrong, or one is not finite.
@@ -86,7 +98,15 @@ class LegacyProtocol:
         for i, angle in enumerate(angles):
             if not math.isfinite(angle):
                 raise ProtocolError(f"angle of servo {i} is {angle}; it must be finite")
-        return bytes([HEADER, *(self.mapping.byte(angle) for angle in angles)])
+        return tuple(self.mapping.byte(angle) for angle in angles)
+
+    def packet(self, degrees: Sequence[int]) -> bytes:
+        """Return the packet of three whole degrees, 60 to 180."""
+        return bytes([HEADER, *degrees])
+
+    def encode(self, angles: Sequence[float]) -> bytes:
+        """Return the packet of three angles [rad]; errors as in `degrees`."""
+        return self.packet(self.degrees(angles))
 
     def decode(self, packet: bytes) -> tuple[float, ...]:
         """Return the three angles of a packet [rad].
@@ -102,6 +122,40 @@ class LegacyProtocol:
             if not BYTE_MIN <= byte <= BYTE_MAX:
                 raise ProtocolError(f"byte of servo {i} is {byte}; allowed is {BYTE_MIN} to {BYTE_MAX}")
         return tuple(self.mapping.angle(byte) for byte in packet[1:])
+
+
+@dataclass(frozen=True)
+class AsciiProtocol(LegacyProtocol):
+    """The closed-loop variant: three whole degrees as text, `"a b c\\n"`."""
+
+    @property
+    def name(self) -> str:
+        """Name for status and messages."""
+        return "ascii"
+
+    @property
+    def baud(self) -> int:
+        """Speed of the workshop's closed-loop board [bit/s]."""
+        return 57600
+
+    @property
+    def has_imu(self) -> bool:
+        """It answers each packet with a line of its IMU."""
+        return True
+
+    def packet(self, degrees: Sequence[int]) -> bytes:
+        """Return the line of three whole degrees."""
+        return (" ".join(map(str, degrees)) + "\n").encode("ascii")
+
+    def decode(self, packet: bytes) -> tuple[float, ...]:
+        """Return the three angles of a line [rad].
+
+        Raises:
+            ProtocolError: it is not such a line.
+        """
+        if not re.fullmatch(rb"\d{2,3} \d{2,3} \d{2,3}\n", packet):
+            raise ProtocolError(f"line {packet!r:.40}; it has three numbers with one space between")
+        return super().decode(bytes([HEADER, *(min(int(part), HEADER) for part in packet.split())]))
 
 
 @dataclass

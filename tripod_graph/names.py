@@ -19,6 +19,7 @@ SIM_STATUS: Final = "sim/status"
 IK_STATUS: Final = "ik/status"
 ROBOT_JOINT_STATES: Final = "robot/joint_states"
 ROBOT_STATUS: Final = "robot/status"
+ROBOT_IMU: Final = "robot/imu"
 DIAGNOSTICS: Final = "/diagnostics"
 
 SIM_RESET: Final = "sim/reset"
@@ -30,6 +31,7 @@ RECORD_STOP: Final = "record/stop"
 
 WORLD: Final = "world"
 BASE_LINK: Final = "base_link"
+IMU_LINK: Final = "imu_link"
 
 SERVOS: Final = ("servo_0", "servo_1", "servo_2")
 """Revolute joints [rad]; 0 is the flat piece, negative bends the strip down."""

@@ -95,7 +95,13 @@ def test_packets_decoded_from_the_pseudo_terminal_equal_the_angles_commanded(
     mapping, board, operator, client, start_driver
 ) -> None:
     board.decoder.protocol = LegacyProtocol(mapping)
-    start_driver(f"port:={board.path}", "boot_time:=0", f"angle_mapping:={mapping}", "angle_speed:=8")
+    start_driver(
+        f"port:={board.path}",
+        "protocol:=legacy",
+        "boot_time:=0",
+        f"angle_mapping:={mapping}",
+        "angle_speed:=8",
+    )
     operator.ready()
     poses = [
         [-0.1, -0.2, -0.3],
@@ -136,7 +142,7 @@ def test_packets_decoded_from_the_pseudo_terminal_equal_the_angles_commanded(
 def test_at_most_50_packets_a_second_leave_and_unchanged_ones_are_kept_alive(
     board, operator, client, start_driver
 ) -> None:
-    start_driver(f"port:={board.path}", "boot_time:=0", "keep_alive:=0.1")
+    start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "keep_alive:=0.1")
     operator.ready()
     begin = time.monotonic()
     client.wait(
@@ -157,7 +163,7 @@ def test_at_most_50_packets_a_second_leave_and_unchanged_ones_are_kept_alive(
 
 @pytest.mark.ros
 def test_bad_commands_are_ignored_counted_and_reported(board, operator, client, start_driver) -> None:
-    start_driver(f"port:={board.path}", "boot_time:=0")
+    start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0")
     operator.ready()
     client.wait(
         lambda: near(board.packets[-1], [-0.5] * 3),
@@ -189,7 +195,7 @@ def test_bad_commands_are_ignored_counted_and_reported(board, operator, client, 
 
 @pytest.mark.ros
 def test_silence_holds_then_parks(board, operator, client, start_driver) -> None:
-    start_driver(f"port:={board.path}", "boot_time:=0", "timeout:=0.2", "park_after:=0.6")
+    start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "timeout:=0.2", "park_after:=0.6")
     operator.ready()
     client.wait(
         lambda: near(board.packets[-1], [-0.5] * 3), "the pose", meanwhile=lambda: operator.send([-0.5] * 3)
@@ -206,7 +212,7 @@ def test_stop_service_and_stop_mode_hold_at_once_until_the_mode_changes(
 ) -> None:
     from std_srvs.srv import Trigger
 
-    start_driver(f"port:={board.path}", "boot_time:=0", "angle_speed:=1")
+    start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "angle_speed:=1")
     operator.ready()
     client.wait(
         lambda: board.packets[-1][0] < -0.1, "motion", meanwhile=lambda: operator.send([-2.0, -2.0, -2.0])
@@ -246,7 +252,7 @@ def test_a_late_driver_obeys_the_newest_decision_of_all_operators(
     operator.mode(Mode.IK, stamp=2000.0)  # the newest decision was published first
     for other, mode, stamp in zip(others, (Mode.STOP, Mode.TELEOP), (1000.0, 1500.0), strict=True):
         other.mode(mode, stamp=stamp)
-    start_driver(f"port:={board.path}", "boot_time:=0")
+    start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0")
     client.wait(
         lambda: board.packets and near(board.packets[-1], [-0.3] * 3),
         "motion in mode IK",
@@ -258,7 +264,11 @@ def test_a_late_driver_obeys_the_newest_decision_of_all_operators(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_parks_the_servos_and_ends_in_order(number, board, operator, client, start_driver) -> None:
     driver = start_driver(
-        f"port:={board.path}", "boot_time:=0", "park:=[-0.2,-0.3,0,0]", "start:=[-1.2,-1.2,-1.2]"
+        f"port:={board.path}",
+        "protocol:=legacy",
+        "boot_time:=0",
+        "park:=[-0.2,-0.3,0,0]",
+        "start:=[-1.2,-1.2,-1.2]",
     )
     operator.ready()
     client.wait(
@@ -278,8 +288,8 @@ def test_a_signal_parks_the_servos_and_ends_in_order(number, board, operator, cl
 
 @pytest.mark.ros
 def test_parking_takes_no_longer_than_allowed(board, operator, client, start_driver) -> None:
-    driver = start_driver(f"port:={board.path}", "boot_time:=0", "angle_speed:=0.05", "start:=[-1,-1,-1]",
-                          "park_time_max:=0.3")  # fmt: skip
+    driver = start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "angle_speed:=0.05",
+                          "start:=[-1,-1,-1]", "park_time_max:=0.3")  # fmt: skip
     operator.ready()
     begin = time.monotonic()
     assert driver.stop() == 0
@@ -298,7 +308,7 @@ def test_a_failure_while_running_parks_too(board, operator, client, start_driver
         "node.DriverNode._on_stop = fail\n"
         "sys.exit(node.main(sys.argv[1:]))"
     )
-    driver = start_driver(f"port:={board.path}", "boot_time:=0", program=("-c", code))
+    driver = start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", program=("-c", code))
     operator.ready()
     client.wait(
         lambda: near(board.packets[-1], [-0.5] * 3), "the pose", meanwhile=lambda: operator.send([-0.5] * 3)
@@ -317,7 +327,9 @@ def test_a_failure_while_running_parks_too(board, operator, client, start_driver
 
 @pytest.mark.ros
 def test_a_port_that_vanishes_and_returns_is_opened_again(board, operator, client, start_driver) -> None:
-    driver = start_driver(f"port:={board.path}", "boot_time:=0", "retry_min:=0.1", "retry_max:=0.2")
+    driver = start_driver(
+        f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "retry_min:=0.1", "retry_max:=0.2"
+    )
     operator.ready()
     client.wait(
         lambda: near(board.packets[-1], [-1.0] * 3), "the pose", meanwhile=lambda: operator.send([-1.0] * 3)
@@ -355,7 +367,9 @@ def test_without_a_port_it_says_so_keeps_trying_and_ends_in_order(
         DiagnosticArray, names.DIAGNOSTICS, lambda message: reports.extend(message.status), RELIABLE
     )
     board.unplug()
-    driver = start_driver(f"port:={board.path}", "boot_time:=0.2", "retry_min:=0.1", "retry_max:=0.2")
+    driver = start_driver(
+        f"port:={board.path}", "protocol:=legacy", "boot_time:=0.2", "retry_min:=0.1", "retry_max:=0.2"
+    )
     operator.wait_state(0, "the status")
     assert f"{board.path} does not exist; serial ports: " in operator.status.message
     name = f"{client.node.get_namespace()}/driver"
@@ -379,7 +393,7 @@ def test_without_a_port_it_says_so_keeps_trying_and_ends_in_order(
 def test_mock_needs_no_port(operator, client, start_driver) -> None:
     driver = start_driver("port:=mock")
     operator.ready()
-    assert (operator.status.port, operator.status.protocol) == ("mock", "legacy")
+    assert (operator.status.port, operator.status.protocol) == ("mock", "framed")
     client.wait(
         lambda: near(operator.status.sent, [-0.5] * 3),
         "the pose",
@@ -403,7 +417,7 @@ def test_lifecycle_configure_opens_and_activate_moves(board, operator, client, s
         request = ChangeState.Request(transition=Transition(id=transition))
         return client.call(ChangeState, "driver/change_state", request).success
 
-    driver = start_driver(f"port:={board.path}", "boot_time:=0", "autostart:=false")
+    driver = start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "autostart:=false")
     assert state() == "unconfigured"
     assert not change(Transition.TRANSITION_ACTIVATE)  # not from here
     assert state() == "unconfigured"
@@ -446,6 +460,16 @@ DEFAULTS = {p.name: p.default for p in PARAMETERS}
         ({"port": "ttyUSB0"}, "port 'ttyUSB0' is none of: mock, pty, auto, or the path of a device"),
         ({"start": [0.0, 0.0]}, "parameter 'start' has 2 values; it needs 3"),
         ({"start": [0.0, -3.0, 0.0]}, "start position: servo_1 is -3 rad, allowed is -2.1 to 0.6 rad"),
+        ({"baud": 300}, "parameter 'baud' is 300; allowed: 0 or at least 1200"),
+        (
+            {"calibration": "/nowhere.yaml"},
+            "calibration /nowhere.yaml: No such file or directory; make it with",
+        ),
+        (
+            {"angle_min": 0.1, "park": [0.2] * 3 + [0.0]},
+            "servo_0 may be sent -2.1 to 0 rad, which is nowhere within",
+        ),
+        ({"protocol": "modbus"}, "protocol 'modbus' is none of: framed, legacy, ascii, framed_or_legacy"),
         ({"retry_max": 0.1}, "parameter 'retry_max' is 0.1 s; allowed: at least retry_min 0.5 s"),
         ({"angle_min": 1.0}, "angle_min 1.0 rad must be below angle_max 0.6 rad"),
         ({"park": [0.0, 0.0, 9.0, 0.0]}, "park position: servo_2 is 9 rad"),

@@ -7,10 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tripod_driver.driver import Driver, DriverState
+from tripod_driver.calibration import Calibration
+from tripod_driver.driver import Driver
 from tripod_driver.link import Link
 from tripod_driver.ports.mock import Fault, MockPort
 from tripod_driver.protocol import RESOLUTION, AngleMapping, LegacyDecoder, LegacyProtocol
+from tripod_driver.safety import Safety, State
+from tripod_driver.session import LegacySession
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.mode import Mode
 from tripod_graph.names import SERVOS, SLIDE
@@ -28,11 +31,13 @@ class Bench:
     ) -> None:
         self.now = 100.0
         self.port = MockPort(boot_time=boot_time)
-        link = Link(self.port, retry_min=0.5, retry_max=2.0)
-        self.driver = Driver(link, LegacyProtocol(), LIMITS, start=start, period=PERIOD, **options)
+        session = LegacySession(LegacyProtocol(), Calibration())
+        link = Link(self.port, session, retry_min=0.5, retry_max=2.0)
+        self.safety = Safety(LIMITS, *session.bounds(), start=start, period=PERIOD)
+        self.driver = Driver(link, self.safety, period=PERIOD, **options)
         if active:
             self.driver.connect()
-            self.driver.activate(self.now)
+            self.safety.activate(self.now)
             self.driver.tick(self.now)
 
     def run(self, duration: float) -> list[tuple[float, bytes]]:
@@ -48,10 +53,10 @@ class Bench:
         return sent
 
     def goto(self, *angles: float, time: float = 0.0) -> None:
-        self.driver.trajectory(SERVOS, [time], [list(angles)], self.now)
+        self.safety.trajectory(SERVOS, [time], [list(angles)], self.now)
 
     def mode(self, mode: Mode) -> None:
-        self.driver.control_mode(mode, self.now, self.now)
+        self.safety.control_mode(mode, self.now, self.now)
 
     @property
     def angles(self) -> tuple[float, ...]:
@@ -61,29 +66,29 @@ class Bench:
 def test_nothing_is_opened_or_sent_before_it_is_allowed() -> None:
     bench = Bench(active=False)
     assert bench.run(1.0) == []
-    assert (bench.port.opened, bench.driver.state) == (0, DriverState.DISCONNECTED)
+    assert (bench.port.opened, bench.safety.state) == (0, State.DISCONNECTED)
     assert all(math.isnan(angle) for angle in bench.driver.sent)
     bench.driver.connect()
     assert bench.run(1.0) == []
-    assert (bench.port.opened, bench.driver.state) == (1, DriverState.READY)
+    assert (bench.port.opened, bench.safety.state) == (1, State.READY)
     bench.mode(Mode.IK)
     bench.goto(-1.0, -1.0, -1.0)
-    assert bench.driver.message == "not active: commands are ignored"
-    bench.driver.activate(bench.now)
+    assert bench.safety.message == "not active: commands are ignored"
+    bench.safety.activate(bench.now)
     assert next(packet for _, packet in bench.run(0.5)) == PROTOCOL.encode([-0.5] * 3)
     assert bench.angles == pytest.approx([-0.5] * 3, abs=RESOLUTION)  # what was asked before does not count
-    assert bench.driver.state is DriverState.HOLDING
+    assert bench.safety.state is State.HOLDING
 
 
 def test_the_first_packet_is_the_assumed_position_after_the_board_has_booted() -> None:
     bench = Bench(boot_time=1.0)
     assert bench.run(0.98) == []
-    assert bench.driver.state is DriverState.CONNECTING
+    assert bench.safety.state is State.CONNECTING
     packets = bench.run(0.1)
     assert packets[0][1] == PROTOCOL.encode([-0.5] * 3)
     parked = Bench(start=None)
     assert parked.port.arrived == PROTOCOL.encode([-0.2] * 3)
-    assert parked.driver.state is DriverState.PARKED
+    assert parked.safety.state is State.PARKED
 
 
 def test_changes_are_sent_at_once_and_the_same_bytes_only_as_keep_alive() -> None:
@@ -102,7 +107,7 @@ def test_changes_are_sent_at_once_and_the_same_bytes_only_as_keep_alive() -> Non
 def test_packets_carry_the_commanded_angles() -> None:
     bench = Bench()
     bench.mode(Mode.IK)
-    bench.driver.trajectory(
+    bench.safety.trajectory(
         (SLIDE, "servo_2", "servo_1", "servo_0"),
         [0.5, 1.0],
         [[0.0, -0.7, -0.6, -0.5], [0.01, -0.9, -0.8, -0.7]],
@@ -112,10 +117,10 @@ def test_packets_carry_the_commanded_angles() -> None:
     assert bench.angles == pytest.approx([-0.5, -0.6, -0.7], abs=RESOLUTION + 1e-9)
     bench.run(0.5)
     assert bench.angles == pytest.approx([-0.7, -0.8, -0.9], abs=RESOLUTION + 1e-9)
-    assert bench.driver.commanded == pytest.approx([-0.7, -0.8, -0.9])
+    assert bench.safety.commanded == pytest.approx([-0.7, -0.8, -0.9])
     assert bench.driver.sent == bench.angles
-    assert bench.driver.message == ""
-    assert bench.driver.state is DriverState.ACTIVE
+    assert bench.safety.message == ""
+    assert bench.safety.state is State.ACTIVE
 
 
 def test_an_angle_that_the_protocol_cannot_carry_is_said_to_be_clamped() -> None:
@@ -124,10 +129,8 @@ def test_an_angle_that_the_protocol_cannot_carry_is_said_to_be_clamped() -> None
     bench.goto(-0.5, 0.3, -0.5, time=0.5)
     bench.run(0.5)
     assert bench.port.arrived[-4:] == bytes([255, 151, 180, 151])
-    expected = (
-        "servo_1 is asked for 0.300 rad, protocol legacy carries -2.103 to 0.009 rad: the nearest is sent"
-    )
-    assert bench.driver.message == expected
+    expected = "servo_1 is asked for 0.300 rad, its safe range is -2.100 to 0.000 rad: the nearest is sent"
+    assert bench.safety.message == expected
 
 
 def test_silence_holds_then_parks() -> None:
@@ -135,12 +138,12 @@ def test_silence_holds_then_parks() -> None:
     bench.mode(Mode.IK)
     bench.goto(-1.0, -1.0, -1.0, time=0.4)
     bench.run(0.9)  # silent 0.5 s after the last point
-    assert bench.driver.state is DriverState.ACTIVE
+    assert bench.safety.state is State.ACTIVE
     bench.run(0.96)
-    assert bench.driver.state is DriverState.HOLDING
+    assert bench.safety.state is State.HOLDING
     assert bench.angles == pytest.approx([-1.0] * 3, abs=RESOLUTION + 1e-9)
     bench.run(1.0)
-    assert bench.driver.state is DriverState.PARKED
+    assert bench.safety.state is State.PARKED
     assert bench.port.arrived[-4:] == PROTOCOL.encode([-0.2] * 3)
 
 
@@ -154,10 +157,10 @@ def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
     if stop == "mode":
         bench.mode(Mode.STOP)
     else:
-        bench.driver.halt(bench.now)
+        bench.safety.halt(bench.now)
     bench.goto(-1.0, -1.0, -1.0)
     bench.run(0.9)
-    assert bench.driver.state is DriverState.HOLDING
+    assert bench.safety.state is State.HOLDING
     assert {packet for _, packet in bench.run(0.06)} <= {last}
     assert bench.port.arrived[-4:] == last
     said = (
@@ -165,10 +168,10 @@ def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
         if stop == "mode"
         else "stopped by service; change the con"
     )
-    assert bench.driver.message.startswith(said)
-    assert bench.driver.rejected == 0  # they were no mistakes
+    assert bench.safety.message.startswith(said)
+    assert bench.safety.rejected == 0  # they were no mistakes
     bench.mode(Mode.TELEOP)
-    assert bench.driver.message == ""
+    assert bench.safety.message == ""
     bench.goto(-1.2, -1.2, -1.2, time=0.4)
     bench.run(0.44)
     assert bench.angles == pytest.approx([-1.2] * 3, abs=RESOLUTION + 1e-9)
@@ -178,7 +181,7 @@ def test_stop_also_interrupts_the_way_to_the_park_position() -> None:
     bench = Bench(start=(-1.5, -1.5, -1.5))
     bench.mode(Mode.IK)
     bench.run(1.3)  # held for 1 s, then 0.3 s of the 0.65 s to the park position
-    assert bench.driver.state is DriverState.PARKED
+    assert bench.safety.state is State.PARKED
     bench.mode(Mode.STOP)
     last = bench.port.arrived[-4:]
     bench.run(0.9)
@@ -191,7 +194,7 @@ def test_the_same_mode_again_does_not_undo_a_stop_by_service() -> None:
     bench = Bench()
     bench.mode(Mode.IK)
     bench.run(0.1)
-    bench.driver.halt(bench.now)
+    bench.safety.halt(bench.now)
     bench.mode(Mode.IK)
     bench.goto(-1.0, -1.0, -1.0)
     bench.run(0.2)
@@ -207,24 +210,24 @@ def test_a_new_source_does_not_inherit_the_motion_of_the_old_one() -> None:
     last = bench.port.arrived[-4:]
     bench.run(0.5)
     assert bench.port.arrived[-4:] == last
-    assert bench.driver.state is DriverState.HOLDING
+    assert bench.safety.state is State.HOLDING
 
 
 def test_bad_commands_are_counted_and_named_whether_motion_is_allowed_or_not() -> None:
     bench = Bench()
     bad = (SERVOS, [0.0], [[math.nan, 0.0, 0.0]])
     with pytest.raises(CommandError):
-        bench.driver.trajectory(*bad, bench.now)
+        bench.safety.trajectory(*bad, bench.now)
     bench.mode(Mode.IK)
     bench.run(0.1)
     with pytest.raises(CommandError):
-        bench.driver.trajectory(*bad, bench.now)
-    assert bench.driver.rejected == 2
-    assert bench.driver.last_rejection == "point 0: servo_0 is nan rad, allowed is -2.1 to 0.6 rad"
+        bench.safety.trajectory(*bad, bench.now)
+    assert bench.safety.rejected == 2
+    assert bench.safety.last_rejection == "point 0: servo_0 is nan rad, allowed is -2.1 to 0.6 rad"
     with pytest.raises(ValueError, match="control mode 9 is unknown"):
-        bench.driver.control_mode(9, bench.now, bench.now)
-    assert (bench.driver.rejected, bench.driver.mode) == (3, Mode.IK)
-    assert bench.driver.last_rejection.startswith("control mode 9 is unknown; modes: 0 STOP")
+        bench.safety.control_mode(9, bench.now, bench.now)
+    assert (bench.safety.rejected, bench.safety.mode) == (3, Mode.IK)
+    assert bench.safety.last_rejection.startswith("control mode 9 is unknown; modes: 0 STOP")
 
 
 def test_a_lost_port_is_opened_again_and_the_next_command_ramps() -> None:
@@ -236,11 +239,11 @@ def test_a_lost_port_is_opened_again_and_the_next_command_ramps() -> None:
     last = bench.port.arrived[-4:]
     bench.port.fault = Fault.UNPLUGGED
     bench.run(0.3)
-    assert bench.driver.state is DriverState.DISCONNECTED
-    assert bench.driver.message == "mock was lost; next attempt after 0.5 s"
+    assert bench.safety.state is State.DISCONNECTED
+    assert bench.safety.message == "mock was lost; next attempt after 0.5 s"
     bench.goto(-1.8, -1.8, -1.8)  # nobody hears it
     bench.run(0.5)
-    assert bench.driver.message == "mock is unplugged; next attempt after 1 s"
+    assert bench.safety.message == "mock is unplugged; next attempt after 1 s"
     assert bench.driver.packets_sent == count
     bench.port.fault = None
     packets = bench.run(1.5)
@@ -272,7 +275,7 @@ def test_a_fault_that_nobody_can_see_does_not_stop_the_stream(fault: Fault) -> N
     bench.port.fault = fault
     bench.goto(-0.7, -0.7, -0.7, time=0.2)
     bench.run(0.3)
-    assert bench.driver.state is DriverState.ACTIVE
+    assert bench.safety.state is State.ACTIVE
     bench.port.fault = None
     bench.run(0.2)
     found = LegacyDecoder().feed(bench.port.arrived)
@@ -285,8 +288,8 @@ def test_a_write_cut_short_reopens_the_port_and_the_stream_recovers() -> None:
     bench.run(0.1)
     bench.port.fault = Fault.SHORT
     bench.run(0.2)
-    assert bench.driver.state is DriverState.DISCONNECTED
-    assert bench.driver.message == "mock took 2 of 4 bytes; next attempt after 0.5 s"
+    assert bench.safety.state is State.DISCONNECTED
+    assert bench.safety.message == "mock took 2 of 4 bytes; next attempt after 0.5 s"
     bench.port.fault = None
     bench.run(0.6)
     decoder = LegacyDecoder()
@@ -300,10 +303,10 @@ def test_deactivation_holds_and_sends_nothing_more() -> None:
     bench.goto(-1.5, -1.5, -1.5, time=1.0)
     bench.run(0.5)
     last = bench.angles
-    bench.driver.deactivate()
+    bench.safety.deactivate()
     assert bench.run(3.0) == []
-    assert bench.driver.state is DriverState.READY
-    bench.driver.activate(bench.now)
+    assert bench.safety.state is State.READY
+    bench.safety.activate(bench.now)
     packets = bench.run(0.5)  # neither the old trajectory nor the park position
     assert {PROTOCOL.decode(packet) for _, packet in packets} == {last}
 
@@ -313,7 +316,7 @@ def test_parking_ramps_to_the_park_position_and_ignores_commands() -> None:
     bench.mode(Mode.IK)
     bench.goto(-1.0, -0.6, -1.0, time=0.5)
     bench.run(0.5)
-    bench.driver.park(bench.now)
+    bench.safety.park(bench.now)
     assert not bench.driver.at_rest
     bench.goto(-2.0, -2.0, -2.0)
     packets = bench.run(0.44)  # 0.8 rad at 2 rad/s, and a tick
@@ -321,16 +324,16 @@ def test_parking_ramps_to_the_park_position_and_ignores_commands() -> None:
     assert packets[-1][1] == PROTOCOL.encode([-0.2] * 3)
     steps = np.diff([PROTOCOL.decode(packet) for _, packet in packets], axis=0)
     assert np.abs(steps).max() <= 2.0 * PERIOD + 2 * RESOLUTION
-    assert bench.driver.state is DriverState.PARKED
+    assert bench.safety.state is State.PARKED
 
 
 def test_disconnecting_closes_the_port_and_keeps_it_closed() -> None:
     bench = Bench()
     bench.run(0.1)
-    bench.driver.disconnect()
+    bench.driver.disconnect(bench.now)
     assert bench.run(1.0) == []
     assert (bench.port.is_open, bench.port.opened) == (False, 1)
-    assert bench.driver.message == "the port is closed"
+    assert bench.safety.message == "the port is closed"
 
 
 def test_a_stalled_executor_moves_no_further_than_two_ticks() -> None:
@@ -341,7 +344,7 @@ def test_a_stalled_executor_moves_no_further_than_two_ticks() -> None:
     bench.now += 0.4
     bench.driver.tick(bench.now)
     assert bench.angles == pytest.approx([-0.58] * 3, abs=RESOLUTION + 1e-9)  # 2 rad/s in 2 x 0.02 s
-    bench.driver.park(bench.now)
+    bench.safety.park(bench.now)
     bench.now += 0.4
     bench.driver.tick(bench.now)
     assert bench.angles == pytest.approx([-0.5] * 3, abs=RESOLUTION + 1e-9)
@@ -349,10 +352,11 @@ def test_a_stalled_executor_moves_no_further_than_two_ticks() -> None:
 
 def test_tutorial_bytes_are_those_of_the_workshop() -> None:
     port = MockPort()
-    protocol = LegacyProtocol(AngleMapping.TUTORIAL)
-    driver = Driver(Link(port, retry_min=1, retry_max=1), protocol, CommandLimits(), start=[-0.5, -1.0, -1.5])
+    session = LegacySession(LegacyProtocol(AngleMapping.TUTORIAL), Calibration())
+    safety = Safety(CommandLimits(), *session.bounds(), start=[-0.5, -1.0, -1.5])
+    driver = Driver(Link(port, session, retry_min=1, retry_max=1), safety)
     driver.connect()
-    driver.activate(0.0)
+    safety.activate(0.0)
     driver.tick(0.0)
     assert port.arrived == bytes(
         [255, 150, 121, 93]
@@ -385,13 +389,17 @@ def test_whatever_happens_the_servos_see_neither_a_jump_nor_an_impossible_byte(e
         elif kind == "fault":
             bench.port.fault = value
         elif kind in ("halt", "activate", "park"):
-            getattr(bench.driver, kind)(bench.now)
-        elif kind != "wait":
-            getattr(bench.driver, kind)()
+            getattr(bench.safety, kind)(bench.now)
+        elif kind == "deactivate":
+            bench.safety.deactivate()
+        elif kind == "disconnect":
+            bench.driver.disconnect(bench.now)
+        elif kind == "connect":
+            bench.driver.connect()
         packets += bench.run(value if kind == "wait" else PERIOD)
     bench.port.fault = None
     bench.driver.connect()
-    bench.driver.activate(bench.now)
+    bench.safety.activate(bench.now)
     packets += bench.run(5.0)
     times = np.array([t for t, _ in packets])
     angles = np.array([PROTOCOL.decode(packet) for _, packet in packets])

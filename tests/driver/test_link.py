@@ -1,7 +1,17 @@
 """A link opens its port, waits for the board, and tries again ever more seldom."""
 
-from tripod_driver.link import Link, LinkState
+from tripod_driver.calibration import Calibration
+from tripod_driver.link import Link as AnyLink
+from tripod_driver.link import LinkState
 from tripod_driver.ports.mock import Fault, MockPort
+from tripod_driver.protocol import LegacyProtocol
+from tripod_driver.session import LegacySession
+
+
+def Link(port: MockPort, *, retry_min: float, retry_max: float) -> AnyLink:
+    return AnyLink(
+        port, LegacySession(LegacyProtocol(), Calibration()), retry_min=retry_min, retry_max=retry_max
+    )
 
 
 def test_a_board_gets_its_time_to_boot() -> None:

@@ -1,6 +1,9 @@
 """From the word that a user gives to the port that it means."""
 
+import time
+
 from tripod_driver.ports.mock import MockPort
+from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.ports.port import Port
 from tripod_driver.ports.pseudo_terminal import PseudoTerminalPort
 from tripod_driver.ports.serial_port import AUTO, SerialPort
@@ -11,11 +14,13 @@ CHOICES = "mock, pty, auto, or the path of a device such as /dev/ttyACM0"
 def choose_port(word: str, *, baud: int, boot_time: float, write_timeout: float) -> Port:
     """Return the port for `word`: one of CHOICES. The settings are those of a serial port.
 
+    Behind `mock` is a board that answers in protocol `framed` and is silent in others.
+
     Raises:
         ValueError: `word` is none of them.
     """
     if word == "mock":
-        return MockPort()
+        return MockPort(MockBoard(time.monotonic))
     if word == "pty":
         return PseudoTerminalPort()
     if word == AUTO or word.startswith("/"):

@@ -1,0 +1,35 @@
+"""From the word that a user gives to the conversations that it means."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from tripod_driver.calibration import Calibration
+from tripod_driver.framed_session import FramedSession
+from tripod_driver.protocol import AngleMapping, AsciiProtocol, LegacyProtocol
+from tripod_driver.session import LegacySession, Session
+
+PROTOCOLS: Final = ("framed", "legacy", "ascii", "framed_or_legacy")
+"""What `choose_sessions` knows; the last tries the first, then the second where nobody answers at all."""
+
+
+def choose_sessions(word: str, mapping: AngleMapping, calibration: Calibration) -> list[Session]:
+    """Return the conversations for `word`, one of PROTOCOLS, in the order in which they are tried.
+
+    `mapping` is for the workshop's protocols. Raises ValueError: `word` is none of them.
+    """
+    match word:
+        case "framed":
+            return [FramedSession(calibration)]
+        case "legacy":
+            return [LegacySession(LegacyProtocol(mapping), calibration)]
+        case "ascii":
+            return [LegacySession(AsciiProtocol(mapping), calibration)]
+        case "framed_or_legacy":
+            return [FramedSession(calibration), LegacySession(LegacyProtocol(mapping), calibration)]
+    raise ValueError(f"protocol {word!r} is none of: {', '.join(PROTOCOLS)}")
+
+
+def common_bounds(sessions: Sequence[Session]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the smallest and largest angles [rad] that packets of all `sessions` can carry, shape (3,) each."""
+    lower, upper = zip(*(session.bounds() for session in sessions), strict=True)
+    return tuple(map(max, zip(*lower, strict=True))), tuple(map(min, zip(*upper, strict=True)))

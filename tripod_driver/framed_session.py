@@ -1,0 +1,334 @@
+"""A conversation in the `framed` protocol: who is there, what arrived, and what is wrong on the line."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+from tripod_driver.calibration import Calibration
+from tripod_driver.framed import VERSION, Decoder, encode
+from tripod_driver.framed_messages import (
+    Acknowledgement,
+    Error,
+    ErrorCode,
+    Flags,
+    Frame,
+    Hello,
+    HelloReply,
+    ImuLine,
+    OtherVersion,
+    Pulses,
+    SetPulses,
+)
+from tripod_driver.imu import parse_line
+from tripod_driver.protocol import HEADER
+from tripod_driver.session import READINGS_MAX, Content, Session, SessionState, shown
+from tripod_graph.names import SERVOS
+
+HELLO_PERIOD: Final = 0.1
+"""Time between two hellos [s]."""
+
+IDLE_PERIOD: Final = 1.0
+"""A board that is told nothing else is greeted so often [s]: is it still there?"""
+
+ANSWER_TIME: Final = 1.0
+"""A board that has booted answers a hello within this time [s]."""
+
+SILENCE: Final = 0.3
+"""A packet that is not acknowledged for so long means that the board is gone [s]."""
+
+FLASH_ADVICE: Final = "bring it up to date: make -C firmware, then tripod flash"
+
+TENTHS: Final = 10
+"""Units of a pulse in a frame in one microsecond."""
+
+RESETS_MAX, RESET_WINDOW = 3, 10.0
+"""So many resets in so many seconds mean that the supply of the servos is too weak."""
+
+STRANGERS_MAX, STRANGER_WINDOW = 3, 2.0
+"""So many signs of another writer in so many seconds are no accident."""
+
+HEARD_MAX: Final = 64
+"""Bytes of what came before the first frame that are kept for the message."""
+
+STATE_SLACK: Final = 0.05
+"""A servo may stand so far outside of its safe range when the driver takes over [rad]."""
+
+
+def other_version(version: int) -> str:
+    """Return the message for a board of another protocol version."""
+    return f"its firmware speaks version {version} of the protocol, this driver {VERSION}; {FLASH_ADVICE}"
+
+
+class FramedSession(Session):
+    """Says hello until it is answered, numbers its packets, and watches that each is acknowledged.
+
+    Only a board of this protocol version, with three servos and a range of pulses that covers the calibration, becomes
+    ready. After that, silence for `SILENCE` ends the conversation; a reset of the board, or its watchdog,
+    interrupts the motion; replies to frames that were never sent mean that someone else writes to the port.
+    """
+
+    name = "framed"
+    baud = 115200
+
+    def __init__(self, calibration: Calibration) -> None:
+        super().__init__()
+        self._calibration = calibration
+        self._decoder = Decoder()
+        self._sequence = 0
+        self._unanswered: deque[tuple[int, float]] = deque()
+        self._hello_due = self._give_up_at = 0.0
+        self._heard = bytearray()
+        self._echo = False
+        self._reply: HelloReply | None = None
+        self._board_dropped = 0
+        self._resets: deque[float] = deque(maxlen=RESETS_MAX)
+        self._strangers: deque[float] = deque(maxlen=STRANGERS_MAX)
+        self._counts = {"frames lost on the line": 0, "board resets": 0, "watchdog of the board": 0}
+
+    def begin(self, now: float, boot_time: float) -> None:
+        """Say hello from `now` on, until `ANSWER_TIME` after the board must have booted."""
+        self._decoder = Decoder()
+        self._heard.clear()
+        self._echo = False
+        self._open(now, now + boot_time + ANSWER_TIME)
+        self.message = f"waiting up to {boot_time + ANSWER_TIME:g} s for the board's answer"
+
+    def hear(self, data: bytes, now: float) -> None:
+        """Take frames; anything else is kept for the message in case that no frame comes."""
+        self._heard += data[: HEARD_MAX - len(self._heard)]
+        for frame in self._decoder.feed(data):
+            if self.state in (SessionState.LOST, SessionState.REFUSED):
+                return
+            self._take(frame, now)
+
+    def say(self, now: float) -> bytes:
+        """Return a hello when one is due; notice silence."""
+        if self.state is SessionState.OPENING:
+            if now >= self._give_up_at:
+                self.state, self.message = SessionState.LOST, self._why_no_answer()
+            elif now >= self._hello_due:
+                self._hello_due = now + HELLO_PERIOD
+                return self._hello(now)
+        elif self.state is SessionState.READY:
+            if self._unanswered and now - self._unanswered[0][1] > SILENCE:
+                self.state = SessionState.LOST
+                self.message = f"no acknowledgement for {SILENCE:g} s; check cable and power"
+            elif not self._unanswered and now >= self._hello_due:
+                self._hello_due = now + IDLE_PERIOD
+                return self._hello(now)
+        return b""
+
+    def content(self, angles: Sequence[float]) -> Content:
+        """Return the pulse widths [0.1 us]."""
+        return tuple(round(TENTHS * pulse) for pulse in self._calibration.pulses(angles))
+
+    def packet(self, content: Content, now: float) -> bytes:
+        """Return the frame that sets these pulses; its answer is expected within `SILENCE`."""
+        a, b, c = content
+        sequence = self._next_sequence()
+        self._unanswered.append((sequence, now))
+        self._hello_due = now + IDLE_PERIOD
+        return encode(SetPulses((a, b, c)), sequence)
+
+    def angles(self, content: Content) -> tuple[float, ...]:
+        """Return the angles [rad] that have these pulses."""
+        return self._calibration.angles([tenths / TENTHS for tenths in content])
+
+    def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the safe range: pulses carry all of it."""
+        return self._calibration.lower, self._calibration.upper
+
+    @property
+    def unheard(self) -> bool:
+        """Whether nothing at all has come since `begin`."""
+        return not self._heard
+
+    @property
+    def settled(self) -> bool:
+        """Whether the newest packet was acknowledged."""
+        return not self._unanswered
+
+    @property
+    def diagnostics(self) -> dict[str, object]:
+        """What the board is, and what went wrong on the line."""
+        told: dict[str, object] = {"firmware": self.firmware, **self._counts, "bad frames": self._bad_frames}
+        if self.round_trip is not None:
+            told["round trip [ms]"] = f"{1e3 * self.round_trip:.1f}"
+        return told
+
+    @property
+    def watchdog(self) -> float | None:
+        """Silence after which the board holds [s]; None before it has told."""
+        return None if self._reply is None else self._reply.watchdog / 1000
+
+    @property
+    def _bad_frames(self) -> int:
+        return sum(self._decoder.dropped.values())
+
+    # what came ------------------------------------------------------------------------------------------------
+
+    def _take(self, frame: Frame, now: float) -> None:
+        match frame.message:
+            case HelloReply() as reply:
+                self._take_hello(frame.sequence, reply, now)
+            case Acknowledgement() as reply:
+                self._take_acknowledgement(frame.sequence, reply, now)
+            case Error() as error:
+                self._take_error(frame.sequence, error, now)
+            case OtherVersion(version):
+                self._refuse(other_version(version))
+            case ImuLine(text):
+                reading = parse_line(text.encode("ascii"), now)
+                if reading is not None:
+                    self.readings = [*self.readings, reading][-READINGS_MAX:]
+            case _:
+                self._echo = True  # what a host says: the port returns what is written to it
+
+    def _take_hello(self, sequence: int, reply: HelloReply, now: float) -> None:
+        if self.state is SessionState.READY:
+            if not self._answers(sequence, now):
+                self._suspect(now)
+            elif reply.flags & Flags.RESTARTED:
+                self._restart(now)
+            return
+        if not self._answers(sequence, now):
+            return  # of an earlier conversation
+        if wrong := self._why_not(reply):
+            self._refuse(wrong)
+            return
+        self._reply = reply
+        self.firmware = f"{reply.firmware[0]}.{reply.firmware[1]}"
+        self.position = self._told_position(reply.pulses)
+        if self.position is not None and (wrong := self._why_not_from(self.position)):
+            self._refuse(wrong)
+            return
+        self._unanswered.clear()
+        self._board_dropped = 0
+        self._hello_due = now + IDLE_PERIOD
+        self.state, self.message = SessionState.READY, ""
+
+    def _take_acknowledgement(self, sequence: int, reply: Acknowledgement, now: float) -> None:
+        if self.state is not SessionState.READY:
+            return
+        if not self._answers(sequence, now):
+            self._suspect(now)
+            return
+        if reply.flags & Flags.RESTARTED:
+            self._restart(now)
+            return
+        lost = reply.dropped != self._board_dropped
+        self._board_dropped = reply.dropped
+        if reply.flags & Flags.WATCHDOG:
+            self._counts["watchdog of the board"] += 1
+            self.interruption = "the board heard nothing for its watchdog's time and let go"
+        if reply.flags & Flags.SEQUENCE_GAP:
+            self._counts["frames lost on the line"] += 1
+            if not lost and not reply.flags & Flags.OVERRUN:
+                self._suspect(now)
+
+    def _take_error(self, sequence: int, error: Error, now: float) -> None:
+        if error.code is ErrorCode.VERSION:
+            self._refuse(other_version(error.detail))
+        elif not self._answers(sequence, now):
+            self._suspect(now)
+        elif error.code is ErrorCode.PULSE:
+            name = SERVOS[error.detail] if error.detail < len(SERVOS) else f"servo {error.detail}"
+            self._refuse(f"the board refuses the pulse of {name} as out of its range; {FLASH_ADVICE}")
+        else:
+            self._refuse(
+                f"the board refuses a message ({error.code.name.lower()} {error.detail}); {FLASH_ADVICE}"
+            )
+
+    def _answers(self, sequence: int, now: float) -> bool:
+        """Whether `sequence` is of a frame that waits for its answer; those before it wait no longer."""
+        sent = next((at for number, at in self._unanswered if number == sequence), None)
+        if sent is None:
+            return False
+        while self._unanswered.popleft()[0] != sequence:
+            pass
+        self.round_trip = now - sent
+        return True
+
+    # what it means --------------------------------------------------------------------------------------------
+
+    def _restart(self, now: float) -> None:
+        """The board was reset: nothing may be sent before it has answered a new hello."""
+        self._counts["board resets"] += 1
+        self._resets.append(now)
+        if len(self._resets) == RESETS_MAX and now - self._resets[0] < RESET_WINDOW:
+            self._refuse(
+                f"the board was reset {RESETS_MAX} times within {RESET_WINDOW:g} s: give the servos their own supply"
+            )
+            return
+        self.interruption = "the board was reset; check its supply and cable"
+        self._open(now, now + ANSWER_TIME)
+        self.message = self.interruption
+
+    def _suspect(self, now: float) -> None:
+        self._strangers.append(now)
+        if len(self._strangers) == STRANGERS_MAX and now - self._strangers[0] < STRANGER_WINDOW:
+            self._refuse("another program writes to this port too; stop that one")
+
+    def _why_not(self, reply: HelloReply) -> str:
+        """Return why this board cannot be driven; empty if it can."""
+        if reply.protocol != VERSION:
+            return other_version(reply.protocol)
+        if reply.servo_count != len(SERVOS):
+            return (
+                f"its firmware drives {reply.servo_count} servos, the robot has {len(SERVOS)}; {FLASH_ADVICE}"
+            )
+        for name, servo in zip(SERVOS, self._calibration.servos, strict=True):
+            for angle in servo.safe_range:
+                pulse = servo.pulse(angle)
+                if not reply.pulse_min <= round(TENTHS * pulse) <= reply.pulse_max:
+                    allowed = f"{reply.pulse_min / TENTHS:g} to {reply.pulse_max / TENTHS:g} us"
+                    return (
+                        f"{name} needs {pulse:.1f} us at {angle:g} rad, the board makes {allowed}; calibrate"
+                    )
+        return ""
+
+    def _told_position(self, pulses: Pulses) -> tuple[float, ...] | None:
+        return None if 0 in pulses else self.angles(pulses)
+
+    def _why_not_from(self, position: Sequence[float]) -> str:
+        for name, angle, low, high in zip(SERVOS, position, *self.bounds(), strict=True):
+            if not low - STATE_SLACK <= angle <= high + STATE_SLACK:
+                return (
+                    f"{name} stands at {angle:.3f} rad, its safe range is {low:g} to {high:g} rad: "
+                    f"switch the board off and on, or calibrate"
+                )
+        return ""
+
+    def _why_no_answer(self) -> str:
+        if self._echo:
+            return "the port returns what is written to it and is no robot; choose another with port:=PATH"
+        if self._heard:
+            return (
+                f"it sends {shown(bytes(self._heard))} and no answer to a hello: not the robot's port, another baud, "
+                "or another firmware"
+            )
+        return (
+            "no answer to a hello: is this the robot, and its firmware that of this project? "
+            "For the workshop's firmware: protocol:=legacy"
+        )
+
+    def _refuse(self, message: str) -> None:
+        self.state, self.message = SessionState.REFUSED, message
+
+    # what goes ------------------------------------------------------------------------------------------------
+
+    def _open(self, now: float, give_up_at: float) -> None:
+        self.state, self.position = SessionState.OPENING, None
+        self._unanswered.clear()
+        self._hello_due, self._give_up_at = now, give_up_at
+
+    def _hello(self, now: float) -> bytes:
+        """Return a hello in which no byte is the header of the workshop's packets: their firmware must not move."""
+        while HEADER in (frame := encode(Hello(), sequence := self._next_sequence())):
+            pass
+        self._unanswered.append((sequence, now))
+        return frame
+
+    def _next_sequence(self) -> int:
+        self._sequence = (self._sequence + 1) % 256
+        return self._sequence

@@ -1,0 +1,277 @@
+"""What may reach the servos, and when: a state machine without port, clock or thread; the caller gives the time."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from enum import IntEnum
+
+import numpy as np
+
+from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits, FloatArray
+from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.names import SERVOS
+
+COUNT = len(SERVOS)
+
+
+class State(IntEnum):
+    """Values of tripod_msgs/RobotStatus.state."""
+
+    DISCONNECTED = 0
+    CONNECTING = 1
+    READY = 2
+    ACTIVE = 3
+    HOLDING = 4
+    PARKED = 5
+    FAULT = 6
+
+
+MOVING = {
+    Activity.ACTIVE: State.ACTIVE,
+    Activity.HOLDING: State.HOLDING,
+    Activity.PARKED: State.PARKED,
+}
+
+
+class Safety:
+    """Decides at each moment which angles may be sent, if any.
+
+    `setpoint` gives angles only between `activate` and `deactivate`, and only while the board is ready; they stay
+    within the safe range of each servo and move no faster than the slew rate, whatever happened in between.
+    Trajectories are followed only when the control mode is not STOP and `halt` was not called since it last changed;
+    others are checked and ignored. Whatever interrupts the motion (STOP, `halt`, another mode, a lost or reset board,
+    `deactivate`) makes the joints hold; the next command ramps from there. Silence makes them hold, then park. A
+    fault ends all motion until `clear`.
+
+    Attributes:
+        rejected: Messages refused.
+        last_rejection: Why the newest of them was refused.
+    """
+
+    def __init__(
+        self,
+        limits: CommandLimits,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        *,
+        start: Sequence[float] | None = None,
+        period: float = 0.02,
+    ) -> None:
+        """Begin disconnected and inactive.
+
+        Args:
+            limits: Bounds of what may be commanded.
+            lower: Smallest angles that may be sent [rad], shape (3,).
+            upper: Largest angles that may be sent [rad], shape (3,).
+            start: Angles in which the servos are assumed now [rad], shape (3,); None means the park position.
+            period: Time between packets [s]; after a stall the joints move on as if it had been two.
+
+        Raises:
+            CommandError: a servo has no angle that may both be commanded and sent.
+        """
+        self._lower, self._upper = np.array(lower, float), np.array(upper, float)
+        for i, name in enumerate(SERVOS):
+            if not max(self._lower[i], limits.angle_min) < min(self._upper[i], limits.angle_max):
+                safe = f"{self._lower[i]:g} to {self._upper[i]:g} rad"
+                asked = f"angle_min {limits.angle_min:g} to angle_max {limits.angle_max:g} rad"
+                raise CommandError(f"{name} may be sent {safe}, which is nowhere within {asked}")
+        self.rejected, self.last_rejection = 0, ""
+        self._period = period
+        joints = None if start is None else [*start, limits.park[COUNT]]
+        self._follower = CommandFollower(limits, joints, longest_step=2 * period)
+        self._mode = ModeTracker()
+        self._board = State.DISCONNECTED
+        self._trouble = "the port was not opened yet"
+        self._notice = ""
+        self._active = self._halted = False
+        self._ignored = 0
+        self._output: FloatArray | None = None
+        self._output_at = float("-inf")
+
+    @property
+    def state(self) -> State:
+        """What it is doing."""
+        if self._board is not State.READY or not self._active:
+            return self._board
+        return MOVING[self._follower.activity]
+
+    @property
+    def message(self) -> str:
+        """What is wrong and what to do about it; empty when all is well."""
+        if self._board is not State.READY:
+            return self._trouble
+        if self._notice:
+            return self._notice
+        if self._halted:
+            return "stopped by service; change the control mode to go on"
+        if self._ignored and not self._active:
+            return "not active: commands are ignored"
+        if self._ignored and self._mode.mode is Mode.STOP:
+            return "control mode is STOP: commands are ignored"
+        return self._cut()
+
+    def _cut(self) -> str:
+        """Return which servo is asked for more than may be sent; empty if none is."""
+        for name, angle, low, high in zip(
+            SERVOS, self._follower.joints, self._lower, self._upper, strict=False
+        ):
+            if not low - 1e-9 <= angle <= high + 1e-9:
+                safe = f"its safe range is {low:.3f} to {high:.3f} rad"
+                return f"{name} is asked for {angle:.3f} rad, {safe}: the nearest is sent"
+        return ""
+
+    @property
+    def mode(self) -> Mode:
+        """The control mode in force."""
+        return self._mode.mode
+
+    @property
+    def commanded(self) -> tuple[float, ...]:
+        """Angles asked for, within limits [rad], shape (3,)."""
+        return tuple(float(angle) for angle in self._follower.goal[:COUNT])
+
+    @property
+    def can_move(self) -> bool:
+        """Whether packets may leave now."""
+        return self._active and self._board is State.READY
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether what may be sent is where it should be."""
+        goal = np.clip(self._follower.goal[:COUNT], self._lower, self._upper)
+        return self._output is not None and np.allclose(self._output, goal, rtol=0, atol=1e-9)
+
+    # the board ------------------------------------------------------------------------------------------------
+
+    def disconnected(self, now: float, why: str) -> None:
+        """There is no board, because of `why`; a fault stays a fault."""
+        self._leave(State.DISCONNECTED, now, why)
+
+    def connecting(self, now: float, why: str) -> None:
+        """The board is there but does not answer yet."""
+        self._leave(State.CONNECTING, now, why)
+
+    def fault(self, now: float, why: str) -> None:
+        """The board must not be driven, because of `why`, until `clear`."""
+        self._leave(State.FAULT, now, why)
+
+    def ready(self, now: float, position: Sequence[float] | None = None) -> None:
+        """The board answers; `position`: where it says that the servos are [rad], shape (3,), None if it does not.
+
+        From there the next ramp begins, even if that is outside of the limits.
+        """
+        if self._board in (State.READY, State.FAULT):
+            return
+        self._board, self._trouble = State.READY, ""
+        if position is None:
+            self._rest(now)
+            return
+        limits = self._follower.limits
+        self._output, self._output_at = np.array(position, float), now
+        joints = self._follower.joints.copy()
+        joints[:COUNT] = np.clip(position, limits.angle_min, limits.angle_max)
+        parked = np.allclose(joints, limits.park, rtol=0, atol=np.radians(0.5))
+        if not (parked and self._follower.activity is Activity.PARKED):
+            self._follower = CommandFollower(limits, joints.tolist(), longest_step=2 * self._period)
+            self._follower.stop(now)
+
+    def clear(self) -> None:
+        """Forget a fault: somebody has looked."""
+        if self._board is State.FAULT:
+            self._board, self._trouble = State.DISCONNECTED, "the port was not opened yet"
+
+    def interrupt(self, now: float, why: str) -> None:
+        """Hold because of `why`; the next command goes on from there."""
+        self._notice = why
+        self._rest(now)
+
+    # the operator ---------------------------------------------------------------------------------------------
+
+    def activate(self, now: float) -> None:
+        """Allow motion; the joints begin by holding where they are assumed or were sent."""
+        self._active = True
+        self._ignored = 0
+        self._rest(now)
+
+    def deactivate(self) -> None:
+        """Give no more angles."""
+        self._active = False
+        self._ignored = 0
+
+    def trajectory(
+        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]], now: float
+    ) -> None:
+        """Follow a trajectory from `now` [s] on, if that is allowed; see `CommandFollower.accept`.
+
+        Raises:
+            CommandError: it is refused and counted, whether motion is allowed or not.
+        """
+        allowed = self.can_move and not self._halted and self._mode.mode is not Mode.STOP
+        try:
+            if allowed:
+                self._follower.accept(names, times, positions, now)
+                self._notice = ""
+            else:
+                self._follower.check(names, times, positions)
+                self._ignored += 1
+        except ValueError as error:
+            self._reject(error)
+            raise
+
+    def control_mode(self, mode: int, stamp: float, now: float) -> None:
+        """Take what an operator decided at `stamp` [s]; an unknown mode raises ValueError and is counted."""
+        try:
+            changed = self._mode.update(mode, stamp)
+        except ValueError as error:
+            self._reject(error)
+            raise
+        if not changed:
+            return
+        self._halted = False
+        self._notice = ""
+        self._ignored = 0
+        if self._mode.mode is Mode.STOP:
+            self._follower.stop(now)
+        else:
+            self._rest(now)
+
+    def halt(self, now: float) -> None:
+        """Hold at once and ignore commands until the control mode changes."""
+        self._halted = True
+        self._follower.stop(now)
+
+    def park(self, now: float) -> None:
+        """Move to the park position now and ignore commands; `at_rest` tells when it is there."""
+        limits = replace(self._follower.limits, park_after=0.0)
+        joints = [float(value) for value in self._follower.joints]
+        self._follower = CommandFollower(limits, joints, longest_step=2 * self._period)
+        self._follower.setpoint(now)
+        self._halted = True
+
+    # the output -----------------------------------------------------------------------------------------------
+
+    def setpoint(self, now: float) -> FloatArray | None:
+        """Return the angles to be sent at `now` [s], shape (3,); None: nothing may be sent. Call it at each tick."""
+        if not self.can_move:
+            return None
+        asked = np.clip(self._follower.setpoint(now)[:COUNT], self._lower, self._upper)
+        if self._output is not None:
+            step = self._follower.limits.angle_speed * min(max(0.0, now - self._output_at), 2 * self._period)
+            asked = self._output + np.clip(asked - self._output, -step, step)
+        self._output, self._output_at = asked, max(now, self._output_at)
+        return asked
+
+    def _leave(self, board: State, now: float, why: str) -> None:
+        if self._board is State.FAULT:
+            return
+        if self._board is State.READY:
+            self._rest(now)
+        self._board, self._trouble = board, why
+
+    def _rest(self, now: float) -> None:
+        """Hold where the joints are; what is parked, or on its way there, stays so."""
+        if self._follower.activity is not Activity.PARKED:
+            self._follower.stop(now)
+
+    def _reject(self, error: ValueError) -> None:
+        self.rejected += 1
+        self.last_rejection = str(error)

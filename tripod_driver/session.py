@@ -1,0 +1,189 @@
+"""What is said on the line, from the opening of a port to its loss. Pure: bytes in, bytes out, time given."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from enum import Enum
+from typing import Final
+
+from tripod_driver.calibration import Calibration
+from tripod_driver.imu import ImuReading, LineReader
+from tripod_driver.protocol import LegacyProtocol
+
+Content = tuple[int, ...]
+"""The numbers in one packet, one for each servo, in the unit of its protocol: equal numbers need no new packet."""
+
+
+READINGS_MAX: Final = 16
+"""Readings of the IMU that wait to be taken; older ones are forgotten."""
+
+
+class SessionState(Enum):
+    """How far the conversation is."""
+
+    OPENING = "opening"
+    """The board starts, or has not answered yet."""
+    READY = "ready"
+    """Packets may be sent."""
+    LOST = "lost"
+    """The board does not answer as it should; another attempt may help."""
+    REFUSED = "refused"
+    """This board must not be driven; another attempt does not help."""
+
+
+class Session(ABC):
+    """One conversation with a board.
+
+    Attributes:
+        name: Of its protocol.
+        baud: Its usual speed [bit/s].
+        state: How far it is.
+        message: Why it is not ready; else what is odd, empty if nothing is.
+        interruption: Set when the motion must be given up: why. The caller takes it and empties it.
+        position: Where the board says that the servos are [rad], shape (3,), when the session became ready; None if
+            it does not tell.
+        readings: Readings of the IMU that came and were not taken yet, the newest last.
+        firmware: What the board says that it runs; empty if it says nothing.
+        round_trip: Time from the newest acknowledged frame to its answer [s]; None if the protocol has no answers.
+    """
+
+    name: str
+    baud: int = 115200
+
+    def __init__(self) -> None:
+        self.state = SessionState.OPENING
+        self.message = ""
+        self.interruption = ""
+        self.position: tuple[float, ...] | None = None
+        self.readings: list[ImuReading] = []
+        self.firmware = ""
+        self.round_trip: float | None = None
+
+    @abstractmethod
+    def begin(self, now: float, boot_time: float) -> None:
+        """The port was opened at `now` [s]; the board may lose bytes for `boot_time` [s]."""
+
+    @abstractmethod
+    def hear(self, data: bytes, now: float) -> None:
+        """Take what came from the board."""
+
+    @abstractmethod
+    def say(self, now: float) -> bytes:
+        """Return what is due on the line besides packets; empty if nothing is. Call it often: time-outs count here."""
+
+    @abstractmethod
+    def content(self, angles: Sequence[float]) -> Content:
+        """Return what a packet of three angles [rad] would hold."""
+
+    @abstractmethod
+    def packet(self, content: Content, now: float) -> bytes:
+        """Return the packet of `content`, which is now taken as sent."""
+
+    @abstractmethod
+    def angles(self, content: Content) -> tuple[float, ...]:
+        """Return the angles [rad], shape (3,), for which `content` stands."""
+
+    @abstractmethod
+    def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the smallest and largest angles [rad] that a packet can carry, shape (3,) each."""
+
+    @property
+    def unheard(self) -> bool:
+        """Whether nothing at all has come since `begin`."""
+        return False
+
+    @property
+    def settled(self) -> bool:
+        """Whether the board has the newest packet, as far as can be known."""
+        return True
+
+    @property
+    def diagnostics(self) -> dict[str, object]:
+        """Figures for people."""
+        return {}
+
+
+STRAY_MAX: Final = 16
+"""Bytes that the workshop's silent firmware may seem to send: lines crackle when a board is reset."""
+
+
+class LegacySession(Session):
+    """The workshop's packets. Their firmware never answers, so that whatever does is not their robot.
+
+    What the joints are asked for passes through the calibration as an angle for which the workshop's own servo would
+    get the same pulse; without a calibration that is the angle itself.
+    """
+
+    def __init__(self, protocol: LegacyProtocol, calibration: Calibration) -> None:
+        super().__init__()
+        self.name = protocol.name
+        self.baud = protocol.baud
+        self._protocol, self._calibration = protocol, calibration
+        self._ready_at = 0.0
+        self._stray = bytearray()
+        self._lines = LineReader() if protocol.has_imu else None
+
+    def begin(self, now: float, boot_time: float) -> None:
+        """Wait for the board to boot: it never says that it has."""
+        self.state, self._ready_at = SessionState.OPENING, now + boot_time
+        self.message = f"the board starts within {boot_time:g} s"
+        self._stray.clear()
+        if self._lines is not None:
+            self._lines = LineReader()
+
+    def hear(self, data: bytes, now: float) -> None:
+        """Take IMU lines where the protocol has them; anything else does not belong here."""
+        if self._lines is not None:
+            self.readings += self._lines.feed(data, now)
+            del self.readings[:-READINGS_MAX]
+            if self._lines.strange:
+                self._refuse(self._lines.strange)
+            return
+        self._stray += data[: STRAY_MAX + 1 - len(self._stray)]
+        if len(self._stray) > STRAY_MAX:
+            self._refuse(bytes(self._stray))
+
+    def say(self, now: float) -> bytes:
+        """Nothing is due besides packets."""
+        if self.state is SessionState.OPENING and now >= self._ready_at:
+            self.state, self.message = SessionState.READY, ""
+        return b""
+
+    def content(self, angles: Sequence[float]) -> Content:
+        """Return the degrees of the packet."""
+        pairs = zip(self._calibration.servos, angles, strict=True)
+        return self._protocol.degrees([servo.workshop_angle(angle) for servo, angle in pairs])
+
+    def packet(self, content: Content, now: float) -> bytes:
+        """Return the packet of these degrees."""
+        return self._protocol.packet(content)
+
+    def angles(self, content: Content) -> tuple[float, ...]:
+        """Return the angles [rad] in the middle of those that become these degrees."""
+        middle = [self._protocol.mapping.angle(degrees) for degrees in content]
+        return tuple(s.joint_angle(a) for s, a in zip(self._calibration.servos, middle, strict=True))
+
+    def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return what the degrees of the protocol can carry and the calibration allows."""
+        ends = [
+            sorted((s.joint_angle(self._protocol.lowest), s.joint_angle(self._protocol.highest)))
+            for s in self._calibration.servos
+        ]
+        lower = tuple(max(e[0], a) for e, a in zip(ends, self._calibration.lower, strict=True))
+        upper = tuple(min(e[1], a) for e, a in zip(ends, self._calibration.upper, strict=True))
+        return lower, upper
+
+    @property
+    def diagnostics(self) -> dict[str, object]:
+        """Lines of the IMU, good and bad."""
+        return {} if self._lines is None else {"IMU lines": self._lines.good, "bad lines": self._lines.bad}
+
+    def _refuse(self, data: bytes) -> None:
+        self.state = SessionState.LOST
+        what = "that is no IMU" if self._lines is not None else "the workshop's firmware is silent"
+        self.message = f"it sends {shown(data)} and {what}: is this the right port, baud and protocol?"
+
+
+def shown(data: bytes, most: int = 24) -> str:
+    """Return bytes for a message: as text where they are text."""
+    text = data[:most].decode("ascii", "backslashreplace")
+    return repr(text) + ("..." if len(data) > most else "")
