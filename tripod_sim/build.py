@@ -21,7 +21,12 @@ from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:
+    from tripod_sim.maze.plate import Plate
+    from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion
+    from tripod_sim.springs.body import SpringBody
+    from tripod_sim.springs.skin import ChainSkin
+    from tripod_sim.springs.system import SpringSystem
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -42,24 +47,36 @@ class Parts:
     """What `build` made of a scene.
 
     Attributes:
-        mesh: The solid's mesh.
+        mesh: The solid's mesh, or the body of springs.
         mass: Of nodes [kg], shape (n,); zero for ghosts of a compliant clamp, which follow the mesh's nodes.
         system: The potential.
         stepper: The time integrator or the static solver.
         servos: How the servos turn; None where their angles are ideal.
+        skin: What shows a body that has no surface of its own.
+        plate: The maze on the disc; None without one.
+        ball: How the ball moves; None without one.
     """
 
-    mesh: SolidMesh
+    mesh: "SolidMesh | SpringBody"
     mass: FloatArray
-    system: System
+    system: "System | SpringSystem"
     stepper: Stepper
     servos: "ServoMotion | None" = None
+    skin: "ChainSkin | None" = None
+    plate: "Plate | None" = None
+    ball: "MazeBall | None" = None
 
 
 def build(scene: Scene) -> Parts:
     """Return the parts of a simulation of `scene`. Raises SceneError."""
+    if scene.springs:
+        from tripod_sim.springs.build import build_springs
+
+        return build_springs(scene, scene.springs)
     from tripod_sim.forces.solid import Solid
 
+    assert scene.mesh
+    assert scene.material
     mesh = _mesh(scene.mesh)
     groups = _groups(scene, mesh.nodes)
     if not scene.inertia:
@@ -71,14 +88,25 @@ def build(scene: Scene) -> Parts:
 
         rest, frames, foundation = bed_clamps(mesh, groups.driven, scene.clamp.stiffness)
         groups = replace(groups, size=len(rest), driven=frames)
+    plate, ball_radius = None, scene.ball.radius if scene.ball else 0.0
+    if scene.maze:
+        from tripod_sim.maze.plate import fasten
+
+        rest, groups, plate = fasten(rest, groups, scene.maze, ball_radius)
     load, inert = _node_masses(mesh, scene.material.mass, len(rest))
+    for mass in (load, inert) if plate else ():
+        mass[plate.nodes] += plate.mass
     lam, mu = lame_constants(scene.material.young, scene.material.poisson)
     solid = Solid(rest, _strained(mesh.elements, groups), mesh.kind, scene.material.law, lam, mu)
-    gravity = inertia = damping = None
+    gravity = inertia = damping = loads = None
     if scene.gravity:
         from tripod_sim.forces.gravity import GravityForce
 
         gravity = GravityForce(load, scene.gravity.acceleration, rest)
+    if scene.ball:
+        from tripod_sim.forces.loads import NodalLoads
+
+        loads = NodalLoads(rest)
     if scene.inertia:
         from tripod_sim.forces.anchor import Anchor
 
@@ -89,6 +117,7 @@ def build(scene: Scene) -> Parts:
         damping = StiffnessDamping(scene.damping.stiffness, solid.elements, solid.matrices, len(rest))
     system = System(
         rest, solid, groups, gravity=gravity, inertia=inertia, damping=damping, foundation=foundation,
+        loads=loads,
         linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
     )  # fmt: skip
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
@@ -108,7 +137,14 @@ def build(scene: Scene) -> Parts:
         from tripod_sim.robot.servo import ServoMotion
 
         servos = ServoMotion(scene.servo_dynamics, len(groups.driven))
-    return Parts(mesh, inert, system, stepper, servos)
+    ball = None
+    if scene.ball and scene.gravity and plate and loads:
+        from tripod_sim.maze.play import MazeBall
+
+        ball = MazeBall(
+            scene.ball, plate, np.array(scene.gravity.acceleration), loads, quasi_static=not scene.inertia
+        )
+    return Parts(mesh, inert, system, stepper, servos, plate=plate, ball=ball)
 
 
 def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, FloatArray]:

@@ -14,8 +14,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tripod_graph.names import WORLD
-from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.realtime import Snapshot
+from tripod_sim.simulation import Skin
 
 STAMP = 8
 """Where the stamp of the first marker stands in a serialised MarkerArray: after encapsulation and count."""
@@ -24,7 +24,7 @@ STAMP = 8
 class SurfaceMarkers:
     """Serialised MarkerArrays of one mesh."""
 
-    def __init__(self, mesh: SolidMesh) -> None:
+    def __init__(self, mesh: Skin) -> None:
         self._corners = mesh.surface.ravel()
         sentinel = 0.1234567890123456
         message = self._message([Point(x=sentinel)] * len(self._corners))

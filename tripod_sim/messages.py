@@ -12,9 +12,8 @@ from std_msgs.msg import Header
 from tripod_msgs.msg import BodyState, Compliance
 
 from tripod_graph.names import SERVOS, SLIDE, WORLD
-from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.realtime import Snapshot
-from tripod_sim.simulation import Pose
+from tripod_sim.simulation import Pose, Skin
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +44,7 @@ def effector_message(snapshot: Snapshot, pose: Pose) -> PoseStamped:
     return PoseStamped(header=header(snapshot.stamp), pose=pose_message(pose))
 
 
-def body_message(snapshot: Snapshot, mesh: SolidMesh) -> BodyState:
+def body_message(snapshot: Snapshot, mesh: Skin) -> BodyState:
     """Return the node positions."""
     return BodyState(
         header=header(snapshot.stamp), topology_id=mesh.topology_id, step=snapshot.step, time=snapshot.time,
@@ -73,7 +72,7 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
     )  # fmt: skip
 
 
-def mesh_message(mesh: SolidMesh) -> Mesh:
+def mesh_message(mesh: Skin) -> Mesh:
     """Return the undeformed surface; its vertices are all nodes, so that indices are those of body_state."""
     triangles = [MeshTriangle(vertex_indices=t.astype(np.uint32)) for t in mesh.surface]
     vertices = [Point(x=x, y=y, z=z) for x, y, z in mesh.nodes.tolist()]

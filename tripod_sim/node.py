@@ -66,8 +66,8 @@ class SimNode(Node):
             simulation = Simulation(scene)
         except StepError as error:
             raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
-        self._scene, self._mesh = scene, simulation.mesh
-        self._surface = SurfaceMarkers(simulation.mesh)
+        self._scene, self._mesh, self._skin = scene, simulation.mesh, simulation.skin
+        self._surface, self._shown_by_skin = SurfaceMarkers(simulation.skin), simulation.shown
         self._lock = threading.Lock()
         self._mode = ModeTracker()
         self._limits = _within_scene(limits_from(values), scene)
@@ -105,7 +105,7 @@ class SimNode(Node):
         self._markers = self.create_publisher(MarkerArray, names.MARKERS, SENSOR)
         self._cloud = self.create_publisher(PointCloud2, names.POINT_CLOUD, SENSOR)
         self._mesh_publisher = self.create_publisher(Mesh, names.MESH, LATCHED)
-        self._mesh_publisher.publish(messages.mesh_message(self._mesh))
+        self._mesh_publisher.publish(messages.mesh_message(self._skin))
         self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL)
         self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
         self.create_service(Trigger, names.SIM_RESET, self._on_reset)
@@ -150,7 +150,8 @@ class SimNode(Node):
         if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
             return
         self._shown, self._shown_at = snapshot, now
-        self._body.publish(messages.body_message(snapshot, self._mesh))
+        snapshot = replace(snapshot, positions=self._shown_by_skin(snapshot.positions))
+        self._body.publish(messages.body_message(snapshot, self._skin))
         if self._markers.get_subscription_count():
             self._markers.publish(self._surface.serialised(snapshot))
         if self._cloud.get_subscription_count():

@@ -100,6 +100,49 @@ class Material:
 
 
 @dataclass(frozen=True)
+class Springs:
+    """A body of nodes and springs: a chain, a grid or the edges of a surface.
+
+    Attributes:
+        source: `chain` (nodes in a line from the origin along X), `grid` (a square in z = 0 about the origin), or the
+            path of an OBJ or STL file (relative to the scene's file), whose edges become springs.
+        nodes: Of a chain; along each edge of a grid.
+        size: Length of a chain, edge of a grid [m].
+        scale: Length unit of a file [m]: 0.001 for millimetres.
+        position: Where the origin of chain, grid or file lies [m].
+        node_mass: Of each node [kg].
+        stiffness: k of the springs along lines and edges [N/m].
+        shear: k of those across the cells of a grid, or the quadrangles of a file [N/m]; 0 leaves them out.
+        bending: k of those from a node to the next but one, or across the edge of two triangles [N/m]; 0 leaves them
+            out.
+        damping: c of each spring, the force per rate of its length [N s/m].
+        compressed: `push`: a compressed spring pushes; `slack`: it carries no force.
+        fixed_nodes: Nodes that never move.
+        fixed_corners: Corners that never move: ends 0 and 1 of a chain, 0 to 3 of a grid, counter-clockwise from the
+            smallest x and y.
+    """
+
+    source: str = "grid"
+    nodes: int = number(20, low=2, high=200_000)
+    size: float = number(1.0, unit="m", above=0, high=1e3)
+    scale: float = number(1.0, unit="m", above=0, high=1e3)
+    position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+    node_mass: float = number(0.001, unit="kg", above=0, high=1e6)
+    stiffness: float = number(1500.0, unit="N/m", low=0, high=1e9)
+    shear: float = number(0.0, unit="N/m", low=0, high=1e9)
+    bending: float = number(0.0, unit="N/m", low=0, high=1e9)
+    damping: float = number(0.0, unit="N s/m", low=0, high=1e6)
+    compressed: str = one_of("push", "slack", default="push")
+    fixed_nodes: tuple[int, ...] = number((), low=0)
+    fixed_corners: tuple[int, ...] = number((), low=0, high=3)
+
+    @property
+    def holds(self) -> bool:
+        """Whether it has nodes that never move."""
+        return bool(self.fixed_nodes or self.fixed_corners)
+
+
+@dataclass(frozen=True)
 class Gravity:
     """Weight.
 
@@ -115,10 +158,22 @@ class Inertia:
     """Mass and velocity; without it every step is a static equilibrium.
 
     Attributes:
-        scheme: Time integrator: `implicit_euler` (first order), `bdf2` or `tr_bdf2` (second order).
+        scheme: Time integrator: `implicit_euler` (first order), `bdf2` or `tr_bdf2` (second order); explicit are
+            `semi_implicit_euler` (first order), `rk4` (fourth order) and `explicit_euler` (first order, unstable: what
+            is not damped grows whatever the step; for teaching).
+        substeps: Of explicit schemes: `auto` divides a step until it is stable; `off` shows the instability.
     """
 
-    scheme: str = one_of("implicit_euler", "bdf2", "tr_bdf2", default="implicit_euler")
+    scheme: str = one_of(
+        "implicit_euler",
+        "bdf2",
+        "tr_bdf2",
+        "semi_implicit_euler",
+        "explicit_euler",
+        "rk4",
+        default="implicit_euler",
+    )
+    substeps: str = one_of("auto", "off", default="auto")
 
 
 @dataclass(frozen=True)
@@ -213,6 +268,63 @@ class Effector:
 
 
 @dataclass(frozen=True)
+class Maze:
+    """A plate with walls on the effector disc. Needs effector.
+
+    Attributes:
+        source: Name of a shipped maze, the path of a text file (`.txt`) or of an STL surface (`.stl`), relative to the
+            scene's file, or `random:SEED`, or `random:SEED:COLUMNSxROWS`.
+        pitch: Distance of the centres of two cells [m].
+        wall: Thickness of the walls [m].
+        height: Of the walls above the floor [m].
+        thickness: Of the floor [m].
+        offset: Of the floor's top above the centre of the disc [m].
+        mass: Of the whole plate [kg], spread evenly over its floor.
+        hole_radius: Of the holes [m].
+        scale: Length unit of an STL file [m]: 0.001 for millimetres.
+        start: Of the ball in an STL maze: x, y [m] in the plate's frame.
+        goal: Centre x, y of the goal of an STL maze and its radius [m]; a radius of 0 is no goal.
+    """
+
+    source: str = "labyrinth"
+    pitch: float = number(0.007, unit="m", above=0, high=1.0)
+    wall: float = number(0.001, unit="m", low=1e-5, high=1.0)
+    height: float = number(0.004, unit="m", above=0, high=1.0)
+    thickness: float = number(0.002, unit="m", above=0, high=1.0)
+    offset: float = number(0.008, unit="m", low=0, high=1.0)
+    mass: float = number(0.008, unit="kg", above=0, high=100.0)
+    hole_radius: float = number(0.0026, unit="m", above=0, high=1.0)
+    scale: float = number(0.001, unit="m", above=0, high=1e3)
+    start: tuple[float, float] = number((0.0, 0.0), unit="m")
+    goal: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m")
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A rigid ball: on the maze if there is one, else on the soft body itself. Needs gravity.
+
+    Attributes:
+        radius: [m].
+        mass: [kg], spread evenly through the ball.
+        friction: Coulomb's coefficient.
+        restitution: Normal speed after an impact over that before it.
+        rest_speed: Impacts below it do not bounce [m/s].
+        rolling: Rolling resistance: moment over load and radius.
+        substep: Longest part of a step in which the ball moves [s].
+        position: Of the centre at the start [m]; in a maze it starts there where the maze says.
+    """
+
+    radius: float = number(0.002, unit="m", low=1e-5, high=1.0)
+    mass: float = number(1e-4, unit="kg", above=0, high=10.0)
+    friction: float = number(0.3, low=0, high=10.0)
+    restitution: float = number(0.4, low=0, high=1.0)
+    rest_speed: float = number(0.01, unit="m/s", low=1e-6, high=10.0)
+    rolling: float = number(0.002, low=0, high=1.0)
+    substep: float = number(5e-4, unit="s", low=1e-7, high=0.1)
+    position: tuple[float, float, float] = number((0.0, 0.0, 0.02), unit="m", low=-10.0, high=10.0)
+
+
+@dataclass(frozen=True)
 class Solver:
     """Newton's method.
 
@@ -223,6 +335,8 @@ class Solver:
         max_turn: Largest servo move of one static load increment [rad].
         linear: Linear solver: `ldl`, `cholmod` (optional extra), `cg` (conjugate gradients), or `auto`, by size.
         linear_tolerance: Relative residual at which conjugate gradients stop; without effect on direct solvers.
+        solves: Of springs: `newton` until `tolerance` is met, or `one` linear solve a step, whatever residual it
+            leaves.
     """
 
     tolerance: float = number(1e-4, unit="N", low=1e-14, high=1e3)
@@ -231,25 +345,29 @@ class Solver:
     max_turn: float = number(0.1, unit="rad", low=1e-4, high=7.0)
     linear: str = one_of("auto", "ldl", "cholmod", "cg", default="auto")
     linear_tolerance: float = number(1e-8, above=0, high=0.1)
+    solves: str = one_of("newton", "one", default="newton")
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A soft body, what holds it and what acts on it.
+    """A soft body, what holds it and what acts on it: a solid (`mesh` and `material`) or `springs`.
 
     Attributes:
         name: For people and file names.
         description: One line.
         dt: Time step [s].
         duration: How long `tripod run` simulates unless told [s].
-        mesh, material: The solid.
-        gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector: Effects; None or empty is off.
+        mesh, material: The solid; None where the body is of springs.
+        springs: The body of springs; None where it is a solid.
+        gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector, maze, ball: Effects; None or empty is
+            off.
         solver: Of each step.
     """
 
     name: str
-    mesh: Mesh
-    material: Material
+    mesh: Mesh | None = None
+    material: Material | None = None
+    springs: Springs | None = None
     description: str = ""
     dt: float = number(0.005, unit="s", low=1e-9, high=1.0)
     duration: float = number(1.0, unit="s", above=0, high=1e9)
@@ -261,6 +379,8 @@ class Scene:
     servo_dynamics: ServoDynamics | None = None
     clamp: Clamp | None = None
     effector: Effector | None = None
+    maze: Maze | None = None
+    ball: Ball | None = None
     solver: Solver = Solver()
 
     def __post_init__(self) -> None:
@@ -270,13 +390,18 @@ class Scene:
             for i, part in enumerate(value) if isinstance(value, tuple) else ((None, value),):
                 if hasattr(part, "__dataclass_fields__"):
                     check_fields(part, f.name if i is None else f"{f.name}.{i}")
+        _check_body(self)
         if self.damping and not self.inertia:
             raise SceneError("damping needs inertia: without velocity there is nothing to damp")
         if self.clamp and not self.servos:
             raise SceneError("clamp needs servos: it is the bedding of the strips on their arms")
         if self.servo_dynamics and not self.servos:
             raise SceneError("servo_dynamics needs servos: without them there is nothing that turns")
-        if not (self.inertia or self.servos or self.fixed):
+        if self.maze and not self.effector:
+            raise SceneError("maze needs effector: it is fastened to the disc")
+        if self.ball and not self.gravity:
+            raise SceneError("ball needs gravity: without it the ball would never touch anything")
+        if not (self.inertia or self.servos or self.fixed or (self.springs and self.springs.holds)):
             raise SceneError(
                 "nothing holds the body (no servos, no fixed box), so its translation and rotation are free and it has "
                 "no static equilibrium; add [inertia] or hold it"
@@ -286,6 +411,23 @@ class Scene:
                 raise SceneError(f"fixed.{i}: low {box.low} must not exceed high {box.high} [m]")
         if self.servos:
             _check_start(self.servos)
+
+
+def _check_body(scene: Scene) -> None:
+    """Raise SceneError if the body is neither a solid nor of springs, or names what its kind has not."""
+    for name in ("mesh", "material"):
+        given = getattr(scene, name)
+        if not scene.springs and given is None:
+            raise SceneError(f"field {name} is missing: a scene has mesh and material, or springs")
+        if scene.springs and given is not None:
+            raise SceneError(
+                f"{name} and springs exclude each other: a scene has mesh and material, or springs"
+            )
+    for name in ("servos", "effector"):
+        if scene.springs and getattr(scene, name):
+            raise SceneError(
+                f"{name} needs a solid: springs are held by fixed_nodes, fixed_corners or fixed boxes"
+            )
 
 
 def _check_start(s: Servos) -> None:
@@ -308,5 +450,7 @@ EFFECTS = (
     "servo_dynamics",
     "clamp",
     "effector",
+    "maze",
+    "ball",
 )
 """Tables of a scene that may be absent."""

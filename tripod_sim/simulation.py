@@ -1,7 +1,7 @@
 """The loop: a scene that lives."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.scene import Scene
 from tripod_sim.state import State
+from tripod_sim.system import System
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.robot.servo import ServoMotion, ServoState
@@ -35,6 +36,22 @@ class Energies:
     kinetic: float
     strain: float
     gravity: float
+
+
+class Skin(Protocol):
+    """What a viewer draws: undeformed nodes [m], (n, 3), triangles, (k, 3), and the id of their connectivity."""
+
+    @property
+    def nodes(self) -> FloatArray:
+        """Undeformed positions [m], shape (n, 3)."""
+
+    @property
+    def surface(self) -> NDArray[np.int64]:
+        """Triangles of nodes, shape (k, 3)."""
+
+    @property
+    def topology_id(self) -> int:
+        """CRC-32 of the connectivity."""
 
 
 class Simulation:
@@ -61,8 +78,8 @@ class Simulation:
         parts = self._parts = build(scene)
         held = bool(scene.servos or scene.fixed)
         self._static = (
-            build(replace(scene, inertia=None, damping=None, servo_dynamics=None))
-            if scene.inertia and held
+            build(replace(scene, inertia=None, damping=None, servo_dynamics=None, ball=None))
+            if scene.inertia and held and not scene.springs
             else parts
         )
         self.mesh, self._mass, self._system, self._stepper = (
@@ -86,6 +103,9 @@ class Simulation:
             self._measure_reactions(self._servos, self.state.copy())
             self.state.servos = self._servos.start(self.state.joints[:-1])
             self._next = self.state.servos.copy()
+        self._ball = parts.ball
+        if self._ball:
+            self.state.ball = self._ball.start(self.state)
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
 
@@ -143,13 +163,44 @@ class Simulation:
             StepError: the step could not be saved; the state is the last good one.
         """
         goal = self.command if joints is None else self._checked(joints)
+        ball = self.state.ball
+        if self._ball and ball:
+            self._ball.load(self.state, ball)
         if self._servos and self.state.servos:
-            return self._step_servos(self._servos, self.state.servos, goal)
-        self.report = self._stepper.step(self.state, goal, self.scene.dt)
-        self.torques[:] = self._system.torques
+            self._step_servos(self._servos, self.state.servos, goal)
+        else:
+            self.report = self._stepper.step(self.state, goal, self.scene.dt)
+            self.torques[:] = self._system.torques
+        if self._ball and ball:
+            self._ball.follow(self.state, ball, self.scene.dt)
         return self.report
 
-    def _step_servos(self, motion: "ServoMotion", servos: "ServoState", goal: FloatArray) -> StepReport:
+    def advance(self, steps: int) -> StepReport:
+        """Make `steps` steps with the joints as they are asked last: the same bits as one by one, and for a body of
+        springs much faster.
+
+        Returns:
+            What all of them took together; residual, growth and stalls are those of the last.
+
+        Raises:
+            StepError: as `step`; the state is the last good one.
+        """
+        if steps < 1:
+            raise SceneError(f"steps is {steps}; it must be at least 1")
+        many = getattr(self._stepper, "advance", None)
+        if many and not self._servos:
+            self.report = many(self.state, self.command, self.scene.dt, steps)
+            return self.report
+        total = StepReport()
+        for _ in range(steps):
+            report = self.step()
+            for name in ("iterations", "factorisations", "parts", "halvings", "linear_iterations"):
+                setattr(report, name, getattr(report, name) + getattr(total, name))
+            total = report
+        self.report = total
+        return total
+
+    def _step_servos(self, motion: "ServoMotion", servos: "ServoState", goal: FloatArray) -> None:
         """Advance with `goal` as the command of the servos; a step that fails leaves them as they were."""
         servos.copy_to(self._next)
         angles, dt = self.state.joints[:-1], self.scene.dt
@@ -159,7 +210,6 @@ class Simulation:
         self.torques[:] = self._system.torques
         report.stalled = motion.stalled(servos, self.state.joints[:-1], self.torques)
         self.report = report
-        return report
 
     def _checked(self, joints: FloatArray) -> FloatArray:
         goal = np.array(joints, dtype=float)
@@ -184,6 +234,17 @@ class Simulation:
         self.torques[:] = self._start_torques
         self.report = StepReport()
 
+    def save(self) -> tuple[State, FloatArray]:
+        """Return a copy of state and torques, for `restore`."""
+        return self.state.copy(), self.torques.copy()
+
+    def restore(self, saved: tuple[State, FloatArray]) -> None:
+        """Return to what `save` gave, without moving there: the next step depends on that state alone."""
+        state, torques = saved
+        state.copy_to(self.state)
+        self.torques[:] = torques
+        self._stepper.forget()
+
     @property
     def command(self) -> FloatArray:
         """What was asked last: angles [rad] and slide [m], shape (s + 1,), a copy; the joints if servos are ideal."""
@@ -203,9 +264,19 @@ class Simulation:
         return self.state.positions[: len(self.mesh.nodes)]
 
     @property
+    def skin(self) -> Skin:
+        """What shows the body: undeformed nodes, surface triangles and topology id."""
+        return self._parts.skin or self.mesh
+
+    def shown(self, positions: FloatArray) -> FloatArray:
+        """Return where the nodes of `skin` are [m], shape (k, 3), for `positions` of the mesh's nodes [m], (n, 3)."""
+        skin = self._parts.skin
+        return skin.vertices(positions) if skin else positions
+
+    @property
     def unknowns(self) -> int:
         """Number of unknowns of a step, after elimination of constraints and incompatible modes."""
-        return self._system.reduction.unknowns
+        return self._system.unknowns
 
     @property
     def effector(self) -> Pose | None:
@@ -218,12 +289,12 @@ class Simulation:
         """Return the energies of the present state."""
         s = self.state
         kinetic = 0.5 * float(self._mass @ (s.velocities**2).sum(axis=1))
-        strain = self._system.solid.energy(s.positions, s.modes)
-        if self._system.foundation:
-            strain += self._system.foundation.add_gradient(s.positions, np.zeros_like(s.positions))
-        gravity = self._system.gravity.energy(s.positions) if self._system.gravity else 0.0
+        strain, gravity = self._system.potentials(s)
         return Energies(kinetic, strain, gravity)
 
     def compliance(self) -> Compliance:
         """Return the linearised static response about the present state. Raises SceneError without an effector."""
-        return compliance(self._static.system, self.state)
+        system = self._static.system
+        if not isinstance(system, System):
+            raise SceneError("a body of springs has no effector, so it has no compliance")
+        return compliance(system, self.state)

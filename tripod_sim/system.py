@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.foundation import Foundation
     from tripod_sim.forces.gravity import GravityForce
+    from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.forces.rayleigh import StiffnessDamping
 
 FloatArray = NDArray[np.float64]
@@ -52,11 +53,12 @@ class System:
         inertia: "Anchor | None" = None,
         damping: "StiffnessDamping | None" = None,
         foundation: "Foundation | None" = None,
+        loads: "NodalLoads | None" = None,
         linear: LinearFactory = DEFAULT_LINEAR,
     ) -> None:
         self.rest, self.solid, self.groups = rest, solid, groups
         self.gravity, self.inertia, self.damping = gravity, inertia, damping
-        self.foundation = foundation
+        self.foundation, self.loads = foundation, loads
         blocks = [solid.elements] + ([foundation.elements] if foundation else [])
         self.reduction = Reduction(blocks, groups)
         free, bodies = self.reduction.free_count, self.reduction.bodies
@@ -88,6 +90,18 @@ class System:
             radius = np.sqrt(((rest[nodes] - self._rest_centres[b]) ** 2).sum(axis=1).mean())
             first = 3 * self.reduction.free_count + 6 * b
             self._scale[first + 3 : first + 6] = 1 / radius
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns, after elimination of constraints and incompatible modes."""
+        return self.reduction.unknowns
+
+    def potentials(self, state: State) -> tuple[float, float]:
+        """Return strain energy, the foundation's included, and potential of gravity [J]."""
+        strain = self.solid.energy(state.positions, state.modes)
+        if self.foundation:
+            strain += self.foundation.add_gradient(state.positions, np.zeros_like(state.positions))
+        return strain, self.gravity.energy(state.positions) if self.gravity else 0.0
 
     def start_state(self, joints: FloatArray) -> State:
         """Return the undeformed state at the joint values `joints`, shape (s + 1,); no node is moved."""
@@ -132,6 +146,8 @@ class System:
         if self.gravity:
             self.gravity_energy = self.gravity.add_gradient(state.positions, g)
             phi += self.gravity_energy
+        if self.loads:
+            phi += self.loads.add_gradient(state.positions, g)
         if self.inertia:
             phi += self.inertia.add_gradient(state.positions, g)
         if self.damping:

@@ -28,6 +28,10 @@ class StepReport:
         halvings: Times a part failed and was halved.
         residual: Unbalanced force at the end [N].
         stalled: Servos that stand against their load at the end.
+        linear_iterations: Of conjugate gradients, over all linear solves.
+        dt_limit: Longest stable part of an explicit scheme [s]; infinite for the others.
+        growth: Energy that came from nothing, by an unstable explicit scheme [J]; zero while there is none.
+        grew_at: Step at whose end that was first found, zero for none.
     """
 
     iterations: int = 0
@@ -36,6 +40,10 @@ class StepReport:
     halvings: int = 0
     residual: float = 0.0
     stalled: "tuple[Stall, ...]" = ()
+    linear_iterations: int = 0
+    dt_limit: float = np.inf
+    growth: float = 0.0
+    grew_at: int = 0
 
 
 class Substeps(ABC):

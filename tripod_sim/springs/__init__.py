@@ -1,0 +1,1 @@
+"""Bodies of particles and springs: chains, grids, cloth."""

@@ -1,0 +1,144 @@
+"""Scene to simulation for a body of springs."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tripod_sim.build import Parts, Stepper
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import names_of
+from tripod_sim.mesh.topology import parts as connected_parts
+from tripod_sim.scene import Scene, Springs
+from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
+from tripod_sim.springs.generate import Net, chain, grid, net_of_surface
+from tripod_sim.springs.skin import ChainSkin
+from tripod_sim.springs.system import SpringSystem
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.springs.implicit_kernels import Options
+
+LARGE = 60_000
+"""Unknowns above which `auto` iterates."""
+
+
+def build_springs(scene: Scene, description: Springs) -> Parts:
+    """Return the parts of a simulation of `scene`, whose body `description` describes. Raises SceneError."""
+    body = spring_body(scene, description)
+    system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
+    skin = None if len(body.triangles) else ChainSkin(body)
+    return Parts(body, system.mass, system, _stepper(scene, system), skin=skin)
+
+
+def spring_body(scene: Scene, description: Springs) -> SpringBody:
+    """Return the body that `description` and the fixed boxes of `scene` describe. Raises SceneError."""
+    net = _net(description)
+    nodes = net.nodes + np.array(description.position)
+    kinds = [
+        (net.structural, description.stiffness),
+        (net.shear, description.shear),
+        (net.bending, description.bending),
+    ]
+    kept = [kinds[0]] + [(pairs, k) for pairs, k in kinds[1:] if k > 0]
+    ends = np.concatenate([pairs for pairs, _ in kept])
+    stiffness = np.concatenate([np.full(len(pairs), k) for pairs, k in kept])
+    rest = np.sqrt(((nodes[ends[:, 1]] - nodes[ends[:, 0]]) ** 2).sum(axis=1))
+    body = SpringBody(
+        nodes,
+        ends,
+        rest,
+        stiffness,
+        np.full(len(ends), description.damping),
+        np.full(len(nodes), description.node_mass),
+        _fixed(scene, description, net, nodes),
+        description.compressed == "slack",
+        net.triangles,
+    )
+    if not scene.inertia:
+        label = connected_parts([ends], len(nodes))
+        loose = np.setdiff1d(label, label[body.fixed])
+        if loose.size:
+            raise SceneError(
+                f"springs: nothing holds the part with nodes {names_of(np.flatnonzero(label == loose[0]))}, so its "
+                "translation is free and it has no static equilibrium; add [inertia] or hold it"
+            )
+    return body
+
+
+def _net(description: Springs) -> Net:
+    if description.source == "chain":
+        return chain(description.nodes, description.size)
+    if description.source == "grid":
+        return grid(description.nodes, description.size)
+    if "." in description.source:
+        from tripod_sim.mesh.read_surface import read_surface  # noqa: PLC0415 - only where a file is named
+
+        return net_of_surface(read_surface(Path(description.source), description.scale, "springs.source"))
+    raise SceneError(
+        f"springs.source is {description.source!r}; allowed: chain, grid, or the path of an OBJ or STL file"
+    )
+
+
+def _fixed(scene: Scene, description: Springs, net: Net, nodes: FloatArray) -> IndexArray:
+    """Return the nodes that never move. Raises SceneError, naming those that do not exist."""
+    named = np.array(description.fixed_nodes, dtype=np.int64)
+    if (bad := named[named >= len(nodes)]).size:
+        raise SceneError(
+            f"springs.fixed_nodes: {names_of(bad)} do not exist; the body has nodes 0 to {len(nodes) - 1}"
+        )
+    corners = np.array(description.fixed_corners, dtype=np.int64)
+    if (bad := corners[corners >= len(net.corners)]).size:
+        have = f"corners 0 to {len(net.corners) - 1}" if len(net.corners) else "no corners; use fixed_nodes"
+        raise SceneError(
+            f"springs.fixed_corners: {names_of(bad)} do not exist; {description.source} has {have}"
+        )
+    found = [named, net.corners[corners]]
+    for i, box in enumerate(scene.fixed):
+        inside = (nodes >= np.array(box.low) - 1e-9) & (nodes <= np.array(box.high) + 1e-9)
+        held = np.flatnonzero(inside.all(axis=1))
+        if not held.size:
+            low, high = nodes.min(axis=0).round(4).tolist(), nodes.max(axis=0).round(4).tolist()
+            raise SceneError(
+                f"fixed.{i} holds no node. The box is {box.low} to {box.high} m, the body {low} to {high} m"
+            )
+        found.append(held)
+    fixed = np.unique(np.concatenate(found))
+    if len(fixed) == len(nodes):
+        raise SceneError("springs: every node is fixed; nothing is free to move")
+    return fixed
+
+
+def _stepper(scene: Scene, system: SpringSystem) -> Stepper:
+    drag = scene.damping.mass if scene.damping else 0.0
+    rayleigh = scene.damping.stiffness if scene.damping else 0.0
+    if not scene.inertia:
+        from tripod_sim.springs.implicit import StaticSprings  # noqa: PLC0415
+
+        return StaticSprings(system, _options(scene, system))
+    from tripod_sim.springs.explicit import SCHEMES, ExplicitSprings  # noqa: PLC0415
+
+    if scene.inertia.scheme in SCHEMES:
+        divide = scene.inertia.substeps == "auto"
+        return ExplicitSprings(system, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
+    from tripod_sim.springs.implicit import ImplicitSprings  # noqa: PLC0415
+
+    return ImplicitSprings(
+        system,
+        scene.inertia.scheme,
+        _options(scene, system),
+        drag=drag,
+        rayleigh=rayleigh,
+        max_halvings=scene.solver.max_halvings,
+    )
+
+
+def _options(scene: Scene, system: SpringSystem) -> "Options":
+    from tripod_sim.springs.implicit_kernels import Options  # noqa: PLC0415
+
+    solver = scene.solver
+    if solver.linear == "cholmod":
+        raise SceneError("solver.linear is 'cholmod'; of springs allowed: auto, ldl, cg")
+    direct = solver.linear == "ldl" or (solver.linear == "auto" and system.unknowns <= LARGE)
+    return Options(
+        direct, solver.solves == "one", solver.tolerance, solver.linear_tolerance, solver.max_iterations
+    )

@@ -1,0 +1,124 @@
+"""Steps of spring bodies by explicit schemes, whole or divided into as many parts as their stability asks for."""
+
+import math
+
+import numpy as np
+
+from tripod_sim.errors import SceneError, StepError
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.springs import explicit_kernels as kernels
+from tripod_sim.springs.body import FloatArray
+from tripod_sim.springs.stability import longest_step, network_bound
+from tripod_sim.springs.system import SpringSystem
+from tripod_sim.state import State
+
+SCHEMES = {
+    "explicit_euler": kernels.EXPLICIT_EULER,
+    "semi_implicit_euler": kernels.SEMI_IMPLICIT_EULER,
+    "rk4": kernels.RK4,
+}
+
+SHARE = 0.5
+"""Of the stability limit that a part takes: nearer to it the fastest modes are stable and wrong."""
+
+MOST_PARTS = 10_000_000
+"""Of one step."""
+
+
+class ExplicitSprings:
+    """Advances a spring body by one of three schemes; f is the force, a = M^-1 f(x, v).
+
+        explicit Euler        x' = x + h v,   v' = v + h a      unstable: undamped modes grow by w² h² / 2 a step
+        semi-implicit Euler   v' = v + h a,   x' = x + h v'     first order, keeps the energy of long motions
+        RK4                   the classical scheme, fourth order, for reference
+
+    [HairerLubichWanner2006]
+
+    Attributes:
+        limit: Longest stable part [s].
+        omega: Bound of the largest frequency [rad/s].
+    """
+
+    def __init__(
+        self, system: SpringSystem, scheme: str, *, drag: float, rayleigh: float, divide: bool
+    ) -> None:
+        """Prepare.
+
+        Args:
+            system: The body.
+            scheme: A name of `SCHEMES`.
+            drag: a of the force -a M v [1/s].
+            rayleigh: b of the force -b K v [s].
+            divide: Whether a step is divided into stable parts; if not, instability shows.
+        """
+        body = system.body
+        self._system, self._scheme, self._divide = system, SCHEMES[scheme], divide
+        inverse = np.divide(1.0, system.mass, out=np.zeros_like(system.mass), where=system.mass > 0)
+        self._load = kernels.Load(system.force, inverse, system.mass, drag, rayleigh)
+        square = network_bound(body, body.stiffness)
+        rate = drag + rayleigh * square + network_bound(body, body.damping)
+        self.omega = math.sqrt(square)
+        self.limit = longest_step(scheme, self.omega, rate)
+        # explicit Euler has no stable step without damping: divided like the semi-implicit scheme, it grows slowly
+        self._part = SHARE * max(self.limit, longest_step("semi_implicit_euler", self.omega, rate))
+        if scheme == "rk4":
+            self._part = SHARE * self.limit
+        self._scratch = np.zeros((7, *body.nodes.shape))
+        self._watch = np.zeros(5)
+        self._watching = False
+        weights = (system.force**2).sum(axis=1)
+        self._fall = float(
+            np.divide(weights, system.mass, out=np.zeros_like(weights), where=system.mass > 0).sum()
+        )
+
+    def forget(self) -> None:
+        """Measure the growth of energy from the next step on."""
+        self._watching = False
+
+    def parts(self, dt: float) -> int:
+        """Return into how many parts a step of `dt` [s] is divided. Raises SceneError if into too many."""
+        if not self._divide or not self._part < dt:
+            return 1
+        count = dt / self._part
+        if not count <= MOST_PARTS:
+            raise SceneError(
+                f"dt is {dt:g} s: a step would take {count:.2g} parts of {self._part:.2g} s to be stable (at most "
+                f"{MOST_PARTS}); choose an implicit inertia.scheme or a smaller dt"
+            )
+        return math.ceil(count)
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """Advance by one step, in place. Raises StepError and leaves `state`."""
+        return self.advance(state, joints, dt, 1)
+
+    def advance(self, state: State, joints: FloatArray, dt: float, count: int) -> StepReport:
+        """Advance by `count` steps of `dt` [s] in one compiled loop, in place; the same bits as one by one.
+
+        Raises:
+            StepError: a number left the range of floating point; `state` is the last good one.
+        """
+        parts = self.parts(dt)
+        if not self._watching:
+            springs, weight = self._system.potentials(state)
+            kinetic = 0.5 * float(self._system.mass @ (state.velocities**2).sum(axis=1))
+            self._watch[:] = kinetic + springs + weight, kinetic + springs, 2 * self._fall * dt**2, 0.0, 0.0
+            self._watching = True
+        outcome, done = kernels.explicit_steps(
+            self._scheme, count, dt / parts, parts, state.positions, state.velocities, self._system.body.nodes,
+            self._system.links, self._load, self._watch, self._scratch,
+        )  # fmt: skip
+        for _ in range(done):
+            state.time += dt
+        state.step += done
+        if outcome == kernels.OVERFLOW:
+            raise StepError(
+                f"step {state.step + 1} at {state.time:.4g} s overflows: the explicit scheme is unstable at dt {dt:g} "
+                f"s (limit {self.limit:.3g} s); substeps = 'auto' divides the step, an implicit scheme needs no limit"
+            )
+        grew = int(self._watch[4])
+        return StepReport(
+            parts=parts * done,
+            dt_limit=self.limit,
+            growth=float(self._watch[3]) if grew else 0.0,
+            grew_at=state.step - grew + 1 if grew else 0,
+        )

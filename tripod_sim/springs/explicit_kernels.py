@@ -1,0 +1,172 @@
+"""Compiled time loops of the explicit schemes for springs: many steps in one call, the same bits as one by one."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from tripod_sim.springs.spring_kernels import Links, add_forces
+
+Array = Any
+
+EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
+
+FINE, OVERFLOW = 0, 1
+
+
+class Load(NamedTuple):
+    """What acts on the nodes besides the springs.
+
+    force: constant [N], (n, 3); inverse_mass: 1 / m [1/kg], zero of fixed nodes, (n,); drag: a of -a M v [1/s];
+    rayleigh: b of -b K v [s]; mass: [kg], zero of fixed nodes, (n,).
+    """
+
+    force: Array
+    inverse_mass: Array
+    mass: Array
+    drag: float
+    rayleigh: float
+
+
+@njit(cache=True, error_model="numpy")
+def accelerations(x: Array, v: Array, links: Links, load: Load, a: Array) -> float:
+    """Write M^-1 f(x, v) [m/s²], zero of fixed nodes; return the springs' energy [J]."""
+    for n in range(x.shape[0]):
+        for i in range(3):
+            a[n, i] = load.force[n, i]
+    energy = add_forces(x, v, links, load.rayleigh, a)
+    for n in range(x.shape[0]):
+        w = load.inverse_mass[n]
+        if w > 0.0:
+            for i in range(3):
+                a[n, i] = w * a[n, i] - load.drag * v[n, i]
+        else:
+            a[n, 0] = a[n, 1] = a[n, 2] = 0.0
+    return energy
+
+
+@njit(cache=True, error_model="numpy")
+def mechanical(x: Array, v: Array, origin: Array, load: Load) -> tuple[float, float]:
+    """Return kinetic energy and -force . (x - origin) [J]."""
+    kinetic = weight = 0.0
+    for n in range(x.shape[0]):
+        square = v[n, 0] * v[n, 0] + v[n, 1] * v[n, 1] + v[n, 2] * v[n, 2]
+        kinetic += 0.5 * load.mass[n] * square
+        for i in range(3):
+            weight -= load.force[n, i] * (x[n, i] - origin[n, i])
+    return kinetic, weight
+
+
+@njit(cache=True, error_model="numpy")
+def _runge_kutta(
+    x: Array,
+    v: Array,
+    h: float,
+    links: Links,
+    load: Load,
+    a: Array,
+    xs: Array,
+    vs: Array,
+    dx: Array,
+    dv: Array,
+) -> float:
+    """Advance by the classical fourth-order scheme; return the springs' energy at the start."""
+    energy = 0.0
+    size = x.shape[0]
+    for stage in range(4):
+        if stage == 0:
+            energy = accelerations(x, v, links, load, a)
+            for n in range(size):
+                for i in range(3):
+                    dx[n, i], dv[n, i] = v[n, i], a[n, i]
+                    xs[n, i], vs[n, i] = x[n, i] + 0.5 * h * v[n, i], v[n, i] + 0.5 * h * a[n, i]
+            continue
+        accelerations(xs, vs, links, load, a)
+        weight, reach = (1.0, 0.0) if stage == 3 else (2.0, 0.5 * h if stage == 1 else h)
+        for n in range(size):
+            for i in range(3):
+                rate, force = vs[n, i], a[n, i]
+                dx[n, i] += weight * rate
+                dv[n, i] += weight * force
+                xs[n, i], vs[n, i] = x[n, i] + reach * rate, v[n, i] + reach * force
+    for n in range(size):
+        if load.inverse_mass[n] > 0.0:
+            for i in range(3):
+                x[n, i] += h / 6.0 * dx[n, i]
+                v[n, i] += h / 6.0 * dv[n, i]
+    return energy
+
+
+@njit(cache=True, error_model="numpy")
+def explicit_steps(
+    scheme: int,
+    count: int,
+    h: float,
+    parts: int,
+    x: Array,
+    v: Array,
+    origin: Array,
+    links: Links,
+    load: Load,
+    watch: Array,
+    scratch: Array,
+) -> tuple[int, int]:
+    """Advance `x` and `v` by `count` steps of `parts` parts of `h` [s] each.
+
+    After each step the energy is compared with what the inputs justify: it grew if
+
+        E - E_0 > 1/2 max(kinetic + springs) + watch[2],
+
+    half of all motion and tension then came from nothing.
+
+    Args:
+        scheme: One of the numbers above.
+        count: Steps.
+        h: Length of a part [s].
+        parts: Parts of a step.
+        x, v: State, (n, 3), in place; at an overflow the state before the step that failed.
+        origin: Where the load's potential is zero, (n, 3).
+        links, load: The forces.
+        watch: E_0, largest kinetic + springs so far, allowance, growth E - E_0 of the last step [J], and the number
+            of steps since growth was found, zero if it was not.
+        scratch: (7, n, 3).
+
+    Returns:
+        FINE, or OVERFLOW where a number is no longer finite, and the steps made.
+    """
+    a, xs, vs, dx, dv, x_keep, v_keep = (
+        scratch[0],
+        scratch[1],
+        scratch[2],
+        scratch[3],
+        scratch[4],
+        scratch[5],
+        scratch[6],
+    )
+    size = x.shape[0]
+    for done in range(count):
+        x_keep[:] = x
+        v_keep[:] = v
+        for _ in range(parts):
+            if scheme == RK4:
+                _runge_kutta(x, v, h, links, load, a, xs, vs, dx, dv)
+                continue
+            accelerations(x, v, links, load, a)
+            for n in range(size):
+                if load.inverse_mass[n] > 0.0:
+                    for i in range(3):
+                        old = v[n, i]
+                        new = old + h * a[n, i]
+                        v[n, i] = new
+                        x[n, i] += h * (new if scheme == SEMI_IMPLICIT_EULER else old)
+        springs = add_forces(x, v, links, 0.0, a)
+        kinetic, weight = mechanical(x, v, origin, load)
+        if not np.isfinite(kinetic + springs + weight):
+            x[:] = x_keep
+            v[:] = v_keep
+            return OVERFLOW, done
+        watch[1] = max(watch[1], kinetic + springs)
+        watch[3] = kinetic + springs + weight - watch[0]
+        if watch[4] > 0.0 or watch[3] > 0.5 * watch[1] + watch[2]:
+            watch[4] += 1.0
+    return FINE, count

@@ -1,0 +1,114 @@
+"""What a spring body is to whoever steps it, looks at it or adds to it: energies, gradient, Hessian, pattern."""
+
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from tripod_sim.constraints.groups import Groups
+from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
+from tripod_sim.springs.spring_kernels import Links, add_gradient, elastic_energy, tangents
+from tripod_sim.state import State
+
+
+class SpringSystem:
+    """Springs, weight and fixed nodes.
+
+    The potential is E(x) - F . (x - X), gradient dE/dx - F; unknowns are the positions of free nodes, three each, in
+    the order of `body.free`.
+
+    Attributes:
+        body: Nodes, springs, masses.
+        links: The springs as kernels take them.
+        force: F, constant force on each node [N], shape (n, 3).
+        mass: Of nodes [kg], zero of fixed ones, shape (n,).
+        number: Place of a node in `body.free`, -1 if fixed, shape (n,).
+        unknowns: Three for each free node.
+        groups: The fixed nodes as node groups.
+        torques: Of servos: there are none, shape (0,).
+    """
+
+    def __init__(self, body: SpringBody, acceleration: tuple[float, float, float] | None) -> None:
+        """`acceleration`: of gravity [m/s²]; None for none."""
+        self.body = body
+        self.links = Links(body.ends, body.rest_length, body.stiffness, body.damping, bool(body.slack))
+        self.force = np.zeros_like(body.nodes)
+        if acceleration is not None:
+            self.force += body.mass[:, None] * np.array(acceleration)
+        self.mass = np.zeros(len(body.nodes))
+        self.mass[body.free] = body.mass[body.free]
+        self.number = np.full(len(body.nodes), -1, dtype=np.int64)
+        self.number[body.free] = np.arange(len(body.free))
+        self.unknowns = 3 * len(body.free)
+        self.groups = Groups(len(body.nodes), fixed=np.unique(body.fixed))
+        self.torques = np.zeros(0)
+        self._none = np.zeros(len(body.ends))
+
+    def start_state(self, joints: FloatArray) -> State:
+        """Return the undeformed state, at rest."""
+        n = len(self.body.nodes)
+        return State(
+            self.body.nodes.copy(),
+            np.zeros((n, 3)),
+            np.zeros((0, 3, 3)),
+            np.zeros((0, 3)),
+            np.zeros((0, 3, 3)),
+            joints.copy(),
+        )
+
+    def potentials(self, state: State) -> tuple[float, float]:
+        """Return the energy of the springs and the potential of the weight [J]."""
+        weight = -float(np.vdot(self.force, state.positions - self.body.nodes))
+        return float(elastic_energy(state.positions, self.links)), weight
+
+    def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
+        """Add dE/dx - F to `g` [N], shape (n, 3), fixed nodes included, and return the potential [J]."""
+        g -= self.force
+        elastic = float(add_gradient(x, self.links, 0.0, self._none, g))
+        return elastic - float(np.vdot(self.force, x - self.body.nodes))
+
+    def hessian_blocks(self, x: FloatArray, out: FloatArray, *, project: bool) -> None:
+        """Write the block B of each spring, xx xy xz yy yz zz, shape (m, 6) [N/m]; see `tangents`."""
+        tangents(x, self.links, 0.0, self._none, project, out)
+
+    def hessian(self, x: FloatArray, *, project: bool) -> Any:
+        """Return d²E/dx² of the free nodes [N/m], a scipy CSC matrix of shape (unknowns, unknowns)."""
+        blocks = np.empty((len(self.body.ends), 6))
+        self.hessian_blocks(x, blocks, project=project)
+        full = blocks[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+        a, b = self.number[self.body.ends].T
+        rows, columns, values = [], [], []
+        for i, j, sign in ((a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)):
+            there = (i >= 0) & (j >= 0)
+            shape = (int(there.sum()), 3, 3)
+            rows.append(np.broadcast_to(3 * i[there, None, None] + np.arange(3)[:, None], shape).ravel())
+            columns.append(np.broadcast_to(3 * j[there, None, None] + np.arange(3), shape).ravel())
+            values.append(sign * full[there].ravel())
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        return sparse.csc_matrix(entries, shape=(self.unknowns, self.unknowns))
+
+    def pattern(self) -> tuple[Any, IndexArray, IndexArray]:
+        """Return where the Hessian of free nodes has entries: the upper triangle, CSC, and places in its data.
+
+        The second and third are where column c of a free node's diagonal block begins, shape (free, 3), and of each
+        spring's off-diagonal block, shape (m, 3), -1 where an end is fixed.
+        """
+        count, n = len(self.body.free), self.unknowns
+        a, b = np.sort(self.number[self.body.ends], axis=1).T
+        there = a >= 0
+        own = np.arange(count)
+        block = np.unique(np.concatenate([own * (count + 1), b[there] * count + a[there]]))
+        column, row = block // count, block % count
+        c, r = np.arange(3)[None, :, None], np.arange(3)[None, None, :]
+        rows = np.broadcast_to(3 * row[:, None, None] + r, (len(block), 3, 3))
+        columns = np.broadcast_to(3 * column[:, None, None] + c, (len(block), 3, 3))
+        keys = np.sort((columns * n + rows)[rows <= columns])
+        indptr = np.searchsorted(keys, np.arange(n + 1) * n)
+        matrix = sparse.csc_matrix((np.ones(len(keys)), keys % n, indptr), shape=(n, n))
+
+        def begin(i: IndexArray, j: IndexArray) -> IndexArray:
+            return np.searchsorted(keys, (3 * j[:, None] + np.arange(3)) * n + 3 * i[:, None])
+
+        off = np.full((len(self.body.ends), 3), -1, dtype=np.int64)
+        off[there] = begin(a[there], b[there])
+        return matrix, begin(own, own), off
