@@ -40,6 +40,11 @@ angles, it moves no solution: a step leaves 1e-4 of the distance, the next 1e-4 
 ROW_BOUND = 1e3
 """Bounds of rows farther away than this [rad] are cut: they cannot act, and large numbers disturb OSQP."""
 
+REACH = 0.03
+"""Bounds of rows count at most this far [rad] beyond what the allowed commands can reach: a limit that is far out of
+reach pulls there, and no harder than one that is just out of reach.
+"""
+
 BLIND = 1e-9
 """Rows of limits smaller than this [unit/rad] count as zero: no angle changes what they limit."""
 
@@ -145,10 +150,10 @@ def build_ik(
         here = slice(m + first, m + first + len(found.names))
         k = np.linalg.norm(found.matrix, axis=1)
         k = np.where(k > BLIND, k, np.inf)  # what no angle changes gets a row of zeros without bounds
-        blind = np.isinf(k)
-        low[here] = np.where(blind, -ROW_BOUND, np.clip(found.low / k, -ROW_BOUND, ROW_BOUND))
-        high[here] = np.where(blind, ROW_BOUND, np.clip(found.high / k, -ROW_BOUND, ROW_BOUND))
-        A[here, :n] = found.matrix / k[:, None]
+        A[here, :n] = G = found.matrix / k[:, None]
+        least, most = _reach(G, low[:n], high[:n])
+        low[here] = np.where(np.isinf(k), -ROW_BOUND, np.clip(found.low / k, least, most))
+        high[here] = np.where(np.isinf(k), ROW_BOUND, np.clip(found.high / k, least, most))
         A[here, slack] = np.eye(len(found.names)) / np.sqrt(limit.weight)
         if limit.hard:  # no more slack than holding needs
             held = A[here, :n] @ keep
@@ -158,3 +163,10 @@ def build_ik(
         first += len(found.names)
     names = tuple(name for found in limited for name in found.names)
     return IkProblem(P, q, A, low, high, state, tuple(tasks), rows, box, hold, names)
+
+
+def _reach(G: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the largest value of G δ for low ≤ δ ≤ high, `REACH` beyond, but within `ROW_BOUND`."""
+    ends = np.clip([low, high], -ROW_BOUND, ROW_BOUND)
+    least, most = (side(G * ends[0], G * ends[1]).sum(axis=1) for side in (np.minimum, np.maximum))
+    return np.maximum(least - REACH, -ROW_BOUND), np.minimum(most + REACH, ROW_BOUND)

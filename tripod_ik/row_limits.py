@@ -111,7 +111,7 @@ class EffectorBox(RowLimit):
     def __post_init__(self) -> None:
         super().__post_init__()
         for side in ("low", "high"):
-            object.__setattr__(self, side, frozen(f"effector box, {side},", getattr(self, side), (3,)))
+            object.__setattr__(self, side, frozen(f"effector box, {side}", getattr(self, side), (3,)))
         if not np.all(self.low < self.high):
             raise IkError(
                 f"effector box: low {self.low.tolist()} m must be below high {self.high.tolist()} m"

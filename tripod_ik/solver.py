@@ -20,6 +20,9 @@ KKT_TOLERANCE = 1e-6
 COARSE, FINE = 1e-4, 1e-9
 """Tolerances of OSQP [rad]: the first is nearly always enough to tell the active limits, then the second."""
 
+RHO, HARD_RHO = 0.1, 10.0
+"""Step lengths of OSQP: the usual one, and one for large multipliers."""
+
 ACTIVE = 1e-7
 """Multiplier [rad] from which on a limit counts as active: it keeps the effector from coming closer."""
 
@@ -106,7 +109,7 @@ class IkSolver:
             max_iter=max_iterations,
             time_limit=1e10 if time_limit is None else time_limit,
             check_termination=5,
-            rho=0.1,
+            rho=RHO,
             adaptive_rho=1,  # by iterations: by time, the same problem would give other bits each time
             adaptive_rho_interval=25,
             polishing=False,
@@ -128,11 +131,14 @@ class IkSolver:
             q=problem.q, l=problem.l, u=problem.u, Px=problem.P.T[self._P.T], Ax=problem.A.T[self._A.T]
         )
         x, y, kkt, iterations, status = self._attempt(problem)
-        unsure = not kkt <= KKT_TOLERANCE and status == "solved"
-        if self._polishing and unsure:  # four digits did not tell the active limits
-            self._osqp.update_settings(eps_abs=FINE)
+        if self._polishing and not kkt <= KKT_TOLERANCE:
+            # four digits did not tell the active limits; or limits that contradict each other push hard, and OSQP's
+            # step length is wrong for that
+            retry = {"eps_abs": FINE} if status == "solved" else {"rho": HARD_RHO}
+            self._osqp.update_settings(**retry)
+            self._osqp.warm_start(np.zeros(len(x)), np.zeros(len(y)))
             x, y, kkt, more, status = self._attempt(problem)
-            self._osqp.update_settings(eps_abs=COARSE)
+            self._osqp.update_settings(eps_abs=COARSE, rho=RHO)
             iterations += more
         if not kkt <= KKT_TOLERANCE:
             return _held(problem, iterations, status, kkt)

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from tripod_ik.arrays import FloatArray
-from tripod_ik.problem import REGULARISATION, IkProblem
+from tripod_ik.problem import REACH, REGULARISATION, IkProblem
 from tripod_ik.row_limits import TorqueLimit
 
 
@@ -26,11 +26,23 @@ def cost(problem: IkProblem, torque: TorqueLimit | None, delta: FloatArray) -> f
     value += REGULARISATION / 2 * np.sum((state.angles + delta - problem.hold) ** 2, axis=-1)
     if torque is not None:
         k = np.linalg.norm(state.stiffness, axis=1)
-        beyond = np.maximum(np.abs(state.torques + delta @ state.stiffness.T) - torque.maximum, 0.0)
+        after, (least, most) = state.torques + delta @ state.stiffness.T, torque_range(problem, torque)
+        beyond = np.maximum(np.maximum(after - most, least - after), 0.0)
         value += (
             torque.weight / 2 * np.sum(np.where(k > 1e-9, beyond / np.maximum(k, 1e-9), 0.0) ** 2, axis=-1)
         )
     return value
+
+
+def torque_range(problem: IkProblem, torque: TorqueLimit) -> tuple[FloatArray, FloatArray]:
+    """Return the torques allowed [N m], cut where even the corner of the box that is nearest is far from them."""
+    state = problem.state
+    corners = np.array(list(product(*zip(problem.box.low, problem.box.high, strict=True)))) - state.angles
+    reached = state.torques + corners @ state.stiffness.T
+    margin = REACH * np.linalg.norm(state.stiffness, axis=1)
+    sides = [np.broadcast_to(sign * np.asarray(torque.maximum), margin.shape) for sign in (-1, 1)]
+    least, most = (np.clip(s, reached.min(axis=0) - margin, reached.max(axis=0) + margin) for s in sides)
+    return least, most
 
 
 def best_step(problem: IkProblem, torque: TorqueLimit | None) -> FloatArray:
@@ -44,17 +56,17 @@ def best_step(problem: IkProblem, torque: TorqueLimit | None) -> FloatArray:
     H = (J.T @ S @ S @ J + mu * np.eye(n)) / sigma + REGULARISATION * np.eye(n)
     g = -J.T @ S @ S @ e / sigma - REGULARISATION * (problem.hold - state.angles)
     K, k = state.stiffness, np.linalg.norm(state.stiffness, axis=1)
-    maximum = np.inf if torque is None else np.broadcast_to(torque.maximum, n)
+    sides = (np.zeros(n), np.zeros(n)) if torque is None else torque_range(problem, torque)
     weight = 0.0 if torque is None else torque.weight
     candidates = []
     for signs in product((-1, 0, 1), repeat=n if torque else 0):
         H2, g2 = H.copy(), g.copy()
         for i, sign in enumerate(signs):
-            if sign and k[i] > 1e-9:  # weight / 2 ((tau + K δ - sign maximum) / k)²
+            if sign and k[i] > 1e-9:  # weight / 2 ((tau + K δ - side) / k)²
                 H2 += weight * np.outer(K[i], K[i]) / k[i] ** 2
-                g2 += weight * K[i] * (state.torques[i] - sign * maximum[i]) / k[i] ** 2
-        for sides in product((-1, 0, 1), repeat=n):
-            s = np.array(sides)
+                g2 += weight * K[i] * (state.torques[i] - sides[sign > 0][i]) / k[i] ** 2
+        for ends in product((-1, 0, 1), repeat=n):
+            s = np.array(ends)
             delta = np.where(s < 0, low, np.where(s > 0, high, 0.0))
             if not np.isfinite(delta).all():
                 continue

@@ -269,16 +269,32 @@ def test_a_problem_that_is_not_finite_holds_the_previous_command(changes):
     [({"max_iterations": 1}, "maximum iterations reached"), ({"time_limit": 1e-9}, "run time limit reached")],
 )
 def test_without_time_the_result_is_used_only_if_it_is_certified(monkeypatch, settings, status):
-    starved = IkSolver(3, rows=3, **settings)
-    rescued = starved.solve(typical())
+    state = SpringRobot(slide=0.035).state(WORKING)
+    tasks = [PositionTask(state.equilibrium + np.array([0.005, -0.002, 0.004]))]
+    problem = build_ik(state, tasks, LIMITS, previous=WORKING + 0.01, dt=0.01)
+    rescued = IkSolver(3, **settings).solve(problem)
     assert rescued.status == status
     assert rescued.ok  # the active limits were guessed right, and the residual proves it
-    assert rescued.command == pytest.approx(solve_ik(typical()).command, abs=1e-9)
+    assert rescued.command == pytest.approx(solve_ik(problem).command, abs=1e-9)
     monkeypatch.setattr(solver, "polish", lambda problem, x, y: (x, y, kkt_residual(problem, x, y)))
-    held = IkSolver(3, rows=3, **settings).solve(typical())
+    held = IkSolver(3, **settings).solve(problem)
     assert held.status == status
     assert not held.ok
     assert held.command == pytest.approx(WORKING + 0.01, abs=1e-15)
+
+
+def test_without_polishing_osqp_finds_the_same_by_itself():
+    rng = np.random.default_rng(13)
+    for rows in (0, 3):
+        plain, polished = (IkSolver(3, rows=rows, polishing=p, max_iterations=100_000) for p in (False, True))
+        for _ in range(20):
+            problem, _ = random_problem(rng, torque=rows > 0)
+            a, b = plain.solve(problem), polished.solve(problem)
+            if a.ok:
+                assert 1e-15 < a.kkt < 1e-6
+                assert a.command == pytest.approx(b.command, abs=1e-5)
+                assert a.iterations >= b.iterations
+        assert a.ok
 
 
 def test_equal_sequences_give_equal_bits():
