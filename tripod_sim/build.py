@@ -21,6 +21,7 @@ from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:
+    from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion
@@ -88,25 +89,18 @@ def build(scene: Scene) -> Parts:
 
         rest, frames, foundation = bed_clamps(mesh, groups.driven, scene.clamp.stiffness)
         groups = replace(groups, size=len(rest), driven=frames)
-    plate, ball_radius = None, scene.ball.radius if scene.ball else 0.0
-    if scene.maze:
-        from tripod_sim.maze.plate import fasten
-
-        rest, groups, plate = fasten(rest, groups, scene.maze, ball_radius)
+    rest, groups, plate = _fastened(scene, rest, groups)
     load, inert = _node_masses(mesh, scene.material.mass, len(rest))
-    for mass in (load, inert) if plate else ():
-        mass[plate.nodes] += plate.mass
+    if plate:
+        load[plate.nodes], inert[plate.nodes] = plate.mass, plate.mass
     lam, mu = lame_constants(scene.material.young, scene.material.poisson)
     solid = Solid(rest, _strained(mesh.elements, groups), mesh.kind, scene.material.law, lam, mu)
-    gravity = inertia = damping = loads = None
+    gravity = inertia = damping = None
     if scene.gravity:
         from tripod_sim.forces.gravity import GravityForce
 
         gravity = GravityForce(load, scene.gravity.acceleration, rest)
-    if scene.ball:
-        from tripod_sim.forces.loads import NodalLoads
-
-        loads = NodalLoads(rest)
+    loads, ball = _ball(scene, rest, plate)
     if scene.inertia:
         from tripod_sim.forces.anchor import Anchor
 
@@ -137,14 +131,34 @@ def build(scene: Scene) -> Parts:
         from tripod_sim.robot.servo import ServoMotion
 
         servos = ServoMotion(scene.servo_dynamics, len(groups.driven))
-    ball = None
-    if scene.ball and scene.gravity and plate and loads:
-        from tripod_sim.maze.play import MazeBall
-
-        ball = MazeBall(
-            scene.ball, plate, np.array(scene.gravity.acceleration), loads, quasi_static=not scene.inertia
-        )
     return Parts(mesh, inert, system, stepper, servos, plate=plate, ball=ball)
+
+
+def _fastened(
+    scene: Scene, rest: FloatArray, groups: Groups
+) -> "tuple[FloatArray, Groups, Plate | None]":
+    """Return nodes and groups with what the scene fastens to the disc, and that."""
+    if not scene.maze:
+        return rest, groups, None
+    from tripod_sim.maze.plate import fasten
+
+    return fasten(rest, groups, scene.maze, scene.ball.radius if scene.ball else 0.0)
+
+
+def _ball(
+    scene: Scene, rest: FloatArray, plate: "Plate | None"
+) -> "tuple[NodalLoads | None, MazeBall | None]":
+    """Return the loads of the ball on the nodes, and how it moves."""
+    if not (scene.ball and scene.gravity):
+        return None, None
+    from tripod_sim.forces.loads import NodalLoads
+
+    loads, gravity = NodalLoads(rest), np.array(scene.gravity.acceleration)
+    if not plate:
+        raise SceneError("ball needs maze")
+    from tripod_sim.maze.play import MazeBall
+
+    return loads, MazeBall(scene.ball, plate, gravity, loads, quasi_static=not scene.inertia)
 
 
 def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, FloatArray]:

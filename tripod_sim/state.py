@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.ball.ball import BallState
     from tripod_sim.robot.servo import ServoState
 
 FloatArray = NDArray[np.float64]
@@ -26,6 +27,7 @@ class State:
         time: Since the last reset [s].
         step: Completed steps since the last reset.
         servos: What the servos remember; None where their angles are ideal.
+        ball: The ball; None in a scene without one.
     """
 
     positions: FloatArray
@@ -37,6 +39,7 @@ class State:
     time: float = 0.0
     step: int = 0
     servos: "ServoState | None" = None
+    ball: "BallState | None" = None
 
     def copy_to(self, other: "State") -> None:
         """Overwrite `other` with this state, without allocating."""
@@ -45,10 +48,13 @@ class State:
         other.time, other.step = self.time, self.step
         if self.servos and other.servos:
             self.servos.copy_to(other.servos)
+        if self.ball and other.ball:
+            self.ball.copy_to(other.ball)
 
     def copy(self) -> "State":
         """Return an independent copy."""
         arrays = (self.positions, self.velocities, self.modes, self.centres, self.rotations, self.joints)
         x, v, modes, centres, rotations, joints = (a.copy() for a in arrays)
         servos = self.servos.copy() if self.servos else None
-        return State(x, v, modes, centres, rotations, joints, self.time, self.step, servos)
+        ball = self.ball.copy() if self.ball else None
+        return State(x, v, modes, centres, rotations, joints, self.time, self.step, servos, ball)

@@ -54,7 +54,12 @@ for _effect in EFFECTS:
     if not getattr(EVERYTHING, _effect):  # effects that came after this test: as they are by default
         EVERYTHING = replace(EVERYTHING, **{_effect: get_args(get_type_hints(Scene)[_effect])[0]()})
 
-NEEDED_BY = {"inertia": ["damping"], "servos": ["servo_dynamics", "clamp"]}
+NEEDED_BY = {
+    "gravity": ["ball"],
+    "inertia": ["damping"],
+    "servos": ["servo_dynamics", "clamp"],
+    "effector": ["maze"],
+}
 
 
 def written(folder: Path, text: str | bytes) -> Path:

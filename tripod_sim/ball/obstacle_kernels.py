@@ -1,0 +1,151 @@
+"""What a ball can touch: distance to boxes and triangles, and the first time at which a moving ball does.
+
+The distance d from a point to a convex set is convex along a straight line, so the tangent of f(s) = d(s) - reach lies
+below f and Newton's method from the start of the line approaches the first root from the left: it never oversteps it,
+and stops where the ball would touch, however fast it is and however thin the wall.
+"""
+
+from math import sqrt
+from typing import Any
+
+from numba import njit
+
+Array = Any
+
+TOUCHING = 1e-11
+"""Distance above `reach` at which a moving ball counts as touching [m]."""
+
+DEEPEST = 1e-13
+"""A move that goes no deeper than this into what it touches is rounding [m]."""
+
+MISSES = 2.0
+"""What `sweep` returns when nothing is touched."""
+
+MOST_ITERATIONS = 100
+
+
+@njit(cache=True, error_model="numpy")
+def box_distance(box: Array, q: Array, normal: Array) -> float:
+    """Return the distance from `q` to a box [m], negative inside; write the unit vector from it to `q`.
+
+    Args:
+        box: Centre and half extents [m], shape (6,).
+        q: Point [m], shape (3,).
+        normal: Written, shape (3,).
+    """
+    square, deepest, side = 0.0, -1e30, 0
+    for i in range(3):
+        d = q[i] - box[i]
+        out = abs(d) - box[3 + i]
+        if out > deepest:
+            deepest, side = out, i
+        normal[i] = 0.0
+        if out > 0.0:
+            normal[i] = out if d > 0.0 else -out
+            square += out * out
+    if square > 0.0:
+        distance = sqrt(square)
+        for i in range(3):
+            normal[i] /= distance
+        return distance
+    normal[side] = 1.0 if q[side] >= box[side] else -1.0
+    return deepest
+
+
+@njit(cache=True, error_model="numpy")
+def triangle_distance(triangle: Array, q: Array, normal: Array, weights: Array) -> float:
+    """Return the distance from `q` to a triangle [m]; write the unit vector from it to `q` and the closest point.
+
+    The closest point by the Voronoi regions of corners, edges and face [Ericson2005, section 5.1.5].
+
+    Args:
+        triangle: Corners [m], shape (9,).
+        q: Point [m], shape (3,).
+        normal: Written, shape (3,); where the distance is 0, the normal of the triangle.
+        weights: Barycentric coordinates of the closest point, written, shape (3,).
+    """
+    d1 = d2 = d3 = d4 = d5 = d6 = 0.0
+    for i in range(3):
+        ab, ac = triangle[3 + i] - triangle[i], triangle[6 + i] - triangle[i]
+        ap, bp, cp = q[i] - triangle[i], q[i] - triangle[3 + i], q[i] - triangle[6 + i]
+        d1 += ab * ap
+        d2 += ac * ap
+        d3 += ab * bp
+        d4 += ac * bp
+        d5 += ab * cp
+        d6 += ac * cp
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    if d1 <= 0.0 and d2 <= 0.0:
+        v, w = 0.0, 0.0
+    elif d3 >= 0.0 and d4 <= d3:
+        v, w = 1.0, 0.0
+    elif d6 >= 0.0 and d5 <= d6:
+        v, w = 0.0, 1.0
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        v, w = d1 / (d1 - d3), 0.0
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        v, w = 0.0, d2 / (d2 - d6)
+    elif va <= 0.0 and d4 >= d3 and d5 >= d6:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        v = 1.0 - w
+    else:
+        v, w = vb / (va + vb + vc), vc / (va + vb + vc)
+    weights[0], weights[1], weights[2] = 1.0 - v - w, v, w
+    square = 0.0
+    for i in range(3):
+        normal[i] = (
+            q[i] - weights[0] * triangle[i] - weights[1] * triangle[3 + i] - weights[2] * triangle[6 + i]
+        )
+        square += normal[i] * normal[i]
+    distance = sqrt(square)
+    if distance > 1e-15:
+        for i in range(3):
+            normal[i] /= distance
+        return distance
+    a0, a1, a2 = triangle[3] - triangle[0], triangle[4] - triangle[1], triangle[5] - triangle[2]
+    b0, b1, b2 = triangle[6] - triangle[0], triangle[7] - triangle[1], triangle[8] - triangle[2]
+    n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    length = sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+    normal[0], normal[1], normal[2] = n0 / length, n1 / length, n2 / length
+    return 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def distance(k: int, boxes: Array, triangles: Array, q: Array, normal: Array, weights: Array) -> float:
+    """Return the distance from `q` to obstacle `k` [m] and write the normal: boxes first, then triangles."""
+    if k < boxes.shape[0]:
+        return box_distance(boxes[k], q, normal)
+    return triangle_distance(triangles[k - boxes.shape[0]], q, normal, weights)
+
+
+@njit(cache=True, error_model="numpy")
+def sweep(
+    k: int, boxes: Array, triangles: Array, q: Array, move: Array, reach: float, scratch: Array
+) -> float:
+    """Return the fraction of `move` after which a point at `q` is first `reach` away from obstacle `k`, or `MISSES`.
+
+    Never later than the true one; a point that is nearer already but moves away misses.
+
+    Args:
+        k: Number of the obstacle.
+        boxes, triangles: Obstacles, shapes (m, 6) and (n, 9) [m].
+        q: Start [m], shape (3,).
+        move: [m], shape (3,).
+        reach: Radius of the ball, and a skin [m].
+        scratch: Shape (3, 3).
+    """
+    point, normal, weights = scratch[0], scratch[1], scratch[2]
+    s = 0.0
+    for _ in range(MOST_ITERATIONS):
+        for i in range(3):
+            point[i] = q[i] + s * move[i]
+        over = distance(k, boxes, triangles, point, normal, weights) - reach
+        slope = normal[0] * move[0] + normal[1] * move[1] + normal[2] * move[2]
+        if slope * (1.0 - s) >= -DEEPEST:
+            return MISSES
+        if over <= TOUCHING:
+            return s
+        s += over / -slope
+        if s > 1.0:
+            return MISSES
+    return s

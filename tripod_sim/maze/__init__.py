@@ -1,0 +1,1 @@
+"""Mazes: a text format, a generator, shipped mazes, and the plate with walls that they become."""

@@ -1,0 +1,125 @@
+"""The ball in the maze and the robot under it: each step the plate moves the ball, and the ball loads the next step.
+
+The ball is light against the plate, so that the delay of a step between its impulses and the plate's answer is stable;
+the ledger has what the delay makes of the energy.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion
+from tripod_sim.ball.obstacle_kernels import MISSES, sweep
+from tripod_sim.ball.plate_kernels import SKIN
+from tripod_sim.errors import SceneError
+from tripod_sim.forces.loads import NodalLoads
+from tripod_sim.maze.plate import Plate
+from tripod_sim.scene import Ball
+from tripod_sim.state import State
+
+FloatArray = NDArray[np.float64]
+
+HEAVIEST = 1 / 16
+"""Mass of the ball over that of the plate up to which the delayed load is stable, at the rim of the plate too."""
+
+AVERAGE = 0.05
+"""Without inertia the robot cannot take an impact; it then feels the ball's force averaged over this time [s]."""
+
+
+class MazeBall:
+    """Moves the ball of a scene with a maze.
+
+    Attributes:
+        plate: What it plays on.
+        ball: Its motion on the plate.
+    """
+
+    def __init__(
+        self, description: Ball, plate: Plate, gravity: FloatArray, loads: NodalLoads, *, quasi_static: bool
+    ) -> None:
+        """`loads`: of the system; `quasi_static`: whether the robot has no inertia. Raises SceneError."""
+        heaviest = float(plate.mass.sum()) * HEAVIEST
+        if description.mass > heaviest:
+            raise SceneError(
+                f"ball.mass is {description.mass} kg; in a maze it must be at most 1/16 of maze.mass, {heaviest:.4g} kg"
+            )
+        self.plate = plate
+        self.ball = BallOnPlate(description, plate.board.obstacles, gravity)
+        self._loads, self._quasi_static = loads, quasi_static
+        self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
+        self._up = np.array([0.0, 0.0, plate.offset])
+        self._before = np.zeros((len(plate.nodes), 3))
+
+    def start(self, state: State) -> BallState:
+        """Return the ball at rest on its start, the plate being at rest as in `state`. Raises SceneError."""
+        o, board = self.plate.board.obstacles, self.plate.board
+        radius = self.ball.description.radius
+        top = max((o.boxes[:, 2] + o.boxes[:, 5]).max(initial=0.0), o.triangles[:, 2::3].max(initial=-np.inf))
+        point, down = np.array([*board.start, top + 2 * radius]), np.zeros(3)
+        down[2] = o.extent[4] - radius - point[2]
+        first = min(
+            sweep(k, o.boxes, o.triangles, point, down, radius + SKIN, np.zeros((3, 3)))
+            for k in range(len(o.boxes) + len(o.triangles))
+        )
+        if first >= MISSES:
+            raise SceneError(f"maze.start {list(board.start)} m: there is no floor under the ball")
+        height = point[2] + first * down[2]
+        if board.grid and height > radius + 2 * SKIN:
+            raise SceneError(
+                f"maze: the ball of radius {radius} m does not fit between the walls at the start"
+            )
+        rotation = state.rotations[0]
+        numbers = np.zeros(13)
+        numbers[:3] = state.centres[0] + rotation @ (self._up + np.array([*board.start, height]))
+        numbers[12] = 1.0
+        return BallState(numbers)
+
+    def load(self, state: State, ball: BallState) -> None:
+        """Write the loads of a step that begins at `state`, and remember where the plate is."""
+        motion, nodes = self._motion, self.plate.nodes
+        motion.rotation[0] = state.rotations[0]
+        motion.centre[0] = state.centres[0] + motion.rotation[0] @ self._up
+        x = self._before
+        x[:] = state.positions[nodes]
+        arms = x - state.centres[0]
+        force, moment = ball.wrench
+        inertia = np.eye(3) * np.vdot(arms, arms) - arms.T @ arms
+        turn = np.linalg.solve(inertia, moment)
+        self._loads.force[nodes] = force / len(nodes) + np.cross(turn, arms)
+
+    def follow(self, state: State, ball: BallState, dt: float) -> None:
+        """Move `ball` over the step that ended at `state`, in place."""
+        motion, nodes = self._motion, self.plate.nodes
+        ball.load_work += float(np.vdot(self._loads.force[nodes], state.positions[nodes] - self._before))
+        motion.rotation[1] = state.rotations[0]
+        motion.centre[1] = state.centres[0] + motion.rotation[1] @ self._up
+        motion.twist[:] = self._twist(state, dt)
+        self.ball.advance(ball, motion, state.time - dt, dt)
+        force, moment = self.ball.reaction / dt
+        arm = motion.centre[0] - state.centres[0]
+        wrench = np.array([force, moment + np.cross(arm, force)])
+        share = min(1.0, dt / AVERAGE) if self._quasi_static else 1.0
+        ball.wrench += share * (wrench - ball.wrench)
+        self._note_goal(ball, motion, state.time)
+
+    def _twist(self, state: State, dt: float) -> FloatArray:
+        """Return velocity and angular velocity of the plate at the end of the step, shape (2, 3)."""
+        nodes = self.plate.nodes
+        x = state.positions[nodes]
+        v = (x - self._before) / dt if self._quasi_static else state.velocities[nodes]
+        arms, centre = x - state.centres[0], v.mean(axis=0)
+        inertia = np.eye(3) * np.vdot(arms, arms) - arms.T @ arms
+        spin = np.linalg.solve(inertia, np.cross(arms, v - centre).sum(axis=0))
+        return np.array([centre + np.cross(spin, self._motion.rotation[1] @ self._up), spin])
+
+    def _note_goal(self, ball: BallState, motion: PlateMotion, time: float) -> None:
+        x, y, radius = self.plate.board.goal
+        if radius <= 0 or ball.place is not Place.PLAYING or np.isfinite(ball.goal_time):
+            return
+        q = motion.rotation[1].T @ (ball.position - motion.centre[1])
+        if np.hypot(q[0] - x, q[1] - y) < radius and q[2] < 2 * self.ball.description.radius:
+            ball.goal_time = time
+
+    def local(self, state: State, ball: BallState) -> FloatArray:
+        """Return the ball's centre in the plate's frame [m], shape (3,)."""
+        rotation = state.rotations[0]
+        return np.asarray(rotation.T @ (ball.position - state.centres[0]) - self._up)
