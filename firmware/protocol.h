@@ -41,7 +41,6 @@ struct protocol {
     enum state state;
     uint16_t pulses[SERVO_COUNT];  // what to emit while active or holding
     // the rest is private
-    struct frame_receiver frames;
     uint16_t dropped;
     uint16_t since_command;        // [ms], stops counting at its largest value
     uint8_t flags;
@@ -52,6 +51,7 @@ struct protocol {
     uint8_t legacy_count;          // bytes after the 255; more than three: not in a packet
     uint8_t legacy_credit;         // well-formed packets in a row; a packet counts from the third on
     uint8_t legacy[SERVO_COUNT];
+    struct frame_receiver frames;  // last, so that the tests see a step beyond its end
 };
 
 void protocol_init(struct protocol *protocol);

@@ -121,10 +121,13 @@ void servo_init(void)
 
 void servo_set(bool on, const uint16_t pulses[3])
 {
+    uint16_t converted[3];  // divisions are slow: not while interrupts are off, see AHEAD
+    for (uint8_t i = 0; i < 3; i++)
+        converted[i] = pulses[i] / PULSE_STEP;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         for (uint8_t i = 0; i < 3; i++)
-            wanted_ticks[i] = pulses[i] / PULSE_STEP;
+            wanted_ticks[i] = converted[i];
         wanted = on;
     }
 }

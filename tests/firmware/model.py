@@ -1,0 +1,145 @@
+"""What docs/protocol.md says of the board, in Python, on the codec of the driver: the yardstick of the C code."""
+
+from binascii import crc_hqx
+from dataclasses import dataclass, field
+
+from tripod_driver.framed import (
+    VERSION,
+    Acknowledgement,
+    BoardState,
+    Error,
+    ErrorCode,
+    Flags,
+    HelloReply,
+    ImuLine,
+    cobs_decode,
+    encode,
+)
+
+PULSE_MIN, PULSE_MAX, WATCHDOG = 5440, 24000, 500
+EMITTING = (BoardState.ACTIVE, BoardState.HOLDING)
+
+
+def legacy_pulse(degrees: int) -> int:
+    """The Arduino Servo library's pulse [0.1 us]: map(degrees, 0, 180, 544, 2400) in whole microseconds."""
+    return 10 * (degrees * (2400 - 544) // 180 + 544)
+
+
+@dataclass
+class ModelBoard:
+    """A board without a processor: bytes and milliseconds in; replies, state and pulses out."""
+
+    state: BoardState = BoardState.IDLE
+    pulses: tuple[int, int, int] = (0, 0, 0)
+    flags: Flags = Flags.RESTARTED
+    dropped: int = 0
+    framed: bool = False
+    _sequence: int = 0
+    _imu_sequence: int = 0
+    _since_command: int = 0
+    _silence: int = 0
+    _piece: bytearray = field(default_factory=bytearray)
+    _lost: bool = False
+    _packet: list[int] | None = None
+    _trust: int = 0
+
+    def receive(self, data: bytes) -> bytes:
+        return b"".join(self._byte(byte) for byte in data)
+
+    def tick(self) -> None:
+        self._silence += 1
+        self._since_command += 1
+        if self.state in EMITTING and self._since_command > WATCHDOG:
+            self.flags |= Flags.WATCHDOG
+            held = self._since_command <= 2 * WATCHDOG
+            self.state = BoardState.HOLDING if held else BoardState.RELEASED
+
+    def lose_input(self) -> None:
+        self.flags |= Flags.OVERRUN
+        self._lost, self._packet = True, None
+
+    def lose_output(self) -> None:
+        self.flags |= Flags.OVERRUN
+
+    def imu_line(self, text: str) -> bytes:
+        if not self.framed:
+            return text.encode() + b"\n"
+        self._imu_sequence += 1
+        return encode(ImuLine(text), (self._imu_sequence - 1) % 256)
+
+    def _byte(self, byte: int) -> bytes:
+        if not self.framed:
+            self._legacy(byte)
+        self._silence = 0
+        if byte:
+            self._piece.append(byte)
+            return b""
+        piece, lost = bytes(self._piece), self._lost
+        self._piece.clear()
+        self._lost = False
+        if not piece and not lost:
+            return b""
+        body = None if lost else sound_body(piece)
+        if body is None:
+            self.dropped = (self.dropped + self.framed) % 65536
+            return b""
+        return self._frame(body)
+
+    def _frame(self, body: bytes) -> bytes:
+        if len(body) < 3 or body[1] >= 0x80:
+            self.dropped = (self.dropped + 1) % 65536
+            return b""
+        version, kind, sequence, payload = body[0], body[1], body[2], body[3:]
+        if self.framed and sequence != self._sequence:
+            self.flags |= Flags.SEQUENCE_GAP
+        self._sequence, self.framed = (sequence + 1) % 256, True
+        return encode(self._carry_out(version, kind, payload), sequence)
+
+    def _carry_out(self, version: int, kind: int, payload: bytes) -> HelloReply | Acknowledgement | Error:
+        if version != VERSION:
+            return Error(ErrorCode.VERSION, kind, VERSION)
+        if kind not in (1, 2, 3, 4):
+            return Error(ErrorCode.TYPE, kind, kind)
+        if len(payload) != (6 if kind == 2 else 0):
+            return Error(ErrorCode.LENGTH, kind, len(payload))
+        if kind == 1:
+            flags, self.flags = self.flags, Flags(0)
+            limits = (PULSE_MIN, PULSE_MAX, WATCHDOG)
+            return HelloReply((1, 0), VERSION, 3, *limits, self.state, flags, self.pulses)
+        if kind == 2:
+            asked = [int.from_bytes(payload[i : i + 2], "little") for i in (0, 2, 4)]
+            for servo, pulse in enumerate(asked):
+                if not PULSE_MIN <= pulse <= PULSE_MAX:
+                    return Error(ErrorCode.PULSE, kind, servo)
+            a, b, c = (5 * ((pulse + 2) // 5) for pulse in asked)
+            self.pulses, self.state = (a, b, c), BoardState.ACTIVE
+        if kind == 3 and self.state in EMITTING:
+            self.state = BoardState.HOLDING
+        if kind == 4:
+            self.state = BoardState.RELEASED
+        self._since_command = 0
+        flags, self.flags = self.flags, Flags(0)
+        return Acknowledgement(self.state, flags, self.pulses, self.dropped)
+
+    def _legacy(self, byte: int) -> None:
+        if byte == 255:
+            follows = self._packet is not None and len(self._packet) == 3
+            self._trust = 2 if self._silence >= 3 else self._trust if follows else 0
+            self._packet = []
+        elif self._packet is None or len(self._packet) == 3 or byte > 180:
+            self._packet = None
+        else:
+            self._packet.append(byte)
+            if len(self._packet) == 3:
+                if self._trust == 2:
+                    a, b, c = map(legacy_pulse, self._packet)
+                    self.pulses, self.state, self._since_command = (a, b, c), BoardState.ACTIVE, 0
+                self._trust = min(2, self._trust + 1)
+
+
+def sound_body(piece: bytes) -> bytes | None:
+    """What stands between two delimiters, without its CRC, if that is right."""
+    body = cobs_decode(piece) if len(piece) <= 41 else None
+    if body is None or len(body) < 2 or crc_hqx(body[:-2], 0xFFFF) != int.from_bytes(body[-2:], "little"):
+        return None
+    return body[:-2]
