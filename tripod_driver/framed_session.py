@@ -308,7 +308,7 @@ class FramedSession(Session):
                 "or another firmware"
             )
         return (
-            "no answer to a hello: is this the robot, and its firmware that of this project? "
+            "no answer to a hello: is this the robot, with this project's firmware, at this baud? "
             "For the workshop's firmware: protocol:=legacy"
         )
 

@@ -10,7 +10,8 @@ LONGEST_LINE: Final = 64
 STRANGE_MAX: Final = 20
 """Bad lines after the last good one, from which on the sender is no IMU. A board says a few words when it starts."""
 
-STRANGE_BYTES: Final = STRANGE_MAX * LONGEST_LINE
+STRANGE_BYTES: Final = 4 * LONGEST_LINE
+"""Bytes without the end of a line, from which on the sender is no IMU."""
 
 LARGEST_ANGLE: Final = 360.0
 """Angles beyond it are no angles [degree]."""
@@ -84,7 +85,7 @@ class LineReader:
     _partial: bytearray = field(default_factory=bytearray)
     _overlong: bool = False
     _bad_in_a_row: int = 0
-    _bytes_in_a_row: int = 0
+    _length: int = 0
 
     def feed(self, data: bytes, now: float) -> list[ImuReading]:
         """Take the next bytes, cut anywhere; return the readings that they complete at `now` [s]."""
@@ -95,12 +96,12 @@ class LineReader:
             reading = None if self._overlong else parse_line(bytes(self._partial), now)
             if reading is not None:
                 self.good += 1
-                self._bad_in_a_row = self._bytes_in_a_row = 0
+                self._bad_in_a_row = 0
                 found.append(reading)
             elif self._overlong or self._partial.strip(b"\r\n "):
                 self._reject()
             self._partial.clear()
-            self._overlong = False
+            self._overlong, self._length = False, 0
         self._take(rest)
         return found
 
@@ -108,8 +109,8 @@ class LineReader:
         room = LONGEST_LINE - len(self._partial)
         self._overlong = self._overlong or len(piece) > room
         self._partial += piece[:room]
-        self._bytes_in_a_row += len(piece)
-        if self._bytes_in_a_row > STRANGE_BYTES:  # not even the ends of lines
+        self._length += len(piece)
+        if self._length > STRANGE_BYTES:
             self.strange = self.strange or bytes(self._partial)
 
     def _reject(self) -> None:

@@ -1,0 +1,238 @@
+"""The state machine between commands and servos: no sequence of events gets a forbidden angle past it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tripod_driver.safety import Safety, State
+from tripod_graph.command import CommandError, CommandLimits
+from tripod_graph.mode import Mode
+from tripod_graph.names import SERVOS
+
+LIMITS = CommandLimits(
+    angle_min=-1.8, angle_speed=2.0, timeout=0.3, park=(-0.2, -0.2, -0.2, 0.0), park_after=1.0
+)
+LOWER, UPPER = (-1.6, -2.1, -1.7), (-0.1, 0.0, 0.2)
+START = (-0.5, -0.6, -0.7)
+PERIOD = 0.02
+
+
+def make(**options) -> Safety:
+    return Safety(LIMITS, LOWER, UPPER, start=START, period=PERIOD, **options)
+
+
+def ready(safety: Safety, now: float = 0.0) -> Safety:
+    safety.ready(now)
+    safety.activate(now)
+    safety.control_mode(Mode.IK, now + 1.0, now)
+    return safety
+
+
+def run(safety: Safety, begin: float, duration: float) -> np.ndarray:
+    times = begin + PERIOD * np.arange(1, round(duration / PERIOD) + 1)
+    return np.array([safety.setpoint(t) for t in times])
+
+
+def goto(safety: Safety, angles, now: float, time: float = 0.0) -> None:
+    safety.trajectory(SERVOS, [time], [list(angles)], now)
+
+
+def test_angles_come_out_only_when_the_board_is_ready_and_motion_is_allowed() -> None:
+    safety = make()
+    assert (safety.state, safety.setpoint(0.0)) == (State.DISCONNECTED, None)
+    safety.activate(0.0)
+    assert (safety.state, safety.setpoint(0.1)) == (State.DISCONNECTED, None)
+    safety.connecting(0.2, "port is open")
+    assert (safety.state, safety.message, safety.setpoint(0.2)) == (State.CONNECTING, "port is open", None)
+    safety.ready(0.3)
+    assert (safety.state, safety.message) == (State.HOLDING, "")
+    assert safety.setpoint(0.3) == pytest.approx(START)
+    safety.deactivate()
+    assert (safety.state, safety.setpoint(0.4)) == (State.READY, None)
+
+
+def test_a_fault_ends_all_motion_until_somebody_has_looked() -> None:
+    safety = ready(make())
+    goto(safety, [-1.0] * 3, 0.0)
+    assert safety.setpoint(0.02) is not None
+    safety.fault(0.04, "wrong firmware")
+    for event in (
+        safety.ready,
+        lambda t: safety.disconnected(t, "x"),
+        lambda t: safety.connecting(t, "x"),
+        safety.activate,
+    ):
+        event(0.06)
+        assert (safety.state, safety.message, safety.setpoint(0.06)) == (State.FAULT, "wrong firmware", None)
+    goto(safety, [-1.0] * 3, 0.08)
+    assert safety.setpoint(0.1) is None
+    safety.clear()
+    safety.ready(0.2)
+    assert safety.state is State.HOLDING
+
+
+def test_every_servo_stays_within_its_own_safe_range() -> None:
+    safety = ready(make())
+    goto(safety, [-1.8] * 3, 0.0, 0.5)
+    assert run(safety, 0.0, 0.7)[-1] == pytest.approx([-1.6, -1.8, -1.7])
+    assert (
+        safety.message
+        == "servo_0 is asked for -1.800 rad, its safe range is -1.600 to -0.100 rad: the nearest is sent"
+    )
+    goto(safety, [0.6] * 3, 0.7, 1.3)
+    assert run(safety, 0.7, 1.4)[-1] == pytest.approx([-0.1, 0.0, 0.2])
+
+
+def test_a_servo_that_may_be_sent_nothing_is_refused_at_the_start() -> None:
+    with pytest.raises(
+        CommandError, match="servo_1 may be sent 1 to 2 rad, which is nowhere within angle_min"
+    ):
+        Safety(LIMITS, (-1.6, 1.0, -1.7), (0.0, 2.0, 0.0))
+
+
+def test_the_ramp_begins_where_the_board_says_that_the_servos_are() -> None:
+    safety = ready(make())
+    safety.disconnected(1.0, "unplugged")
+    safety.ready(2.0, [-1.2, -1.3, -1.4])
+    assert safety.setpoint(2.0) == pytest.approx([-1.2, -1.3, -1.4])
+    goto(safety, [-0.5] * 3, 2.0)
+    steps = np.diff(run(safety, 2.0, 0.8), axis=0)
+    assert np.abs(steps).max() == pytest.approx(2.0 * PERIOD)
+
+
+def test_from_outside_of_the_limits_it_ramps_in_instead_of_jumping() -> None:
+    safety = make()
+    safety.activate(0.0)
+    safety.ready(0.0, [-2.0, -0.6, 0.5])  # servo 0 below -1.6, servo 2 above 0.2
+    way = np.vstack([[-2.0, -0.6, 0.5], run(safety, 0.0, 0.4)])
+    assert np.abs(np.diff(way, axis=0)).max() <= 2.0 * PERIOD + 1e-12
+    assert way[-1] == pytest.approx([-1.6, -0.6, 0.2])
+
+
+def test_an_interruption_holds_is_told_and_ends_with_the_next_command() -> None:
+    safety = ready(make())
+    goto(safety, [-1.5] * 3, 0.0, 1.0)
+    before = run(safety, 0.0, 0.4)[-1]
+    safety.interrupt(0.4, "the board was reset")
+    assert run(safety, 0.4, 0.2) == pytest.approx(np.tile(before, (10, 1)))
+    assert (safety.state, safety.message) == (State.HOLDING, "the board was reset")
+    goto(safety, [-1.5] * 3, 0.6, 1.0)
+    assert (safety.state, safety.message) == (State.ACTIVE, "")
+
+
+# whatever happens ---------------------------------------------------------------------------------------------
+
+angle = st.floats(-1.8, 0.6)
+board_angle = st.tuples(st.floats(-1.6, -0.1), st.floats(-1.8, 0.0), st.floats(-1.7, 0.2))
+event = st.one_of(
+    st.tuples(st.just("goto"), st.tuples(angle, angle, angle, st.floats(0.0, 1.0))),
+    st.tuples(st.just("bad"), st.sampled_from([math.nan, math.inf, -5.0])),
+    st.tuples(st.just("mode"), st.sampled_from(Mode)),
+    st.tuples(st.just("ready"), st.none() | board_angle),
+    st.tuples(
+        st.sampled_from(
+            [
+                "halt",
+                "activate",
+                "deactivate",
+                "park",
+                "interrupt",
+                "disconnected",
+                "connecting",
+                "fault",
+                "clear",
+            ]
+        ),
+        st.none(),
+    ),
+    st.tuples(st.just("wait"), st.floats(0.001, 3.0)),
+)
+
+
+class Watch:
+    """Feeds events to a Safety and checks each angle that comes out."""
+
+    def __init__(self) -> None:
+        self.safety, self.now = make(), 0.0
+        self.last: np.ndarray | None = None
+        self.last_at = 0.0
+        self.silent_at = float("-inf")  # when the newest command counts as over
+        self.stopped_at: float | None = None
+        self.held: np.ndarray | None = None
+
+    def do(self, kind: str, value) -> None:
+        safety, now = self.safety, self.now
+        if kind == "goto":
+            followed = safety.can_move and safety.mode is not Mode.STOP and self.stopped_at is None
+            goto(safety, value[:3], now, value[3])
+            if followed:
+                self.silent_at = now + value[3] + LIMITS.timeout
+        elif kind == "bad":
+            with pytest.raises(CommandError):
+                goto(safety, [value] * 3, now)
+        elif kind == "mode":
+            before = safety.mode
+            safety.control_mode(value, now, now)
+            if value is not before:
+                self.stopped_at = self.held = None
+                self.silent_at = float("-inf")
+        elif kind == "ready":
+            known = safety.state
+            safety.ready(now, value)
+            if value is not None and known in (State.DISCONNECTED, State.CONNECTING):
+                self.last, self.held = np.array(value), None
+        elif kind in ("interrupt", "disconnected", "connecting", "fault"):
+            getattr(safety, kind)(now, "for a test")
+        elif kind in ("halt", "activate", "park"):
+            getattr(safety, kind)(now)
+            if kind != "activate":
+                self.stopped_at, self.held = now, None
+        elif kind in ("deactivate", "clear"):
+            getattr(safety, kind)()
+
+    def tick(self) -> None:
+        out = self.safety.setpoint(self.now)
+        state = self.safety.state
+        assert (out is None) == (state not in (State.ACTIVE, State.HOLDING, State.PARKED))
+        if out is None:
+            return
+        assert (out >= np.maximum(LOWER, LIMITS.angle_min) - 1e-9).all()
+        assert (out <= np.minimum(UPPER, LIMITS.angle_max) + 1e-9).all()
+        if self.last is not None:
+            allowed = LIMITS.angle_speed * (self.now - self.last_at)
+            assert np.abs(out - self.last).max() <= allowed + 1e-9
+        if self.now > self.silent_at + 1e-9:
+            assert state is not State.ACTIVE, "the watchdog did not fire"
+        stopped = self.stopped_at is not None or self.safety.mode is Mode.STOP
+        if stopped:
+            assert state is not State.ACTIVE, "a command after a stop"
+            if state is State.HOLDING:
+                assert self.held is None or np.allclose(out, self.held, rtol=0, atol=1e-9), (
+                    "motion after a stop"
+                )
+                self.held = out
+        if state is not State.HOLDING or not stopped:
+            self.held = None
+        self.last, self.last_at = out, self.now
+
+
+@settings(max_examples=300)
+@given(st.lists(event, max_size=25), st.lists(st.floats(0.0, 0.5), min_size=30, max_size=30))
+def test_limits_slew_rate_watchdog_and_stop_hold_in_every_sequence_of_events(events, gaps) -> None:
+    watch = Watch()
+    for kind, value in (("activate", None), ("ready", None), ("mode", Mode.IK), *events):
+        watch.do(kind, value)
+        for gap in [0.0, PERIOD, gaps[len(kind) % 30], *([value] if kind == "wait" else [])]:
+            watch.now += gap
+            watch.tick()
+    watch.safety.clear()
+    watch.do("ready", None)
+    watch.do("activate", None)
+    for _ in range(400):
+        watch.now += PERIOD
+        watch.tick()
+    assert watch.safety.state is State.PARKED
+    assert watch.last == pytest.approx([-0.2] * 3)
