@@ -5,10 +5,12 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <stdbool.h>
-#include <util/atomic.h>
 
-// Timer 0 counts 4 us from 0 to 249 for the clock; its second compare unit samples the bits.
-// Interrupts may be off for 30 us (servo.c), so a bit must last 100 us; 1.5 bits must fit into one turn.
+#include "servo.h"
+
+// Timer 1 captures the time of a start bit on D8; the second compare unit of Timer 0, which counts 4 us from 0 to 249
+// for the clock, samples the bits. A sample may come 40 us late (servo.c waits for its edges with interrupts off), so a
+// bit must last 100 us; 1.5 bits must fit into one turn.
 _Static_assert(2400 <= IMU_BAUD && IMU_BAUD <= 9600, "2400 <= IMU_BAUD <= 9600");
 enum {
     TURN = F_CPU / 64 / 1000,
@@ -26,14 +28,15 @@ static void sample_after(uint8_t from, uint8_t counts)
     OCR0B = time < TURN ? time : time - TURN;
 }
 
-ISR(PCINT0_vect)
+ISR(TIMER1_CAPT_vect)
 {
     if (PINB & _BV(PB0))
-        return;
-    sample_after(TCNT0, BIT + BIT / 2);
+        return;  // an edge within the last byte, captured before this interrupt was enabled again
+    uint8_t late = (TCNT1 - ICR1) / (4 * TICKS_PER_US);
+    sample_after(TCNT0, BIT + BIT / 2 - late);
     TIFR0 = _BV(OCF0B);
     TIMSK0 |= _BV(OCIE0B);
-    PCICR = 0;
+    TIMSK1 &= ~_BV(ICIE1);
     bits = 0;
 }
 
@@ -62,19 +65,19 @@ ISR(TIMER0_COMPB_vect)
         return;
     }
     TIMSK0 &= ~_BV(OCIE0B);
-    PCIFR = _BV(PCIF0);
-    PCICR = _BV(PCIE0);
+    TIMSK1 |= _BV(ICIE1);
     if (high)
         take(byte);
     else
         skip = true;  // no stop bit
 }
 
+// After servo_init, which sets Timer 1 up.
 void imu_init(void)
 {
     PORTB |= _BV(PB0);  // pull-up: silence when nothing is connected
-    PCMSK0 = _BV(PCINT0);
-    PCICR = _BV(PCIE0);
+    TCCR1B |= _BV(ICNC1);  // of falling edges, against noise
+    TIMSK1 |= _BV(ICIE1);
 }
 
 uint8_t imu_line(char text[TEXT_MAX])

@@ -9,7 +9,6 @@
 // Timer 1 counts half microseconds, freely from 0 to 65535; edges are set modulo 65536.
 #define PERIOD (20000U * TICKS_PER_US)
 enum {
-    TICKS_PER_US = 2,
     LEAD = 50 * TICKS_PER_US,    // from the start of a period to the pulses of D9 and D10: time to prepare them
     SECOND = 3000 * TICKS_PER_US,  // from the start of a period to the pulse of D11, after that of D9
     AHEAD = 25 * TICKS_PER_US,   // how early the interrupt for an edge of D11 comes: more than others can delay it

@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+enum { TICKS_PER_US = 2 };  // of Timer 1, which counts freely
+
 void servo_init(void);
 
 // Emit these pulses [0.1 us], or none, from the next period on: all three together, never a part of a pulse.

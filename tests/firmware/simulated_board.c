@@ -257,5 +257,8 @@ void board_set_memory(struct board *b, uint16_t address, uint8_t value)
 
 void board_set_pin(struct board *b, char port, int pin, int high)
 {
+    // A write to the port's register brings this level back, not that of the pull-up.
+    avr_ioport_external_t level = {.name = port, .mask = 1 << pin, .value = high << pin};
+    avr_ioctl(b->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), &level);
     avr_raise_irq(avr_io_getirq(b->avr, AVR_IOCTL_IOPORT_GETIRQ(port), pin), high);
 }
