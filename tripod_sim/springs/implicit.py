@@ -32,13 +32,13 @@ class _Solver:
     """Scratch and arguments of the implicit kernels for one body."""
 
     def __init__(
-        self, system: SpringSystem, options: kernels.Options, *, drag: float = 0.0, rayleigh: float = 0.0
+        self, system: SpringSystem, options: kernels.Options, *, drag: float, rayleigh: float, moving: bool
     ) -> None:
         body = system.body
         n, m = len(body.nodes), len(body.ends)
         size = float(np.abs(body.nodes).max())
         rounding = 1e-15 * float(body.stiffness.max(initial=0.0)) * size * np.sqrt(m)
-        damped = bool((body.damping > 0).any())
+        damped = moving and bool((body.damping > 0).any())
         self.system, self.options = system, options
         self.problem = kernels.Problem(
             system.links,
@@ -113,7 +113,7 @@ class ImplicitSprings:
             rayleigh: b of the force -b K v [s], K the springs' projected tangents at the start of the step.
             max_halvings: The smallest part of a step is 2^-max_halvings of it.
         """
-        self._solver = _Solver(system, options, drag=drag, rayleigh=rayleigh)
+        self._solver = _Solver(system, options, drag=drag, rayleigh=rayleigh, moving=True)
         self._scheme, self._halvings = SCHEMES[scheme], max_halvings
         n, m = len(system.body.nodes), len(system.body.ends)
         self._history, self._past, self._clock = np.zeros((5, n, 3)), np.zeros((3, m)), np.zeros(1)
@@ -186,7 +186,7 @@ class StaticSprings:
     MOST_STEPS = 200
 
     def __init__(self, system: SpringSystem, options: kernels.Options) -> None:
-        self._solver = _Solver(system, options._replace(once=False))
+        self._solver = _Solver(system, options._replace(once=False), drag=0.0, rayleigh=0.0, moving=False)
         body = system.body
         stiffest = float(body.stiffness.max(initial=0.0))
         heaviest = float(system.mass.max())
