@@ -8,12 +8,21 @@ from tests.firmware import build
 from tests.firmware.simulated_board import SimulatedBoard
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which packages the skipped tests wait for, once."""
+    if packages := sorted({name for needs in build.skipped for name in build.absent(needs).split()}):
+        terminalreporter.write_line(
+            f"tests of the firmware were skipped; to enable them: sudo apt-get install {' '.join(packages)}"
+        )
+
+
 @pytest.fixture
 def make_board() -> Iterator[Callable[..., SimulatedBoard]]:
     """Return a function that switches on a board whose firmware is built with the given parameters."""
     boards = []
 
     def make(*, baudrate: int = 115200, **parameters: int) -> SimulatedBoard:
+        build.need("make", "cc", *build.AVR, *build.SIMULATOR)
         library, elf = build.simulator(), build.firmware(**parameters)
         boards.append(SimulatedBoard(library, elf, baudrate=baudrate))
         return boards[-1]

@@ -1,0 +1,127 @@
+"""Tier 3: the real firmware behind a pseudo-terminal, spoken to through pyserial as a real board is. No times here."""
+
+import os
+import select
+import threading
+import time
+import tty
+from collections.abc import Iterator
+
+import pytest
+import serial
+
+from tests.firmware.session import is_row_of, rows
+from tests.firmware.simulated_board import Pulse, SimulatedBoard
+from tripod_driver.framed import (
+    Acknowledgement,
+    BoardState,
+    Decoder,
+    Flags,
+    Hello,
+    HelloReply,
+    Message,
+    SetPulses,
+    encode,
+)
+from tripod_driver.protocol import LegacyProtocol
+
+DEADLINE = 20.0
+"""For a loaded machine [s]; nothing here waits so long unless it fails."""
+
+
+class TerminalBoard:
+    """Passes bytes between a pseudo-terminal and a simulated board whose time goes on while this thread runs.
+
+    Attributes:
+        path: What a program opens.
+    """
+
+    def __init__(self, board: SimulatedBoard) -> None:
+        self._board, self._lock, self._stop = board, threading.Lock(), threading.Event()
+        self._pulses: list[Pulse] = []
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.path = os.ttyname(self._theirs)
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        os.close(self._ours)
+        os.close(self._theirs)
+
+    def pulses(self) -> list[Pulse]:
+        with self._lock:
+            return list(self._pulses)
+
+    def reset(self) -> None:
+        with self._lock:
+            self._board.reset()
+            self._pulses += self._board.pulses()
+
+    def _serve(self) -> None:
+        while not self._stop.is_set():
+            readable, _, _ = select.select([self._ours], [], [], 0.001)
+            with self._lock:
+                if readable:
+                    self._board.write(os.read(self._ours, 256))
+                self._board.run(0.001)
+                if count := self._board.in_waiting:
+                    os.write(self._ours, self._board.read(count))
+                self._pulses += self._board.pulses()
+
+
+@pytest.fixture
+def terminal(board: SimulatedBoard) -> Iterator[TerminalBoard]:
+    terminal = TerminalBoard(board)
+    yield terminal
+    terminal.close()
+
+
+@pytest.fixture
+def port(terminal: TerminalBoard) -> Iterator[serial.Serial]:
+    with serial.Serial(terminal.path, 115200, timeout=0.05) as port:
+        yield port
+
+
+def ask(port: serial.Serial, message: Message, sequence: int) -> Message:
+    """Send again until answered: a board that was just reset does not hear the first bytes."""
+    decoder, end = Decoder(), time.monotonic() + DEADLINE
+    while time.monotonic() < end:
+        port.write(encode(message, sequence))
+        for frame in decoder.feed(port.read(64)):
+            if frame.sequence == sequence:
+                return frame.message
+    raise AssertionError(f"no answer to {message}")
+
+
+def until(condition) -> None:
+    end = time.monotonic() + DEADLINE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_hello_pulses_and_a_host_that_falls_silent(port, terminal) -> None:
+    hello = ask(port, Hello(), 0)
+    assert isinstance(hello, HelloReply)
+    assert (hello.state, hello.servo_count, hello.watchdog) == (BoardState.IDLE, 3, 500)
+    done = ask(port, SetPulses((11000, 15000, 19000)), 1)
+    assert done == Acknowledgement(BoardState.ACTIVE, Flags(0), (11000, 15000, 19000), 0)
+    until(lambda: ask(port, Hello(), 2).state is BoardState.RELEASED)
+    for sequence in range(3, 13):  # each takes some milliseconds: the last period ends
+        ask(port, Hello(), sequence)
+    widths = rows(terminal.pulses())
+    assert 48 <= len(widths) <= 52
+    assert all(is_row_of(row, (11000, 15000, 19000)) for row in widths)
+
+
+def test_legacy_packets_move_the_servos_and_a_reset_stops_them(port, terminal) -> None:
+    port.write(LegacyProtocol().encode([-0.5, -1.0, -1.5]))
+    until(lambda: len(terminal.pulses()) > 9)
+    degrees = LegacyProtocol().encode([-0.5, -1.0, -1.5])[1:]
+    [row, *_] = rows(terminal.pulses()[:9])
+    assert is_row_of(row, tuple(10 * (544 + d * 1856 // 180) for d in degrees))
+    terminal.reset()
+    assert ask(port, Hello(), 0).state is BoardState.IDLE
