@@ -26,6 +26,7 @@ def solve_contacts(
     v: Array,
     w: Array,
     normals: Array,
+    directions: Array,
     speeds: Array,
     spin: Array,
     bounds: Array,
@@ -42,6 +43,8 @@ def solve_contacts(
         count: Contacts.
         v, w: Velocity [m/s] and angular velocity [rad/s] without the impulses; with them on return.
         normals: n_i from the surface to the sphere, shape (>= count, 3).
+        directions: Those along which the impulses act: n_i in an impact; in a motion over a time, in which the surface
+            turns, the normals halfway, so that the result is of second order in it.
         speeds: s_i [m/s], shape (>= count, 3).
         spin: Angular velocity of the surfaces [rad/s], shape (3,).
         bounds: b_i, the least normal speed afterwards [m/s], shape (>= count,).
@@ -59,29 +62,29 @@ def solve_contacts(
     for _ in range(MOST_SWEEPS):
         change = 0.0
         for i in range(count):
-            n, P, Q = normals[i], impulses[i], couples[i]
+            n, e, P, Q = normals[i], directions[i], impulses[i], couples[i]
             u0 = v[0] - radius * (w[1] * n[2] - w[2] * n[1]) - speeds[i, 0]
             u1 = v[1] - radius * (w[2] * n[0] - w[0] * n[2]) - speeds[i, 1]
             u2 = v[2] - radius * (w[0] * n[1] - w[1] * n[0]) - speeds[i, 2]
             un = u0 * n[0] + u1 * n[1] + u2 * n[2]
-            before = P[0] * n[0] + P[1] * n[1] + P[2] * n[2]
+            before = P[0] * e[0] + P[1] * e[1] + P[2] * e[2]
             after = max(0.0, before + mass * (bounds[i] - un))
             # the tangential part: what stops the slip, within the cone
             k = 2.0 / 7.0 * mass
-            t0 = P[0] - before * n[0] - k * (u0 - un * n[0])
-            t1 = P[1] - before * n[1] - k * (u1 - un * n[1])
-            t2 = P[2] - before * n[2] - k * (u2 - un * n[2])
+            t0 = P[0] - before * e[0] - k * (u0 - un * n[0])
+            t1 = P[1] - before * e[1] - k * (u1 - un * n[1])
+            t2 = P[2] - before * e[2] - k * (u2 - un * n[2])
             size = sqrt(t0 * t0 + t1 * t1 + t2 * t2)
             scale = friction * after / size if size > friction * after else 1.0
-            p0, p1, p2 = after * n[0] + scale * t0, after * n[1] + scale * t1, after * n[2] + scale * t2
+            p0, p1, p2 = after * e[0] + scale * t0, after * e[1] + scale * t1, after * e[2] + scale * t2
             d0, d1, d2 = p0 - P[0], p1 - P[1], p2 - P[2]
             P[0], P[1], P[2] = p0, p1, p2
             v[0] += d0 / mass
             v[1] += d1 / mass
             v[2] += d2 / mass
-            w[0] -= radius * (n[1] * d2 - n[2] * d1) / inertia
-            w[1] -= radius * (n[2] * d0 - n[0] * d2) / inertia
-            w[2] -= radius * (n[0] * d1 - n[1] * d0) / inertia
+            w[0] -= radius * (e[1] * d2 - e[2] * d1) / inertia
+            w[1] -= radius * (e[2] * d0 - e[0] * d2) / inertia
+            w[2] -= radius * (e[0] * d1 - e[1] * d0) / inertia
             change = max(change, abs(d0) + abs(d1) + abs(d2))
             if rolling > 0.0:
                 c0 = Q[0] - inertia * (w[0] - spin[0])

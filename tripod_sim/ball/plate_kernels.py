@@ -254,7 +254,7 @@ def surface_speeds(
 
 def workspace() -> Any:
     """Return the scratch arrays of `advance`: rows of vectors, and a range of cells."""
-    return np.zeros((8 * (MOST_CONTACTS + 2) + 40, 3)), np.zeros(4, dtype=np.int64)
+    return np.zeros((9 * (MOST_CONTACTS + 2) + 40, 3)), np.zeros(4, dtype=np.int64)
 
 
 @njit(cache=True, error_model="numpy")
@@ -295,8 +295,9 @@ def advance(
     C = MOST_CONTACTS + 2
     flat, normals, speeds0, speeds1 = rows[:C], rows[C : 2 * C], rows[2 * C : 3 * C], rows[3 * C : 4 * C]
     impulses, couples = rows[4 * C : 5 * C], rows[5 * C : 6 * C]
+    middle = rows[8 * C : 9 * C]
     bounds, distances, closing = rows[6 * C : 7 * C, 0], rows[7 * C : 8 * C, 0], rows[7 * C : 8 * C, 1]
-    base = 8 * C
+    base = 9 * C
     pose0, pose1, scratch = rows[base : base + 6], rows[base + 6 : base + 12], rows[base + 12 : base + 15]
     q, q1, move, v1, w1 = rows[base + 15], rows[base + 16], rows[base + 17], rows[base + 18], rows[base + 19]
     arm, d, near, work = rows[base + 20], rows[base + 21], rows[base + 22], rows[base + 23]
@@ -333,7 +334,7 @@ def advance(
                 v0[:], w0[:] = v, w
                 for attempt in range(2):
                     solve_contacts(
-                        count, v, w, normals, speeds0, pose0[2], bounds, m, radius, numbers[FRICTION],
+                        count, v, w, normals, normals, speeds0, pose0[2], bounds, m, radius, numbers[FRICTION],
                         numbers[ROLLING], impulses, couples,
                     )  # fmt: skip
                     contact_work(
@@ -375,11 +376,14 @@ def advance(
                 for i in range(kept, count):
                     closing[i] = _normal_speed(v0, w0, normals[i], speeds0[i], radius)
                 for i in range(kept):
+                    middle[i] = normals[i]
                     rotate(pose1[3:], flat[i], normals[i])
+                    for a in range(3):
+                        middle[i, a] = 0.5 * (middle[i, a] + normals[i, a])
                 surface_speeds(kept, pose1, ahead, normals, radius, arm, speeds1)
                 solve_contacts(
-                    kept, v1, w1, normals, speeds1, pose1[2], bounds, m, radius, numbers[FRICTION], numbers[ROLLING],
-                    impulses, couples,
+                    kept, v1, w1, normals, middle, speeds1, pose1[2], bounds, m, radius, numbers[FRICTION],
+                    numbers[ROLLING], impulses, couples,
                 )  # fmt: skip
                 for a in range(3):
                     d[a] = p[a] + 0.5 * (v0[a] + v1[a]) * tau - pose1[0, a]
@@ -428,10 +432,10 @@ def advance(
                     for a in range(3):
                         q[a] -= under * scratch[1, a]
             contact_work(
-                kept, v0, w0, v1, w1, normals, speeds0, speeds1, pose0[2], pose1[2], impulses, couples, radius, s, work
+                kept, v0, w0, v1, w1, middle, speeds0, speeds1, pose0[2], pose1[2], impulses, couples, radius, s, work
             )  # fmt: skip
             book(ledger, work[0], work[1])
-            react(reaction, kept, pose0, q, normals, impulses, couples, radius, s, arm)
+            react(reaction, kept, pose0, q, middle, impulses, couples, radius, s, arm)
             for a in range(3):
                 arm[a] = 0.5 * (w0[a] + w[a])
             turn(quaternion, arm, s * tau)
