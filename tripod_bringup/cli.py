@@ -161,18 +161,30 @@ def up(
     )
 
 
-@app.command(epilog=examples("tripod doctor", "tripod doctor --json", "tripod doctor --record /data"))
+@app.command(
+    epilog=examples(
+        "tripod doctor", "tripod doctor --ask", "tripod doctor --json", "tripod doctor --record /data"
+    )
+)
 def doctor(
     *,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     record: Annotated[Path, typer.Option(metavar="DIR", help="Where recordings would go.")] = Path(
         "recordings"
     ),
+    ask: Annotated[
+        bool,
+        typer.Option(
+            "--ask",
+            help="Ask each board for its firmware and time the answer. Opening a port resets most boards; with the "
+            "workshop's firmware the servos may jump.",
+        ),
+    ] = False,
 ) -> None:
     """Check this machine and say what to do; exit code 1 if something must be done."""
     from tripod_bringup.doctor_command import doctor_command  # noqa: PLC0415
 
-    raise typer.Exit(doctor_command(record, as_json=json))
+    raise typer.Exit(doctor_command(record, as_json=json, ask=ask))
 
 
 @bag.command(

@@ -9,12 +9,12 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import Protocol
 
+from tripod_bringup.check import Check, Verdict
+from tripod_bringup.doctor_ports import ask_device, check_ports
 from tripod_bringup.lock import DomainError, domain_id
 from tripod_record.errors import RecordError
 from tripod_record.place import check_place, free_space
@@ -24,40 +24,6 @@ ENOUGH_SPACE = 200_000_000
 """Free space without which no recording begins [bytes]."""
 SLOW_PRODUCT = 0.080
 """Time of the calibration product above which the default scene may not keep up with real time [s]."""
-
-
-class Verdict(Enum):
-    """Result of a check."""
-
-    OK = "ok"
-    WARN = "warn"
-    FAIL = "fail"
-
-
-@dataclass(frozen=True)
-class Check:
-    """One finding.
-
-    Attributes:
-        name: What was looked at.
-        verdict: Its result.
-        found: What was found.
-        advice: What to do; empty when all is well.
-    """
-
-    name: str
-    verdict: Verdict
-    found: str
-    advice: str = ""
-
-
-class Port(Protocol):
-    """A serial port as `serial.tools.list_ports` describes it."""
-
-    device: str
-    description: str
-    vid: int | None
-    pid: int | None
 
 
 def check_python(version: Sequence[int] = tuple(sys.version_info[:3])) -> Check:
@@ -159,46 +125,6 @@ def check_packages(find: Callable[[str], object] = importlib.util.find_spec) -> 
     return Check("packages", Verdict.OK, ", ".join(PACKAGES))
 
 
-def check_ports(
-    ports: Iterable[Port] | None = None,
-    accessible: Callable[[str], bool] = lambda device: os.access(device, os.R_OK | os.W_OK),
-    by_id: Mapping[str, str] | None = None,
-    user: str = "",
-) -> Check:
-    """Which serial ports could be the robot, and whether this user may open them."""
-    found_ports = [p for p in (_serial_ports() if ports is None else ports) if p.vid is not None]
-    links = _links_by_id() if by_id is None else by_id
-    if not found_ports:
-        return Check(
-            "serial port",
-            Verdict.WARN,
-            "no USB serial port",
-            "plug the board in, or use --port mock to go without",
-        )
-    found = ", ".join(
-        f"{p.device} {p.vid:04x}:{p.pid or 0:04x} {links.get(os.path.realpath(p.device), p.description)}"
-        for p in found_ports
-    )
-    closed = [p.device for p in found_ports if not accessible(p.device)]
-    if closed:
-        name = user or os.environ.get("USER", "$USER")
-        advice = f"no permission for {', '.join(closed)}: sudo usermod -aG dialout {name}, then log in again"
-        return Check("serial port", Verdict.FAIL, found, advice)
-    return Check("serial port", Verdict.OK, found)
-
-
-def _serial_ports() -> list[Port]:
-    from serial.tools.list_ports import comports  # noqa: PLC0415 - only this check needs it
-
-    return list(comports())
-
-
-def _links_by_id(directory: Path = Path("/dev/serial/by-id")) -> dict[str, str]:
-    if not directory.is_dir():
-        return {}
-    return {os.path.realpath(link): str(link) for link in sorted(directory.iterdir())}
-
-
 def check_page_port(number: int = 8080) -> Check:
     """Whether the page can have its port."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
@@ -291,15 +217,15 @@ def check_speed(measure: Callable[[], float] = measure_product) -> Check:
     return Check("speed", Verdict.OK, found)
 
 
-def examine(recordings: Path) -> list[Check]:
-    """Run every check; `recordings` is where recordings would go."""
+def examine(recordings: Path, *, ask: bool = False) -> list[Check]:
+    """Run every check; `recordings` is where recordings would go, `ask` whether boards are asked for their firmware."""
     return [
         check_python(),
         check_rclpy(),
         check_discovery(),
         check_messages(),
         check_packages(),
-        check_ports(),
+        *check_ports(answer_of=ask_device if ask else None),
         check_page_port(),
         check_recordings(recordings),
         check_kernel_cache(),

@@ -5,14 +5,15 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from tripod_bringup.doctor import Check, Verdict, examine
+from tripod_bringup.check import Check, Verdict
+from tripod_bringup.doctor import examine
 
 COLOURS = {Verdict.OK: "green", Verdict.WARN: "yellow", Verdict.FAIL: "bold red"}
 
 
-def doctor_command(recordings: Path, *, as_json: bool) -> int:
+def doctor_command(recordings: Path, *, as_json: bool, ask: bool = False) -> int:
     """Examine the machine and print the findings; return 1 if a check failed, else 0."""
-    checks = examine(recordings)
+    checks = examine(recordings, ask=ask)
     if as_json:
         print(json.dumps([asdict(check) | {"verdict": check.verdict.value} for check in checks], indent=1))
     else:

@@ -3,7 +3,6 @@
 import json
 import socket
 import subprocess
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -79,35 +78,6 @@ def test_packages() -> None:
     assert check == Check("packages", Verdict.FAIL, "without osqp, viser", "run `make setup`")
 
 
-@dataclass
-class FakePort:
-    """A port as pyserial lists it."""
-
-    device: str
-    description: str = "Arduino Uno"
-    vid: int | None = 0x2341
-    pid: int | None = 0x0043
-
-
-def test_no_port_is_a_warning_and_on_board_ports_do_not_count() -> None:
-    check = doctor.check_ports([FakePort("/dev/ttyS0", vid=None, pid=None)], by_id={})
-    assert check.verdict is Verdict.WARN and "mock" in check.advice
-
-
-def test_a_port_is_told_with_its_identity_and_lasting_name() -> None:
-    lasting = "/dev/serial/by-id/usb-Arduino"
-    check = doctor.check_ports([FakePort("/dev/ttyACM0")], lambda _d: True, {"/dev/ttyACM0": lasting})
-    assert check == Check("serial port", Verdict.OK, f"/dev/ttyACM0 2341:0043 {lasting}")
-
-
-def test_a_port_without_permission_fails_with_the_command() -> None:
-    ports = [FakePort("/dev/ttyACM0"), FakePort("/dev/ttyUSB1")]
-    check = doctor.check_ports(ports, lambda d: d == "/dev/ttyACM0", {}, user="ada")
-    assert check.verdict is Verdict.FAIL
-    assert "/dev/ttyUSB1" in check.advice and "/dev/ttyACM0" not in check.advice
-    assert "sudo usermod -aG dialout ada" in check.advice
-
-
 def test_page_port() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -158,7 +128,7 @@ def test_exit_code_and_output(
     worst: Verdict, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     checks = [Check("one", Verdict.OK, "found"), Check("two", worst, "[found]", "do [this]")]
-    monkeypatch.setattr(doctor_command, "examine", lambda _directory: checks)
+    monkeypatch.setattr(doctor_command, "examine", lambda _directory, ask: checks)
     assert doctor_command.doctor_command(Path("x"), as_json=False) == code
     text = capsys.readouterr().out
     assert "[found]" in text and "do [this]" in text

@@ -515,3 +515,10 @@ def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silen
     assert not jumps or max(jumps) < 15000
     if not any(kind == "reset" or kind == "foreign" for kind, _ in events):
         assert (np.abs(np.diff(angles, axis=0)).max(axis=1) <= 2.0 * np.diff(times) + 2 * slack).all()
+
+
+def test_no_hello_holds_the_header_of_the_workshops_packets() -> None:
+    bench = Bench(Talker(), boot_time=30.0).run(31.5)
+    hellos = bench.board.received.split(b"\0\0")
+    assert len(hellos) > 256  # every sequence number was due
+    assert HEADER not in bench.board.received
