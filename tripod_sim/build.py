@@ -114,7 +114,10 @@ def build(scene: Scene) -> Parts:
         loads=loads,
         linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
     )  # fmt: skip
-    newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
+    one_solve = scene.inertia is not None and scene.solver.mode == "one_solve"  # statics goes to the tolerance
+    newton = Newton(
+        system, scene.solver.tolerance, scene.solver.max_iterations, scene.solver.share if one_solve else 0.0
+    )
     stepper: Stepper
     if scene.inertia and inertia:
         from tripod_sim.integrators.schemes import make_scheme

@@ -330,6 +330,9 @@ class Solver:
 
     Attributes:
         tolerance: Unbalanced force at which a step counts as solved [N].
+        mode: `newton`: every step is solved to the tolerance; `one_solve`: one linear solve is enough where it leaves
+            at most `share` of the step's unbalanced force, else the step is solved as with `newton`.
+        share: See `mode`.
         max_iterations: Before a step is rolled back and halved.
         max_halvings: Before the simulation gives up.
         max_turn: Largest servo move of one static load increment [rad].
@@ -340,6 +343,8 @@ class Solver:
     """
 
     tolerance: float = number(1e-4, unit="N", low=1e-14, high=1e3)
+    mode: str = one_of("newton", "one_solve", default="newton")
+    share: float = number(0.1, above=0, high=0.5)
     max_iterations: int = number(300, low=1, high=1000)
     max_halvings: int = number(8, low=0, high=20)
     max_turn: float = number(0.1, unit="rad", low=1e-4, high=7.0)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.constraints.groups import Groups, Kind, rotation_matrix
-from tripod_sim.constraints.reduction import Reduction
+from tripod_sim.constraints.groups import Groups, rotation_matrix
+from tripod_sim.constraints.reduction import Reduction, move_nodes, write_levers
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.linear.choice import LinearFactory, linear_factory
@@ -77,14 +77,20 @@ class System:
         self._frame_of = np.repeat(np.arange(s), [len(f.nodes) for f in frames])
         swings = [(*f.swing(rest[f.nodes]), np.tile(f.inward, (len(f.nodes), 1))) for f in frames]
         self._swing = [np.concatenate([t[k] for t in swings] or [np.zeros((0, 3))]) for k in range(4)]
-        self._hubs = np.array([f.point for f in frames]).reshape(s, 3)[self._frame_of]
+        self._hubs = np.array([f.point for f in frames]).reshape(s, 3)
+        self._inward = np.array([f.inward for f in frames]).reshape(s, 3)
+        moved = np.isin(solid.elements, self.driven).any(axis=1)
+        self._beside = np.flatnonzero(moved)  # elements that feel the driven nodes
         self.factored = False
         self._change, self._reduced, self._unused = (
             np.zeros((n, 3)),
             np.zeros_like(self.residual),
             np.zeros(s),
         )
-        self._free = np.flatnonzero(self.reduction.kind == Kind.FREE)
+        self._internal, self._last, self._known = np.zeros((n, 3)), (rest.copy(), solid.rest_modes()), False
+        self._arm = rest.copy()  # of nodes of bodies, from the centre, undeformed [m]
+        for centre, nodes in zip(self._rest_centres, groups.rigid, strict=True):
+            self._arm[nodes] -= centre
         self._scale = np.ones(self.reduction.unknowns)
         for b, nodes in enumerate(groups.rigid):
             radius = np.sqrt(((rest[nodes] - self._rest_centres[b]) ** 2).sum(axis=1).mean())
@@ -127,22 +133,28 @@ class System:
 
     def update_levers(self, state: State) -> None:
         """Write `lever` for the positions of `state`."""
-        for b, nodes in enumerate(self.groups.rigid):
-            self.lever[nodes] = state.positions[nodes] - state.centres[b]
-        self.lever[self.driven] = (
-            state.positions[self.driven] - self._hubs - state.joints[-1] * self._swing[3]
+        r = self.reduction
+        write_levers(
+            state.positions,
+            state.centres,
+            self._hubs,
+            self._inward,
+            state.joints[-1],
+            r.kind,
+            r.number,
+            self.lever,
         )
 
     def evaluate(self, state: State) -> float:
-        """Write `gradient`, `residual` and `torques`; return Phi [J], infinite where there is none to improve."""
-        g = self.gradient
-        g[:] = 0.0
-        self.strain_energy = self.solid.add_gradient(state.positions, state.modes, g)
-        if not np.isfinite(self.strain_energy):
+        """Write `gradient`, `residual` and `torques`; return Phi [J], infinite where there is none to improve.
+
+        Where positions and modes are those of the evaluation before, its elastic forces serve again.
+        """
+        phi = self._evaluate_internal(state)
+        if not np.isfinite(phi):
             return np.inf
-        if self.foundation:
-            self.strain_energy += self.foundation.add_gradient(state.positions, g)
-        phi = self.strain_energy
+        g = self.gradient
+        g[:] = self._internal
         if self.gravity:
             self.gravity_energy = self.gravity.add_gradient(state.positions, g)
             phi += self.gravity_energy
@@ -156,6 +168,24 @@ class System:
         self.reduction.gradient(g, self.lever, self.axes, self.residual, self.torques)
         return phi
 
+    def _evaluate_internal(self, state: State) -> float:
+        """Write the gradient of the strain energy to `_internal` and return that energy [J]."""
+        positions, modes = self._last
+        if not (
+            self._known and np.array_equal(positions, state.positions) and np.array_equal(modes, state.modes)
+        ):
+            self._known = False
+            g = self._internal
+            g[:] = 0.0
+            self.strain_energy = self.solid.add_gradient(state.positions, state.modes, g)
+            if not np.isfinite(self.strain_energy):
+                return np.inf
+            if self.foundation:
+                self.strain_energy += self.foundation.add_gradient(state.positions, g)
+            positions[:], modes[:] = state.positions, state.modes
+            self._known = True
+        return self.strain_energy
+
     def unbalanced(self) -> float:
         """Return the norm of the residual and of the modes' gradients [N].
 
@@ -166,6 +196,8 @@ class System:
 
     def assemble(self, state: State, *, project: bool) -> int:
         """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""
+        if self.solid.has_modes:
+            self._known = False  # the condensed gradient belongs to the last assembly
         return self.solid.stiffness(state.positions, state.modes, project=project)
 
     def factor(self, shift: float = 0.0) -> bool:
@@ -190,13 +222,13 @@ class System:
     def add_driven(self, dx: FloatArray) -> None:
         """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""
         self._change[:] = 0.0
-        add_element_products(self.solid.matrices, self.solid.elements, dx, 1.0, self._change)
+        beside, elements = self._beside, self.solid.elements
+        add_element_products(self.solid.matrices, elements, beside, dx, 1.0, self._change)
         if self.foundation:
             self.foundation.add_gradient(dx, self._change)
         if self.damping:
-            add_element_products(
-                self.damping.matrices, self.solid.elements, dx, self.damping.factor, self._change
-            )
+            factor = self.damping.factor
+            add_element_products(self.damping.matrices, elements, beside, dx, factor, self._change)
         self.reduction.gradient(self._change, self.lever, self.axes, self._reduced, self._unused)
         self.residual += self._reduced
 
@@ -210,13 +242,13 @@ class System:
             scale: Fraction of the step, 1 when driven nodes move.
             out: The result; may not be `start`.
         """
-        free = self._free
-        out.positions[free] = start.positions[free] + scale * dx[free]
-        for b, nodes in enumerate(self.groups.rigid):
-            first = 3 * self.reduction.free_count + 6 * b
-            out.centres[b] = start.centres[b] + scale * solution[first : first + 3]
-            out.rotations[b] = rotation_matrix(scale * solution[first + 3 : first + 6]) @ start.rotations[b]
-            out.positions[nodes] = (
-                out.centres[b] + (self.rest[nodes] - self._rest_centres[b]) @ out.rotations[b].T
-            )
+        first = 3 * self.reduction.free_count
+        for b in range(len(self.groups.rigid)):
+            part = scale * solution[first + 6 * b : first + 6 * b + 6]
+            out.centres[b] = start.centres[b] + part[:3]
+            np.dot(rotation_matrix(part[3:]), start.rotations[b], out=out.rotations[b])
+        r = self.reduction
+        move_nodes(
+            start.positions, scale, dx, out.centres, out.rotations, self._arm, r.kind, r.number, out.positions
+        )
         self.solid.advance_modes(start.modes, dx, scale, out.modes)

@@ -259,7 +259,7 @@ def test_newton_projects_where_a_solver_reports_an_indefinite_tangent(name: str)
     """Half of the node spacing as noise turns elements inside out: no solver may follow the tangent as it is there."""
     options = ["mesh.level=1", "material.law=stable_neo_hooke", f"solver.linear={name}"]
     simulation = Simulation(load_scene("tripod", options))
-    free = simulation._system._free
+    free = simulation._system.reduction.free
     noise = 2e-3 * np.random.default_rng(0).standard_normal((len(free), 3))
     simulation.state.positions[free] += noise
     system = simulation._system

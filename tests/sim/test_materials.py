@@ -162,3 +162,17 @@ def test_bad_constants_are_named(young: float, poisson: float, word: str) -> Non
 def test_lame_constants_of_a_hand_worked_case() -> None:
     lam, mu = lame_constants(2.6, 0.3)
     assert (lam, mu) == (pytest.approx(1.5), pytest.approx(1.0))
+
+
+@pytest.mark.parametrize("project", [False, True])
+def test_corotational_tangent_is_that_of_the_singular_values(project: bool) -> None:
+    """Two ways to one matrix: by the polar rotation and its derivative, and by singular values and vectors."""
+    rng, quick, spectral = np.random.default_rng(3), np.empty((9, 9)), np.empty((9, 9))
+    usual = 0
+    for _ in range(300):
+        F = random_rotation(rng) @ (np.eye(3) + rng.uniform(0, 0.8) * rng.normal(size=(3, 3)))
+        usual += corotational.polar_rotation(F, np.empty((3, 3)))
+        corotational.tangent(F, 3.0, 1.0, project, quick)
+        corotational.spectral_tangent(F, 3.0, 1.0, project, spectral)
+        np.testing.assert_allclose(quick, spectral, atol=1e-12 * np.abs(spectral).max())
+    assert 150 < usual < 300  # both branches were taken

@@ -48,7 +48,7 @@ def test_hard_case_stays_stable_and_comes_to_rest(name: str) -> None:
 @pytest.mark.parametrize("law", ["neo_hooke", "corotational"])
 def test_noise_of_a_tenth_of_an_element_relaxes(law: str) -> None:
     simulation = Simulation(load_scene("tripod", ["mesh.level=1", f"material.law={law}"]))
-    free = simulation._system._free
+    free = simulation._system.reduction.free
     rest = simulation.state.positions.copy()
     noise = 1e-3 * np.random.default_rng(0).uniform(-1, 1, (len(free), 3))
     simulation.state.positions[free] += noise
@@ -59,7 +59,7 @@ def test_noise_of_a_tenth_of_an_element_relaxes(law: str) -> None:
 
 def test_corotational_recovers_from_inverted_elements() -> None:
     simulation = Simulation(load_scene("tripod", ["mesh.level=1", "material.law=corotational"]))
-    free = simulation._system._free
+    free = simulation._system.reduction.free
     rest = simulation.state.positions.copy()
     simulation.state.positions[free] += 4e-3 * np.random.default_rng(1).uniform(-1, 1, (len(free), 3))
     assert simulation._system.solid.worst_element(simulation.state.positions, simulation.state.modes)[1] < 0
@@ -73,7 +73,7 @@ def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_s
     simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
     simulation.step(np.array([-0.1, 0, 0, 0]))
     good = simulation.state.copy()
-    free = simulation._system._free
+    free = simulation._system.reduction.free
     simulation.state.positions[free[:20]] = 0.0  # crush elements to a point: neo-Hooke has no energy there
     broken = simulation.state.positions.copy()
     with pytest.raises(

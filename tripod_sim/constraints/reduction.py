@@ -178,6 +178,60 @@ def _moves(solution: Array, lever: Array, kind: Array, base: Array, out: Array) 
             out[n, 2] = c[2] + w[0] * r[1] - w[1] * r[0]
 
 
+@njit(cache=True, error_model="numpy")
+def write_levers(
+    x: Array,
+    centres: Array,
+    hubs: Array,
+    inward: Array,
+    slide: float,
+    kind: Array,
+    number: Array,
+    lever: Array,
+) -> None:
+    """Write r_i to `lever` (n, 3): from the centre of a node's body, or from a point on the axis of its frame.
+
+    Args:
+        x: Positions [m], shape (n, 3).
+        centres: Of the bodies [m], shape (b, 3).
+        hubs, inward: A point on each frame's axis before sliding [m], and its direction of sliding, shape (s, 3).
+        slide: How far all frames have slid [m].
+        kind, number: Of nodes, as `Groups.kinds` returns them.
+        lever: Output; free and fixed nodes are left alone.
+    """
+    for n in range(x.shape[0]):
+        if kind[n] == RIGID:
+            for i in range(3):
+                lever[n, i] = x[n, i] - centres[number[n], i]
+        elif kind[n] == DRIVEN:
+            for i in range(3):
+                lever[n, i] = x[n, i] - hubs[number[n], i] - slide * inward[number[n], i]
+
+
+@njit(cache=True, error_model="numpy")
+def move_nodes(
+    start: Array,
+    scale: float,
+    dx: Array,
+    centres: Array,
+    rotations: Array,
+    arm: Array,
+    kind: Array,
+    number: Array,
+    out: Array,
+) -> None:
+    """Write to `out` (n, 3) start + scale dx of free nodes and c + R arm of nodes of bodies; others are left alone."""
+    for n in range(start.shape[0]):
+        if kind[n] == FREE:
+            for i in range(3):
+                out[n, i] = start[n, i] + scale * dx[n, i]
+        elif kind[n] == RIGID:
+            R = rotations[number[n]]
+            for i in range(3):
+                turned = R[i, 0] * arm[n, 0] + R[i, 1] * arm[n, 1] + R[i, 2] * arm[n, 2]
+                out[n, i] = centres[number[n], i] + turned
+
+
 @njit(cache=True, error_model="numpy", inline="always")
 def _jacobian(r: Array, J: Array) -> None:
     """Write dx / d(c, theta) = [I, -[r]x], shape (3, 6)."""

@@ -49,9 +49,10 @@ class Foundation:
         block = np.concatenate(
             [np.concatenate([mass, -mass], axis=2), np.concatenate([-mass, mass], axis=2)], axis=1
         )
+        self._all = np.arange(len(elements))
         size = 3 * self.elements.shape[1]
         self.matrices = np.einsum("eab,ij->eaibj", block, np.eye(3)).reshape(len(elements), size, size)
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
         """Add dE/dx [N] to `g` and return E [J]; both arrays of shape (nodes and ghosts, 3)."""
-        return float(add_element_products(self.matrices, self.elements, x, 1.0, g))
+        return float(add_element_products(self.matrices, self.elements, self._all, x, 1.0, g))

@@ -24,7 +24,7 @@ class StiffnessDamping:
     def __init__(self, coefficient: float, elements: IndexArray, matrices: FloatArray, size: int) -> None:
         """`coefficient`: b [s]; `matrices`: those of the solid, for their shape."""
         self.coefficient, self.factor = coefficient, 0.0
-        self._elements = elements
+        self._elements, self._all = elements, np.arange(len(elements))
         self.matrices = np.zeros_like(matrices)
         self.start = np.zeros((size, 3))
         self._move = np.zeros((size, 3))
@@ -32,4 +32,8 @@ class StiffnessDamping:
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
         """Add dD/dx [N] to `g` and return D [J]."""
         np.subtract(x, self.start, out=self._move)
-        return float(add_element_products(self.matrices, self._elements, self._move, self.factor, g))
+        if not self._move.any():  # a step begins so
+            return 0.0
+        return float(
+            add_element_products(self.matrices, self._elements, self._all, self._move, self.factor, g)
+        )

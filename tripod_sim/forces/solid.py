@@ -42,6 +42,11 @@ class Solid:
         self._C, self._CB = np.zeros((9, 9)), np.zeros((3, 3, 3 * columns))
         self._K, self._work = np.zeros((3, columns, 3 * columns)), np.zeros((12, columns))
 
+    @property
+    def has_modes(self) -> bool:
+        """Whether the elements have incompatible modes."""
+        return self._modes > 0
+
     def rest_modes(self) -> FloatArray:
         """Return the mode amplitudes of the undeformed solid [m], shape (m, modes of an element, 3)."""
         return np.zeros((len(self.elements), self._modes, 3))

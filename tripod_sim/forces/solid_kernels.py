@@ -314,19 +314,23 @@ def update_modes(
             out[e, r // 3, r % 3] = modes[e, r // 3, r % 3] - scale * total
 
 
-@njit(cache=True, error_model="numpy")
-def add_element_products(matrices: Array, elements: Array, dx: Array, factor: float, g: Array) -> float:
-    """Add factor * (sum of element matrices) dx to `g` (n, 3); return factor/2 dx^T (sum) dx."""
-    total = 0.0
-    for e in range(elements.shape[0]):
-        for a in range(elements.shape[1]):
-            for i in range(3):
-                value = 0.0
-                for b in range(elements.shape[1]):
-                    for j in range(3):
-                        value += matrices[e, 3 * a + i, 3 * b + j] * dx[elements[e, b], j]
-                g[elements[e, a], i] += factor * value
-                total += value * dx[elements[e, a], i]
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def add_element_products(
+    matrices: Array, elements: Array, which: Array, dx: Array, factor: float, g: Array
+) -> float:
+    """Add factor * (sum of the element matrices `which`) dx to `g` (n, 3); return factor/2 dx^T (sum) dx."""
+    total, size = 0.0, 3 * elements.shape[1]
+    local = np.empty(size)
+    for e in which:
+        for b in range(elements.shape[1]):
+            for j in range(3):
+                local[3 * b + j] = dx[elements[e, b], j]
+        for r in range(size):
+            value = 0.0
+            for c in range(size):
+                value += matrices[e, r, c] * local[c]
+            g[elements[e, r // 3], r % 3] += factor * value
+            total += value * local[r]
     return 0.5 * factor * total
 
 

@@ -3,7 +3,8 @@
 Every step goes down: the Hessian is made positive definite (first as it is; if it is not, with each point's tangent
 projected; at last with a shift), and a step is shortened until the potential falls [NocedalWright2006, chapter 3].
 A factorisation is kept while it still halves the residual (chord steps), also from one solve to the next, and renewed
-where it does not.
+where it does not. In one-solve mode one linear solve is enough where it leaves little of the unbalanced force; where it
+leaves more, Newton's method goes on to the tolerance.
 """
 
 from dataclasses import dataclass
@@ -47,9 +48,17 @@ class Newton:
     """A factorisation that needed at most so many linear solves is kept for the next solve: one more chord step costs a
     fifth of a new factorisation."""
 
-    def __init__(self, system: System, tolerance: float, max_iterations: int) -> None:
-        """`tolerance`: unbalanced force [N] at which a state counts as solved."""
+    def __init__(self, system: System, tolerance: float, max_iterations: int, share: float = 0.0) -> None:
+        """Solve for states of `system`.
+
+        Args:
+            system: The potential.
+            tolerance: Unbalanced force [N] at which a state counts as solved.
+            max_iterations: Linear solves before a solve is given up.
+            share: One-solve mode: part of the unbalanced force that the first linear solve may leave; 0 is off.
+        """
         self.system, self.tolerance, self.max_iterations = system, tolerance, max_iterations
+        self._share = share
         self._dx = np.zeros_like(system.rest)
         self._trial: State | None = None
         self._kept: float | None = None
@@ -81,19 +90,26 @@ class Newton:
         kept = keep is not None and keep == self._kept
         self._kept = None
         phi = self.system.evaluate(state) if kept else self._renew(state, report, first=True)
-        if not np.array_equal(joints, state.joints):
-            phi = self._drive(state, trial, joints, report)
-        self._descend(state, trial, phi, report)
+        driven = not np.array_equal(joints, state.joints)
+        if driven:
+            self.system.drive(trial, joints)
+            self._add_drive(state, trial)
+        enough = max(self.tolerance, self._share * self.system.unbalanced())
+        if driven:
+            phi = self._drive(state, trial, report)
+        self._descend(state, trial, phi, report, enough)
         if report.iterations <= self.FEW:
             self._kept = keep
         return report
 
-    def _drive(self, state: State, trial: State, joints: FloatArray, report: NewtonReport) -> float:
+    def _add_drive(self, state: State, trial: State) -> None:
+        """Add to the residual at `state` what the move of the driven nodes to `trial` makes of it, to first order."""
+        driven = self.system.driven
+        self._dx[driven] = trial.positions[driven] - state.positions[driven]
+        self.system.add_driven(self._dx)
+
+    def _drive(self, state: State, trial: State, report: NewtonReport) -> float:
         """Make the step that moves the driven nodes; return the potential after it."""
-        system = self.system
-        system.drive(trial, joints)
-        self._dx[system.driven] = trial.positions[system.driven] - state.positions[system.driven]
-        system.add_driven(self._dx)
         phi = self._step(state, trial, 1.0, report)
         if not np.isfinite(phi):
             raise NewtonError(f"{self._culprit(trial)} as the servos moved")
@@ -101,11 +117,13 @@ class Newton:
         self._dx[:] = 0.0
         return phi
 
-    def _descend(self, state: State, trial: State, phi: float, report: NewtonReport) -> None:
-        """Iterate from an evaluated `state` until the residual is below the tolerance."""
+    def _descend(self, state: State, trial: State, phi: float, report: NewtonReport, enough: float) -> None:
+        """Iterate from an evaluated `state` until the residual is below the tolerance; `enough` is, after one solve."""
         system = self.system
         size = system.unbalanced()
-        while not size <= self.tolerance:  # written so that NaN counts as unsolved
+        while not size <= (
+            enough if report.iterations == 1 else self.tolerance
+        ):  # so that NaN counts as unsolved
             if report.iterations >= self.max_iterations:
                 raise NewtonError(
                     f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "

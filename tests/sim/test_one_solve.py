@@ -1,0 +1,74 @@
+"""One-solve mode: one linear solve a step where its residual allows, Newton's method where it does not."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, Simulation, load_scene
+
+WORKING = ("servos.angles=[-1.4965, -1.4965, -1.4965]", "servos.slide=0.035")
+
+
+def swing(t: float) -> np.ndarray:
+    phase = 2 * np.pi * t / 2.0 + 2 * np.pi * np.arange(3) / 3
+    return np.array([*(-1.4965 + 0.15 * min(t, 1.0) * np.sin(phase)), 0.035])
+
+
+def run(scene: str, *overrides: str, steps: int = 60) -> tuple[np.ndarray, list[int], list[int]]:
+    """Effector positions, linear solves and factorisations of each step."""
+    simulation = Simulation(load_scene(scene, [*WORKING, *overrides]))
+    positions, solves, renewals = [], [], []
+    for k in range(steps):
+        report = simulation.step(swing((k + 1) * simulation.scene.dt))
+        positions.append(simulation.state.centres[0].copy())
+        solves.append(report.iterations)
+        renewals.append(report.factorisations)
+    return np.array(positions), solves, renewals
+
+
+@pytest.mark.parametrize("scene", ["tripod", "tripod_sofa"])
+def test_smooth_motion_takes_one_solve_a_step_and_stays_close(scene: str) -> None:
+    level = "mesh.level=1" if scene == "tripod" else "mesh.level=5"
+    exact, solves, _ = run(scene, level, "solver.mode=newton", "solver.tolerance=1e-8")
+    assert min(solves[1:]) > 1
+    quick, solves, renewals = run(scene, level, "solver.mode=one_solve")
+    assert set(solves) == {1}
+    assert sum(renewals) == 1  # one factorisation serves the whole motion
+    moved = np.ptp(exact, axis=0).max()
+    assert moved > 3e-4
+    assert np.abs(quick - exact).max() < 0.02 * moved
+
+
+def test_a_solve_that_leaves_too_much_goes_on_to_the_tolerance() -> None:
+    options = [
+        "mesh.level=1",
+        "solver.mode=one_solve",
+        "solver.share=0.01",
+        "solver.tolerance=1e-6",
+        *WORKING,
+    ]
+    simulation = Simulation(load_scene("tripod", options))
+    jump = np.array([-0.9, -1.4965, -1.4965, 0.035])
+    report = simulation.step(jump)
+    assert report.iterations > 2
+    assert report.residual <= 1e-6
+    first = report.residual
+    for _ in range(200):
+        report = simulation.step(jump)
+    assert report.residual < 1e-4 and first > 0
+
+
+def test_the_share_decides() -> None:
+    strict = run("tripod", "mesh.level=1", "solver.mode=one_solve", "solver.share=0.001")[1]
+    assert max(strict) > 1
+
+
+def test_statics_goes_to_the_tolerance() -> None:
+    options = ["mesh.level=1", "inertia=off", "damping=off", "solver.mode=one_solve", "solver.tolerance=1e-7"]
+    simulation = Simulation(load_scene("tripod", options))
+    report = simulation.step(np.array([-0.2, 0.0, 0.0, 0.0]))
+    assert report.residual <= 1e-7
+
+
+def test_a_share_out_of_range_is_named() -> None:
+    with pytest.raises(SceneError, match=r"solver.share is 0.9; it must be above 0 and at most 0.5"):
+        load_scene("tripod", ["solver.share=0.9"])
