@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from tripod_ik.branch import branch
 from tripod_ik.limits import AngleLimit, IntervalLimit, StepLimit
 from tripod_ik.model import StaticModel
 from tripod_ik.problem import IkProblem, build_ik
@@ -109,7 +110,7 @@ class InverseSolver:
         """
         model, end = self.model, time.perf_counter() + time_limit
         state, longest = model.state(), LONGEST_STEP
-        sign = _branch(state, tasks)
+        sign = branch(state, tasks)
         iterations, outcome, reason = 0, Outcome.UNFINISHED, ""
         while True:
             problem = build_ik(state, tasks, [*self._limits, StepLimit(longest)], self._row_limits)
@@ -142,7 +143,7 @@ class InverseSolver:
         except (StepError, SceneError):
             self.model.restore(before)
             return None
-        same = self._any_branch or _branch(state, problem.tasks) * sign >= 0
+        same = self._any_branch or branch(state, problem.tasks) * sign >= 0
         gain = self._merit(problem, problem.state) - self._merit(problem, state)
         if same and gain >= -1e-12:
             return state
@@ -161,18 +162,6 @@ class InverseSolver:
             beyond = np.maximum(np.maximum(there.low, -there.high), 0.0)
             value += limit.weight / 2 * float(np.sum((beyond / np.maximum(scale, 1e-9)) ** 2))
         return value
-
-
-def _branch(state: LinearState, tasks: Sequence[Task]) -> float:
-    """Return the sign of det(J) of the rows that count, if they are as many as servos; else 0, any is right.
-
-    Two poses that meet the same tasks and are not on the way of each other have a fold of det(J) = 0 between them.
-    """
-    found = [t.rows(state) for t in tasks if t.distances(t.rows(state).error)]
-    if not found:
-        return 0.0
-    rows = np.concatenate([r.jacobian[r.weights > 0] for r in found])
-    return float(np.sign(np.linalg.det(rows))) if rows.shape[0] == rows.shape[1] else 0.0
 
 
 def _now(problem: IkProblem) -> dict[str, float]:

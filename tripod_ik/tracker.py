@@ -3,19 +3,31 @@
 Pure: the caller gives the time.
 """
 
-from dataclasses import dataclass
-from enum import IntEnum
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum, StrEnum
 
 import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
+from tripod_ik.branch import branch
 from tripod_ik.errors import IkError
+from tripod_ik.feedback import ModelError
 from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import build_ik
 from tripod_ik.row_limits import TorqueLimit
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
-from tripod_ik.tasks import PositionTask
+from tripod_ik.target_motion import TargetMotion
+from tripod_ik.tasks import (
+    LEVER,
+    PositionTask,
+    PostureTask,
+    Task,
+    TiltTask,
+    orientation_tasks,
+    total_distance,
+)
 
 LONGEST_DT = 0.1
 """Time between commands [s] that the speed limit grants at most: after a gap the robot does not leap."""
@@ -24,6 +36,20 @@ STUCK = 0.1
 """A step that is to remove less than this part of the error, with no limit on step or speed active, is at the
 end.
 """
+
+
+SMALLEST_STEP = 1e-5
+"""To which the step limit shrinks at a fold [rad]."""
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+class Goal(StrEnum):
+    """What of a target pose is followed."""
+
+    POSITION = "position"
+    ORIENTATION = "orientation"
+    POSE = "pose"
 
 
 class Activity(IntEnum):
@@ -48,6 +74,9 @@ class TrackerSettings:
         torque_max: Largest torque of a servo, soft [N m]; infinite for none.
         weights: How much each axis of the target counts.
         tolerance: Distance from the target [m] up to which it counts as reached.
+        goal: POSITION; ORIENTATION: roll, pitch and height; POSE: position and tilt, a compromise.
+        lever: Metres that a radian of tilt counts.
+        lead: How far ahead of itself a moving target is aimed at [s]: the time that the robot takes to answer.
     """
 
     angle_min: float = -2.1
@@ -57,6 +86,9 @@ class TrackerSettings:
     torque_max: float = 0.3
     weights: tuple[float, float, float] = (1.0, 1.0, 1.0)
     tolerance: float = 1e-4
+    goal: Goal = Goal.POSITION
+    lever: float = LEVER
+    lead: float = 0.0
 
     def __post_init__(self) -> None:
         AngleLimit(self.angle_min, self.angle_max)
@@ -67,6 +99,16 @@ class TrackerSettings:
             raise IkError(f"torque_max is {self.torque_max} N m; it must be positive")
         if not self.tolerance > 0:
             raise IkError(f"tolerance is {self.tolerance} m; it must be positive")
+        if not 0 <= self.lead <= 0.5:
+            raise IkError(f"lead is {self.lead} s; allowed is 0 to 0.5 s")
+        self.tasks(np.zeros(3), UP)
+
+    def tasks(self, position: FloatArray, normal: FloatArray) -> tuple[Task, ...]:
+        """Return what brings the effector to `position` [m] and `normal`, shape (3,) each, as far as the goal says."""
+        if self.goal is Goal.ORIENTATION:
+            return orientation_tasks(normal, float(position[2]), lever=self.lever)
+        task = PositionTask(position, np.array(self.weights))
+        return (task,) if self.goal is Goal.POSITION else (task, TiltTask(normal, lever=self.lever))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +118,7 @@ class TrackerStep:
     Attributes:
         activity: TRACKING, CLOSEST or SOLVER_FAILED; send `result.command` unless it is the last.
         target: What is being followed [m], shape (3,).
-        error: Distance from the target to the effector as it is, not at rest [m].
+        error: Distance from the target to the effector as it is, not at rest [m]; tilts count by the lever.
         result: What inverse kinematics gave.
     """
 
@@ -92,63 +134,128 @@ class Tracker:
     The first command after `start` equals the present angles, and without a target the tracker keeps the
     effector where it would come to rest: beginning to track moves nothing. A servo found above the torque
     limit is not moved to relieve it: what it bears then is its limit, until it is once below `torque_max`.
+
+    It stays on the branch of the pose that it began in. Where a state is found beyond a fold (det J of the task has
+    changed its sign), the command goes back to the last angles before it, and from then on steps are halved each
+    time, until the target moves: what remains is the closest pose on this side.
+
+    Attributes:
+        settings: How it moves the robot.
+        correction: What is known of the model's error; fed with measurements by the caller, or left at zero.
     """
 
-    def __init__(self, settings: TrackerSettings, n: int = 3) -> None:
-        """`n`: number of servos."""
+    def __init__(self, settings: TrackerSettings, n: int = 3, correction: ModelError | None = None) -> None:
+        """`n`: number of servos; `correction`: for a closed loop."""
         self.settings = settings
+        self.correction = correction
         self._limits = (
             AngleLimit(settings.angle_min, settings.angle_max),
-            StepLimit(settings.step),
             SpeedLimit(settings.angle_speed),
         )
         self._limited = bool(np.isfinite(settings.torque_max))
         self._solver = IkSolver(n, rows=n if self._limited else 0)
+        self._motion = TargetMotion(settings.lead)
         self._target: FloatArray | None = None
-        self._kept: FloatArray | None = None
         self.start()
 
     @property
     def target(self) -> FloatArray | None:
-        """The target [m], shape (3,); None while there is none, then the tracker keeps the effector where it
-        is.
+        """The target's position [m], shape (3,); None while there is none, then the tracker keeps the effector
+        where it is. One that is set so stands still, with the normal that the effector has now.
         """
-        return self._target
+        return None if self._target is None else self._target[:3]
 
     @target.setter
     def target(self, target: FloatArray | None) -> None:
-        self._target = None if target is None else frozen("target", target, (3,))
+        if target is None:
+            self._target = None
+            self._motion.clear()
+        else:
+            self._motion.clear()
+            self.aim(target, None, 0.0)
+
+    def aim(self, position: FloatArray, normal: FloatArray | None, now: float) -> None:
+        """Follow a target that comes at `now` [s] of the caller's steady clock.
+
+        Args:
+            position: [m], shape (3,).
+            normal: Of the effector, shape (3,); None keeps the one that it has.
+            now: [s]; several targets in a row make a motion, see `TargetMotion`.
+        """
+        upright = np.full(3, np.nan) if normal is None else frozen("normal", normal, (3,))
+        target = np.concatenate([frozen("target", position, (3,)), upright])
+        if self._target is None or not np.array_equal(target, self._target, equal_nan=True):
+            self._trust = self.settings.step
+        self._target = target
+        self._motion.add(target, now)
 
     def start(self) -> None:
         """Begin anew from the angles of the next state."""
         self._previous: FloatArray | None = None
         self._torque: FloatArray | None = None
         self._time = 0.0
-        self._kept = None
+        self._kept: FloatArray | None = None
+        self._sign = 0.0
+        self._inside: FloatArray | None = None
+        self._trust = self.settings.step
+        if self.correction:
+            self.correction.reset()
 
     def update(self, state: LinearState, now: float) -> TrackerStep:
         """Return the next command for `state`, received at `now` [s] of the caller's steady clock."""
-        settings = self.settings
         dt = 0.0 if self._previous is None else min(max(0.0, now - self._time), LONGEST_DT)
         if self._kept is None:
-            self._kept = state.equilibrium
-        target = self._kept if self._target is None else self._target
-        task = PositionTask(target, np.array(settings.weights))
+            self._kept = np.concatenate([state.equilibrium, state.equilibrium_rotation[:, 2]])
+        wanted = self._kept if self._target is None else self._motion.at(now)
+        wanted = np.where(np.isfinite(wanted), wanted, self._kept)
+        position, normal = self._corrected(wanted, state, now)
+        tasks: Sequence[Task] = self.settings.tasks(position, normal)
+        beyond = self._is_beyond_fold(state, tasks)
+        if beyond and self._inside is not None:
+            self._trust = max(SMALLEST_STEP, self._trust / 2)
+            tasks = (PostureTask(self._inside, weight=1.0),)
+        limits = (self._limits[0], StepLimit(self.settings.step if beyond else self._trust), self._limits[1])
         torque = [TorqueLimit(self._torque_ceiling(state))] if self._limited else []
-        problem = build_ik(state, [task], self._limits, torque, previous=self._previous, dt=dt)
+        problem = build_ik(state, tasks, limits, torque, previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
+        if beyond:
+            result = replace(result, active_limits=(*result.active_limits, "branch"))
         self._previous, self._time = result.command, max(self._time, now)
-        error = task.distances(target - state.effector)["position [m]"]
-        return TrackerStep(self._activity(result), target, error, result)
+        return TrackerStep(
+            self._activity(result, beyond), wanted[:3], self._present_error(state, wanted), result
+        )
+
+    def _corrected(self, wanted: FloatArray, state: LinearState, now: float) -> tuple[FloatArray, FloatArray]:
+        if self.correction is None:
+            return wanted[:3], wanted[3:]
+        self.correction.predict(state.equilibrium, state.equilibrium_rotation[:, 2], now)
+        if self._target is None:  # what is kept is where the model is: measuring it moves nothing
+            return wanted[:3], wanted[3:]
+        return self.correction.corrected(wanted[:3], wanted[3:])
+
+    def _is_beyond_fold(self, state: LinearState, tasks: Sequence[Task]) -> bool:
+        sign = branch(state, tasks)
+        self._sign = self._sign or sign
+        beyond = sign * self._sign < 0
+        if not beyond:
+            self._inside = state.angles
+        return beyond
+
+    def _present_error(self, state: LinearState, wanted: FloatArray) -> float:
+        here = replace(state, equilibrium_offset=np.zeros(6))
+        tasks = self.settings.tasks(wanted[:3], wanted[3:])
+        return total_distance(tasks, [task.rows(here).error for task in tasks])
 
     def _torque_ceiling(self, state: LinearState) -> FloatArray:
         found, maximum = np.abs(state.torques), self.settings.torque_max
         self._torque = np.where(found <= maximum, maximum, found if self._torque is None else self._torque)
         return self._torque
 
-    def _activity(self, result: IkResult) -> Activity:
+    def _activity(self, result: IkResult, beyond: bool) -> Activity:
         if not result.ok:
             return Activity.SOLVER_FAILED
+        if beyond:
+            return Activity.CLOSEST
         on_the_way = (
             any(name.endswith((" speed", " step")) for name in result.active_limits)
             or result.residual < (1 - STUCK) * result.error

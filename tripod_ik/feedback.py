@@ -1,0 +1,115 @@
+"""Closing the loop on what is measured: how far the robot is from its model, and a target that makes up for it.
+
+Pure: the caller gives the time.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from tripod_ik.arrays import FloatArray, frozen
+from tripod_ik.errors import IkError
+from tripod_ik.rotation import tilt_between, vector_matrix
+
+LONGEST_DT = 0.1
+"""Time that a measurement counts for at most [s]: after a gap the correction does not leap."""
+
+HISTORY = 1.0
+"""How long the model's poses are remembered [s]: delays are shorter."""
+
+
+class ModelError:
+    """Estimates the model's error d, and takes it off the target.
+
+    With y the pose at rest that the model gives for the present angles, m the measured one and τ the delay of the
+    measurement, every measurement moves the estimate by
+
+        d += (1 - exp(-dt/T)) (m(t) - y(t - τ) - d),
+
+    and inverse kinematics follows target - d. Where it gets there, y = target - d, so that d integrates the error of
+    the robot, m - target, with the time T: integral action, which leaves no error at rest. Where a limit keeps it
+    from getting there, d goes to the model's true error and stays: nothing winds up. Tilts are treated the same way,
+    as rotation vectors between normals.
+
+    It is stable while the delay that `delay` does not account for is below about T, for any robot that moves by less
+    than twice what its model says.
+
+    Attributes:
+        shift: Estimate of the position's error, measured minus model [m], shape (3,).
+        tilt: Estimate of the normal's error, the rotation vector from the model's to the measured one [rad],
+            shape (3,).
+    """
+
+    def __init__(
+        self, time: float = 0.4, delay: float = 0.03, *, most_shift: float = 0.02, most_tilt: float = 0.35
+    ) -> None:
+        """Begin without a correction.
+
+        Args:
+            time: T [s].
+            delay: τ [s].
+            most_shift: Largest correction of a position [m]; what is beyond is not the model but a wrong sensor.
+            most_tilt: Largest correction of a tilt [rad].
+
+        Raises:
+            IkError: one of them is out of range.
+        """
+        if not 0 < time < math.inf:
+            raise IkError(f"feedback time is {time} s; it must be positive and finite")
+        if not 0 <= delay <= HISTORY / 2:
+            raise IkError(f"feedback delay is {delay} s; allowed is 0 to {HISTORY / 2} s")
+        self.time, self.delay = time, delay
+        self._most = {"shift": most_shift, "tilt": most_tilt}
+        self._model: deque[tuple[float, FloatArray, FloatArray]] = deque()
+        self.shift, self.tilt = np.zeros(3), np.zeros(3)
+        self._last: float | None = None
+
+    def reset(self) -> None:
+        """Begin anew without a correction."""
+        self._model.clear()
+        self.shift, self.tilt = np.zeros(3), np.zeros(3)
+        self._last = None
+
+    def predict(self, position: FloatArray, normal: FloatArray, now: float) -> None:
+        """Remember the model's pose at rest for the angles at `now` [s]: position [m] and normal, shape (3,) each."""
+        self._model.append((now, position, normal))
+        while now - self._model[0][0] > HISTORY:
+            self._model.popleft()
+
+    def measure(self, position: FloatArray | None, normal: FloatArray | None, now: float) -> None:
+        """Take a measurement that comes at `now` [s]: position [m], normal, or both; None is not measured.
+
+        Raises:
+            IkError: it is not finite, or the normal has no direction; the estimate stays.
+        """
+        p = None if position is None else frozen("measured position", position, (3,))
+        u = None if normal is None else frozen("measured normal", normal, (3,))
+        if u is not None and not abs(float(np.linalg.norm(u)) - 1.0) < 1e-2:
+            raise IkError(f"measured normal {u.tolist()} has not length 1")
+        dt = 0.0 if self._last is None else min(max(0.0, now - self._last), LONGEST_DT)
+        self._last = now
+        model = self._before(now - self.delay)
+        if model is None:
+            return
+        gain = -math.expm1(-dt / self.time)
+        if p is not None:
+            self.shift = self._bounded("shift", self.shift + gain * (p - model[0] - self.shift))
+        if u is not None:
+            found = tilt_between(model[1], u / np.linalg.norm(u))
+            self.tilt = self._bounded("tilt", self.tilt + gain * (found - self.tilt))
+
+    def corrected(self, position: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the target that brings the robot to `position` [m] and `normal`, shape (3,) each."""
+        return position - self.shift, vector_matrix(-self.tilt) @ normal
+
+    def _before(self, when: float) -> tuple[FloatArray, FloatArray] | None:
+        """Return the model's pose at `when` [s], the newest one that is not younger; None if it is too long ago."""
+        for time, position, normal in reversed(self._model):
+            if time <= when + 1e-9:
+                return position, normal
+        return None
+
+    def _bounded(self, name: str, value: FloatArray) -> FloatArray:
+        length = float(np.linalg.norm(value))
+        return value if length <= self._most[name] else value * (self._most[name] / length)
