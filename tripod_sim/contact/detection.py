@@ -1,0 +1,188 @@
+"""Detection: what is near at the start of a step, and what meets during it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.contact import narrow_kernels as kernels
+from tripod_sim.contact.broad_phase import Boxes, Tree
+from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.surfaces import Surfaces
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+LEAST = 0.1
+"""Fraction of the contact distance that continuous detection never lets go of."""
+
+
+@dataclass(eq=False)
+class _Query:
+    """One kind of pair: moving shapes against fixed ones in a tree built once, or against moving ones.
+
+    ones, others: Vertices and triangles, or edges and edges, as the kernels take them. `flipped`: the points are fixed.
+    """
+
+    boxes: Boxes
+    tree: Tree
+    target: Boxes
+    ones: IndexArray
+    others: IndexArray
+    first: int
+    flipped: bool
+    moving: bool
+
+    def pairs(self) -> IndexArray:
+        return self.tree.pairs(self.boxes)
+
+
+class Detector:
+    """Finds contacts among the surfaces of bodies, moving against fixed and, if there are any, moving ones.
+
+    Attributes:
+        pairs: Pairs that the last broad phase left.
+    """
+
+    def __init__(self, surfaces: Surfaces, vertices: FloatArray, distance: float, alarm: float) -> None:
+        """Build the trees of what never moves.
+
+        Args:
+            surfaces: All bodies.
+            vertices: Positions [m], shape (n, 3).
+            distance: Contact distance [m].
+            alarm: Alarm distance [m], larger.
+        """
+        s = self._surfaces = surfaces
+        self.distance, self.alarm, self.pairs = distance, alarm, 0
+        self._top = kernels.Topology(
+            s.body,
+            s.touches_itself,
+            s.radius,
+            s.triangles,
+            s.edges,
+            s.sides,
+            s.faces,
+            s.first_edge,
+            s.edge_list,
+        )
+        self._moving = np.zeros(len(vertices), dtype=np.bool_)
+        self._moving[s.moving_points] = True
+        self._earliest, self._move = np.ones(len(vertices)), np.zeros((len(vertices), 3))
+        self._largest = float(s.radius.max(initial=0.0))
+        self._when: list[FloatArray] = []
+        points, faces, edges = s.moving_points, s.moving_triangles, s.moving_edges
+        shapes = {"points": points[:, None], "faces": s.triangles[faces], "edges": s.edges[edges]}
+        boxes = {name: Boxes(shape) for name, shape in shapes.items()}
+        self._boxes, self._trees = list(boxes.values()), list[Tree]()
+        self._queries: list[_Query] = []
+
+        def against_fixed(
+            name: str, mine: IndexArray, shape: IndexArray, theirs: IndexArray, first: int
+        ) -> None:
+            if len(mine) and len(theirs):
+                target = Boxes(shape)
+                target.sweep(vertices, vertices, 0.0)
+                tree = Tree(target)
+                tree.update()
+                flipped = name == "faces"
+                one, other = (theirs, mine) if flipped else (mine, theirs)
+                self._queries.append(_Query(boxes[name], tree, target, one, other, first, flipped, False))
+
+        against_fixed("points", points, s.triangles[s.fixed_triangles], s.fixed_triangles, 1)
+        against_fixed("faces", faces, s.fixed_points[:, None], s.fixed_points, 1)
+        against_fixed("edges", edges, s.edges[s.fixed_edges], s.fixed_edges, 2)
+        bodies = np.unique(s.body[points])
+        if len(bodies) > 1 or s.touches_itself[bodies].any():
+            for name, query, mine, theirs, first in (
+                ("faces", "points", points, faces, 1),
+                ("edges", "edges", edges, edges, 2),
+            ):
+                tree = Tree(boxes[name])
+                self._trees.append(tree)
+                self._queries.append(
+                    _Query(boxes[query], tree, boxes[name], mine, theirs, first, False, True)
+                )
+
+    def _sweep(self, start: FloatArray, end: FloatArray, margin: float) -> None:
+        for boxes in self._boxes:
+            boxes.sweep(start, end, margin)
+        for tree in self._trees:
+            tree.update()
+        self.pairs = 0
+
+    def near(self, x: FloatArray, out: ContactSet) -> None:
+        """Fill `out` with the contacts closer than the alarm distance at positions `x` [m], shape (n, 3)."""
+        self._sweep(x, x, self.alarm + self._largest)
+        at = 0
+        for q in self._queries:
+            pairs = q.pairs()
+            self.pairs += len(pairs)
+            while True:
+                if q.first == 1:
+                    end = kernels.near_point_faces(
+                        pairs,
+                        q.ones,
+                        q.others,
+                        q.flipped,
+                        self._top,
+                        x,
+                        self.distance,
+                        self.alarm,
+                        out.arrays,
+                        at,
+                    )
+                else:
+                    end = kernels.near_edges(
+                        pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, out.arrays, at
+                    )
+                if end <= len(out.arrays.key):
+                    break
+                out.count = at
+                out.reserve(end)
+            at = out.count = end
+        out.unique()
+
+    def met(self, start: FloatArray, end: FloatArray, out: ContactSet, *, take_all: bool = False) -> float:
+        """Add to `out` what meets while vertices move from `start` to `end` [m], shape (n, 3), on straight lines.
+
+        Met are pairs that come closer than `LEAST` of the contact distance. Those of `out` that meet are replaced.
+        Where several triangles meet one shape, those to which others are closer are left out, unless `take_all`.
+
+        Returns:
+            The fraction of the way until which all pairs surely keep that distance; 1 if nothing meets.
+        """
+        self._sweep(start, end, LEAST * self.distance + self._largest)
+        self._earliest[:] = 1.0
+        np.subtract(end, start, out=self._move)
+        while len(self._when) < len(self._queries):
+            self._when.append(np.zeros(64))
+        found = []
+        for k, q in enumerate(self._queries):
+            pairs = q.pairs()
+            self.pairs += len(pairs)
+            if len(pairs) > len(self._when[k]):
+                self._when[k] = np.zeros(len(pairs) + len(pairs) // 2)
+            when = self._when[k][: len(pairs)]
+            kernels.times(
+                pairs, q.ones, q.others, q.first, q.flipped, self._top, start, self._move, LEAST * self.distance, when,
+                self._earliest,
+            )  # fmt: skip
+            if len(pairs) and when.min() < 1.0:
+                found.append((q, pairs.copy(), when))
+        if not found:
+            return 1.0
+        at = out.count
+        for q, pairs, when in found:
+            while True:
+                after = kernels.met_contacts(
+                    pairs, q.ones, q.others, q.first, q.flipped, self._top, start, self._move, self.distance, when,
+                    self._earliest, self._moving, kernels.ANY if take_all else kernels.MET, out.arrays, at,
+                )  # fmt: skip
+                if after <= len(out.arrays.key):
+                    break
+                out.count = at
+                out.reserve(after)
+            at = out.count = after
+        out.unique()
+        return float(self._earliest.min())

@@ -1,0 +1,227 @@
+"""The potential of one step with contact, in the unknowns of all moving bodies, and how to go down in it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from tripod_sim.contact import response_kernels as kernels
+from tripod_sim.contact.bodies import Body
+from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.linear.ldl import Ldl
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+
+
+class DescentError(RuntimeError):
+    """No lower potential was found, or a number is not finite."""
+
+
+@dataclass
+class Effort:
+    """What solves took, summed until it is read.
+
+    Attributes:
+        iterations: Linear solves.
+        factorisations: Hessians assembled and factored.
+        linear_iterations: Of conjugate gradients, for contacts between moving bodies.
+    """
+
+    iterations: int = 0
+    factorisations: int = 0
+    linear_iterations: int = 0
+
+
+class StepProblem:
+    """Sum of the bodies' potentials and of their contacts' (see `response_kernels`).
+
+    The Hessian is factored within the pattern of the bodies; contacts of fixed things fit in. Those between moving
+    bodies do not: with them the factor preconditions conjugate gradients on the whole.
+
+    Attributes:
+        unknowns: Of all bodies, one after the other.
+        first: First unknown of each body.
+        give: 1 / diagonal of the Hessian without contacts at the start of the step, shape (unknowns,).
+        effort: Counts.
+    """
+
+    SHORTEST = 1e-6
+    """Smallest fraction of a step that is tried."""
+
+    def __init__(self, bodies: list[Body], contacts: ContactSet) -> None:
+        self._bodies, self._contacts = bodies, contacts
+        self.first = np.concatenate([[0], np.cumsum([b.unknowns for b in bodies])]).astype(int)
+        self.unknowns = int(self.first[-1])
+        patterns = [b.pattern for b in bodies]
+        self._pattern: Any = _join(patterns)
+        ends = np.cumsum([0, *[p.nnz for p in patterns]])
+        self._parts = [
+            (b.pattern.data, self._pattern.data[a:e]) for b, a, e in zip(bodies, ends, ends[1:], strict=False)
+        ]
+        self._linear = Ldl(self._pattern)
+        n = self.unknowns
+        self.give, self._r, self._trial, self._next = np.ones(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        self._diagonal = self._pattern.indptr[1:] - 1
+        self._indptr = self._pattern.indptr.astype(np.int64)
+        self._indices = self._pattern.indices.astype(np.int64)
+        self._state = np.zeros(256, dtype=np.int64)
+        self._outside, self._places, self._outside_count = (
+            np.zeros((16, 6, 6)),
+            np.zeros((16, 4), dtype=np.int64),
+            0,
+        )
+        self._q = np.zeros(n)
+        self._factored = False
+        self.effort = Effort()
+
+    def slices(self) -> list[slice]:
+        """Return where the unknowns of each body are."""
+        return [slice(int(a), int(b)) for a, b in zip(self.first, self.first[1:], strict=False)]
+
+    def begin(self, h: float, u: FloatArray) -> None:
+        """Prepare a step of `h` [s] and write the moves without forces to `u`."""
+        for body, part in zip(self._bodies, self.slices(), strict=True):
+            body.begin(h)
+            body.guess(u[part])
+        self._assemble(u, project=True)
+        np.divide(1.0, self._pattern.data[self._diagonal], out=self.give)
+        self._factored = False
+
+    def renew(self) -> None:
+        """Drop the factorisation: the contacts have changed."""
+        self._factored = False
+
+    def _assemble(self, u: FloatArray, *, project: bool) -> None:
+        for body, part, (own, place) in zip(self._bodies, self.slices(), self._parts, strict=True):
+            body.hessian(u[part], project=project)
+            place[:] = own
+
+    def _evaluate(self, u: FloatArray, r: FloatArray) -> float:
+        """Write the gradient to `r` and return the potential."""
+        r[:] = 0.0
+        phi = 0.0
+        for body, part in zip(self._bodies, self.slices(), strict=True):
+            phi += body.add(u[part], r[part])
+        c = self._contacts
+        if len(self._state) < c.count:
+            self._state = np.zeros(2 * c.count, dtype=np.int64)
+        return phi + float(kernels.add_gradient(c.arrays, c.count, u, r, self._state))
+
+    def _factor(self, u: FloatArray) -> None:
+        """Assemble and factor at `u`: as it is if that is positive definite, else projected."""
+        self.effort.factorisations += 1
+        c = self._contacts
+        for project in (False, True):
+            self._assemble(u, project=project)
+            while True:
+                count = kernels.add_hessian(
+                    c.arrays,
+                    c.count,
+                    u,
+                    self._indptr,
+                    self._indices,
+                    self._pattern.data,
+                    self._outside,
+                    self._places,
+                )
+                if count <= len(self._outside):
+                    break
+                self._outside = np.zeros((2 * count, 6, 6))
+                self._places = np.zeros((2 * count, 4), dtype=np.int64)
+                self._assemble(u, project=project)
+            self._outside_count = count
+            if self._linear.factor() and self._linear.is_positive():
+                self._factored = True
+                return
+        raise DescentError("the tangent is singular or not finite")
+
+    def _solve(self, r: FloatArray) -> FloatArray:
+        """Return H^-1 r."""
+        self.effort.iterations += 1
+        if not self._outside_count:
+            return self._linear.solve(r)
+        x, r = np.zeros_like(r), r.copy()
+        z = self._linear.solve(r)
+        p, rz = z.copy(), float(r @ z)
+        aim = 1e-20 * rz
+        for _ in range(20 + 2 * self.unknowns):
+            if not rz > aim:
+                break
+            self.effort.linear_iterations += 1
+            kernels.product(
+                self._indptr, self._indices, self._pattern.data, self._outside, self._places, self._outside_count, p,
+                self._q,
+            )  # fmt: skip
+            curvature = float(p @ self._q)
+            if not curvature > 0:
+                break
+            step = rz / curvature
+            x += step * p
+            r -= step * self._q
+            z = self._linear.solve(r)
+            before, rz = rz, float(r @ z)
+            p *= rz / before
+            p += z
+        return x
+
+    def descend(self, u: FloatArray, tolerance: float, most: int) -> float:
+        """Move `u` to the minimum for the contacts' present multipliers, in place.
+
+        Args:
+            u: Shape (unknowns,).
+            tolerance: Largest move of a last step [m].
+            most: Linear solves.
+
+        Returns:
+            The largest move of the step made last [m].
+
+        Raises:
+            DescentError: no lower potential was found.
+        """
+        r, trial, after = self._r, self._trial, self._next
+        phi = self._evaluate(u, r)
+        if not np.isfinite(phi):
+            raise DescentError("a number is not finite")
+        fresh, size, previous = False, np.inf, np.inf
+        for _ in range(most):
+            if not self._factored:
+                self._factor(u)
+                fresh = True
+            p = self._solve(r)
+            slope, size = float(r @ p), float(np.abs(p).max(initial=0.0))
+            scale = 1.0
+            while True:
+                np.multiply(p, -scale, out=trial)
+                trial += u
+                lower = self._evaluate(trial, after)
+                if lower <= phi - 1e-4 * scale * slope + 1e-12 * max(abs(phi), 1e-9):
+                    break
+                scale *= 0.5
+                if scale < self.SHORTEST:
+                    break
+            if scale < self.SHORTEST:
+                if fresh:
+                    if size <= 1e3 * tolerance:  # rounding of the potential hides the descent
+                        return size
+                    raise DescentError(f"no descent along a step of {size:.3g} m")
+                self._factored = False
+                continue
+            u[:] = trial
+            phi = lower
+            r[:] = after
+            if size * scale <= tolerance and scale == 1.0:
+                return size
+            self._factored = scale == 1.0 and size <= 0.3 * previous  # chord steps while they converge fast
+            previous, fresh = size, False
+        return size
+
+
+def _join(patterns: list[Any]) -> Any:
+    """Return patterns as the diagonal blocks of one, its data theirs one after the other."""
+    rows, indptr, at, entries = list[IndexArray](), [np.zeros(1, dtype=np.int64)], 0, 0
+    for p in patterns:
+        rows.append(p.indices.astype(np.int64) + at)
+        indptr.append(p.indptr[1:].astype(np.int64) + entries)
+        at, entries = at + p.shape[0], entries + p.nnz
+    data = np.ones(entries)
+    return sparse.csc_matrix((data, np.concatenate(rows), np.concatenate(indptr)), shape=(at, at))

@@ -1,0 +1,145 @@
+"""Response: forces that keep bodies apart, by penalty or by multipliers, with Coulomb friction.
+
+Multipliers are found by the augmented Lagrangian method: minimise the step's potential with the multipliers fixed,
+then set them to the forces that the minimum asks for [AlartCurnier1991], [NocedalWright2006, chapter 17]. The bound of
+friction is that of the round before. Every minimisation costs a few sparse factorisations in the bodies' own pattern,
+so the time grows with the bodies and the contacts, not with the square of the contacts. Multipliers of the step before
+are where the next begins: at rest one round is enough.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_sim.contact import response_kernels as kernels
+from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.problem import StepProblem
+from tripod_sim.mesh.solid_mesh import FloatArray
+
+
+@dataclass(frozen=True)
+class Law:
+    """What contacts do.
+
+    Attributes:
+        response: `penalty` or `lagrange`.
+        friction: Coulomb's coefficient.
+        restitution: Normal speed after a hit over that before it.
+        rest_speed: Hits below it do not bounce [m/s].
+        distance: Contact distance [m].
+        tolerance: Of gaps and slips, as a fraction of the contact distance.
+        max_rounds: Of multipliers in a step.
+    """
+
+    response: str = "lagrange"
+    friction: float = 0.3
+    restitution: float = 0.0
+    rest_speed: float = 0.05
+    distance: float = 1e-3
+    tolerance: float = 1e-4
+    max_rounds: int = 40
+
+
+@dataclass
+class Outcome:
+    """How a response ended.
+
+    Attributes:
+        rounds: Of multipliers.
+        residual: Largest error of a gap, of complementarity or of a slip [m].
+        smallest: Smallest gap beyond the contact distance [m].
+    """
+
+    rounds: int = 0
+    residual: float = 0.0
+    smallest: float = np.inf
+
+
+class Response:
+    """Solves steps with one set of contacts."""
+
+    NORMAL, TANGENTIAL = 30.0, 30.0
+    """Stiffness of contacts with multipliers over that of the bodies at the contact: the error falls by about this
+    factor a round."""
+
+    SOFT, SOFT_TANGENTIAL = 1.0, 1.0
+    """The same by penalty."""
+
+    DEEPEST = 0.5
+    """Share of the contact distance that penalty lets bodies sink in before it stiffens."""
+
+    MOST_SOLVES = 60
+    """Linear solves of one minimisation."""
+
+    def __init__(self, law: Law, problem: StepProblem, contacts: ContactSet) -> None:
+        self.law, self._problem, self._contacts = law, problem, contacts
+        self._pressure, self._friction = np.zeros(256), np.zeros((256, 3))
+
+    def solve(self, u: FloatArray) -> Outcome:
+        """Move `u` to the end of the step; the contacts hold the forces afterwards. Raises DescentError."""
+        c, law = self._contacts, self.law
+        if len(self._pressure) < c.count:
+            self._pressure, self._friction = np.zeros(2 * c.count), np.zeros((2 * c.count, 3))
+        if law.response == "penalty":
+            return self._penalty(u)
+        c.arrays.gain[: c.count] = 1.0
+        kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.NORMAL, self.TANGENTIAL)
+        outcome, aim = Outcome(), law.tolerance * law.distance
+        tolerance = 0.1 * aim
+        previous = np.inf
+        while True:
+            kernels.set_limits(c.arrays, c.count, law.friction)
+            size = self._problem.descend(u, tolerance, self.MOST_SOLVES)
+            gap, slip, outcome.smallest = self._forces(u)
+            outcome.rounds += 1
+            outcome.residual = max(gap, slip, size if size > tolerance else 0.0)
+            self._take()
+            if not c.count or max(gap, slip) <= aim or outcome.rounds >= law.max_rounds:
+                return outcome
+            if outcome.residual > 0.5 * previous and outcome.rounds > 3:
+                self._harden(4.0)
+            previous = outcome.residual
+
+    def _harden(self, factor: float) -> None:
+        c = self._contacts
+        c.arrays.stiffness[: c.count] *= factor
+        self._problem.renew()
+
+    def _penalty(self, u: FloatArray) -> Outcome:
+        """The same without multipliers of pressure; friction is that of springs that slide where Coulomb's law says."""
+        c, law = self._contacts, self.law
+        kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.SOFT, self.SOFT_TANGENTIAL)
+        outcome, tolerance = Outcome(), 0.1 * law.tolerance * law.distance
+        pressure = c.arrays.pressure
+        limit = c.arrays.limit
+        kernels.set_limits(c.arrays, c.count, law.friction)
+        pressure[: c.count] = 0.0
+        while True:
+            size = self._problem.descend(u, tolerance, self.MOST_SOLVES)
+            _, _, outcome.smallest = self._forces(u)
+            outcome.rounds += 1
+            found = self._pressure[: c.count]
+            change = np.abs(law.friction * found - limit[: c.count]) / np.maximum(
+                c.arrays.stiffness[: c.count, 1], 1e-300
+            )
+            outcome.residual = max(float(change.max(initial=0.0)), size if size > tolerance else 0.0)
+            limit[: c.count] = law.friction * found
+            if outcome.rounds >= law.max_rounds:
+                break
+            deep = kernels.stiffen(c.arrays, c.count, u, self.DEEPEST * law.distance, 4.0)
+            if deep:
+                self._problem.renew()
+            elif float(change.max(initial=0.0)) <= law.tolerance * law.distance:
+                break
+        self._forces(u)
+        self._take()
+        return outcome
+
+    def _forces(self, u: FloatArray) -> tuple[float, float, float]:
+        c = self._contacts
+        return kernels.forces(c.arrays, c.count, u, self.law.friction, self._pressure, self._friction)
+
+    def _take(self) -> None:
+        c = self._contacts
+        c.arrays.pressure[: c.count] = self._pressure[: c.count]
+        c.arrays.friction[: c.count] = self._friction[: c.count]

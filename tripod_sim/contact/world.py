@@ -1,0 +1,266 @@
+"""Bodies that touch: one step by implicit Euler with contact.
+
+1. Contacts: what is nearer than the alarm distance and, in fast steps, what would be met without forces.
+2. Response: the minimum of the step's potential with these contacts.
+3. Continuous detection over the moves found: what comes too close on the way is added and the response repeated, so
+   that nothing passes through anything. Where that does not end the step is halved, at last cut short before the hit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_sim.contact import response_kernels as kernels
+from tripod_sim.contact.bodies import Body, RigidBodies, SpringNodes
+from tripod_sim.contact.contact_set import ContactSet, inherit
+from tripod_sim.contact.detection import Detector
+from tripod_sim.contact.problem import DescentError, StepProblem
+from tripod_sim.contact.response import Law, Response
+from tripod_sim.contact.surfaces import Part, join
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+
+
+@dataclass
+class ContactReport:
+    """What contact took in one step.
+
+    Attributes:
+        contacts: Pairs within the alarm distance, or met.
+        pressed: Those that carry a force.
+        rounds: Of multipliers.
+        residual: Largest error of gap, complementarity or slip at the end [m].
+        smallest_gap: Smallest gap at the end beyond the contact distance, negative by how deep bodies sink in [m];
+            infinite without contacts.
+        force: Sum of the normal forces [N].
+        passes: Times that the response was solved.
+        met: Pairs that continuous detection added.
+        cut: Fraction of the step that was given up to let nothing pass; 0 unless the response failed.
+        parts: Parts that the step was divided into.
+    """
+
+    contacts: int = 0
+    pressed: int = 0
+    rounds: int = 0
+    residual: float = 0.0
+    smallest_gap: float = np.inf
+    force: float = 0.0
+    passes: int = 0
+    met: int = 0
+    cut: float = 0.0
+    parts: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class RigidShape:
+    """Surface of one rigid body, about its centre and in its own frame, or a ball."""
+
+    part: Part
+
+
+class World:
+    """Spring nodes, rigid bodies and fixed obstacles, and the contacts among them.
+
+    Attributes:
+        nodes: The deformable body; None for none.
+        rigid: The rigid bodies; None for none.
+        positions: Of all surface vertices at the start of the step [m].
+        contacts: Of the last step.
+        problem: Potential of the step.
+    """
+
+    MOST_PASSES = 8
+
+    def __init__(
+        self,
+        law: Law,
+        alarm: float,
+        *,
+        obstacles: list[Part],
+        nodes: tuple[SpringNodes, Part] | None = None,
+        rigid: tuple[RigidBodies, list[Part]] | None = None,
+    ) -> None:
+        """Join the surfaces.
+
+        Args:
+            law: What contacts do.
+            alarm: Distance below which contacts are made [m], larger than the contact distance.
+            obstacles: Fixed bodies.
+            nodes: The deformable body and its surface, whose vertices are its nodes.
+            rigid: The rigid bodies and their surfaces, vertices about the centre.
+        """
+        self.law, self.alarm = law, alarm
+        self.nodes, self.rigid = nodes[0] if nodes else None, rigid[0] if rigid else None
+        parts = ([nodes[1]] if nodes else []) + (rigid[1] if rigid else []) + obstacles
+        self.surfaces, self.positions = join(parts)
+        first = np.concatenate([[0], np.cumsum([len(p.vertices) for p in parts])]).astype(np.int64)
+        n = int(first[-1])
+        base, width = np.full(n, -1, dtype=np.int64), np.full(n, 3, dtype=np.int64)
+        self._arm, at, bodies = np.zeros((n, 3)), 0, list[Body]()
+        self._node_range, self._rigid_ranges = slice(0, 0), list[slice]()
+        if nodes:
+            self._node_range = slice(0, int(first[1]))
+            base[: first[1]] = nodes[0].base
+            at = nodes[0].unknowns
+            bodies.append(nodes[0])
+        if rigid:
+            offset = 1 if nodes else 0
+            for k, part in enumerate(rigid[1]):
+                own = slice(int(first[offset + k]), int(first[offset + k + 1]))
+                self._rigid_ranges.append(own)
+                base[own], width[own] = at + 6 * k, 6
+                self._arm[own] = part.vertices
+            bodies.append(rigid[0])
+        self._shape_arm = self._arm.copy()
+        self._free = kernels.Freedom(base, width, self._arm, self.surfaces.radius)
+        self.contacts, self._kept = ContactSet(), ContactSet()
+        self.problem = StepProblem(bodies, self.contacts)
+        self.response = Response(law, self.problem, self.contacts)
+        self._ends = np.zeros_like(self.positions)
+        self._u = np.zeros(self.problem.unknowns)
+        self._place()
+        self.detector = Detector(self.surfaces, self.positions, law.distance, alarm)
+        self._impulse = np.zeros(64)
+
+    def forget(self) -> None:
+        """Drop the forces kept from the last step."""
+        self.contacts.count = 0
+
+    def _place(self) -> None:
+        """Write `positions` of moving vertices, from nodes and rigid bodies."""
+        if self.nodes:
+            self.positions[self._node_range] = self.nodes.x
+        if self.rigid:
+            for own, centre, R in zip(
+                self._rigid_ranges, self.rigid.centre, self.rigid.rotation, strict=True
+            ):
+                self._arm[own] = self._shape_arm[own] @ R.T
+                self.positions[own] = centre + self._arm[own]
+
+    def _ends_of(self, u: FloatArray) -> None:
+        """Write where vertices are after the moves `u`."""
+        self._ends[:] = self.positions
+        parts = self.problem.slices()
+        if self.nodes:
+            base = self.nodes.base
+            free = base >= 0
+            self._ends[self._node_range][free] += u[parts[0]].reshape(-1, 3)
+        if self.rigid:
+            centres, rotations = self.rigid.moved(u[parts[-1]])
+            for own, centre, R in zip(self._rigid_ranges, centres, rotations, strict=True):
+                self._ends[own] = centre + self._shape_arm[own] @ R.T
+
+    def step(self, h: float) -> ContactReport:
+        """Advance all bodies by `h` [s]. Raises DescentError and leaves them."""
+        report = ContactReport()
+        self._advance(h, report, 0)
+        c = self.contacts
+        pressure = c.arrays.pressure[: c.count]
+        report.contacts, report.pressed = c.count, int((pressure > 0).sum())
+        report.force = float(pressure.sum())
+        return report
+
+    MOST_HALVINGS = 6
+
+    def _advance(self, h: float, report: ContactReport, depth: int) -> None:
+        u = self._u
+        self._place()
+        self.problem.begin(h, u)
+        self._detect(u)
+        share = 1.0
+        try:
+            share = self._respond(u, report)
+        except DescentError:
+            if depth >= self.MOST_HALVINGS:
+                raise
+            share = -1.0
+        if share < 1.0 and depth < self.MOST_HALVINGS:
+            self._advance(h / 2, report, depth + 1)
+            self._advance(h / 2, report, depth + 1)
+            return
+        if share < 1.0:
+            self._cut(u, share)
+            report.cut = max(report.cut, 1.0 - share)
+        report.parts += 1
+        self._finish(u, h)
+
+    def _detect(self, u: FloatArray) -> None:
+        """Fill `contacts` for a step that without forces makes the moves `u`."""
+        c, kept = self.contacts, self._kept
+        kept.count = 0
+        kept.reserve(c.count)
+        for old, new in zip(c.arrays, kept.arrays, strict=True):
+            new[: c.count] = old[: c.count]
+        kept.count, c.count = c.count, 0
+        self.detector.near(self.positions, c)
+        self._ends_of(u)
+        if float(np.abs(self._ends - self.positions).max(initial=0.0)) > 0.5 * self.alarm:
+            self.detector.met(self.positions, self._ends, c)
+        inherit(kept.arrays, kept.count, c.arrays, c.count)
+
+    def _respond(self, u: FloatArray, report: ContactReport) -> float:
+        """Move `u` to the end of the step; return 1, or the fraction of the moves until which nothing is passed."""
+        c, share = self.contacts, 0.0
+        for number in range(self.MOST_PASSES):
+            kernels.prepare(c.arrays, c.count, self.positions, self._free)
+            self.problem.renew()
+            outcome = self.response.solve(u)
+            report.passes += 1
+            report.rounds += outcome.rounds
+            report.residual, report.smallest_gap = outcome.residual, outcome.smallest
+            self._ends_of(u)
+            before = c.count
+            share = self.detector.met(self.positions, self._ends, c, take_all=number > 2)
+            if share >= 1.0:
+                return 1.0
+            report.met += c.count - before
+        return share
+
+    def _cut(self, u: FloatArray, share: float) -> None:
+        """Shorten the moves `u` until nothing is passed."""
+        scale = 0.9 * share
+        while True:
+            u *= scale
+            self._ends_of(u)
+            share = self.detector.met(self.positions, self._ends, self._kept)
+            if share >= 1.0 or not np.abs(u).max(initial=0.0) > 0.0:
+                return
+            scale = 0.9 * share if share > 1e-3 else 0.0
+
+    def _finish(self, u: FloatArray, h: float) -> None:
+        """Move the bodies by `u` and give them their velocities."""
+        c, law, v = self.contacts, self.law, u / h
+        parts = self.problem.slices()
+        if law.restitution > 0 and c.count:
+            self._bounce(v, h, parts)
+        if self.nodes:
+            free = self.nodes.base >= 0
+            self.nodes.x[:] = self._ends[self._node_range]
+            self.nodes.v[free] = v[parts[0]].reshape(-1, 3)
+        if self.rigid:
+            self.rigid.centre, self.rigid.rotation = self.rigid.moved(u[parts[-1]])
+            moves = v[parts[-1]].reshape(-1, 6)
+            self.rigid.velocity[:], self.rigid.spin[:] = moves[:, :3], moves[:, 3:]
+
+    def _bounce(self, v: FloatArray, h: float, parts: list[slice]) -> None:
+        """Add restitution to the velocities `v` after the step."""
+        before, give = np.zeros_like(v), np.zeros_like(v)
+        if self.nodes:
+            free = self.nodes.base >= 0
+            before[parts[0]] = self.nodes.v[free].ravel()
+            give[parts[0]] = np.repeat(1 / (h * h * self.nodes.weight[free]), 3)
+        if self.rigid:
+            before[parts[-1]] = np.hstack([self.rigid.velocity, self.rigid.spin]).ravel()
+            inverse = np.linalg.inv(self.rigid.inertia)
+            turning = np.trace(inverse, axis1=1, axis2=2) / 3
+            give[parts[-1]] = np.repeat(np.stack([1 / self.rigid.mass, turning], axis=1), 3, axis=1).ravel()
+        c = self.contacts
+        if len(self._impulse) < c.count:
+            self._impulse = np.zeros(2 * c.count)
+        kernels.restitute(
+            c.arrays, c.count, before, v, give, self.law.restitution, self.law.rest_speed, 50, self._impulse
+        )
+
+
+def index_ranges(first: IndexArray) -> list[slice]:
+    """Return the ranges between consecutive entries."""
+    return [slice(int(a), int(b)) for a, b in zip(first, first[1:], strict=False)]
