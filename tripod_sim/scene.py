@@ -65,7 +65,8 @@ class Mesh:
     Attributes:
         source: The generator `y_piece`, or the path of a file with tetrahedra or hexahedra (relative to the scene's
             file): GiD text, gmsh, VTK, Abaqus and what else meshio reads.
-        level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes.
+        level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes;
+            8 to 11 for compliant clamps, whose bedded ends they divide, too.
         element: Kind of element: `h8_modes` (with incompatible modes), `h8_mean` (with mean dilatation), `h8`,
             `h20`, `h20_full`, `h27`, `t4`, `t10`; of a file those that its cells allow (linear hexahedra all, linear
             tetrahedra `t4` and `t10`).
@@ -73,7 +74,7 @@ class Mesh:
     """
 
     source: str = "y_piece"
-    level: int = number(2, low=1, high=7)
+    level: int = number(2, low=1, high=11)
     element: str = one_of(
         "h8_modes", "h8_mean", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes"
     )
@@ -151,6 +152,10 @@ class Gravity:
     """
 
     acceleration: tuple[float, float, float] = number((0.0, 0.0, -9.81), unit="m/s²", low=-1e6, high=1e6)
+
+
+EXPLICIT = ("semi_implicit_euler", "explicit_euler", "rk4")
+"""Time integrators that solve nothing."""
 
 
 @dataclass(frozen=True)

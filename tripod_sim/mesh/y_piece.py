@@ -71,6 +71,11 @@ class YLevel:
     clamped_grading: float = 1.0
 
 
+def _self_similar(m: int) -> YLevel:
+    """Return level 7 + m, in which the elements of level 8 outside of the disc are divided into m x m x m."""
+    return YLevel(2 * m, m, 4 * m, 1.5 ** (1 / m), m, 2 * m, 1.5 ** (1 / m), 2 ** (1 / m))
+
+
 LEVELS = {
     1: YLevel(2, 1, 5, 1.4),
     2: YLevel(4, 1, 5, 1.4),
@@ -79,11 +84,13 @@ LEVELS = {
     5: YLevel(2, 1, 4, 1.2, layers=2),
     6: YLevel(4, 1, 9, 1.1, layers=2),
     7: YLevel(5, 2, 10, 1.05, layers=3),
-}
+} | {7 + m: _self_similar(m) for m in (1, 2, 3, 4)}
 """Mesh levels by number. The sheet bends along its strips: elements across matter least, those along most.
 Finer meshes than 4 resolve the singular edge of the sharp clamp and leave the smooth branch in the working pose.
 5 to 7 are for linear tetrahedra: 567, 1674 and 3096 coordinates, about the sizes of the workshop's meshes. They have
-more layers, since along the sheet alone no refinement cures the locking of linear tetrahedra in bending."""
+more layers, since along the sheet alone no refinement cures the locking of linear tetrahedra in bending.
+8 to 11 resolve the compliant clamp, too; each divides the edges of level 8 by 1, 2, 3 or 4, which is what a study of
+convergence needs."""
 
 
 def y_piece(level: YLevel, shape: YShape | None = None, kind: Element = H8_MODES) -> SolidMesh:
