@@ -6,9 +6,11 @@
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.kernel_cache import remove_stale_kernels
 
 if TYPE_CHECKING:
     from tripod_sim.scene_file import load_scene, scene_names
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["SceneError", "Simulation", "StepError", "load_scene", "scene_names"]
 
 _HOMES = {"Simulation": "simulation", "load_scene": "scene_file", "scene_names": "scene_file"}
+
+remove_stale_kernels(Path(__file__).parent)
 
 
 def __getattr__(name: str) -> Any:

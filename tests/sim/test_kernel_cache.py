@@ -1,0 +1,69 @@
+"""Compiled kernels go when a source that they were made of changes, and stay otherwise."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tripod_sim.kernel_cache import remove_stale_kernels
+
+SOURCES = {
+    "laws.py": "",
+    "forces/solid.py": "from laboratory import laws\n",
+    "forces/outer.py": "from laboratory.forces import (\n    solid,\n)\n",
+    "other.py": "import os\n",
+}
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Return a package of four modules, each with a kernel younger than all sources."""
+    base, now = tmp_path / "laboratory", time.time()
+    for name, text in SOURCES.items():
+        source = base / name
+        source.parent.mkdir(parents=True, exist_ok=True)
+        source.write_text(text)
+        os.utime(source, (now - 100, now - 100))
+        kernel = kernel_of(source)
+        kernel.parent.mkdir(exist_ok=True)
+        kernel.write_text("machine code")
+        os.utime(kernel, (now - 50, now - 50))
+    return base
+
+
+def kernel_of(source: Path) -> Path:
+    return source.parent / "__pycache__" / f"{source.stem}._add-3.py311.nbi"
+
+
+def test_fresh_kernels_stay(package: Path) -> None:
+    assert remove_stale_kernels(package) == []
+    assert all(kernel_of(package / name).exists() for name in SOURCES)
+
+
+def test_kernels_go_with_every_source_that_they_import(package: Path) -> None:
+    remove_stale_kernels(package)
+    os.utime(package / "laws.py")
+    removed = remove_stale_kernels(package)
+    assert {k.name.split(".")[0] for k in removed} == {"laws", "solid", "outer"}
+    assert kernel_of(package / "other.py").exists()
+    assert remove_stale_kernels(package) == []
+
+
+def test_where_nothing_can_be_written_nothing_happens(package: Path) -> None:
+    (package / "__pycache__").rename(package / "kept")
+    (package / "__pycache__").write_text("a file where the folder should be")
+    assert remove_stale_kernels(package) == []
+
+
+def test_importing_the_simulator_removes_them(tmp_path: Path) -> None:
+    package = Path(__file__).parents[2] / "tripod_sim"
+    stale = package / "forces" / "__pycache__" / "solid_kernels._never-1.py300.nbi"
+    stale.parent.mkdir(exist_ok=True)
+    stale.write_text("")
+    os.utime(stale, (1, 1))
+    (package / "__pycache__" / "kernels.stamp").unlink(missing_ok=True)
+    subprocess.run([sys.executable, "-c", "import tripod_sim"], check=True, cwd=package.parent)
+    assert not stale.exists()

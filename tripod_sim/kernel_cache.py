@@ -1,0 +1,59 @@
+"""Removes compiled kernels that are older than the sources they were compiled from.
+
+Numba keeps machine code beside each module and renews it when that module's own file changes, not when a function that
+it calls from another module does: after an update a kernel would go on with the old physics.
+"""
+
+import re
+from pathlib import Path
+
+IMPORT = re.compile(r"^(?:from|import) ([\w.]+)(?: import (\([^)]*\)|.+))?", re.MULTILINE)
+STAMP = "kernels.stamp"
+
+
+def remove_stale_kernels(package: Path) -> list[Path]:
+    """Remove the stale kernels below `package`, and return them; looks no further where no source has changed since.
+
+    Where the folder cannot be written nothing is done: Numba then keeps its cache elsewhere.
+    """
+    sources = {path: path.stat().st_mtime_ns for path in package.rglob("*.py")}
+    stamp = package / "__pycache__" / STAMP
+    newest = str(max(sources.values(), default=0))
+    try:
+        if stamp.exists() and stamp.read_text() == newest:
+            return []
+        removed = _remove(package, sources)
+        stamp.parent.mkdir(exist_ok=True)
+        stamp.write_text(newest)
+    except OSError:
+        return []
+    return removed
+
+
+def _remove(package: Path, sources: dict[Path, int]) -> list[Path]:
+    imports = {path: _imports(path, package) & sources.keys() for path in sources}
+    removed = []
+    for path in sources:
+        reached, todo = {path}, [path]
+        while todo:
+            new = imports[todo.pop()] - reached
+            reached |= new
+            todo += new
+        newest = max(sources[p] for p in reached)
+        for kernel in (path.parent / "__pycache__").glob(f"{path.stem}.*.nb[ic]"):
+            if kernel.stat().st_mtime_ns < newest:
+                kernel.unlink(missing_ok=True)
+                removed.append(kernel)
+    return removed
+
+
+def _imports(path: Path, package: Path) -> set[Path]:
+    """Return the files of the package that a module imports, by the text of its import lines."""
+    found = set()
+    for module, names in IMPORT.findall(path.read_text(encoding="utf-8")):
+        parts = module.split(".")
+        if parts[0] == package.name:
+            base = package.joinpath(*parts[1:])
+            found.add(base.with_suffix(".py"))
+            found |= {base / f"{name}.py" for name in re.findall(r"\w+", names)}
+    return found
