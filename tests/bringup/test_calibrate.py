@@ -1,0 +1,225 @@
+"""`tripod calibrate` with keys from a list and a board in memory."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tripod_bringup.calibrate_command import TICK, CalibrateSession, calibrate, calibrate_command, write_file
+from tripod_driver.calibration import Calibration, ServoCalibration
+from tripod_driver.calibration_file import read_calibration
+from tripod_driver.calibrator import FINE, HOLD, SPEED, Calibrator, shaft_calibration
+from tripod_driver.choose_session import choose_sessions
+from tripod_driver.ports.mock import Fault, MockPort
+from tripod_driver.ports.mock_board import MockBoard
+from tripod_driver.protocol import AngleMapping
+
+UP, DOWN = b"\x1b[A", b"\x1b[B"
+
+
+class Script:
+    """A console that presses keys at given times, and remembers what it was shown."""
+
+    def __init__(self, keys: dict[float, bytes]) -> None:
+        self.keys, self.now = dict(keys), 0.0
+        self.lines: list[str] = []
+        self.said: list[str] = []
+
+    def read(self) -> bytes:
+        due = sorted(at for at in self.keys if at <= self.now)
+        return b"".join(self.keys.pop(at) for at in due)
+
+    def show(self, line: str) -> None:
+        self.lines.append(line)
+
+    def print(self, text: str) -> None:
+        self.said.append(text)
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, duration: float) -> None:
+        self.now += duration
+        assert self.now < 60.0, f"it does not end: {self.lines[-1]}"
+
+
+class Bench:
+    def __init__(
+        self, tmp_path: Path, keys: dict[float, bytes], *, known: Calibration | None = None, **board
+    ) -> None:
+        known = Calibration() if known is None else known
+        self.console = Script(keys)
+        self.board = MockBoard(self.console.clock, **board)
+        self.port = MockPort(self.board)
+        self.file = tmp_path / "calibration.yaml"
+        sessions = choose_sessions("framed", AngleMapping.ROUNDED, shaft_calibration(known))
+        self.session = CalibrateSession(self.port, sessions, known, self.file, self.console)
+
+    def run(self) -> int:
+        return calibrate(self.session, self.console.clock, self.console.sleep)
+
+    @property
+    def shafts(self) -> np.ndarray:
+        """Shaft angles of all pulses that the board got [rad], shape (n, 3)."""
+        return (np.array(self.board.history) / 10 - 544) / 1856 * math.pi
+
+
+def held(key: bytes, begin: float, duration: float) -> dict[float, bytes]:
+    """A key held down: pressed again every 50 ms."""
+    return {begin + 0.05 * k: key for k in range(round(duration / 0.05))}
+
+
+def test_nothing_moves_before_g_and_then_one_shaft_at_a_time_slowly(tmp_path: Path) -> None:
+    keys = {0.2: UP, 0.5: b"g", **held(DOWN, 1.0, 2.0), 4.0: b"2", **held(DOWN, 4.1, 1.0), 6.0: b"q"}
+    bench = Bench(tmp_path, keys)
+    assert bench.run() == 0
+    assert any("nothing moves yet: g begins" in line for line in bench.console.lines)
+    way = bench.shafts
+    assert way[0] == pytest.approx([math.pi] * 3, abs=1e-3)
+    steps = np.abs(np.diff(way, axis=0))
+    assert ((steps > 1e-9).sum(axis=1) <= 1).all()
+    assert steps.max() <= SPEED * 0.03 + 1e-3
+    went = SPEED * (2.0 - 0.05 + HOLD)
+    assert way[-1] == pytest.approx(
+        [math.pi - went, math.pi, math.pi - SPEED * (1.0 - 0.05 + HOLD)], abs=5e-3
+    )
+    assert not bench.port.is_open
+
+
+@pytest.mark.parametrize("key", [b" ", b"x", b"1"])
+def test_space_and_any_other_key_stop_at_once(tmp_path: Path, key: bytes) -> None:
+    bench = Bench(
+        tmp_path,
+        {0.2: b"g", **held(DOWN, 0.5, 1.0), 1.3: key, 3.0: b"q"} | {1.31 + 0.05 * k: b"" for k in range(8)},
+    )
+    bench.console.keys = {at: k for at, k in bench.console.keys.items() if not (k == DOWN and at > 1.3)}
+    bench.run()
+    assert bench.shafts[-1, 0] == pytest.approx(math.pi - SPEED * 0.8, abs=SPEED * 3 * TICK + 2e-3)
+
+
+def test_what_the_keys_mark_is_written_and_read_back(tmp_path: Path) -> None:
+    keys = {
+        0.2: b"g",
+        **{0.5 + 0.02 * k: b"-" for k in range(40)},  # servo 0 by 20 degrees
+        2.0: b"z",
+        **{2.1 + 0.02 * k: b"-" for k in range(100)},  # by 50 more
+        5.0: b"[",
+        5.1: b"w",
+        5.2: b"q",
+    }
+    bench = Bench(tmp_path, keys)
+    assert bench.run() == 0
+    assert bench.console.said[-2] == f"written: {bench.file}; use it: tripod driver calibration:={bench.file}"
+    found = read_calibration(bench.file)
+    assert found.servos[0].offset == pytest.approx(math.radians(160), abs=1e-5)
+    assert found.servos[0].safe_range == pytest.approx((-math.radians(50), math.radians(20)), abs=1e-5)
+    assert found.servos[1:] == read_calibration(bench.file).servos[1:]
+    assert found.servos[1].safe_range == (-2.1, 0.0)
+
+
+def test_q_asks_before_it_throws_away_what_was_found(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, {0.2: b"g", 0.4: b"-", 0.6: b"z", 0.8: b"q", 1.0: b"q"})
+    assert bench.run() == 0
+    assert any("not written: w writes, q again leaves" in line for line in bench.console.lines)
+    assert not bench.file.exists()
+
+
+def test_ctrl_c_closes_the_port(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, {0.2: b"g"})
+
+    def interrupt(duration: float) -> None:
+        bench.console.sleep(duration)
+        if bench.console.now > 1.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(bench.session, bench.console.clock, interrupt)
+    assert not bench.port.is_open
+
+
+def test_a_board_that_must_not_be_driven_ends_it_with_the_reason(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, {}, version=9)
+    assert bench.run() == 1
+    assert "its firmware speaks version 9 of the protocol" in bench.console.said[-1]
+
+
+def test_a_lost_board_is_told_and_comes_back_without_a_jump(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, {0.2: b"g", **held(DOWN, 0.5, 0.5), 6.0: b"q"})
+    sleep = bench.console.sleep
+
+    def step(duration: float) -> None:
+        sleep(duration)
+        bench.port.fault = Fault.UNPLUGGED if 2.0 < bench.console.now < 3.0 else None
+
+    calibrate(bench.session, bench.console.clock, step)
+    assert any(line.startswith("disconnected") and "mock was lost" in line for line in bench.console.lines)
+    assert np.abs(np.diff(bench.shafts, axis=0)).max() <= SPEED * 0.03 + 1e-3
+
+
+# the rule -----------------------------------------------------------------------------------------------------
+
+
+def make(known: Calibration | None = None) -> Calibrator:
+    return Calibrator(Calibration() if known is None else known, (0.0,) * 3, (math.pi,) * 3)
+
+
+def test_a_reversed_servo_turns_the_other_way_for_the_same_key() -> None:
+    rule = make(Calibration((ServoCalibration(offset=1.0, direction=1, safe_range=(-0.5, 0.5)),) * 3))
+    rule.press("+", 0.0)
+    assert rule.shafts[0] == pytest.approx(1.0 + FINE)
+    rule.press("r", 0.0)
+    rule.press("+", 0.0)
+    assert rule.shafts[0] == pytest.approx(1.0)
+    assert rule.calibration().servos[0].direction == -1
+    assert rule.calibration().servos[0].safe_range == pytest.approx((-0.5, 0.5))
+
+
+def test_ends_beyond_each_other_are_refused() -> None:
+    rule = make(Calibration((ServoCalibration(offset=1.0, safe_range=(-0.5, 0.5)),) * 3))
+    for _ in range(100):
+        rule.press("+", 0.0)
+    before = rule.calibration()
+    rule.press("[", 0.0)
+    assert rule.notice == "refused: that is beyond the other end"
+    assert rule.calibration() == before and not rule.changed
+
+
+def test_shafts_stay_within_their_reach() -> None:
+    rule = Calibrator(Calibration(), (1.0,) * 3, (2.0,) * 3)
+    assert rule.shafts == [2.0] * 3
+    for _ in range(200):
+        rule.press("-", 0.0)
+    assert rule.shafts == [1.0, 2.0, 2.0]
+
+
+# the command --------------------------------------------------------------------------------------------------
+
+
+def test_what_cannot_begin_is_told_in_one_line(tmp_path: Path, capsys, monkeypatch) -> None:
+    def attempt(port: str = "mock", file: Path = tmp_path / "c.yaml", protocol: str = "framed") -> str:
+        assert calibrate_command(port, file, protocol=protocol, baud=0, boot_time=0.0) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1 and said.startswith("tripod calibrate: ")
+        return said
+
+    assert "port 'ttyUSB0' is none of: mock, pty, auto" in attempt(port="ttyUSB0")
+    assert "protocol 'x' is none of" in attempt(protocol="x")
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("servos: 3")
+    assert "bad.yaml: servos is 3; it must be a table" in attempt(file=bad)
+    monkeypatch.setattr("sys.stdin", None)
+    assert "needs a terminal" in attempt()
+
+
+def test_a_file_is_replaced_as_a_whole_or_stays(tmp_path: Path, monkeypatch) -> None:
+    file = tmp_path / "c.yaml"
+    file.write_text("old")
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(OSError):
+        write_file(file, "new")
+    assert file.read_text() == "old" and list(tmp_path.iterdir()) == [file]

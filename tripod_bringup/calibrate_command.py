@@ -1,0 +1,192 @@
+"""`tripod calibrate`: finds the calibration of the servos by hand, in the terminal."""
+
+import math
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final, Protocol
+
+from tripod_driver.calibration import Calibration, CalibrationError
+from tripod_driver.calibration_file import calibration_text, read_calibration
+from tripod_driver.calibrator import HELP, SPEED, Calibrator, shaft_calibration
+from tripod_driver.choose_session import choose_sessions, common_bounds
+from tripod_driver.driver import Driver
+from tripod_driver.link import Link
+from tripod_driver.ports.choose import choose_port
+from tripod_driver.ports.port import Port
+from tripod_driver.protocol import AngleMapping
+from tripod_driver.safety import Safety, State
+from tripod_driver.session import Session
+from tripod_graph.command import CommandLimits
+from tripod_graph.mode import Mode
+from tripod_graph.names import SERVOS
+from tripod_teleop.escape import KeyParser
+from tripod_teleop.terminal import Terminal, TerminalError
+
+TICK: Final = 0.01
+"""Time between two looks for keys [s]."""
+
+BAD_ARGUMENTS: Final = 2
+FAILED: Final = 1
+
+
+class Console(Protocol):
+    """Keys in, lines out: `tripod_teleop.terminal.Terminal`, or a test."""
+
+    def read(self) -> bytes:
+        """Return the keys pressed since the last call."""
+
+    def show(self, line: str) -> None:
+        """Draw one line in place of the last."""
+
+    def print(self, text: str) -> None:
+        """Write lines that stay."""
+
+
+class CalibrateSession:
+    """One calibration from the opening of the port to the file. Nothing moves before the key g.
+
+    Attributes:
+        code: Exit code, once it has ended.
+        calibrator: What the keys have found.
+    """
+
+    def __init__(
+        self, port: Port, sessions: Sequence[Session], known: Calibration, file: Path, console: Console
+    ) -> None:
+        """`sessions`: conversations with shaft angles for joint angles; `known`: where to begin; `file`: to write."""
+        lower, upper = common_bounds(sessions)
+        self.calibrator = Calibrator(known, lower, upper)
+        self.code: int | None = None
+        flat = (*self.calibrator.shafts, 0.0)
+        limits = CommandLimits(
+            angle_min=0.0,
+            angle_max=math.pi,
+            angle_speed=2 * SPEED,
+            park_after=3600.0,
+            park=(flat[0], flat[1], flat[2], 0.0),
+        )
+        self._safety = Safety(limits, lower, upper, start=self.calibrator.shafts)
+        self._driver = Driver(Link(port, *sessions, retry_min=0.5, retry_max=2.0), self._safety)
+        self._file, self._console, self._parser = file, console, KeyParser()
+        self._sure = False
+
+    def begin(self, now: float) -> None:
+        """Open the port, and say what the keys do."""
+        self._console.print(
+            f"Keys:\n{HELP}\ng begins: all servos then go to where the piece should be flat, at once."
+        )
+        self._safety.control_mode(Mode.TELEOP, 1.0, now)
+        self._driver.connect()
+
+    def step(self, now: float) -> None:
+        """Do what the keys and the clock ask for at `now` [s]; `code` is set when it is over."""
+        for key in self._parser.feed(self._console.read()):
+            self._key(key, now)
+        shafts = self.calibrator.advance(now)
+        if self._safety.can_move and self._safety.state is not State.FAULT:
+            self._safety.trajectory(SERVOS, [0.0], [shafts], now)
+        self._driver.tick(now)
+        self._console.show(self._line())
+        if self._safety.state is State.FAULT:
+            self._end(FAILED, self._safety.message)
+
+    def close(self, now: float) -> None:
+        """Send nothing more and close the port."""
+        self._driver.disconnect(now)
+
+    def _key(self, key: str, now: float) -> None:
+        if key == "q":
+            if self.calibrator.changed and not self._sure:
+                self._sure = True
+                self.calibrator.notice = "not written: w writes, q again leaves"
+                return
+            self._end(0, "left; the servos keep their place until the board lets go")
+            return
+        self._sure = False
+        if key == "g":
+            if self._safety.state is State.READY:
+                self._safety.activate(now)
+        elif key == "w":
+            self._write()
+        elif not self._safety.can_move and key in ("up", "down", "+", "-"):
+            self.calibrator.notice = "nothing moves yet: g begins"
+        elif not self.calibrator.press(key, now):
+            self.calibrator.notice = f"{key} does nothing here"
+
+    def _write(self) -> None:
+        try:
+            write_file(self._file, calibration_text(self.calibrator.calibration()))
+        except OSError as error:
+            self.calibrator.notice = f"not written: {self._file}: {error.strerror}"
+            return
+        self.calibrator.saved()
+        self._console.print(f"written: {self._file}; use it: tripod driver calibration:={self._file}")
+
+    def _end(self, code: int, said: str) -> None:
+        self._console.print(said)
+        self.code = code
+
+    def _line(self) -> str:
+        """Return the line to be shown: the only place with degrees."""
+        found, i = self.calibrator, self.calibrator.chosen
+        draft, shaft = found.drafts[i], found.shafts[i]
+        low, high = sorted(math.degrees(draft.joint(end)) for end in draft.ends)
+        pulse = draft.pulse_range[0] + (draft.pulse_range[1] - draft.pulse_range[0]) * shaft / math.pi
+        said = found.notice or self._safety.message
+        return (
+            f"{self._safety.state.name.lower()}  {SERVOS[i]}: shaft {math.degrees(shaft):.1f} deg, joint "
+            f"{math.degrees(draft.joint(shaft)):.1f} deg, {pulse:.0f} us, safe {low:.1f} to {high:.1f} deg  {said}"
+        )
+
+
+def write_file(file: Path, text: str) -> None:
+    """Write `text`, all or nothing: what was there before stays if it fails. Raises OSError."""
+    handle, name = tempfile.mkstemp(dir=file.absolute().parent, prefix=f".{file.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as new:
+            new.write(text)
+        Path(name).chmod(0o644)
+        Path(name).replace(file)
+    except OSError:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def calibrate_command(port: str, file: Path, *, protocol: str, baud: int, boot_time: float) -> int:
+    """Calibrate in this terminal; return the exit code."""
+    try:
+        known = read_calibration(file) if file.exists() else Calibration()
+        if not os.access(file.absolute().parent, os.W_OK):
+            raise CalibrationError(f"calibration {file}: the directory cannot be written")
+        sessions = choose_sessions(protocol, AngleMapping.ROUNDED, shaft_calibration(known))
+        place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)
+        terminal = Terminal()
+    except (ValueError, TerminalError) as error:
+        print(f"tripod calibrate: {error}".replace("teleop needs", "it needs"), file=sys.stderr)
+        return BAD_ARGUMENTS
+    with terminal:
+        terminal.enter()
+        return calibrate(CalibrateSession(place, sessions, known, file, terminal))
+
+
+def calibrate(
+    session: CalibrateSession,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> int:
+    """Run `session` until it is over, Ctrl-C or a failure; the port is closed in any case. Return the exit code."""
+    session.begin(clock())
+    try:
+        while session.code is None:
+            session.step(clock())
+            sleep(TICK)
+    except TerminalError as error:
+        print(f"tripod calibrate: {error}", file=sys.stderr)
+        return FAILED
+    finally:
+        session.close(clock())
+    return session.code
