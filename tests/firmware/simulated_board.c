@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FREQUENCY = 16000000, SERVOS = 3, INPUT = 1 << 16, OUTPUT = 1 << 16, EDGES = 1 << 16, TCCR1A = 0x80 };
+enum { FREQUENCY = 16000000, SERVOS = 3, INPUT = 1 << 16, OUTPUT = 1 << 16, EDGES = 1 << 16 };
+enum { TCCR1A = 0x80, UCSR0A = 0xC0, U2X0 = 2, UBRR0L = 0xC4, UBRR0H = 0xC5 };
 
 struct edge {
     uint64_t cycle;
@@ -159,6 +160,12 @@ uint64_t board_cycle(const struct board *b)
     return b->avr->cycle;
 }
 
+// Cycles that ten bits take at the rate which the firmware has set.
+static avr_cycle_count_t ten_bits(const uint8_t *data)
+{
+    return 10 * ((data[UBRR0H] << 8 | data[UBRR0L]) + 1) * (data[UCSR0A] & U2X0 ? 8 : 16);
+}
+
 // Run until a cycle; returns 0, or 1 if the processor has stopped or crashed.
 int board_run(struct board *b, uint64_t until)
 {
@@ -170,9 +177,9 @@ int board_run(struct board *b, uint64_t until)
         int state = avr_run(b->avr);
         if (state == cpu_Done || state == cpu_Crashed)
             return 1;
-        // simavr counts eleven bits a byte
+        // simavr counts a parity bit that is not there
         if (b->uart->cycles_per_byte != b->per_byte)
-            b->uart->cycles_per_byte = b->per_byte = b->uart->cycles_per_byte / 11 * 10;
+            b->uart->cycles_per_byte = b->per_byte = ten_bits(b->avr->data);
     }
     return 0;
 }

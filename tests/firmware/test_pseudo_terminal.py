@@ -113,7 +113,7 @@ def test_hello_pulses_and_a_host_that_falls_silent(port, terminal) -> None:
     for sequence in range(3, 13):  # each takes some milliseconds: the last period ends
         ask(port, Hello(), sequence)
     widths = rows(terminal.pulses())
-    assert 48 <= len(widths) <= 52
+    assert len(widths) >= 48
     assert all(is_row_of(row, (11000, 15000, 19000)) for row in widths)
 
 
