@@ -6,7 +6,7 @@ BIN := .venv/bin
 # What runs from here stays on this machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help setup demo test lint bench clean
+.PHONY: help setup demo test lint bench firmware clean
 
 help: ## Show this list (default)
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
@@ -29,6 +29,9 @@ lint: setup ## Check style, format and types
 bench: setup ## Time the steps of the simulator; ARGS="..." goes to the benchmark
 	@$(BIN)/python benchmarks/step.py $(ARGS)
 
+firmware: ## Build the firmware of the board and check its size; ARGS="WATCHDOG_MS=300" sets its parameters
+	@$(MAKE) --no-print-directory -C firmware $(ARGS)
+
 clean: ## Remove all that make has made, .venv included
-	rm -rf .venv build install log *.egg-info .ruff_cache .mypy_cache .pytest_cache .hypothesis
+	rm -rf .venv build firmware/build install log *.egg-info .ruff_cache .mypy_cache .pytest_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

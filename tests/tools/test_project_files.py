@@ -88,7 +88,7 @@ def test_the_version_is_the_same_everywhere() -> None:
 def test_make_lists_every_target_by_default() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.search(r"^\.PHONY: (.*)$", makefile, re.M)[1].split())
-    assert targets == {"help", "setup", "demo", "test", "lint", "bench", "clean"}
+    assert targets == {"help", "setup", "demo", "test", "lint", "bench", "firmware", "clean"}
     result = subprocess.run(
         ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
     )
