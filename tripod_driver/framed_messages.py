@@ -146,7 +146,7 @@ class Acknowledgement:
         state: What the board does with the servos now.
         flags: What happened since the last reply.
         pulses: Pulse widths applied, in the steps of the board's timer [0.1 us]; 0 if there never were any.
-        dropped: Frames that reached the board damaged since its reset, modulo 65536.
+        dropped: Frames that reached the board damaged, from the first sound one on, modulo 65536.
     """
 
     state: BoardState
