@@ -16,11 +16,12 @@ from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
-from tripod_sim.scene import FixedBox, Mesh, Scene
+from tripod_sim.scene import EXPLICIT, FixedBox, Mesh, Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:
+    from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
@@ -101,11 +102,12 @@ def build(scene: Scene) -> Parts:
 
         gravity = GravityForce(load, scene.gravity.acceleration, rest)
     loads, ball = _ball(scene, rest, plate)
-    if scene.inertia:
+    explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
+    if scene.inertia and not explicit:
         from tripod_sim.forces.anchor import Anchor
 
         inertia = Anchor(len(rest))
-    if scene.damping and scene.damping.stiffness > 0:
+    if scene.damping and scene.damping.stiffness > 0 and not explicit:
         from tripod_sim.forces.rayleigh import StiffnessDamping
 
         damping = StiffnessDamping(scene.damping.stiffness, solid.elements, solid.matrices, len(rest))
@@ -114,21 +116,7 @@ def build(scene: Scene) -> Parts:
         loads=loads,
         linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
     )  # fmt: skip
-    one_solve = scene.inertia is not None and scene.solver.mode == "one_solve"  # statics goes to the tolerance
-    newton = Newton(
-        system, scene.solver.tolerance, scene.solver.max_iterations, scene.solver.share if one_solve else 0.0
-    )
-    stepper: Stepper
-    if scene.inertia and inertia:
-        from tripod_sim.integrators.schemes import make_scheme
-
-        drag = scene.damping.mass if scene.damping else 0.0
-        stepper = make_scheme(scene.inertia.scheme, newton, inertia, inert, drag, scene.solver.max_halvings)
-    else:
-        from tripod_sim.integrators.quasi_static import QuasiStatic
-
-        reach = max(scene.servos.axis_depth, 0.005) if scene.servos else 0.03
-        stepper = QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach)
+    stepper = _stepper(scene, system, inertia, inert)
     servos = None
     if scene.servo_dynamics:
         from tripod_sim.robot.servo import ServoMotion
@@ -137,9 +125,32 @@ def build(scene: Scene) -> Parts:
     return Parts(mesh, inert, system, stepper, servos, plate=plate, ball=ball)
 
 
-def _fastened(
-    scene: Scene, rest: FloatArray, groups: Groups
-) -> "tuple[FloatArray, Groups, Plate | None]":
+def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray) -> Stepper:
+    """Return the time integrator or the static solver; `inertia` is None where that needs no such term."""
+    one_solve = (
+        scene.inertia is not None and scene.solver.mode == "one_solve"
+    )  # statics goes to the tolerance
+    newton = Newton(
+        system, scene.solver.tolerance, scene.solver.max_iterations, scene.solver.share if one_solve else 0.0
+    )
+    if not scene.inertia:
+        from tripod_sim.integrators.quasi_static import QuasiStatic
+
+        reach = max(scene.servos.axis_depth, 0.005) if scene.servos else 0.03
+        return QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach)
+    drag = scene.damping.mass if scene.damping else 0.0
+    if inertia:
+        from tripod_sim.integrators.schemes import make_scheme
+
+        return make_scheme(scene.inertia.scheme, newton, inertia, mass, drag, scene.solver.max_halvings)
+    from tripod_sim.integrators.explicit import ExplicitSolid
+
+    rayleigh = scene.damping.stiffness if scene.damping else 0.0
+    divide = scene.inertia.substeps == "auto"
+    return ExplicitSolid(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
+
+
+def _fastened(scene: Scene, rest: FloatArray, groups: Groups) -> "tuple[FloatArray, Groups, Plate | None]":
     """Return nodes and groups with what the scene fastens to the disc, and that."""
     if not scene.maze:
         return rest, groups, None

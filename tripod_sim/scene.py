@@ -343,8 +343,6 @@ class Solver:
         max_turn: Largest servo move of one static load increment [rad].
         linear: Linear solver: `ldl`, `cholmod` (optional extra), `cg` (conjugate gradients), or `auto`, by size.
         linear_tolerance: Relative residual at which conjugate gradients stop; without effect on direct solvers.
-        solves: Of springs: `newton` until `tolerance` is met, or `one` linear solve a step, whatever residual it
-            leaves.
     """
 
     tolerance: float = number(1e-4, unit="N", low=1e-14, high=1e3)
@@ -355,7 +353,6 @@ class Solver:
     max_turn: float = number(0.1, unit="rad", low=1e-4, high=7.0)
     linear: str = one_of("auto", "ldl", "cholmod", "cg", default="auto")
     linear_tolerance: float = number(1e-8, above=0, high=0.1)
-    solves: str = one_of("newton", "one", default="newton")
 
 
 @dataclass(frozen=True)
@@ -437,6 +434,11 @@ def _check_body(scene: Scene) -> None:
         if scene.springs and getattr(scene, name):
             raise SceneError(
                 f"{name} needs a solid: springs are held by fixed_nodes, fixed_corners or fixed boxes"
+            )
+        if scene.inertia and scene.inertia.scheme in EXPLICIT and getattr(scene, name):
+            raise SceneError(
+                f"inertia.scheme is {scene.inertia.scheme!r}, which moves single nodes; {name} needs one of: "
+                "implicit_euler, bdf2, tr_bdf2"
             )
 
 

@@ -14,6 +14,11 @@ class GravityForce:
         self._gradient = -mass[:, None] * np.array(acceleration)
         self._offset = float(np.vdot(self._gradient, rest))
 
+    @property
+    def force(self) -> FloatArray:
+        """The weight of each node [N], shape (n, 3)."""
+        return -self._gradient
+
     def energy(self, x: FloatArray) -> float:
         """Return V [J]."""
         return float(np.vdot(self._gradient, x)) - self._offset

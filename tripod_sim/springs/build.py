@@ -139,6 +139,5 @@ def _options(scene: Scene, system: SpringSystem) -> "Options":
     if solver.linear == "cholmod":
         raise SceneError("solver.linear is 'cholmod'; of springs allowed: auto, ldl, cg")
     direct = solver.linear == "ldl" or (solver.linear == "auto" and system.unknowns <= LARGE)
-    return Options(
-        direct, solver.solves == "one", solver.tolerance, solver.linear_tolerance, solver.max_iterations
-    )
+    share = solver.share if solver.mode == "one_solve" else 0.0
+    return Options(direct, share, solver.tolerance, solver.linear_tolerance, solver.max_iterations)

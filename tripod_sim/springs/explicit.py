@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.integrators.stability import longest_part, longest_step
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.springs import explicit_kernels as kernels
 from tripod_sim.springs.body import FloatArray
-from tripod_sim.springs.stability import longest_step, network_bound
+from tripod_sim.springs.stability import network_bound
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
 
@@ -17,9 +18,6 @@ SCHEMES = {
     "semi_implicit_euler": kernels.SEMI_IMPLICIT_EULER,
     "rk4": kernels.RK4,
 }
-
-SHARE = 0.5
-"""Of the stability limit that a part takes: nearer to it the fastest modes are stable and wrong."""
 
 MOST_PARTS = 10_000_000
 """Of one step."""
@@ -59,10 +57,7 @@ class ExplicitSprings:
         rate = drag + rayleigh * square + network_bound(body, body.damping)
         self.omega = math.sqrt(square)
         self.limit = longest_step(scheme, self.omega, rate)
-        # explicit Euler has no stable step without damping: divided like the semi-implicit scheme, it grows slowly
-        self._part = SHARE * max(self.limit, longest_step("semi_implicit_euler", self.omega, rate))
-        if scheme == "rk4":
-            self._part = SHARE * self.limit
+        self._part = longest_part(scheme, self.omega, rate)
         self._scratch = np.zeros((7, *body.nodes.shape))
         self._watch = np.zeros(5)
         self._watching = False

@@ -186,7 +186,7 @@ class StaticSprings:
     MOST_STEPS = 200
 
     def __init__(self, system: SpringSystem, options: kernels.Options) -> None:
-        self._solver = _Solver(system, options._replace(once=False), drag=0.0, rayleigh=0.0, moving=False)
+        self._solver = _Solver(system, options._replace(share=0.0), drag=0.0, rayleigh=0.0, moving=False)
         body = system.body
         stiffest = float(body.stiffness.max(initial=0.0))
         heaviest = float(system.mass.max())

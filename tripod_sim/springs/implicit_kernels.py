@@ -67,11 +67,11 @@ class Problem(NamedTuple):
 
 
 class Options(NamedTuple):
-    """direct: L D L^T, else conjugate gradients to `linear_tolerance`; once: one linear solve a stage; tolerance: of
-    the unbalanced force [N]."""
+    """direct: L D L^T, else conjugate gradients to `linear_tolerance`; a stage is solved when its unbalanced force is
+    below `tolerance` [N], or below `share` of what it was at its start."""
 
     direct: bool
-    once: bool
+    share: float
     tolerance: float
     linear_tolerance: float
     max_iterations: int
@@ -176,7 +176,7 @@ def rounding(s: float, body: Problem, work: Work) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def solve_stage(  # noqa: PLR0911 - a return for each way to fail
+def solve_stage(
     x: Array, v: Array, s: float, body: Problem, A: Factor, options: Options, work: Work, counts: Array
 ) -> int:
     """Solve one stage with `work.z`, `work.u` and `work.reference`, from the positions `x`; write x' and v'.
@@ -192,19 +192,7 @@ def solve_stage(  # noqa: PLR0911 - a return for each way to fail
     phi, size = evaluate(x, v, s, body, work)
     if not np.isfinite(phi):
         return BROKEN
-    if options.once:
-        counts[1] += 1.0
-        if not renew(x, s, True, body, A, options, work):
-            return SINGULAR
-        taken = solve_step(body, A, options, work)
-        if taken < 0:
-            return UNITERATED
-        walk(v, 1.0, s, body, work)
-        x[:], v[:] = work.x, work.w
-        counts[0] += 1.0
-        counts[2] += taken
-        return SOLVED
-    enough = options.tolerance + rounding(s, body, work)
+    enough = max(options.tolerance + rounding(s, body, work), options.share * size)
     iterations = 0
     chord = options.direct and work.kept[0] == s
     work.kept[0] = 0.0

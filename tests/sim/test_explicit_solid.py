@@ -1,0 +1,113 @@
+"""Explicit schemes on solids: recurrence, order, agreement with an implicit scheme, division, flag, refusals."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, Simulation, StepError, load_scene
+
+ORDERS = {"explicit_euler": 1, "semi_implicit_euler": 1, "rk4": 4}
+DRAG, FALL = 8.0, -9.81
+
+
+def recurrence(scheme: str, h: float, steps: int) -> tuple[float, float]:
+    """Height and speed of a mass with v' = FALL - DRAG v, from rest."""
+    x = v = 0.0
+    for _ in range(steps):
+        a = FALL - DRAG * v
+        if scheme == "explicit_euler":
+            x, v = x + h * v, v + h * a
+        elif scheme == "semi_implicit_euler":
+            v += h * a
+            x += h * v
+        else:
+            z = -h * DRAG
+            grown = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24  # of v - FALL / DRAG
+            mean = 1 + z / 2 + z**2 / 6 + z**3 / 24
+            rest = FALL / DRAG
+            x += h * (rest + (v - rest) * mean)
+            v = rest + (v - rest) * grown
+    return x, v
+
+
+@pytest.mark.parametrize("scheme", ORDERS)
+def test_a_falling_body_follows_the_recurrence(scheme: str) -> None:
+    words = ["mesh.level=1", "mesh.element=t4", f"inertia={{scheme='{scheme}', substeps='off'}}", "dt=1e-5",
+             f"damping={{mass={DRAG}, stiffness=0.0}}"]  # fmt: skip
+    simulation = Simulation(load_scene("silicone_free", words))
+    rest = simulation.positions.copy()
+    for _ in range(40):
+        simulation.step()
+    x, v = recurrence(scheme, 1e-5, 40)
+    np.testing.assert_allclose(simulation.positions - rest, [[0, 0, x]] * len(rest), atol=1e-12)
+    np.testing.assert_allclose(simulation.state.velocities[:, 2], v, rtol=1e-9)
+
+
+def bent(words: list[str], steps: int, end: float = 0.002) -> np.ndarray:
+    """Positions of the silicone piece, struck at the start, after `end` [s]."""
+    base = ["mesh.level=1", "solver.tolerance=1e-7", f"dt={end / steps}"]
+    simulation = Simulation(load_scene("silicone", [*base, *words]))
+    x = simulation.positions
+    simulation.state.velocities[:, 2] = 3.0 * (x[:, 0] - 0.045) / 0.1
+    simulation.state.velocities[simulation._system.groups.fixed] = 0.0
+    for _ in range(steps):
+        simulation.step()
+    return simulation.positions.copy()
+
+
+@pytest.mark.parametrize("element", ["h8", "h8_modes"])
+def test_error_falls_at_the_order_of_the_scheme(element: str) -> None:
+    base = [f"mesh.element={element}", "damping=off"]
+    reference = bent([*base, "inertia={scheme='rk4', substeps='off'}"], 160)
+    for scheme, steps in (("explicit_euler", 160), ("semi_implicit_euler", 160), ("rk4", 20)):
+        words = [*base, f"inertia={{scheme='{scheme}', substeps='off'}}"]
+        errors = [np.abs(bent(words, n) - reference).max() for n in (steps, 2 * steps)]
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(ORDERS[scheme], abs=0.25), scheme
+        assert errors[1] < {"rk4": 1e-7}.get(scheme, 1e-4)
+
+
+def test_explicit_and_implicit_agree_on_a_damped_body() -> None:
+    damping = ["damping={mass=20.0, stiffness=1e-5}", "mesh.element=t4"]
+    explicit = bent([*damping, "inertia={scheme='rk4', substeps='off'}"], 80)
+    implicit = bent([*damping, "inertia.scheme=bdf2"], 200)
+    undamped = bent(["damping=off", "mesh.element=t4", "inertia={scheme='rk4', substeps='off'}"], 80)
+    assert np.abs(explicit - undamped).max() > 1e-5
+    np.testing.assert_allclose(explicit, implicit, atol=2e-6)
+
+
+def test_steps_are_divided_until_they_are_stable() -> None:
+    words = [
+        "mesh.level=1",
+        "mesh.element=t4",
+        "inertia.scheme=semi_implicit_euler",
+        "damping=off",
+        "dt=0.005",
+    ]
+    simulation = Simulation(load_scene("silicone", words))
+    for _ in range(10):
+        report = simulation.step()
+        assert report.parts == np.ceil(0.005 / (0.5 * report.dt_limit))
+        assert report.growth == 0.0
+    e = simulation.energies()
+    assert abs(e.kinetic + e.strain + e.gravity) < 0.02 * e.kinetic
+
+
+def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
+    words = ["mesh.level=1", "mesh.element=t4", "inertia={scheme='semi_implicit_euler', substeps='off'}", "damping=off",
+             "dt=2e-4"]  # fmt: skip
+    simulation = Simulation(load_scene("silicone", words))
+    flagged = 0
+    with pytest.raises(StepError, match=r"turned inside out or crushed .* limit is .* s, dt 0\.0002 s"):
+        for step in range(1, 300):
+            report = simulation.step()
+            flagged = flagged or (step if report.growth > 0 else 0)
+    assert np.isfinite(simulation.positions).all()
+    assert 0 < flagged <= simulation.state.step
+
+
+@pytest.mark.parametrize("name", ["servos", "effector"])
+def test_rigid_groups_are_refused(name: str) -> None:
+    other = "effector" if name == "servos" else "servos"
+    with pytest.raises(
+        SceneError, match=rf"inertia.scheme is 'rk4', which moves single nodes; {name} needs one of"
+    ):
+        load_scene("tripod", ["inertia.scheme=rk4", f"{other}=off"])
