@@ -80,9 +80,12 @@ class Drive:
         self.motion = name
 
     def setpoint(self, now: float) -> FloatArray:
-        """Return the set-point at `now` [s], shape (3,) or (4,); to be called at a regular rate."""
+        """Return the set-point at `now` [s], shape (3,) or (4,); to be called at a regular rate.
+
+        `now` may be a little ahead of the clock; a call with an earlier time then moves nothing that a key moves.
+        """
         last = now if self._last is None else max(self._last, now - LONGEST_STEP)
-        self._last = now
+        self._last = max(last, now)
         if self.motion:
             begin, goal, start, duration = self._path
             if now - start >= duration:

@@ -26,10 +26,11 @@ from tripod_graph.run import REFUSED, run_node
 from tripod_teleop.drive import Drive, FloatArray
 from tripod_teleop.escape import KeyParser
 from tripod_teleop.joints import JointWatch
-from tripod_teleop.keys import HELP, KEYS, Act
+from tripod_teleop.keys import HELP, KEYS, Act, Move
 from tripod_teleop.operate import Operator
 from tripod_teleop.screen import status_line
 from tripod_teleop.terminal import Terminal, TerminalError
+from tripod_teleop.waiter import KeyWaiter
 
 LIMITS = ("angle_min", "angle_max", "angle_speed", "slide_max", "slide_speed", "park")
 """The command limits that matter to an operator; silence is the followers' affair."""
@@ -44,7 +45,9 @@ PARAMETERS: tuple[Parameter, ...] = (
 SEND_PERIOD = 0.05
 """Time between two set-points [s]."""
 KEY_PERIOD = 0.02
-"""Time between two looks for keys [s]."""
+"""Time between two looks for keys [s], besides those when keys come."""
+AHEAD = 0.01
+"""A key that moves a servo is answered at once by a set-point so far ahead [s]."""
 LINE_PERIOD = 0.1
 """Time between two drawings of the status line [s]."""
 GOODBYE = 0.5
@@ -74,12 +77,15 @@ class TeleopNode(Node):
         self.create_timer(KEY_PERIOD, self._on_keys, clock=steady)
         self.create_timer(SEND_PERIOD, self._on_send, clock=steady)
         self.create_timer(LINE_PERIOD, self._on_line, clock=steady)
+        self._waiter = KeyWaiter(terminal, self.create_guard_condition(self._on_keys).trigger)
         self._diagnostics = Diagnostics(self, self._report)
         terminal.enter()
+        self._waiter.start()
         terminal.print(f"Keys, with or without Ctrl:\n{HELP}")
 
     def close(self) -> None:
         """Announce STOP and give the terminal back, the latter whatever becomes of the former."""
+        self._waiter.stop()
         try:
             self._publish_mode(Mode.STOP, self._operator.decide(Mode.STOP, self._stamp()))
             self._mode.wait_for_all_acked(Duration(seconds=GOODBYE))
@@ -93,8 +99,12 @@ class TeleopNode(Node):
             self.get_logger().error(str(error))
             self._leave()
             return
+        finally:
+            self._waiter.taken()
         for key in keys:
             self._on_key(key)
+        if any(isinstance(KEYS.get(key), Move) for key in keys):
+            self._send(AHEAD)
 
     def _on_key(self, key: str) -> None:
         intent = KEYS.get(key)
@@ -111,10 +121,14 @@ class TeleopNode(Node):
                 self._publish_mode(*decision)
 
     def _on_send(self) -> None:
+        self._send(0.0)
+
+    def _send(self, ahead: float) -> None:
+        """Publish where the joints should be `ahead` [s] from now, if they are to be driven."""
         now = time.monotonic()
-        joints = self._operator.setpoint(self._watch.joints(now), now)
+        joints = self._operator.setpoint(self._watch.joints(now), now + ahead)
         if joints is not None:
-            self._command.publish(self._command_message(joints))
+            self._command.publish(self._command_message(joints, ahead or SEND_PERIOD))
 
     def _on_line(self) -> None:
         operator = self._operator
@@ -157,9 +171,9 @@ class TeleopNode(Node):
         message.header.stamp = Time(sec=int(stamp), nanosec=int(1e9 * (stamp % 1)))
         self._mode.publish(message)
 
-    def _command_message(self, joints: FloatArray) -> JointTrajectory:
+    def _command_message(self, joints: FloatArray, duration: float) -> JointTrajectory:
         point = JointTrajectoryPoint(positions=joints.tolist())
-        point.time_from_start = DurationMessage(nanosec=round(1e9 * SEND_PERIOD))
+        point.time_from_start = DurationMessage(nanosec=round(1e9 * duration))
         message = JointTrajectory(joint_names=[*names.SERVOS, names.SLIDE][: len(joints)], points=[point])
         message.header.stamp = self.get_clock().now().to_msg()
         return message

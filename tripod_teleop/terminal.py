@@ -73,6 +73,13 @@ class Terminal:
             raise TerminalError("the terminal is gone")
         return data or b""
 
+    def wait(self, timeout: float) -> bool:
+        """Wait up to `timeout` [s] until there is something to `read`, or the terminal is gone; return whether so."""
+        try:
+            return bool(select.select([self._fd], [], [], timeout)[0])
+        except (OSError, ValueError):
+            return True
+
     def show(self, line: str) -> None:
         """Draw `line` in place of the last one shown."""
         if line != self._shown:

@@ -137,3 +137,13 @@ def test_smooth_is_at_rest_at_both_ends() -> None:
     assert (smooth(-1), smooth(0), smooth(0.5), smooth(1), smooth(2)) == (0, 0, 0.5, 1, 1)
     assert smooth(1e-4) == pytest.approx(3e-8, rel=1e-3)
     assert (smooth(0.5 + 1e-6) - smooth(0.5 - 1e-6)) / 2e-6 == pytest.approx(PEAK)
+
+
+def test_a_set_point_ahead_of_the_clock_is_not_moved_twice() -> None:
+    drive = drive_at(-1.0, -1.0, -1.0)
+    drive.press(Move(0, +1), 5.0)
+    first = drive.setpoint(5.02)[0]  # 20 ms ahead
+    assert first == pytest.approx(-1.0 + SPEED * 0.02)
+    assert drive.setpoint(5.01)[0] == first
+    assert drive.setpoint(5.03)[0] == pytest.approx(-1.0 + SPEED * 0.03)
+    assert drive.setpoint(5.12)[0] == pytest.approx(-1.0 + SPEED * 0.12)

@@ -1,0 +1,47 @@
+"""The thread that wakes the node when keys come."""
+
+import os
+import pty
+import threading
+import time
+
+from tripod_teleop.terminal import Terminal
+from tripod_teleop.waiter import KeyWaiter
+
+DEADLINE = 10.0
+
+
+def test_it_wakes_once_for_keys_that_wait_and_again_after_they_were_taken() -> None:
+    master, slave = pty.openpty()
+    terminal = Terminal(slave)
+    woken = threading.Semaphore(0)
+    waiter = KeyWaiter(terminal, woken.release)
+    with terminal:
+        terminal.enter()
+        waiter.start()
+        assert not woken.acquire(timeout=0.2), "woken without a key"
+        for key in (b"a", b"b"):
+            os.write(master, key)
+            assert woken.acquire(timeout=DEADLINE)
+            assert terminal.read() == key
+            waiter.taken()
+        waiter.stop()
+        while woken.acquire(blocking=False):
+            pass
+        os.write(master, b"c")
+        time.sleep(0.2)
+        assert not woken.acquire(blocking=False), "woken after the end"
+        assert terminal.read() == b"c", "the thread reads no keys itself"
+    os.close(slave)
+    os.close(master)
+
+
+def test_a_terminal_that_is_gone_wakes_too_so_that_reading_tells() -> None:
+    master, slave = pty.openpty()
+    woken = threading.Event()
+    waiter = KeyWaiter(Terminal(slave), woken.set)
+    waiter.start()
+    os.close(master)
+    assert woken.wait(DEADLINE)
+    waiter.stop()
+    os.close(slave)
