@@ -9,7 +9,7 @@
 // Timer 1 counts half microseconds, freely from 0 to 65535; edges are set modulo 65536.
 #define PERIOD (20000U * TICKS_PER_US)
 enum {
-    LEAD = 50 * TICKS_PER_US,    // from the start of a period to the pulses of D9 and D10: time to prepare them
+    LEAD = 100 * TICKS_PER_US,   // from the start of a period to the pulses of D9 and D10: time to prepare them
     SECOND = 3000 * TICKS_PER_US,  // from the start of a period to the pulse of D11, after that of D9
     AHEAD = 25 * TICKS_PER_US,   // how early the interrupt for an edge of D11 comes: more than others can delay it
 };
@@ -38,7 +38,7 @@ static void connect_b(uint8_t bits)
 }
 
 // The outputs follow the timer only from COM1x = 3 (set on match) until the pulse has ended; otherwise they are
-// those of PORTB, low. In each interrupt the action is chosen before the time of the next match is set.
+// those of PORTB, low. In each interrupt the time of the next match is set before its action: an old time may be near.
 static void start_period(void)
 {
     start = OCR1A;
@@ -48,11 +48,11 @@ static void start_period(void)
     }
     for (uint8_t i = 0; i < 3; i++)
         ticks[i] = wanted_ticks[i];
+    OCR1A = OCR1B = start + LEAD;
     connect_a(_BV(COM1A1) | _BV(COM1A0));
     connect_b(_BV(COM1B1) | _BV(COM1B0));
     fall_b = false;
     step_a = RISE;
-    OCR1A = OCR1B = start + LEAD;
     TIFR1 = _BV(OCF1B);
     TIMSK1 |= _BV(OCIE1B);
 }
@@ -76,8 +76,8 @@ ISR(TIMER1_COMPA_vect)
         start_period();
         break;
     case RISE:
-        connect_a(_BV(COM1A1));
         OCR1A += ticks[0];
+        connect_a(_BV(COM1A1));
         step_a = FALL;
         break;
     case FALL:
@@ -104,8 +104,8 @@ ISR(TIMER1_COMPB_vect)
         TIMSK1 &= ~_BV(OCIE1B);
         return;
     }
-    connect_b(_BV(COM1B1));
     OCR1B += ticks[1];
+    connect_b(_BV(COM1B1));
     fall_b = true;
 }
 

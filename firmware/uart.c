@@ -23,11 +23,11 @@ void uart_init(void)
 ISR(USART_RX_vect)
 {
     uint8_t status = UCSR0A, byte = UDR0, head = in_head;
-    if (status & (_BV(FE0) | _BV(DOR0)) || (uint8_t)(head - in_tail) == RING) {
-        lost = true;
-        if (status & _BV(FE0) || !(status & _BV(DOR0)))
-            return;
-    }
+    bool refused = status & _BV(FE0) || (uint8_t)(head - in_tail) == RING;
+    if (refused || status & _BV(DOR0))
+        lost = true;  // this byte, or one before it
+    if (refused)
+        return;
     in[head % RING] = byte;
     in_head = head + 1;
 }
