@@ -10,12 +10,13 @@ from tripod_sim.build import Parts, build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame, quaternion
 from tripod_sim.errors import SceneError
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.scene import Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion, ServoState
 
 FloatArray = NDArray[np.float64]
@@ -108,6 +109,14 @@ class Simulation:
             self.state.ball = self._ball.start(self.state)
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Make the first step from the start state as fast as the others."""
+        if self.scene.inertia and isinstance(self._stepper, Substeps):
+            self._stepper.prepare(self.state, self.scene.dt)
+        else:
+            self._stepper.forget()
 
     def _warm_up(self) -> None:
         """Compile or load every kernel by one step of a copy."""
@@ -230,7 +239,7 @@ class Simulation:
     def reset(self) -> None:
         """Return to the start state, bit for bit."""
         self._start.copy_to(self.state)
-        self._stepper.forget()
+        self._prepare()
         self.torques[:] = self._start_torques
         self.report = StepReport()
 
@@ -284,6 +293,16 @@ class Simulation:
         if not self._system.groups.rigid:
             return None
         return Pose(self.state.centres[0].copy(), quaternion(self.state.rotations[0]))
+
+    @property
+    def ball_game(self) -> "MazeBall | None":
+        """How the ball moves; None in a scene without one. Its state is `state.ball`."""
+        return self._ball
+
+    @property
+    def ball_event(self) -> str:
+        """What has become of the ball, in words; empty while nothing has, and without a ball."""
+        return self.state.ball.event if self.state.ball else ""
 
     def energies(self) -> Energies:
         """Return the energies of the present state."""

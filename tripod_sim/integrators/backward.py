@@ -40,9 +40,7 @@ class Bdf2(Substeps):
         self._now, self._before = np.zeros((2, *stage.z.shape)), np.zeros((2, *stage.z.shape))
         self._h_before: float | None = None
 
-    def forget(self) -> None:
-        """Drop factorisation and history."""
-        super().forget()
+    def _drop_history(self) -> None:
         self._h_before = None
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:

@@ -65,6 +65,19 @@ class Substeps(ABC):
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
         self._newton.forget()
+        self._drop_history()
+
+    def _drop_history(self) -> None:  # noqa: B027 - schemes of one step have none
+        """Drop what a scheme of several steps knows of earlier ones."""
+
+    def prepare(self, state: State, dt: float) -> None:
+        """Factor for a first step of `dt` [s] from `state`, which is left alone: it is then no slower than others."""
+        self.forget()
+        try:
+            self.step(state.copy(), state.joints.copy(), dt)
+        except StepError:
+            return  # the step itself will say so
+        self._drop_history()
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance `state` by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.

@@ -42,9 +42,7 @@ class TrBdf2(Substeps):
         self._acceleration: FloatArray | None = None
         self._start = np.zeros((2, *stage.z.shape))
 
-    def forget(self) -> None:
-        """Drop factorisation and acceleration."""
-        super().forget()
+    def _drop_history(self) -> None:
         self._acceleration = None
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
