@@ -38,6 +38,12 @@ end.
 """
 
 
+RETURN = 0.5
+"""Time beyond a fold [s] after which the pose is taken as it is: the way back must have gone."""
+
+CALM = 1e-3
+"""Distance from rest [m] up to which a pose is one to come back to."""
+
 SMALLEST_STEP = 1e-5
 """To which the step limit shrinks at a fold [rad]."""
 
@@ -137,7 +143,8 @@ class Tracker:
 
     It stays on the branch of the pose that it began in. Where a state is found beyond a fold (det J of the task has
     changed its sign), the command goes back to the last angles before it, and from then on steps are halved each
-    time, until the target moves: what remains is the closest pose on this side.
+    time, until the target moves: what remains is the closest pose on this side. Where the way back does not help
+    within `RETURN` (the body has snapped through), the pose is taken as it is.
 
     Attributes:
         settings: How it moves the robot.
@@ -197,6 +204,7 @@ class Tracker:
         self._kept: FloatArray | None = None
         self._sign = 0.0
         self._inside: FloatArray | None = None
+        self._inside_at = 0.0
         self._trust = self.settings.step
         if self.correction:
             self.correction.reset()
@@ -210,7 +218,7 @@ class Tracker:
         wanted = np.where(np.isfinite(wanted), wanted, self._kept)
         position, normal = self._corrected(wanted, state, now)
         tasks: Sequence[Task] = self.settings.tasks(position, normal)
-        beyond = self._is_beyond_fold(state, tasks)
+        beyond = self._is_beyond_fold(state, tasks, now)
         if beyond and self._inside is not None:
             self._trust = max(SMALLEST_STEP, self._trust / 2)
             tasks = (PostureTask(self._inside, weight=1.0),)
@@ -233,13 +241,15 @@ class Tracker:
             return wanted[:3], wanted[3:]
         return self.correction.corrected(wanted[:3], wanted[3:])
 
-    def _is_beyond_fold(self, state: LinearState, tasks: Sequence[Task]) -> bool:
+    def _is_beyond_fold(self, state: LinearState, tasks: Sequence[Task], now: float) -> bool:
         sign = branch(state, tasks)
-        self._sign = self._sign or sign
-        beyond = sign * self._sign < 0
-        if not beyond:
-            self._inside = state.angles
-        return beyond
+        if sign * self._sign >= 0 or self._inside is None or now - self._inside_at > RETURN:
+            self._sign, self._inside_at = sign or self._sign, now
+            calm = np.linalg.norm(state.equilibrium_offset[:3]) < CALM
+            if calm or self._inside is None:
+                self._inside = state.angles
+            return False
+        return True
 
     def _present_error(self, state: LinearState, wanted: FloatArray) -> float:
         here = replace(state, equilibrium_offset=np.zeros(6))

@@ -1,0 +1,42 @@
+"""Moving targets on the dynamic simulator, at its usual 5 ms."""
+
+import numpy as np
+import pytest
+
+from tests.ik.tripod_loop import circle, follow, tilting, vertical_sine
+from tripod_ik.tracker import Goal, TrackerSettings
+
+FAST = {"angle_speed": 10.0}
+
+
+@pytest.mark.parametrize("path", [circle, vertical_sine])
+def test_moving_targets_are_followed_with_ideal_servos(path):
+    found = follow(path, TrackerSettings(**FAST))
+    assert np.ptp(found.target, axis=0).max() > 0.01
+    assert (
+        found.rms < 1e-4
+    )  # half of what is asked for; a step of 5 ms behind, the circle alone would give 1.5e-4
+    assert found.limits == frozenset()
+
+
+def test_a_lead_makes_up_for_the_lag_of_real_servos():
+    servo = ("servo_dynamics={}",)
+    late = follow(circle, TrackerSettings(**FAST), servo, seconds=3.0)
+    ahead = follow(circle, TrackerSettings(**FAST, lead=0.02), servo, seconds=3.0)
+    assert 0.01 < late.lag(circle) < 0.03
+    assert abs(ahead.lag(circle)) < 0.005
+    assert ahead.rms < 0.5 * late.rms
+    assert ahead.rms < 2.5e-4  # what is left is the dead band of 0.5 degrees
+
+
+def test_tilts_of_a_third_of_a_radian_are_followed_in_both_axes():
+    """The scene's steps are of one linear solve, which leaves the effector a little unrest; Newton's do not."""
+    for mode, bound in (("one_solve", 0.2), ("newton", 0.01)):
+        settings = TrackerSettings(goal=Goal.ORIENTATION, **FAST)
+        found = follow(tilting, settings, (f"solver.mode={mode}",), seconds=4.0)
+        largest = np.abs(found.target_normals[:, :2]).max(axis=0)
+        assert largest == pytest.approx([np.sin(0.3)] * 2, abs=1e-3)
+        assert np.degrees(found.tilt_rms) < bound
+        assert np.sqrt(np.mean((found.effector - found.target)[:, 2] ** 2)) < 1e-4
+        assert np.ptp(found.effector[:, :2], axis=0).max() > 1e-3  # x and y are free
+        assert found.limits == frozenset()
