@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.protocol import LegacyDecoder
 
 DEADLINE = 20.0
@@ -31,6 +32,8 @@ class Board:
         decoder: Speaks the driver's protocol.
         packets: Angles of every packet that arrived [rad], in order.
         times: When they arrived, steady clock [s].
+        firmware: Answers what arrives; None: nobody does, as in the workshop's firmware.
+        received: All bytes that arrived.
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,6 +41,8 @@ class Board:
         self.decoder = LegacyDecoder()
         self.packets: list[tuple[float, ...]] = []
         self.times: list[float] = []
+        self.firmware: MockBoard | None = None
+        self.received = b""
         self._near: int | None = None
         self._reader: threading.Thread | None = None
 
@@ -46,6 +51,8 @@ class Board:
         tty.setraw(far)
         self.path.symlink_to(os.ttyname(far))
         self._near = near
+        if self.firmware is not None:
+            self.firmware.restart()
         self._unplugged = threading.Event()
         self._reader = threading.Thread(target=self._read, args=(near, far, self._unplugged), daemon=True)
         self._reader.start()
@@ -58,11 +65,21 @@ class Board:
         self._reader.join()
         self._reader = None
 
+    def say(self, data: bytes) -> None:
+        """Send bytes to the driver."""
+        assert self._near is not None
+        os.write(self._near, data)
+
     def _read(self, near: int, far: int, unplugged: threading.Event) -> None:
         os.set_blocking(near, False)
         while not unplugged.wait(0.002):
             with contextlib.suppress(BlockingIOError):
-                for angles in self.decoder.feed(os.read(near, 4096)):
+                data = os.read(near, 4096)
+                self.received += data
+                if self.firmware is not None:
+                    self.firmware.write(data)
+                    os.write(near, self.firmware.read())
+                for angles in self.decoder.feed(data):
                     self.packets.append(angles)
                     self.times.append(time.monotonic())
         os.close(far)

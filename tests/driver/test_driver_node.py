@@ -3,6 +3,7 @@
 import math
 import signal
 import time
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -10,11 +11,15 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
+from tests.driver.conftest import Board
+from tripod_driver.calibration import Calibration
+from tripod_driver.framed_messages import BoardState
 from tripod_driver.node import PARAMETERS, make_driver
+from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.protocol import RESOLUTION, AngleMapping, LegacyProtocol
 from tripod_graph import names
 from tripod_graph.mode import Mode
-from tripod_graph.qos import LATCHED, RELIABLE
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 
 EXACT = RESOLUTION + 1e-9
 PARKED = LegacyProtocol().decode(LegacyProtocol().encode([0.0, 0.0, 0.0]))
@@ -175,17 +180,25 @@ def test_bad_commands_are_ignored_counted_and_reported(board, operator, client, 
         ([0.0, 0.0, 0.7], names.SERVOS, "point 0: servo_2 is 0.7 rad, allowed is -2.1 to 0.6 rad"),
         ([0.0, 0.0, 0.0], ("servo_0", "servo_1", "elbow"), "unknown joint 'elbow'; joints: servo_0, servo_1"),
         ([0.0, 0.0], names.SERVOS, "point 0 has 2 positions for 3 joints"),
+        (
+            [0.0, 0.0],
+            names.SERVOS[:2],
+            "joint 'servo_2' is missing; a command names all of servo_0, servo_1, servo_2",
+        ),
     ]
     for count, (point, joints, message) in enumerate(bad, start=1):
         operator.send(point, joints=joints)
         client.wait(lambda count=count: operator.status.rejected_commands == count, f"rejection {count}")
         assert message in operator.status.last_rejection
+    operator.send([-1.0] * 3, [-1.5] * 3, times=(0.5, 0.2))
+    client.wait(lambda: operator.status.rejected_commands == 6, "the falling times")
+    assert "time of point 1 is 0.2 s; allowed is 0.5 to 600 s" in operator.status.last_rejection
     operator.mode(9)
-    client.wait(lambda: operator.status.rejected_commands == 5, "the rejected mode")
+    client.wait(lambda: operator.status.rejected_commands == 7, "the rejected mode")
     assert operator.status.last_rejection.startswith("control mode 9 is unknown; modes: 0 STOP, 1 TELEOP")
     operator.send([-0.6, -0.6, -0.6, 0.02], joints=(*names.SERVOS, names.SLIDE))  # the slide is no mistake
     client.wait(lambda: near(board.packets[-1], [-0.6] * 3), "the pose after")
-    assert operator.status.rejected_commands == 5
+    assert operator.status.rejected_commands == 7
     allowed = [p for p in changes(board.packets) if not all(-0.6 - EXACT <= a <= EXACT for a in p)]
     assert allowed == []
 
@@ -400,6 +413,137 @@ def test_mock_needs_no_port(operator, client, start_driver) -> None:
         meanwhile=lambda: operator.send([-0.5] * 3),
     )
     assert driver.stop() == 0
+
+
+# the board ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def answering(tmp_path) -> Iterator[Board]:
+    """A board that speaks `framed`, with its watchdog."""
+    board = Board(tmp_path / "ttyFramed")
+    board.firmware = MockBoard(time.monotonic)
+    board.plug()
+    yield board
+    board.unplug()
+
+
+@pytest.mark.ros
+def test_a_board_of_this_project_gets_pulses_and_is_told_in_the_diagnostics(
+    answering, operator, client, start_driver
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    reports: list = []
+    client.node.create_subscription(
+        DiagnosticArray, names.DIAGNOSTICS, lambda message: reports.extend(message.status), RELIABLE
+    )
+    start_driver(f"port:={answering.path}", "boot_time:=0")
+    operator.ready()
+    wanted = Calibration().pulses([-0.5, -0.7, -0.9])
+    client.wait(
+        lambda: np.abs(np.array(answering.firmware.pulses) / 10 - wanted).max() < 0.3,
+        "the pulses",
+        meanwhile=lambda: operator.send([-0.5, -0.7, -0.9]),
+    )
+    assert operator.status.protocol == "framed"
+    client.wait(
+        lambda: np.abs(np.subtract(operator.status.sent, [-0.5, -0.7, -0.9])).max() < 1e-3, "the status"
+    )
+    name = f"{client.node.get_namespace()}/driver"
+
+    def told() -> dict[str, str]:
+        return {v.key: v.value for report in reports if report.name == name for v in report.values}
+
+    client.wait(lambda: told().get("firmware") == "0.0", "the firmware")
+    assert float(told()["round trip [ms]"]) > 0
+
+
+@pytest.mark.ros
+def test_after_kill_9_bytes_stop_and_the_board_lets_go(answering, operator, client, start_driver) -> None:
+    driver = start_driver(f"port:={answering.path}", "boot_time:=0")
+    operator.ready()
+    client.wait(
+        lambda: operator.status.state == operator.status.ACTIVE,
+        "motion",
+        meanwhile=lambda: operator.send([-0.7 - 0.5 * math.sin(3 * time.monotonic())] * 3),
+    )
+    assert driver.stop(signal.SIGKILL) == -signal.SIGKILL
+    begin = time.monotonic()
+    client.wait(lambda: time.monotonic() > begin + 0.1, "what was on its way")
+    heard = len(answering.received)
+    client.wait(
+        lambda: answering.firmware.state is BoardState.RELEASED,
+        "the release",
+        meanwhile=lambda: operator.send([-0.7] * 3),
+    )
+    assert len(answering.received) == heard
+
+
+@pytest.mark.ros
+def test_a_second_driver_on_the_port_is_told_who_has_it(answering, operator, client, start_driver) -> None:
+    first = start_driver(f"port:={answering.path}", "boot_time:=0")
+    operator.ready()
+    second = start_driver(f"port:={answering.path}", "boot_time:=0", "__ns:=/second")
+    client.wait(lambda: "in use by" in second.log, "the refusal")
+    assert f" (process {first.process.pid}); stop that one" in second.log
+    count = len(answering.firmware.history)
+    client.wait(
+        lambda: len(answering.firmware.history) > count + 5,
+        "motion",
+        meanwhile=lambda: operator.send([-0.4] * 3),
+    )
+    assert operator.status.message == ""  # the first goes on undisturbed
+    assert second.stop() == 0
+
+
+@pytest.mark.ros
+def test_a_port_that_is_no_robot_is_told_and_gets_no_packet(
+    answering, operator, client, start_driver
+) -> None:
+    answering.firmware = None
+    driver = start_driver(f"port:={answering.path}", "boot_time:=0")
+    client.wait(lambda: operator.statuses, "the status")
+    operator.mode(Mode.IK)
+
+    def disturb() -> None:
+        answering.say(b"$GPGGA,123519,4807.038,N,01131.000,E*47\r\n")
+        operator.send([-0.4] * 3)
+
+    client.wait(lambda: "it sends '$GPGGA," in operator.status.message, "the reason", meanwhile=disturb)
+    assert "and no answer to a hello: not the robot's port" in operator.status.message
+    assert operator.status.state in (operator.status.DISCONNECTED, operator.status.CONNECTING)
+    assert operator.status.packets_sent == 0
+    assert driver.stop() == 0
+    assert "Traceback" not in driver.log
+
+
+@pytest.mark.ros
+def test_the_closed_loop_variant_sends_text_and_publishes_its_imu(
+    board, operator, client, start_driver
+) -> None:
+    from sensor_msgs.msg import Imu
+
+    readings: list[Imu] = []
+    client.node.create_subscription(Imu, names.ROBOT_IMU, readings.append, SENSOR)
+    start_driver(f"port:={board.path}", "protocol:=ascii", "boot_time:=0", "start:=[-0.5236,-0.5236,-0.5236]")
+    operator.ready()
+    client.wait(lambda: board.received.startswith(b"150 150 150\n"), "the first line")
+    client.wait(
+        lambda: readings,
+        "a reading",
+        meanwhile=lambda: board.say(b"bno begin success\r\n10.0000,-20.0000,\r\n"),
+    )
+    orientation = readings[-1].orientation
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(2 * (w * y - z * x))
+    assert (math.degrees(roll), math.degrees(pitch)) == pytest.approx((10.0, -20.0))
+    assert readings[-1].header.frame_id == names.IMU_LINK
+    assert readings[-1].orientation_covariance[8] > 9.0  # nobody knows the rotation about the vertical
+    assert (
+        readings[-1].angular_velocity_covariance[0] == readings[-1].linear_acceleration_covariance[0] == -1.0
+    )
 
 
 # lifecycle and parameters ---------------------------------------------------------------------------------

@@ -66,6 +66,27 @@ def test_serial_port_closes_whatever_happens_inside(board) -> None:
     port.close()  # may be repeated
 
 
+def test_serial_port_returns_what_came_at_once_and_says_that_the_device_vanished(board) -> None:
+    port = SerialPort(board.path)
+    with pytest.raises(PortError, match="is not open"):
+        port.read()
+    with port:
+        assert port.read() == b""
+        os.write(board.near, PACKET)
+        deadline, data = time.monotonic() + 10, b""
+        while len(data) < 4 and time.monotonic() < deadline:
+            data += port.read()
+        assert data == PACKET
+    near, far = os.openpty()
+    port = SerialPort(os.ttyname(far))
+    port.open()
+    os.close(near)
+    with pytest.raises(PortError, match=r"was lost \(.*\); check cable and power"):
+        port.read()
+    port.close()
+    os.close(far)
+
+
 def test_serial_port_is_held_exclusively(board) -> None:
     with SerialPort(board.path), pytest.raises(PortError, match=f"{board.path} is in use by another program"):
         SerialPort(board.path).open()
@@ -228,6 +249,20 @@ def test_pseudo_terminal_delivers_bytes_unchanged_to_the_device_that_it_names() 
     assert port.name == "pty"
     with pytest.raises(PortError, match="not open"):
         port.write(PACKET)
+
+
+def test_pseudo_terminal_returns_what_the_other_program_writes() -> None:
+    with PseudoTerminalPort() as port:
+        assert port.read() == b""
+        writer = os.open(port.name, os.O_WRONLY | os.O_NOCTTY)
+        os.write(writer, PACKET)
+        deadline, data = time.monotonic() + 10, b""
+        while len(data) < 4 and time.monotonic() < deadline:
+            data += port.read()
+        os.close(writer)
+        assert data == PACKET
+    with pytest.raises(PortError, match="not open"):
+        port.read()
 
 
 def test_pseudo_terminal_never_blocks_without_a_reader_and_keeps_the_newest() -> None:

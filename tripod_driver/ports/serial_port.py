@@ -11,6 +11,7 @@ from typing import Final
 import serial
 
 from tripod_driver.ports.boards import find_board, listing, serial_ports
+from tripod_driver.ports.holders import holders
 from tripod_driver.ports.port import Port, PortError
 
 AUTO: Final = "auto"
@@ -106,7 +107,8 @@ def reason_not_opened(path: str, error: Exception) -> str:
         group = group_of(path)
         return f"no permission to open {path}; run: sudo usermod -aG {group} $USER, then log out and in again"
     if number in (errno.EAGAIN, errno.EBUSY):
-        return f"{path} is in use by another program; stop that one"
+        who = ", ".join(map(str, holders(path))) or "another program"
+        return f"{path} is in use by {who}; stop that one"
     return f"{path} cannot be used as a serial port: {error}"
 
 
