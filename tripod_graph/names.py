@@ -20,6 +20,7 @@ IK_STATUS: Final = "ik/status"
 ROBOT_JOINT_STATES: Final = "robot/joint_states"
 ROBOT_STATUS: Final = "robot/status"
 ROBOT_IMU: Final = "robot/imu"
+ROBOT_EFFECTOR_POSE: Final = "robot/effector_pose"
 DIAGNOSTICS: Final = "/diagnostics"
 
 SIM_RESET: Final = "sim/reset"
