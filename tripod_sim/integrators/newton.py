@@ -31,11 +31,15 @@ class NewtonReport:
         iterations: Linear solves.
         factorisations: Hessians assembled and factored.
         residual: Unbalanced force at the end [N].
+        increments: Of the load in statics, before Newton's method (see `load_steps`); 0 where none was needed.
+        halvings: Times these were rolled back and halved.
     """
 
     iterations: int = 0
     factorisations: int = 0
     residual: float = np.inf
+    increments: int = 0
+    halvings: int = 0
 
 
 class Newton:

@@ -1,8 +1,9 @@
-"""Quasi-static steps: each ends in equilibrium, reached by load increments small enough to stay on the branch."""
+"""Quasi-static steps: each ends in equilibrium, reached by increments of load and joints that stay on the branch."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
@@ -17,10 +18,16 @@ class QuasiStatic(Substeps):
         """`max_turn`: largest servo move of an increment [rad]; `reach`: of an arm [m], sets the same for the slide."""
         super().__init__(newton, max_halvings)
         self._max_turn, self._reach = max_turn, reach
+        self._load = LoadSteps(newton.system, newton.tolerance)
 
     def _largest_part(self, move: FloatArray) -> float:
         turn = max(float(np.abs(move[:-1]).max(initial=0.0)), abs(float(move[-1])) / self._reach)
         return 1.0 / max(1, int(np.ceil(turn / self._max_turn)))
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
-        return self._newton.solve(state, joints)
+        load = self._load.carry(state)
+        report = self._newton.solve(state, joints)
+        report.iterations += load.increments
+        report.factorisations += load.increments
+        report.increments, report.halvings = load.increments, load.halvings
+        return report

@@ -25,10 +25,11 @@ class StepReport:
         iterations: Linear solves, over all parts.
         factorisations: Hessians assembled and factored, over all parts.
         parts: Parts that the step was divided into; 1 is the whole.
-        halvings: Times a part failed and was halved.
+        halvings: Times a part, or an increment of a static load, failed and was halved.
         residual: Unbalanced force at the end [N].
         stalled: Servos that stand against their load at the end.
         linear_iterations: Of conjugate gradients, over all linear solves.
+        increments: Of the load in statics, over all parts (see `load_steps`); 0 where none was needed.
         dt_limit: Longest stable part of an explicit scheme [s]; infinite for the others.
         growth: Energy that came from nothing, by an unstable explicit scheme [J]; zero while there is none.
         grew_at: Step at whose end that was first found, zero for none.
@@ -41,6 +42,7 @@ class StepReport:
     residual: float = 0.0
     stalled: "tuple[Stall, ...]" = ()
     linear_iterations: int = 0
+    increments: int = 0
     dt_limit: float = np.inf
     growth: float = 0.0
     grew_at: int = 0
@@ -114,6 +116,8 @@ class Substeps(ABC):
             report.iterations += result.iterations
             report.factorisations += result.factorisations
             report.residual = result.residual
+            report.increments += result.increments
+            report.halvings += result.halvings
             report.parts += 1
             done, size = end, min(first, size * 2 if report.halvings else size)
         state.time += dt

@@ -1,0 +1,90 @@
+"""Load increments of statics: the same equilibrium in far fewer solves, and rolled back where they do not get there."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.build import build
+from tripod_sim.integrators.load_steps import LoadSteps
+from tripod_sim.integrators.newton import Newton
+from tripod_sim.state import State
+from tripod_sim.system import System
+
+STATIC = ("inertia=off", "damping=off", "mesh.level=1")
+
+
+def flat(*overrides: str) -> tuple[System, State]:
+    """The piece that hangs from one end, before it hangs."""
+    system = build(load_scene("silicone", [*STATIC, *overrides])).system
+    return system, system.start_state(np.zeros(1))
+
+
+def test_the_hanging_piece_needs_few_increments_and_no_line_search() -> None:
+    simulation = Simulation(load_scene("silicone", STATIC))
+    assert simulation.step().increments > 5
+    system, state = flat()
+    report = LoadSteps(system, 1e-4).carry(state)
+    assert report.carried
+    assert report.halvings == 0
+    assert 5 < report.increments < 40
+    system.evaluate(state)
+    assert system.unbalanced() <= 1e-4
+    np.testing.assert_allclose(state.positions, simulation.positions, atol=1e-5)
+
+
+def test_it_is_the_equilibrium_that_a_line_search_finds() -> None:
+    """Which takes four times the solves; both leave 1e-8 N on a piece that yields about 1 m/N."""
+    (system, state), (other, searched) = flat(), flat()
+    carried = LoadSteps(system, 1e-8).carry(state)
+    report = Newton(other, 1e-8, 1000).solve(searched, np.zeros(1))
+    np.testing.assert_allclose(state.positions, searched.positions, atol=1e-7)
+    assert state.positions[:, 2].min() < -0.07
+    assert report.iterations > 4 * carried.increments
+
+
+def test_the_step_reports_its_increments_and_the_next_has_none() -> None:
+    parts = build(load_scene("silicone", STATIC))
+    state = parts.system.start_state(np.zeros(1))
+    first = parts.stepper.step(state, np.zeros(1), 0.0)
+    assert first.increments > 5
+    assert first.iterations == first.increments
+    assert first.residual <= 1e-4
+    second = parts.stepper.step(state, np.zeros(1), 0.0)
+    assert second.increments == 0
+    assert second.iterations == 0
+
+
+def test_a_nearly_incompressible_piece_is_rolled_back_and_its_reach_halved() -> None:
+    """At nu 0.499 the first reach turns elements inside out; a line search alone never got there."""
+    parts = build(load_scene("silicone", [*STATIC, "material.poisson=0.499"]))
+    state = parts.system.start_state(np.zeros(1))
+    report = parts.stepper.step(state, np.zeros(1), 0.0)
+    assert report.halvings >= 1
+    assert report.parts == 1
+    assert report.residual <= 1e-4
+    assert state.positions[:, 2].min() == pytest.approx(-0.0746, abs=5e-4)
+    assert parts.system.solid.worst_element(state.positions, state.modes)[1] > 0.9
+
+
+def test_a_load_that_bends_little_is_left_to_newton_s_method() -> None:
+    parts = build(load_scene("tripod", STATIC))
+    state = parts.system.start_state(np.zeros(4))
+    report = parts.stepper.step(state, np.zeros(4), 0.0)
+    assert report.increments == 0
+    assert state.centres[0, 2] < -1e-3
+
+
+@pytest.mark.parametrize("reach", [10.0, 1e-9])
+def test_what_cannot_be_carried_stays_where_it_was(reach: float) -> None:
+    """A reach beyond the body folds it over; one far below it never ends."""
+    system, state = flat()
+    steps = LoadSteps(system, 1e-4)
+    steps._reach, steps.MOST, steps.HALVINGS = reach, 3, 1
+    before = state.copy()
+    report = steps.carry(state)
+    assert not report.carried
+    if reach < 1:
+        assert report.halvings == 2
+        assert report.increments > 0
+    for name in ("positions", "modes", "centres", "rotations", "joints"):
+        np.testing.assert_array_equal(getattr(state, name), getattr(before, name))
