@@ -1,7 +1,8 @@
 """Inverse kinematics in the graph: `sim/compliance` and `target_pose` in, `joint_trajectory` and `ik/status`
 out.
 
-In the mode IK each compliance gives one command, so the simulator sets the rate. Where there is nothing to
+In the mode IK each compliance gives one command, so the simulator sets the rate. Without a simulator in the graph the
+node asks its own quasi-static model, at the angles that the driver tells. Where there is nothing to
 act on (no fresh compliance, the program not solved) nothing is published: the receivers then hold, and park
 after a while, instead of being kept awake by a command that nobody stands behind.
 """
@@ -12,11 +13,13 @@ from array import array
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import Point, PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import Compliance, ControlMode, IkStatus
 
@@ -25,13 +28,16 @@ from tripod_graph.command import CommandLimits
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Mode, ModeTracker
 from tripod_graph.parameters import Parameter, declare
-from tripod_graph.qos import LATCHED_OF_ALL, RELIABLE
+from tripod_graph.qos import LATCHED_OF_ALL, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
+from tripod_ik.feedback import ModelError
+from tripod_ik.own_model import OwnModel
+from tripod_ik.rotation import quaternion_matrix, unit_quaternion
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
-from tripod_ik.tracker import Activity, Tracker, TrackerSettings, TrackerStep
+from tripod_ik.tracker import Activity, Goal, Tracker, TrackerSettings, TrackerStep
 
 _COMMAND, _TRACKER = CommandLimits(), TrackerSettings()
 
@@ -71,6 +77,48 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     Parameter("target_low", [-0.15, -0.15, -0.15], "smallest x, y, z of a target that is accepted", "m"),
     Parameter("target_high", [0.15, 0.15, 0.15], "largest x, y, z of a target that is accepted", "m"),
+    Parameter(
+        "goal",
+        "position",
+        "what of a target is followed: its position; its roll, pitch and height; or position and tilt, a compromise",
+        choices=tuple(Goal),
+    ),
+    Parameter("lever", _TRACKER.lever, "metres that a radian of tilt counts", "m", low=1e-4, high=1.0),
+    Parameter(
+        "lead",
+        _TRACKER.lead,
+        "how far ahead of itself a moving target is aimed at: the time the robot takes to answer",
+        "s",
+        low=0.0,
+        high=0.5,
+    ),
+    Parameter(
+        "feedback",
+        "none",
+        f"what closes the loop: nothing, a measured pose ({names.ROBOT_EFFECTOR_POSE}), or the tilt of an IMU "
+        f"({names.ROBOT_IMU})",
+        choices=("none", "pose", "imu"),
+    ),
+    Parameter("feedback_time", 0.4, "time in which the feedback removes an error", "s", low=0.02, high=60.0),
+    Parameter("feedback_delay", 0.03, "age of a measurement when it comes in", "s", low=0.0, high=0.5),
+    Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
+    Parameter(
+        "slide",
+        names.WORKING_POSE[3],
+        "inward shift of the servo bodies, for the own model",
+        "m",
+        low=0.0,
+        high=0.1,
+    ),
+    Parameter("own_model_rate", 50.0, "how often the own model is asked", "Hz", low=5.0, high=200.0),
+    Parameter(
+        "own_model_after",
+        1.0,
+        "time without a simulator in the graph after which the own model is used",
+        "s",
+        low=0.1,
+        high=60.0,
+    ),
     Parameter("stale_after", 0.2, "age from which on a compliance is not used", "s", low=0.02, high=0.5),
 )
 
@@ -79,6 +127,7 @@ NEWEST = QoSProfile(
 )  # of the states that queued up while this node was busy only the last is the present one
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
+FEEDBACK_SILENT = 0.5  # [s]: without a measurement for so long the status says so
 THROTTLE = 2.0  # [s]: shortest time between two log lines about the same kind of message
 
 
@@ -134,9 +183,20 @@ class IkNode(Node):
                 torque_max=values["torque_max"],
                 weights=tuple(values["weights"]),
                 tolerance=values["tolerance"],
+                goal=Goal(values["goal"]),
+                lever=values["lever"],
+                lead=values["lead"],
             ),
             len(names.SERVOS),
+            self._model_error(values),
         )
+        self._scene, self._slide = values["scene"], values["slide"]
+        self._own = OwnModel(self._build_model)
+        self._own_after: float = values["own_model_after"]
+        self._own_in_use = False
+        self._angles: FloatArray | None = None  # of the robot, as the driver tells
+        self._angles_at = self._simulator_at = float("-inf")
+        self._feedback_at = float("-inf")
         self._stale_after: float = values["stale_after"]
         self._mode = ModeTracker()
         self._received = float("-inf")  # when the last usable compliance came, time.monotonic [s]
@@ -146,7 +206,7 @@ class IkNode(Node):
         self._message = ""
         self._status = IkStatus(state=IkStatus.IDLE)
         self._solves = self._failures = 0
-        self._rejected = {"targets": 0, "compliances": 0, "modes": 0}
+        self._rejected = {"targets": 0, "compliances": 0, "modes": 0, "joint states": 0, "measurements": 0}
         self._last_target_rejection = self._last_rejection = ""
 
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
@@ -154,11 +214,32 @@ class IkNode(Node):
         self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED_OF_ALL)
         self.create_subscription(PoseStamped, names.TARGET_POSE, self._on_target, RELIABLE)
         self.create_subscription(Compliance, names.COMPLIANCE, self._on_compliance, NEWEST)
-        self.create_timer(WATCH, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_subscription(JointState, names.ROBOT_JOINT_STATES, self._on_joints, NEWEST)
+        if values["feedback"] == "pose":
+            self.create_subscription(PoseStamped, names.ROBOT_EFFECTOR_POSE, self._on_measured_pose, RELIABLE)
+        elif values["feedback"] == "imu":
+            self.create_subscription(Imu, names.ROBOT_IMU, self._on_imu, SENSOR)
+        self._simulator_at = time.monotonic()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(WATCH, self._on_timer, clock=steady)
+        self.create_timer(1.0 / values["own_model_rate"], self._on_own_timer, clock=steady)
         self._diagnostics = Diagnostics(self, self._report)
+
+    @staticmethod
+    def _model_error(values: dict[str, Any]) -> ModelError | None:
+        if values["feedback"] == "none":
+            return None
+        return ModelError(values["feedback_time"], values["feedback_delay"])
+
+    def _build_model(self, angles: FloatArray) -> Any:
+        from tripod_ik.model import StaticModel  # noqa: PLC0415 - beside a simulator it is not needed
+        from tripod_sim import load_scene  # noqa: PLC0415
+
+        return StaticModel(load_scene(self._scene), self._slide, angles)
 
     def close(self) -> None:
         """Say that nothing more will be commanded, and leave the graph."""
+        self._own.close()
         self._rest(Activity.IDLE, "stopped")
         self._statuses.wait_for_all_acked(
             Duration(seconds=0.2)
@@ -193,7 +274,62 @@ class IkNode(Node):
             self._last_target_rejection = str(error)
             self._reject("targets", str(error))
             return
-        self._tracker.target = target
+        position, normal = target
+        followed = None if self._tracker.settings.goal is Goal.POSITION else normal
+        self._tracker.aim(position, followed, time.monotonic())
+
+    def _on_joints(self, message: Any) -> None:
+        found = dict(zip(message.name, message.position, strict=False))
+        angles = np.array([found.get(name, np.nan) for name in names.SERVOS])
+        if np.isfinite(angles).all():
+            self._angles, self._angles_at = angles, time.monotonic()
+        else:
+            self._reject(
+                "joint states", f"{names.ROBOT_JOINT_STATES} lacks an angle of {', '.join(names.SERVOS)}"
+            )
+
+    def _on_measured_pose(self, message: Any) -> None:
+        p, q = message.pose.position, message.pose.orientation
+        try:
+            if message.header.frame_id != names.WORLD:
+                raise IkError(f"pose in frame {message.header.frame_id!r}; it must be {names.WORLD!r}")
+            self._measure(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
+        except IkError as error:
+            self._reject("measurements", str(error))
+
+    def _on_imu(self, message: Any) -> None:
+        q = message.orientation
+        try:
+            if message.orientation_covariance[0] == -1:  # REP 145: there is no orientation in it
+                raise IkError("the IMU gives no orientation")
+            self._measure(None, np.array([q.x, q.y, q.z, q.w]))
+        except IkError as error:
+            self._reject("measurements", str(error))
+
+    def _measure(self, position: FloatArray | None, quaternion: FloatArray) -> None:
+        """Correct the model by what is measured; while nothing is commanded there is nothing to correct."""
+        normal = quaternion_matrix(unit_quaternion("measured orientation", quaternion))[:, 2]
+        if self._mode.mode is Mode.IK and self._tracker.correction:
+            self._tracker.correction.measure(position, normal, time.monotonic())
+            self._feedback_at = time.monotonic()
+
+    def _on_own_timer(self) -> None:
+        """Ask the own model where no simulator is in the graph and the driver tells the robot's angles."""
+        now = time.monotonic()
+        if self.count_publishers(names.COMPLIANCE) > 0:
+            self._simulator_at, self._own_in_use = now, False
+            return
+        self._own_in_use = now - self._simulator_at > self._own_after
+        known = self._angles is not None and now - self._angles_at <= self._stale_after
+        if not (self._own_in_use and known and self._mode.mode is Mode.IK) or self._angles is None:
+            return
+        try:
+            state = self._own.state_at(self._angles)
+        except IkError as error:
+            self._reject("compliances", str(error))
+            return
+        if state is not None:
+            self._on_state(state, time.monotonic())
 
     def _on_compliance(self, message: Any) -> None:
         now = time.monotonic()
@@ -204,6 +340,9 @@ class IkNode(Node):
         except IkError as error:
             self._reject("compliances", str(error))
             return
+        self._on_state(state, now)
+
+    def _on_state(self, state: LinearState, now: float) -> None:
         if now - self._received > self._stale_after:
             self._tracker.start()
         self._received = now
@@ -228,13 +367,26 @@ class IkNode(Node):
         age = now - max(self._received, self._entered)
         if age <= self._stale_after:
             return
-        if self._received == float("-inf"):
+        if self._own_in_use:
+            reason = self._own_reason(now)
+        elif self._received == float("-inf"):
             reason = f"no usable {names.COMPLIANCE} yet: is the simulator running?"
         else:
             reason = f"no usable {names.COMPLIANCE} since {now - self._received:.1f} s"
         if self._last_rejection.startswith("compliances"):
             reason += f"; refused {self._last_rejection}"
         self._rest_again(Activity.STALE, reason, now)
+
+    def _own_reason(self, now: float) -> str:
+        """Return why the own model gives nothing."""
+        if self._own.failure:
+            return f"no simulator in the graph, and no own model: {self._own.failure}"
+        if self._angles is None or now - self._angles_at > self._stale_after:
+            return (
+                f"no usable {names.COMPLIANCE} yet: is the simulator running? "
+                f"Without it the own model needs {names.ROBOT_JOINT_STATES}: is the driver running?"
+            )
+        return "no simulator in the graph: the own model goes to the robot's pose"
 
     def _reject(self, kind: str, reason: str) -> None:
         self._rejected[kind] += 1
@@ -261,6 +413,8 @@ class IkNode(Node):
             message = f"not solved: {result.status}; the last command holds"
         elif self._tracker.target is None:
             message = "no target yet: the effector is kept where it is"
+        elif self._tracker.correction and time.monotonic() - self._feedback_at > FEEDBACK_SILENT:
+            message = "no measurement: the correction stays as it is"
         self._send(step.activity, message)
 
     def _rest_again(self, activity: Activity, message: str, now: float) -> None:
@@ -295,11 +449,15 @@ class IkNode(Node):
             "error [m]": self._status.error,
             "residual [m]": self._status.residual,
             "solve time [s]": self._status.solve_time,
+            "model": "own" if self._own_in_use else "simulator",
             "solves": self._solves,
             "solver failures": self._failures,
             **{f"rejected {kind}": count for kind, count in self._rejected.items()},
             "last rejection": self._last_rejection,
         }
+        if correction := self._tracker.correction:
+            values["correction [m]"] = float(np.linalg.norm(correction.shift))
+            values["correction of tilt [rad]"] = float(np.linalg.norm(correction.tilt))
         return levels.get(self._activity, Level.OK), self._message or self._activity.name.lower(), values
 
 

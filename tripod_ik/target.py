@@ -3,9 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from tripod_graph.names import WORLD
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
+from tripod_ik.rotation import quaternion_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +33,16 @@ class TargetBox:
                 f"target_low {self.low.tolist()} m must be below target_high {self.high.tolist()} m"
             )
 
-    def check(self, frame: str, position: Sequence[float], orientation: Sequence[float]) -> FloatArray:
-        """Return the target position [m], shape (3,).
+    def check(
+        self, frame: str, position: Sequence[float], orientation: Sequence[float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the target's position [m] and normal, shape (3,) each.
 
         Args:
             frame: Name of the frame that the target is expressed in.
             position: x, y, z [m].
-            orientation: Quaternion x, y, z, w; it is not followed, but one that is not finite means a broken
-                sender.
+            orientation: Quaternion x, y, z, w; zero, as a message without one has it, means upright. Where it is not
+                followed, too, one that is not finite means a broken sender.
 
         Raises:
             IkError: the target is refused.
@@ -45,8 +50,15 @@ class TargetBox:
         if frame != WORLD:
             raise IkError(f"target in frame {frame!r}; it must be {WORLD!r}")
         target = frozen("target position", position, (3,))
-        frozen("target orientation", orientation, (4,))
+        turned = frozen("target orientation", orientation, (4,))
+        length = float(np.linalg.norm(turned))
+        if length == 0:
+            normal = np.array([0.0, 0.0, 1.0])
+        elif abs(length - 1.0) < 1e-2:
+            normal = quaternion_matrix(turned / length)[:, 2]
+        else:
+            raise IkError(f"target orientation has length {length:g}; it must be a unit quaternion")
         for axis, value, low, high in zip("xyz", target, self.low, self.high, strict=True):
             if not low <= value <= high:
                 raise IkError(f"target {axis} is {value:g} m; allowed is {low:g} to {high:g} m")
-        return target
+        return target, normal

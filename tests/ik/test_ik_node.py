@@ -18,6 +18,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import Compliance, ControlMode, IkStatus
 
@@ -25,7 +26,7 @@ from tests.ik.plant import SpringRobot
 from tripod_graph import names
 from tripod_graph.command import CommandFollower, CommandLimits
 from tripod_graph.parameters import ParameterError
-from tripod_graph.qos import LATCHED, RELIABLE
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_ik.certificate import kkt_residual
 from tripod_ik.node import PARAMETERS, IkNode
 from tripod_ik.tracker import LONGEST_DT
@@ -294,6 +295,93 @@ def test_without_a_simulator_it_says_so(graph):
     assert not graph.sim.commands
 
 
+class FakeDriver:
+    """In place of the simulator: the driver alone tells the robot's angles."""
+
+    def __init__(self, sim, names_told=names.SERVOS):
+        sim.running = False
+        sim.destroy_publisher(sim.compliance)
+        self.sim, self.names = sim, list(names_told)
+        self.joints = sim.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
+        sim.create_timer(0.01, self.publish)
+
+    def publish(self):
+        self.sim.follower.setpoint(time.monotonic())
+        self.joints.publish(JointState(name=self.names, position=array("d", self.sim.angles)))
+
+
+def start_alone(graph, **parameters):
+    """Start the node where nobody publishes a compliance."""
+    driver, sim = FakeDriver(graph.sim), graph.sim
+    sim.compliance = sim.joints = driver.joints  # what `start` waits for
+    graph.start(own_model_after=0.2, **parameters)
+    sim.say_mode(ControlMode.IK)
+
+
+def test_without_a_simulator_in_the_graph_it_runs_the_model_itself(graph):
+    start_alone(graph, scene="tripod")
+    sim = graph.sim
+    first = graph.wait_state(IkStatus.TRACKING, "no target yet")
+    assert list(first.command) == pytest.approx(WORKING, abs=1e-9)
+    graph.wait(lambda: len(sim.commands) > 5)
+    assert sim.angles == pytest.approx(WORKING, abs=1e-6)
+    start = first.effector
+    sim.say_target((start.x + 0.004, start.y - 0.002, start.z + 0.002))
+    graph.wait(lambda: sim.states[-1].message == "" and sim.states[-1].error < 1e-6)
+    assert sim.states[-1].effector.x == pytest.approx(start.x + 0.004, abs=1e-6)
+    assert np.ptp(sim.angles) > 0.1
+    sim.diagnostics.clear()
+    (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
+    assert {pair.key: pair.value for pair in report.values}["model"] == "own"
+
+
+def test_its_own_model_needs_to_know_where_the_robot_is(graph):
+    start_alone(graph)
+    graph.sim.joints.publish = lambda message: None
+    driver = names.ROBOT_JOINT_STATES
+    graph.wait_state(IkStatus.STALE, f"the own model needs {driver}: is the driver running?")
+    graph.sim.commands.clear()
+    graph.spin(0.3)
+    assert not graph.sim.commands
+
+
+def test_a_scene_that_has_no_inverse_is_named(graph):
+    start_alone(graph, scene="silicone")
+    status = graph.wait_state(IkStatus.STALE, "no own model")
+    assert "scene 'silicone' has no servos or no effector" in status.message
+    assert not graph.sim.commands
+
+
+def test_an_imu_corrects_the_tilt_and_what_it_says_wrongly_is_counted(graph):
+    """The robot hangs 0.05 rad beside what its model says: the target's tilt is turned back by that."""
+    start_alone(graph, goal="orientation", feedback="imu", feedback_time=0.1)
+    sim = graph.sim
+    first = graph.wait_state(IkStatus.TRACKING, "no target yet")
+    z = first.effector.z
+    imu = sim.create_publisher(Imu, names.ROBOT_IMU, SENSOR)
+    sim.say_target((0.0, 0.0, z))
+    graph.wait(lambda: sim.states[-1].error < 1e-6 and "no measurement" in sim.states[-1].message)
+    level = sim.angles.copy()
+    bad = Imu()
+    bad.orientation_covariance[0] = -1.0
+    message = Imu()
+    message.orientation.x, message.orientation.w = np.sin(0.025), np.cos(0.025)
+    graph.wait(imu.get_subscription_count)
+    imu.publish(bad)
+    timer = sim.create_timer(0.01, lambda: imu.publish(message))
+    graph.wait(lambda: np.abs(sim.angles - level).max() > 0.02 and sim.states[-1].message == "")
+    before = sim.angles.copy()
+    graph.wait(
+        lambda: np.abs(sim.angles - before).max() > 0.1
+    )  # nothing it does changes what the IMU says: it goes on
+    sim.destroy_timer(timer)
+    sim.diagnostics.clear()
+    (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
+    values = {pair.key: pair.value for pair in report.values}
+    assert values["rejected measurements"] == "1"
+    assert float(values["correction of tilt [rad]"]) > 0.04
+
+
 def test_coming_back_in_a_moment_begins_from_where_the_robot_is(graph):
     graph.start()
     sim = graph.sim
@@ -415,6 +503,8 @@ def test_diagnostics_carry_state_and_counts(graph):
     ("parameters", "message"),
     [
         ({"angle_speed": 0.0}, "parameter 'angle_speed' is 0.0; allowed: 0.01 to 20 rad/s"),
+        ({"goal": "yaw"}, "parameter 'goal' is 'yaw'; allowed: one of position, orientation, pose"),
+        ({"feedback": "eye"}, "parameter 'feedback' is 'eye'; allowed: one of none, pose, imu"),
         ({"weights": [1.0, 1.0]}, "parameter 'weights' has 2 values; it needs 3"),
         ({"target_low": [0.0, 0.0]}, r"target_low has shape \(2,\)"),
         ({"target_low": [0.2, 0.0, 0.0]}, "target_low .* must be below target_high"),

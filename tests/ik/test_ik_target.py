@@ -10,7 +10,12 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
 def test_a_target_in_the_box_is_taken_as_it_is():
-    assert BOX.check("world", (0.01, -0.1, 0.02), UPRIGHT).tolist() == [0.01, -0.1, 0.02]
+    position, normal = BOX.check("world", (0.01, -0.1, 0.02), UPRIGHT)
+    assert position.tolist() == [0.01, -0.1, 0.02]
+    assert normal.tolist() == [0, 0, 1]
+    tilted = BOX.check("world", (0.0, 0.0, 0.0), (np.sin(0.1), 0.0, 0.0, np.cos(0.1)))[1]
+    assert tilted == pytest.approx([0, -np.sin(0.2), np.cos(0.2)])
+    assert BOX.check("world", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))[1].tolist() == [0, 0, 1]
 
 
 @pytest.mark.parametrize(
@@ -21,6 +26,12 @@ def test_a_target_in_the_box_is_taken_as_it_is():
         ("world", (0, np.nan, 0), UPRIGHT, r"target position\[1\] is nan"),
         ("world", (np.inf, 0, 0), UPRIGHT, r"target position\[0\] is inf"),
         ("world", (0, 0, 0), (0, 0, np.nan, 1), r"target orientation\[2\] is nan"),
+        (
+            "world",
+            (0, 0, 0),
+            (0, 0, 0, 0.5),
+            "target orientation has length 0.5; it must be a unit quaternion",
+        ),
         ("world", (0, 0, 0.0201), UPRIGHT, "target z is 0.0201 m; allowed is -0.05 to 0.02 m"),
         ("world", (0, -8.25, 0), UPRIGHT, "target y is -8.25 m"),
     ],

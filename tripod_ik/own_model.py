@@ -1,0 +1,69 @@
+"""The model built in a thread of its own, for a node that must not stop answering meanwhile."""
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from tripod_ik.arrays import FloatArray
+from tripod_ik.errors import IkError
+from tripod_ik.state import LinearState
+from tripod_sim.errors import SceneError, StepError
+
+if TYPE_CHECKING:
+    from tripod_ik.model import StaticModel
+
+FAR = 0.2
+"""Angles that are farther than this from those of the model [rad] mean another robot pose, not a motion: the model then
+goes there in its thread, too."""
+
+
+class OwnModel:
+    """Gives the state of the robot at its angles, once the model stands there.
+
+    Attributes:
+        failure: Why there is no model; empty while there may be one.
+    """
+
+    def __init__(self, build: Callable[[FloatArray], "StaticModel"]) -> None:
+        """`build`: makes the model at given angles [rad], shape (s,); called in another thread."""
+        self._build = build
+        self._model: StaticModel | None = None
+        self._thread: threading.Thread | None = None
+        self.failure = ""
+
+    @property
+    def busy(self) -> bool:
+        """Whether the model is on its way to where the robot is."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def state_at(self, angles: FloatArray) -> LinearState | None:
+        """Return the state at `angles` [rad], shape (s,); None while the model is on its way, or where it fails.
+
+        Raises:
+            IkError: there is no equilibrium at these angles; the model stays where it was.
+        """
+        if self.busy or self.failure:
+            return None
+        if self._model is None or abs(angles - self._model.angles).max() > FAR:
+            self._thread = threading.Thread(target=self._go, args=(angles.copy(),), daemon=True)
+            self._thread.start()
+            return None
+        try:
+            return self._model.move(angles)
+        except (SceneError, StepError) as error:
+            raise IkError(f"own model: {error}") from None
+
+    def _go(self, angles: FloatArray) -> None:
+        try:
+            if self._model is None:
+                self._model = self._build(angles)
+            else:
+                self._model.move(angles)
+        except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
+            expected = isinstance(error, SceneError | StepError | IkError)
+            self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
+
+    def close(self) -> None:
+        """Wait for the thread, for a short while."""
+        if self._thread is not None:
+            self._thread.join(2.0)
