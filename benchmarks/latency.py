@@ -83,6 +83,7 @@ def node(name: str, *words: str, terminal: int = subprocess.DEVNULL) -> Iterator
         cwd=ROOT,
         stdin=terminal,
         stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     )
     try:
         yield process

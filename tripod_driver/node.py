@@ -35,8 +35,8 @@ from tripod_graph.run import run_node
 STATUS_PERIOD = 0.1
 """Longest time between two status messages [s]."""
 
-TICKS = 4
-"""Looks at the port and the set-point for each packet that may leave: a command waits no longer than that."""
+SOON = 0.003
+"""A new command is looked at after this time [s], when it asks for a change, not only at the next packet's turn."""
 
 SLOWEST = 1200
 """Slowest speed of a serial port [bit/s]."""
@@ -104,7 +104,7 @@ class DriverNode(LifecycleNode):
         values = declare(self, PARAMETERS)
         self._driver = make_driver(values)
         self._safety = self._driver.safety
-        self._tick_period = 1.0 / (TICKS * values["rate"])
+        self._period = 1.0 / values["rate"]
         self._park_time_max = values["park_time_max"]
         self._shown: tuple[Any, ...] = ()
         self._logged: State | None = None
@@ -119,7 +119,9 @@ class DriverNode(LifecycleNode):
         self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
         self.create_service(Trigger, names.ROBOT_STOP, self._on_stop)
         self._diagnostics = Diagnostics(self, self._report, values["port"])
-        self.create_timer(self._tick_period, self._on_timer, clock=steady)
+        self.create_timer(self._period, self._on_timer, clock=steady)
+        self._soon = self.create_timer(SOON, self._on_soon, clock=steady)
+        self._soon.cancel()
         if values["autostart"]:
             self.trigger_configure()
             self.trigger_activate()
@@ -167,6 +169,9 @@ class DriverNode(LifecycleNode):
             self._safety.trajectory(message.joint_names, times, positions, time.monotonic())
         except ValueError as error:
             self.get_logger().warning(f"command refused: {error}", throttle_duration_sec=2.0)
+            return
+        if self._soon.is_canceled():
+            self._soon.reset()
 
     def _on_control_mode(self, message: ControlMode) -> None:
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
@@ -191,6 +196,10 @@ class DriverNode(LifecycleNode):
             self._log_change(state, message)
             self._shown, self._status_due = shown, now + STATUS_PERIOD
             self._publish_status()
+
+    def _on_soon(self) -> None:
+        self._soon.cancel()
+        self._on_timer()
 
     def _publish_joint_states(self) -> None:
         message = JointState(name=list(names.SERVOS), position=self._driver.sent)
@@ -257,7 +266,7 @@ class DriverNode(LifecycleNode):
                     f"not parked within park_time_max {self._park_time_max:g} s: servos left at {angles} rad"
                 )
                 break
-            time.sleep(self._tick_period)
+            time.sleep(self._period / 2)
             if self._driver.tick(time.monotonic()) and self.context.ok():
                 self._publish_joint_states()
         if self.context.ok():
