@@ -19,6 +19,7 @@ MAY_IMPORT = {
     "tripod_teleop": {"tripod_graph"},
     "tripod_view": {"tripod_graph"},
     "tripod_record": {"tripod_graph"},
+    "tripod_play": {"tripod_graph", "tripod_sim"},
 }
 """Packages of the suite that each package may import; tripod_bringup may import all."""
 
@@ -30,6 +31,7 @@ ROS_EDGE = {
     "tripod_teleop": {"node"},
     "tripod_view": {"node", "messages", "settings"},
     "tripod_record": {"node"},
+    "tripod_play": set(),
 }
 """Modules that touch ROS, themselves or through what they import. All others work where there is no ROS."""
 

@@ -80,6 +80,13 @@ class BallState:
         """(x, y, z, w), shape (4,), a view."""
         return self.numbers[9:]
 
+    @property
+    def event(self) -> str:
+        """What has become of the ball, in words; empty while nothing has."""
+        if self.place is not Place.PLAYING:
+            return f"ball {PLACES[self.place]} at {self.lost_time:.2f} s"
+        return f"goal reached at {self.goal_time:.2f} s" if np.isfinite(self.goal_time) else ""
+
     def copy_to(self, other: "BallState") -> None:
         """Overwrite `other`, without allocating."""
         other.numbers[:], other.ledger[:], other.twist[:] = self.numbers, self.ledger, self.twist
