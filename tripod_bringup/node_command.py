@@ -34,7 +34,15 @@ class NodeInfo:
 
 NODES: Final[Mapping[str, NodeInfo]] = {
     "sim": NodeInfo("Run the simulator as a ROS node.", ("tripod sim", "tripod sim scene:=silicone")),
-    "ik": NodeInfo("Run inverse kinematics: target poses in, servo angles out.", ("tripod ik",)),
+    "ik": NodeInfo(
+        "Run inverse kinematics: target poses in, servo angles out.",
+        (
+            "tripod ik",
+            "tripod ik goal:=orientation feedback:=imu",
+            'tripod ik --target "0.005 0 -0.006"',
+            'tripod ik --target "0 0 0.005" --goal orientation --tilt "0.2 -0.1" --json',
+        ),
+    ),
     "driver": NodeInfo(
         "Run the driver of the servos.",
         ("tripod driver port:=mock", "tripod driver port:=/dev/ttyACM0"),

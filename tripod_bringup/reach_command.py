@@ -1,0 +1,124 @@
+"""`tripod reach`: the reachable workspace as a table, a file and a picture."""
+
+import csv
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
+
+if TYPE_CHECKING:
+    from tripod_ik.reach import Layer, Reach
+
+
+def reach_command(
+    scene: str,
+    *,
+    overrides: list[str],
+    slide: float,
+    low: float | None,
+    high: float | None,
+    count: int,
+    torque_max: float,
+    out: Path | None,
+    plot: Path | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Compute, print, write and return the exit code: 0, 2 bad arguments, 1 nothing could be computed."""
+    from tripod_ik.errors import IkError  # noqa: PLC0415 - not needed for the help
+    from tripod_ik.model import StaticModel  # noqa: PLC0415
+    from tripod_ik.reach import default_range, reach  # noqa: PLC0415
+    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+
+    try:
+        for path in (out, plot):  # before the work, not after it
+            if path is not None and not path.absolute().parent.is_dir():
+                raise IkError(f"{path}: there is no directory {path.absolute().parent}")
+        if plot is not None:
+            check_plot(plot)
+        model = StaticModel(load_scene(scene, overrides), slide)
+        least, most = default_range(model)
+        least, most = least if low is None else low, most if high is None else high
+        with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
+            found = reach(model, least, most, count=count, torque_max=torque_max, progress=progress)
+        if out is not None:
+            write_table(found, out)
+        if plot is not None:
+            from tripod_bringup.reach_plot import draw  # noqa: PLC0415
+
+            draw(found, plot, f"{scene}, slide {1e3 * slide:g} mm, angles {least:g} to {most:g} rad")
+    except (IkError, SceneError, OSError) as error:
+        print("tripod reach: " + " ".join(str(error).split()), file=sys.stderr)
+        return BAD_ARGUMENTS
+    except StepError as error:
+        print("tripod reach: " + " ".join(str(error).split()), file=sys.stderr)
+        return FAILED
+    if as_json:
+        print(json.dumps(plain(summary(found))))
+    elif not quiet:
+        print(summary_text(found, torque_max))
+    return 0
+
+
+def check_plot(path: Path) -> None:
+    """Raise IkError unless a picture can be drawn into `path`."""
+    from tripod_ik.errors import IkError  # noqa: PLC0415
+
+    if path.suffix.lower() not in {".png", ".svg", ".pdf"}:
+        raise IkError(f"--plot is {str(path)!r}; it must end in .png, .svg or .pdf")
+    try:
+        import matplotlib  # noqa: F401, PLC0415
+    except ImportError:
+        raise IkError(
+            "--plot needs matplotlib; run `make setup`, or leave it out: --out keeps the numbers"
+        ) from None
+
+
+def write_table(found: "Reach", out: Path) -> None:
+    """Write the poses as CSV, one row each, SI units."""
+    from tripod_ik.reach import COLUMNS  # noqa: PLC0415
+
+    with out.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        writer.writerows([f"{value:.9g}" for value in row] for row in found.table.tolist())
+
+
+def summary(found: "Reach") -> dict[str, Any]:
+    """Return counts and layers, SI units."""
+    layers = [{**layer.__dict__} for layer in found.layers()]
+    return {
+        "poses": len(found.table),
+        "bearable": len(found.bearable),
+        "tried": found.tried,
+        "folded": found.folded,
+        "failed": found.failed,
+        "layers": layers,
+    }
+
+
+def summary_text(found: "Reach", torque_max: float) -> str:
+    """Return the table for people."""
+    lines = [
+        f"{len(found.table)} poses of {found.tried} are on the branch of the working pose "
+        f"({found.folded} beyond a fold, {found.failed} without equilibrium); "
+        f"{len(found.bearable)} of them below {torque_max:g} N m",
+        "",
+        "height [mm]      poses  radius [mm]        tilt [degrees]     torque margin [N m]",
+        "                        all round, most    all round, most    least, most",
+    ]
+    lines += [_layer_text(layer) for layer in found.layers()]
+    return "\n".join(lines)
+
+
+def _layer_text(layer: "Layer") -> str:
+    heights = f"{1e3 * layer.low:6.1f} .. {1e3 * layer.high:5.1f}"
+    radius = f"{1e3 * layer.radius:9.1f}, {1e3 * layer.farthest:5.1f}"
+    tilt = f"{math.degrees(layer.tilt):9.1f}, {math.degrees(layer.steepest):5.1f}"
+    return (
+        f"{heights}  {layer.poses:6d}  {radius:<17}  {tilt:<17}  {layer.margin[0]:.3f}, {layer.margin[1]:.3f}"
+    )

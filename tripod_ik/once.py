@@ -1,0 +1,94 @@
+"""One inverse kinematics, from a scene and a target to a summary: what `tripod ik --target` does."""
+
+import time as clock
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tripod_graph.names import SERVOS
+from tripod_ik.arrays import FloatArray, frozen
+from tripod_ik.errors import IkError
+from tripod_ik.inverse import InverseSolver, Outcome
+from tripod_ik.limits import AngleLimit
+from tripod_ik.model import StaticModel
+from tripod_ik.rotation import normal_of, roll_pitch
+from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
+from tripod_ik.tracker import Goal, TrackerSettings
+from tripod_sim.errors import StepError
+from tripod_sim.scene import Scene
+
+
+def solve_once(
+    scene: Scene,
+    target: Sequence[float],
+    *,
+    tilt: Sequence[float] = (0.0, 0.0),
+    goal: Goal = Goal.POSITION,
+    slide: float,
+    start: Sequence[float] | None = None,
+    torque_max: float = np.inf,
+    hard: bool = False,
+    box: tuple[FloatArray, FloatArray] | None = None,
+    any_branch: bool = False,
+    tolerance: float = 1e-6,
+) -> dict[str, Any]:
+    """Return angles, torques and what is missing for a target.
+
+    Args:
+        scene: Of the robot; solved without inertia.
+        target: x, y, z of the effector at rest [m] in `world`.
+        tilt: Roll and pitch [rad], where the goal has a tilt.
+        goal: What of both is asked for.
+        slide: Inward shift of the servo bodies [m].
+        start: Angles [rad] of the pose whose branch is taken; None is the working pose.
+        torque_max: Largest torque [N m]; infinite for no limit.
+        hard: Whether torques and box are hard limits.
+        box: Smallest and largest corner of where the effector may be [m], or None.
+        any_branch: Whether another branch will do.
+        tolerance: What may be missing [m].
+
+    Returns:
+        outcome and reason (words), reached (bool), angles [rad], torques [N m], position [m], roll and pitch [rad],
+        error [m], residuals (by task, with unit), active_limits, kkt [rad], iterations, seconds.
+
+    Raises:
+        IkError, SceneError: the input is refused.
+        StepError: there is no way to the start.
+    """
+    position = frozen("target", target, (3,))
+    roll, pitch = frozen("tilt", tilt, (2,))
+    begin = frozen("start", start, (len(SERVOS),)) if start is not None else None
+    if np.isnan(torque_max) or torque_max <= 0:
+        raise IkError(f"torque limit is {torque_max:g} N m; it must be positive")
+    if not 0 < tolerance < np.inf:
+        raise IkError(f"tolerance is {tolerance:g} m; it must be positive and finite")
+    limits: list[RowLimit] = [TorqueLimit(torque_max, hard=hard)] if np.isfinite(torque_max) else []
+    if box is not None:
+        limits.append(EffectorBox(*box, hard=hard))
+    tasks = TrackerSettings(goal=goal).tasks(position, normal_of(float(roll), float(pitch)))
+    model = StaticModel(scene, slide, begin)
+    if scene.servos is None:  # StaticModel has refused it
+        raise StepError("no servos")
+    angles = AngleLimit(scene.servos.angle_min, scene.servos.angle_max)
+    solver = InverseSolver(model, angles, row_limits=limits, any_branch=any_branch, tolerance=tolerance)
+    began = clock.perf_counter()
+    solution = solver.solve(tasks)
+    state = solution.state
+    found = roll_pitch(state.equilibrium_rotation[:, 2])
+    return {
+        "outcome": str(solution.outcome),
+        "reason": solution.reason,
+        "reached": solution.outcome is Outcome.REACHED,
+        "angles": state.angles.tolist(),
+        "torques": state.torques.tolist(),
+        "position": state.equilibrium.tolist(),
+        "roll": found[0],
+        "pitch": found[1],
+        "error": solution.residual,
+        "residuals": dict(solution.residuals),
+        "active_limits": list(solution.active_limits),
+        "kkt": solution.kkt,
+        "iterations": solution.iterations,
+        "seconds": clock.perf_counter() - began,
+    }
