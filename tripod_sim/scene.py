@@ -144,6 +144,17 @@ class Springs:
 
 
 @dataclass(frozen=True)
+class StrainLimit:
+    """Springs that cannot be stretched beyond a bound. Needs springs and inertia.
+
+    Attributes:
+        stretch: Largest elongation of a spring, as a share of its rest length.
+    """
+
+    stretch: float = number(0.1, low=1e-4, high=10.0)
+
+
+@dataclass(frozen=True)
 class Gravity:
     """Weight.
 
@@ -366,8 +377,8 @@ class Scene:
         duration: How long `tripod run` simulates unless told [s].
         mesh, material: The solid; None where the body is of springs.
         springs: The body of springs; None where it is a solid.
-        gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector, maze, ball: Effects; None or empty is
-            off.
+        gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector, strain_limit, maze, ball: Effects;
+            None or empty is off.
         solver: Of each step.
     """
 
@@ -386,6 +397,7 @@ class Scene:
     servo_dynamics: ServoDynamics | None = None
     clamp: Clamp | None = None
     effector: Effector | None = None
+    strain_limit: StrainLimit | None = None
     maze: Maze | None = None
     ball: Ball | None = None
     solver: Solver = Solver()
@@ -430,6 +442,8 @@ def _check_body(scene: Scene) -> None:
             raise SceneError(
                 f"{name} and springs exclude each other: a scene has mesh and material, or springs"
             )
+    if scene.strain_limit and not (scene.springs and scene.inertia):
+        raise SceneError("strain_limit needs springs and inertia: it bounds how far springs stretch in motion")
     for name in ("servos", "effector"):
         if scene.springs and getattr(scene, name):
             raise SceneError(
@@ -462,6 +476,7 @@ EFFECTS = (
     "servo_dynamics",
     "clamp",
     "effector",
+    "strain_limit",
     "maze",
     "ball",
 )

@@ -46,9 +46,10 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
         raise SceneError(f"scene {str(source)!r} is not valid TOML: {error}") from None
     for word in overrides:
         override(table, word)
-    mesh = table.get("mesh")
-    if folder and isinstance(mesh, dict) and isinstance(mesh.get("source"), str) and "." in mesh["source"]:
-        mesh["source"] = str(folder / mesh["source"])
+    for name in ("mesh", "springs"):
+        part = table.get(name)
+        if folder and isinstance(part, dict) and isinstance(part.get("source"), str) and "." in part["source"]:
+            part["source"] = str(folder / part["source"])
     scene = _build(Scene, table, "")
     assert isinstance(scene, Scene)
     return scene

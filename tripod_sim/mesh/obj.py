@@ -23,7 +23,7 @@ MOST_WORDS = 100_000
 """Words of one statement, continued lines included."""
 
 
-def read_obj(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
+def read_obj(path: Path, name: str, owner: "array[int] | None" = None) -> tuple[FloatArray, IndexArray]:
     """Return the vertices (n, 3), in the file's unit, and the triangles (m, 3) of an OBJ file.
 
     Polygons are divided into triangles from their first vertex, as is right for convex ones. Negative numbers count
@@ -32,11 +32,12 @@ def read_obj(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
     Args:
         path: The file.
         name: What messages call it.
+        owner: Takes the number of the face that each triangle is part of.
 
     Raises:
         SceneError: not such a file; the message names the line and what is wrong with it.
     """
-    xyz, corners = array("d"), array("q")
+    xyz, corners, faces = array("d"), array("q"), 0
     for number, tokens in _statements(path, name):
         where = f"{name}, line {number}"
         keyword, values = tokens[0], tokens[1:]
@@ -51,6 +52,9 @@ def read_obj(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
                 raise SceneError(f"{where}: a face needs at least 3 vertices, found {len(polygon)}")
             for second, third in pairwise(polygon[1:]):
                 corners.extend((polygon[0], second, third))
+            if owner is not None:
+                owner.extend([faces] * (len(polygon) - 2))
+            faces += 1
             if len(corners) > 3 * MOST_TRIANGLES:
                 raise SceneError(f"{where}: more than {MOST_TRIANGLES} triangles")
         elif keyword not in LEFT_OUT:

@@ -1,5 +1,6 @@
 """Scene to simulation for a body of springs."""
 
+from array import array
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,14 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
     body = spring_body(scene, description)
     system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
     skin = None if len(body.triangles) else ChainSkin(body)
-    return Parts(body, system.mass, system, _stepper(scene, system), skin=skin)
+    stepper = _stepper(scene, system)
+    if scene.strain_limit:
+        from tripod_sim.springs.strain_limit import StrainLimited  # noqa: PLC0415 - an effect that is absent
+
+        stepper = StrainLimited(
+            system, stepper, scene.strain_limit.stretch, _options(scene, system), scene.dt
+        )
+    return Parts(body, system.mass, system, stepper, skin=skin)
 
 
 def spring_body(scene: Scene, description: Springs) -> SpringBody:
@@ -40,8 +48,10 @@ def spring_body(scene: Scene, description: Springs) -> SpringBody:
         (net.bending, description.bending),
     ]
     kept = [kinds[0]] + [(pairs, k) for pairs, k in kinds[1:] if k > 0]
-    ends = np.concatenate([pairs for pairs, _ in kept])
+    ends = np.sort(np.concatenate([pairs for pairs, _ in kept]), axis=1)
     stiffness = np.concatenate([np.full(len(pairs), k) for pairs, k in kept])
+    order = np.lexsort((ends[:, 1], ends[:, 0]))  # neighbours in memory
+    ends, stiffness = ends[order], stiffness[order]
     rest = np.sqrt(((nodes[ends[:, 1]] - nodes[ends[:, 0]]) ** 2).sum(axis=1))
     body = SpringBody(
         nodes,
@@ -73,7 +83,9 @@ def _net(description: Springs) -> Net:
     if "." in description.source:
         from tripod_sim.mesh.read_surface import read_surface  # noqa: PLC0415 - only where a file is named
 
-        return net_of_surface(read_surface(Path(description.source), description.scale, "springs.source"))
+        owner = array("q")
+        surface = read_surface(Path(description.source), description.scale, "springs.source", owner)
+        return net_of_surface(surface, np.array(owner, dtype=np.int64) if owner else None)
     raise SceneError(
         f"springs.source is {description.source!r}; allowed: chain, grid, or the path of an OBJ or STL file"
     )

@@ -28,7 +28,7 @@ WHY = {
 }
 
 
-class _Solver:
+class SpringSolver:
     """Scratch and arguments of the implicit kernels for one body."""
 
     def __init__(
@@ -52,7 +52,7 @@ class _Solver:
             damped,
         )
         self.factor = _factor(system) if options.direct else _no_factor()
-        scratch = [*np.zeros((9, n, 3)), *np.zeros((2, m, 6)), np.zeros((n, 6)), np.zeros(n), np.zeros(m)]
+        scratch = [*np.zeros((10, n, 3)), *np.zeros((2, m, 6)), np.zeros((n, 6)), np.zeros(n), np.zeros(m)]
         self.work = kernels.Work._make([*scratch, np.zeros(1)])
         self.counts = np.zeros(4)
 
@@ -113,7 +113,7 @@ class ImplicitSprings:
             rayleigh: b of the force -b K v [s], K the springs' projected tangents at the start of the step.
             max_halvings: The smallest part of a step is 2^-max_halvings of it.
         """
-        self._solver = _Solver(system, options, drag=drag, rayleigh=rayleigh, moving=True)
+        self._solver = SpringSolver(system, options, drag=drag, rayleigh=rayleigh, moving=True)
         self._scheme, self._halvings = SCHEMES[scheme], max_halvings
         n, m = len(system.body.nodes), len(system.body.ends)
         self._history, self._past, self._clock = np.zeros((5, n, 3)), np.zeros((3, m)), np.zeros(1)
@@ -186,7 +186,7 @@ class StaticSprings:
     MOST_STEPS = 200
 
     def __init__(self, system: SpringSystem, options: kernels.Options) -> None:
-        self._solver = _Solver(system, options._replace(share=0.0), drag=0.0, rayleigh=0.0, moving=False)
+        self._solver = SpringSolver(system, options._replace(share=0.0), drag=0.0, rayleigh=0.0, moving=False)
         body = system.body
         stiffest = float(body.stiffness.max(initial=0.0))
         heaviest = float(system.mass.max())

@@ -78,8 +78,11 @@ class Options(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch: (n, 3) each, then blocks and lagged (m, 6), jacobi (n, 6), weight (n,), reference (m,); kept: the s that
-    the factorisation at hand belongs to [s], zero for none."""
+    """Scratch: (n, 3) each, then blocks and lagged (m, 6), jacobi (n, 6), weight (n,), reference (m,).
+
+    guess: v' as the conjugate gradients expect it; kept: the s that the factorisation at hand belongs to [s], zero for
+    none, (1,).
+    """
 
     g: Array
     p: Array
@@ -90,6 +93,7 @@ class Work(NamedTuple):
     r: Array
     d: Array
     q: Array
+    guess: Array
     blocks: Array
     lagged: Array
     jacobi: Array
@@ -141,11 +145,18 @@ def renew(x: Array, s: float, project: bool, body: Problem, A: Factor, options: 
 
 
 @njit(cache=True, error_model="numpy")
-def solve_step(body: Problem, A: Factor, options: Options, work: Work) -> int:
-    """Write p = -H^-1 g; return the conjugate gradients' iterations, 1 for a direct solve, -1 where it failed."""
+def solve_step(s: float, first: bool, body: Problem, A: Factor, options: Options, work: Work) -> int:
+    """Write p = -H^-1 g; return the conjugate gradients' iterations, 1 for a direct solve, -1 where it failed.
+
+    The `first` solve of a stage begins with the guess.
+    """
     if options.direct:
         solve_direct(A, work.g, body.free, work.p)
         return 1
+    for k in range(body.free.shape[0]):
+        n = body.free[k]
+        for i in range(3):
+            work.p[n, i] = s * (work.guess[n, i] - work.w[n, i]) if first else 0.0
     limit = 1000 + 12 * body.free.shape[0]
     return conjugate_gradients(
         body.links.ends, work.blocks, work.weight, body.free, work.jacobi, work.g, options.linear_tolerance, limit,
@@ -215,7 +226,7 @@ def solve_stage(
             counts[1] += 1.0
             if not renew(x, s, attempt == 1, body, A, options, work):
                 continue
-            taken = solve_step(body, A, options, work)
+            taken = solve_step(s, iterations == 0, body, A, options, work)
             if taken >= 0:
                 break
         if taken < 0:
@@ -280,6 +291,11 @@ def implicit_steps(
     x_now, v_now, x_old, v_old, a = history[0], history[1], history[2], history[3], history[4]
     links, z, u = body.links, work.z, work.u
     for done in range(count):
+        work.guess[:] = v
+        if not options.direct and clock[0] > 0.0 and scheme != TR_BDF2:
+            for n in range(x.shape[0]):
+                for i in range(3):
+                    work.guess[n, i] += v[n, i] - v_now[n, i]  # as it changed in the last step
         x_now[:], v_now[:] = x, v
         if body.damped:
             lengths(x, links, past[1])

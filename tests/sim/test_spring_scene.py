@@ -1,0 +1,225 @@
+"""Scenes of springs: generators, files, fixed nodes, what is refused; the strain limit; what an absent effect costs."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.springs.build import spring_body
+from tripod_sim.springs.generate import chain, grid
+
+
+def body(source: str, *words: str):
+    scene = load_scene(source, words)
+    assert scene.springs
+    return spring_body(scene, scene.springs)
+
+
+def test_a_chain_has_its_nodes_in_a_line() -> None:
+    b = body(
+        "pendulum", "springs.nodes=4", "springs.size=0.6", "springs.bending=7", "springs.position=[0, 1, 2]"
+    )
+    np.testing.assert_allclose(b.nodes, [[0, 1, 2], [0.2, 1, 2], [0.4, 1, 2], [0.6, 1, 2]])
+    assert b.ends.tolist() == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
+    assert b.stiffness.tolist() == [1500, 7, 1500, 7, 1500]
+    np.testing.assert_allclose(b.rest_length, [0.2, 0.4, 0.2, 0.4, 0.2])
+    assert b.fixed.tolist() == [0]
+
+
+@pytest.mark.parametrize("n", [2, 3, 8])
+def test_a_grid_has_three_kinds_of_springs_and_faces_up(n: int) -> None:
+    net = grid(n, 2.0)
+    assert len(net.nodes) == n * n
+    assert len(net.structural) == 2 * n * (n - 1)
+    assert len(net.shear) == 2 * (n - 1) ** 2
+    assert len(net.bending) == 2 * n * (n - 2)
+    for pairs, length in ((net.structural, 1.0), (net.shear, np.sqrt(2)), (net.bending, 2.0)):
+        d = net.nodes[pairs[:, 1]] - net.nodes[pairs[:, 0]]
+        np.testing.assert_allclose(np.linalg.norm(d, axis=1), length * 2.0 / (n - 1))
+    a, b, c = np.moveaxis(net.nodes[net.triangles], 1, 0)
+    normal = np.cross(b - a, c - a)
+    assert (normal[:, 2] > 0).all()
+    assert 0.5 * normal[:, 2].sum() == pytest.approx(4.0)
+    assert net.nodes[net.corners][:, :2].tolist() == [[-1, -1], [1, -1], [1, 1], [-1, 1]]
+
+
+def test_chain_corners_are_its_ends() -> None:
+    assert chain(5, 1.0).corners.tolist() == [0, 4]
+
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 1 2 3 4\nf 2 5 3\n"
+
+
+def obj_scene(folder: Path, text: str, springs: str = "") -> Path:
+    (folder / "net.obj").write_text(text)
+    scene = folder / "net.toml"
+    scene.write_text(
+        f"name = 'net'\n[springs]\nsource = 'net.obj'\nshear = 3.0\nbending = 5.0\n{springs}\n[gravity]\n[inertia]\n"
+    )
+    return scene
+
+
+def test_edges_of_a_file_become_springs(tmp_path: Path) -> None:
+    """A quadrangle has both diagonals as shear springs; bending springs go across the edge of two faces."""
+    b = body(str(obj_scene(tmp_path, OBJ)))
+    kinds = {k: b.ends[b.stiffness == k].tolist() for k in (1500, 3, 5)}
+    assert kinds[1500] == [[0, 1], [0, 3], [1, 2], [1, 4], [2, 3], [2, 4]]
+    assert kinds[3] == [[0, 2], [1, 3]]
+    assert kinds[5] == [[0, 4]]
+    assert len(b.triangles) == 3
+    simulation = Simulation(load_scene(obj_scene(tmp_path, OBJ), ["springs.fixed_nodes=[0]", "dt=0.001"]))
+    simulation.advance(50)
+    assert simulation.positions[:, 2].min() < -0.01
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", "the surface has no triangles"),
+        (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n",
+            "line 4: vertex 4 of a face is not among the 3 vertices before it",
+        ),
+        ("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", "coordinate 'nan' is not finite"),
+        ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "triangles 0 have no area"),
+        ("v 0 0 0\nf 1\n", "a face needs at least 3 vertices"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(SceneError) as error:
+        Simulation(load_scene(obj_scene(tmp_path, text)))
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("scene", "words", "message"),
+    [
+        ("pendulum", ["springs.fixed_nodes=[3, 10]"], "fixed_nodes: 10 do not exist; the body has nodes 0 to 9"),
+        ("pendulum", ["springs.fixed_corners=[2]"], "springs.fixed_corners: 2 do not exist; chain has corners 0 to 1"),
+        ("cloth", ["springs.fixed_corners=[4]"], "springs.fixed_corners is (4,); it must be at least 0 and at most 3"),
+        ("pendulum", ["springs.fixed_nodes=[-1]"], "springs.fixed_nodes is (-1,); it must be at least 0"),
+        ("pendulum", ["springs.nodes=2", "springs.fixed_nodes=[0, 1]"], "every node is fixed; nothing is free to move"),
+        ("pendulum", ["springs.node_mass=0"], "springs.node_mass is 0.0; it must be above 0 kg"),
+        ("pendulum", ["springs.stiffness=-1"], "springs.stiffness is -1.0; it must be at least 0 N/m"),
+        ("pendulum", ["springs.source=rope"], "springs.source is 'rope'; allowed: chain, grid, or the path"),
+        ("cloth", ["springs.source=no.obj"], "springs.source"),
+        ("cloth", ["springs.compressed=soft"], "springs.compressed is 'soft'; allowed: push, slack"),
+        ("cloth", ["springs.nodes=100000"], "springs.nodes is 100000: a grid of at most 250000 nodes is possible"),
+        ("cloth", ["mesh={}"], "mesh and springs exclude each other"),
+        ("cloth", ["effector={}"], "effector needs a solid"),
+        ("cloth", ["solver.linear=cholmod"], "solver.linear is 'cholmod'; of springs allowed: auto, ldl, cg"),
+        ("cloth", ["inertia=off", "springs.fixed_corners=[]"], "nothing holds the body"),
+        ("cloth", ["fixed=[{low=[8, 8, 8], high=[9, 9, 9]}]"], "fixed.0 holds no node. The box is (8.0, 8.0, 8.0)"),
+        ("cloth", ["inertia=off", "strain_limit={}"], "strain_limit needs springs and inertia"),
+        ("silicone", ["strain_limit={}"], "strain_limit needs springs and inertia"),
+        ("cloth", ["strain_limit.stretch=0"], "strain_limit.stretch is 0.0; it must be at least 0.0001"),
+        ("silicone", ["inertia.substeps=on"], "inertia.substeps is 'on'; allowed: auto, off"),
+    ],
+)  # fmt: skip
+def test_bad_scenes_are_refused_in_one_line(scene: str, words: list[str], message: str) -> None:
+    with pytest.raises(SceneError) as error:
+        Simulation(load_scene(scene, words))
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def stretches(simulation: Simulation) -> np.ndarray:
+    x, b = simulation.positions, simulation.mesh
+    return np.linalg.norm(x[b.ends[:, 1]] - x[b.ends[:, 0]], axis=1) / b.rest_length - 1
+
+
+@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "semi_implicit_euler"])
+def test_the_strain_limit_bounds_every_spring_at_every_step(scheme: str) -> None:
+    words = ["springs.nodes=8", "springs.node_mass=0.05", f"inertia.scheme={scheme}"]
+    free = Simulation(load_scene("cloth", words))
+    free.advance(150)
+    assert stretches(free).max() > 0.03
+    simulation = Simulation(load_scene("cloth", [*words, "strain_limit.stretch=0.02"]))
+    worst = 0.0
+    for _ in range(150):
+        simulation.step()
+        worst = max(worst, stretches(simulation).max())
+    assert 0.015 < worst <= 0.02
+    assert simulation.positions[:, 2].min() < -0.3
+
+
+def test_the_strain_limit_keeps_both_momenta() -> None:
+    words = ["springs.nodes=6", "springs.fixed_corners=[]", "springs.node_mass=0.01", "springs.damping=0",
+             "gravity=off", "inertia.scheme=semi_implicit_euler", "strain_limit.stretch=0.03"]  # fmt: skip
+    simulation = Simulation(load_scene("cloth", words))
+    rng = np.random.default_rng(0)
+    m = simulation.mesh.mass[:, None]
+    spin = np.cross([0.0, 8.0, 40.0], simulation.positions)
+    simulation.state.velocities[:] = spin + 0.5 * rng.standard_normal(spin.shape)
+    linear = (m * simulation.state.velocities).sum(axis=0)
+    angular = np.cross(simulation.positions, m * simulation.state.velocities).sum(axis=0)
+    limited = 0
+    for _ in range(100):
+        limited += simulation.step().iterations > 0
+        assert stretches(simulation).max() <= 0.03
+    assert limited > 20
+    np.testing.assert_allclose((m * simulation.state.velocities).sum(axis=0), linear, atol=1e-8)
+    after = np.cross(simulation.positions, m * simulation.state.velocities).sum(axis=0)
+    np.testing.assert_allclose(after, angular, atol=1e-8 * np.linalg.norm(angular) + 1e-10)
+
+
+@pytest.mark.parametrize("effect", ["gravity={}", "damping={mass=1.0}", "strain_limit={stretch=0.0005}"])
+def test_adding_and_removing_an_effect_restores_the_same_bits(effect: str) -> None:
+    def motion(words: list[str]) -> bytes:
+        simulation = Simulation(
+            load_scene("cloth", ["springs.nodes=5", "springs.node_mass=0.1", "gravity=off", *words])
+        )
+        simulation.state.velocities[:10, 2] = -2.0
+        simulation.advance(20)
+        return simulation.positions.tobytes()
+
+    without = motion([])
+    assert motion([effect]) != without
+    assert motion([effect, f"{effect.partition('=')[0]}=off"]) == without
+
+
+def test_what_a_scene_does_not_name_is_not_imported() -> None:
+    code = (
+        "import sys; from tripod_sim import Simulation, load_scene;"
+        "Simulation(load_scene({!r}, {!r})).step();"
+        "print(*[m for m in sys.modules if m.startswith('tripod_sim')])"
+    )
+
+    def loaded(scene: str, *words: str) -> set[str]:
+        done = subprocess.run(
+            [sys.executable, "-c", code.format(scene, list(words))],
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        return set(done.stdout.split())
+
+    explicit = loaded("pendulum")
+    assert "tripod_sim.springs.explicit" in explicit
+    for name in (
+        "springs.implicit",
+        "springs.strain_limit",
+        "mesh.read_surface",
+        "integrators.backward",
+    ):
+        assert f"tripod_sim.{name}" not in explicit
+    assert not {m for m in loaded("silicone", "mesh.level=1") if m.startswith("tripod_sim.springs")}
+    assert "tripod_sim.springs.strain_limit" in loaded("cloth", "strain_limit={}")
+
+
+def test_a_chain_is_shown_by_a_surface_that_moves_with_it() -> None:
+    simulation = Simulation(load_scene("pendulum", ["springs.nodes=3"]))
+    skin = simulation.skin
+    assert len(skin.surface) == 3 * 8 + 2 * 6
+    assert skin.nodes.shape == (36, 3)
+    assert skin.surface.max() == 35
+    assert skin.topology_id != simulation.mesh.topology_id
+    moved = simulation.shown(simulation.positions + np.array([0, 0, 1.0]))
+    np.testing.assert_allclose(moved, skin.nodes + np.array([0, 0, 1.0]))
+    cloth = Simulation(load_scene("cloth", ["springs.nodes=3"]))
+    assert cloth.skin is cloth.mesh
+    assert np.array_equal(cloth.shown(cloth.positions), cloth.positions)

@@ -1,0 +1,124 @@
+"""A bound on the stretch of springs: after each step the body is moved, as little as can be, to where it holds.
+
+The positions x that a step arrived at become the minimum over x' of
+
+    1/2 |x' - x|²_M + h²/2 sum of K max(0, l(x') - (1 - s) l_max)²,   l_max = (1 + stretch) L,
+
+with K raised until l <= l_max everywhere; the velocities change by (x' - x) / h. Since the forces of that potential are
+internal and central, the momentum stays. Of a body that nothing holds, a rotation of all velocities, (M r x w) r, gives
+back the angular momentum that moving the nodes took [GoldenthalEtAl2007].
+"""
+
+import numpy as np
+
+from tripod_sim.build import Stepper
+from tripod_sim.errors import StepError
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.springs import implicit_kernels as kernels
+from tripod_sim.springs.body import FloatArray
+from tripod_sim.springs.implicit import SpringSolver
+from tripod_sim.springs.spring_kernels import Links, lengths
+from tripod_sim.springs.system import SpringSystem
+from tripod_sim.state import State
+
+MARGIN = 2e-3
+"""s: springs that pull begin that much below the bound, so that they end below it."""
+
+RAISES = 12
+"""Of the stiffness K, tenfold each, before the step counts as failed."""
+
+
+class StrainLimited:
+    """A time integrator whose steps end with no spring longer than its bound."""
+
+    def __init__(
+        self, system: SpringSystem, stepper: Stepper, stretch: float, options: kernels.Options, dt: float
+    ) -> None:
+        """Prepare.
+
+        Args:
+            system: The body.
+            stepper: Its time integrator.
+            stretch: Largest elongation over the rest length.
+            options: Of the solver.
+            dt: Time step [s].
+        """
+        body = system.body
+        self._system, self._stepper = system, stepper
+        self._longest = (1 + stretch) * body.rest_length
+        self._length = np.zeros(len(body.ends))
+        reach = float(np.median(self._longest))
+        heaviest = float(system.mass.max())
+        self._tolerance = 1e-5 * heaviest * reach / dt**2  # nodes to 1e-5 of a spring
+        self._first = self._stiffness = 100.0 * heaviest / dt**2
+        self._options = options._replace(share=0.0, tolerance=self._tolerance)
+        links = self._links(self._stiffness)
+        self._solver = SpringSolver(system, self._options, drag=0.0, rayleigh=0.0, moving=False)
+        self._solver.problem = self._solver.problem._replace(
+            links=links, force=np.zeros_like(system.force), rounding=0.0
+        )
+        self._keep: State | None = None
+
+    def _links(self, stiffness: float) -> Links:
+        ends, none = self._system.body.ends, np.zeros(len(self._longest))
+        return Links(ends, (1 - MARGIN) * self._longest, np.full(len(ends), stiffness), none, True)
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps."""
+        self._stepper.forget()
+        self._solver.work.kept[0] = 0.0
+        self._stiffness = self._first
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """Advance by one step, in place. Raises StepError and leaves `state`."""
+        if self._keep is None:
+            self._keep = state.copy()
+        state.copy_to(self._keep)
+        report = self._stepper.step(state, joints, dt)
+        if self._exceeded(state.positions):
+            try:
+                self._pull_back(state, dt)
+            except StepError:
+                self._keep.copy_to(state)
+                self.forget()
+                raise
+            done = self._solver.report(0)
+            report.iterations += done.iterations
+            report.factorisations += done.factorisations
+        return report
+
+    def _exceeded(self, x: FloatArray) -> bool:
+        lengths(x, self._system.links, self._length)
+        return bool((self._length > self._longest).any())
+
+    def _pull_back(self, state: State, h: float) -> None:
+        solver, work, system = self._solver, self._solver.work, self._system
+        x, v = state.positions.copy(), state.velocities
+        moved, rate = state.positions.copy(), np.zeros_like(x)
+        momentum = np.cross(x, system.mass[:, None] * v).sum(axis=0)
+        for _ in range(RAISES):
+            solver.problem = solver.problem._replace(links=self._links(self._stiffness))
+            work.z[:], work.u[:], work.kept[0] = x, 0.0, 0.0
+            outcome = kernels.solve_stage(
+                moved, rate, h, solver.problem, solver.factor, solver.options, work, solver.counts
+            )
+            if outcome == kernels.SOLVED and not self._exceeded(moved):
+                break
+            self._stiffness *= 10
+        else:
+            raise StepError(
+                f"step {state.step} at {state.time:.4g} s: strain_limit cannot be met, the longest spring is at "
+                f"{float((self._length / self._longest).max()):.4g} of its bound"
+            )
+        state.positions[:] = moved
+        v += (moved - x) / h
+        if not len(system.body.fixed):
+            self._turn(state, momentum)
+
+    def _turn(self, state: State, momentum: FloatArray) -> None:
+        """Add the rotation of all velocities after which the angular momentum is `momentum` [N m s]."""
+        mass = self._system.mass[:, None]
+        r = state.positions - (mass * state.positions).sum(axis=0) / mass.sum()
+        missing = momentum - np.cross(state.positions, mass * state.velocities).sum(axis=0)
+        inertia = float((mass * r**2).sum()) * np.eye(3) - (mass * r).T @ r
+        state.velocities += np.cross(np.linalg.pinv(inertia, rcond=1e-9) @ missing, r)
