@@ -8,6 +8,9 @@ from tripod_graph.names import SERVOS
 RESEND: float = 0.1
 """A packet that is not acknowledged is sent again after this time [s], where packets are acknowledged."""
 
+WATCHDOG_SHARE: float = 0.3
+"""Part of the board's watchdog time after which an unchanged packet is sent again at the latest: two may be lost."""
+
 JITTER: float = 0.125
 """A packet may leave so much too early, in periods, if the one before it was as much too late."""
 
@@ -15,7 +18,8 @@ JITTER: float = 0.125
 class Driver:
     """Carries what `Safety` allows to the board.
 
-    A packet leaves when its numbers change, at most one each `period`, and the last one again after `keep_alive`.
+    A packet leaves when its numbers change, at most one each `period`, and the last one again after `keep_alive`, or
+    sooner if the watchdog of the board is short or the packet was not acknowledged.
 
     Attributes:
         link: The port and the conversation on it.
@@ -78,8 +82,7 @@ class Driver:
         content = self._wanted = self.link.session.content([float(angle) for angle in angles])
         if now < self._due:
             return False
-        patience = self._keep_alive if self.link.session.settled else min(RESEND, self._keep_alive)
-        if content == self._content and now + self._period <= self._sent_at + patience:
+        if content == self._content and now + self._period <= self._sent_at + self._patience():
             return False
         packet = self.link.session.packet(content, now)
         if not self.link.write(packet, now):
@@ -90,6 +93,12 @@ class Driver:
         self.packets_sent += 1
         self.bytes_sent += len(packet)
         return True
+
+    def _patience(self) -> float:
+        """Return how long the newest packet is good for [s]."""
+        session = self.link.session
+        longest = self._keep_alive if session.settled else min(RESEND, self._keep_alive)
+        return longest if session.watchdog is None else min(longest, WATCHDOG_SHARE * session.watchdog)
 
     def _poll(self, now: float) -> bool:
         """Converse with the board and tell `safety` how it is; return whether packets may be written."""

@@ -158,7 +158,7 @@ class FramedSession(Session):
 
     @property
     def watchdog(self) -> float | None:
-        """Silence after which the board holds [s]; None before it has told."""
+        """Silence after which the board holds by itself [s]; None before it has told."""
         return None if self._reply is None else self._reply.watchdog / 1000
 
     @property

@@ -87,6 +87,11 @@ class Session(ABC):
         """Return the smallest and largest angles [rad] that a packet can carry, shape (3,) each."""
 
     @property
+    def watchdog(self) -> float | None:
+        """Silence after which the board holds by itself [s]; None if it has no watchdog or has not told."""
+        return None
+
+    @property
     def unheard(self) -> bool:
         """Whether nothing at all has come since `begin`."""
         return False

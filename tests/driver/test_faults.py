@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -353,7 +354,7 @@ def test_a_board_that_must_not_be_driven_is_a_fault(changed: dict, message: str)
         def _answer(self, message: object):
             if isinstance(message, Hello):
                 good = HelloReply((1, 0), 1, 3, 5000, 25000, 500, BoardState.IDLE, Flags(0), (0, 0, 0))
-                return type(good)(**{**good.__dict__, **changed})
+                return replace(good, **changed)
             return super()._answer(message)
 
     bench = Bench(Other())
@@ -435,6 +436,21 @@ def test_a_driver_that_takes_over_ramps_from_where_the_board_holds_the_servos() 
     second.run(0.2)
     assert second.sent[0][1] == pytest.approx(here, abs=2e-3)
     assert here[0] < -0.9
+
+
+@pytest.mark.parametrize(("watchdog", "gap"), [(500, 0.15), (200, 0.06)])
+def test_an_unchanged_packet_is_sent_again_well_before_the_boards_watchdog(watchdog: int, gap: float) -> None:
+    class Nervous(MockBoard):
+        def _answer(self, message: object):
+            answer = super()._answer(message)
+            return replace(answer, watchdog=watchdog) if isinstance(answer, HelloReply) else answer
+
+    bench = Bench(Nervous())
+    bench.driver = Driver(bench.link, bench.safety, keep_alive=0.4)
+    bench.driver.connect()
+    bench.run(1.0)
+    gaps = np.diff([t for t, _ in bench.sent])
+    assert gap - 0.02 <= gaps.min() and gaps.max() <= gap + 1e-9
 
 
 def test_calibrated_servos_get_their_own_pulses() -> None:
