@@ -14,6 +14,10 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if effector := result["effector"]:
         rows.append(("effector", f"{_numbers(effector['position'], 1e3, 3)} mm"))
         rows.append(("effector turned", f"{turn(effector['quaternion']):.2f} degrees"))
+    if ball := result.get("ball"):
+        event = f"; {ball['event']}" if ball["event"] else ""
+        rows.append(("ball", f"{_numbers(ball['position'], 1e3, 3)} mm{event}"))
+    rows += [("note", note) for note in result.get("notes", ())]
     if len(result["angles"]):
         rows.append(("angles", f"{_numbers(result['angles'], math.degrees(1), 2)} degrees"))
         rows.append(("slide", f"{result['slide'] * 1e3:.2f} mm"))

@@ -12,6 +12,7 @@ from tripod_play.player import Player, PlayerSettings
 from tripod_play.tilt import lever_of, tilt_map
 from tripod_sim import Simulation
 from tripod_sim.ball.ball import Place
+from tripod_sim.maze.play import MazeBall
 
 FloatArray = NDArray[np.float64]
 
@@ -81,7 +82,11 @@ def solve(
     eye, base, scene = eye or Eye(), settings or PlayerSettings(), simulation.scene
     servos = scene.servos
     game = simulation.ball_game
-    if game is None or game.plate.board.grid is None or not (servos and scene.maze and scene.ball):
+    if (
+        not isinstance(game, MazeBall)
+        or game.plate.board.grid is None
+        or not (servos and scene.maze and scene.ball)
+    ):
         raise PlayError(f"scene {scene.name!r} has no maze of cells with a ball in it, on servos")
     dt, every, late = scene.dt, round(eye.period / scene.dt), int(np.ceil(eye.delay / eye.period - 1e-9))
     if abs(every * dt - eye.period) > 1e-9 or not every:

@@ -21,6 +21,7 @@ from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:
+    from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.maze.plate import Plate
@@ -66,7 +67,7 @@ class Parts:
     servos: "ServoMotion | None" = None
     skin: "ChainSkin | None" = None
     plate: "Plate | None" = None
-    ball: "MazeBall | None" = None
+    ball: "MazeBall | BodyBall | None" = None
 
 
 def build(scene: Scene) -> Parts:
@@ -101,7 +102,7 @@ def build(scene: Scene) -> Parts:
         from tripod_sim.forces.gravity import GravityForce
 
         gravity = GravityForce(load, scene.gravity.acceleration, rest)
-    loads, ball = _ball(scene, rest, plate)
+    loads, ball = _ball(scene, rest, groups, mesh.surface, plate)
     explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
     if scene.inertia and not explicit:
         from tripod_sim.forces.anchor import Anchor
@@ -160,19 +161,22 @@ def _fastened(scene: Scene, rest: FloatArray, groups: Groups) -> "tuple[FloatArr
 
 
 def _ball(
-    scene: Scene, rest: FloatArray, plate: "Plate | None"
-) -> "tuple[NodalLoads | None, MazeBall | None]":
+    scene: Scene, rest: FloatArray, groups: Groups, surface: IndexArray, plate: "Plate | None"
+) -> "tuple[NodalLoads | None, MazeBall | BodyBall | None]":
     """Return the loads of the ball on the nodes, and how it moves."""
-    if not (scene.ball and scene.gravity):
+    if not (scene.ball and scene.gravity and scene.material):
         return None, None
     from tripod_sim.forces.loads import NodalLoads
 
-    loads, gravity = NodalLoads(rest), np.array(scene.gravity.acceleration)
-    if not plate:
-        raise SceneError("ball needs maze")
-    from tripod_sim.maze.play import MazeBall
+    loads, gravity, static = NodalLoads(rest), np.array(scene.gravity.acceleration), not scene.inertia
+    if plate:
+        from tripod_sim.maze.play import MazeBall
 
-    return loads, MazeBall(scene.ball, plate, gravity, loads, quasi_static=not scene.inertia)
+        return loads, MazeBall(scene.ball, plate, gravity, loads, quasi_static=static)
+    from tripod_sim.ball.body_ball import BodyBall
+
+    mass = scene.material.mass
+    return loads, BodyBall(scene.ball, surface, groups.driven, mass, gravity, loads, quasi_static=static)
 
 
 def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, FloatArray]:

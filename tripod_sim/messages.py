@@ -44,6 +44,11 @@ def effector_message(snapshot: Snapshot, pose: Pose) -> PoseStamped:
     return PoseStamped(header=header(snapshot.stamp), pose=pose_message(pose))
 
 
+def ball_message(snapshot: Snapshot, pose: Pose) -> PoseStamped:
+    """Return the ball's pose."""
+    return PoseStamped(header=header(snapshot.stamp), pose=pose_message(pose))
+
+
 def body_message(snapshot: Snapshot, mesh: Skin) -> BodyState:
     """Return the node positions."""
     return BodyState(

@@ -95,11 +95,15 @@ class SimNode(Node):
         self.get_logger().info(
             f"scene {scene.name}: {len(self._mesh.nodes)} nodes, {len(self._mesh.elements)} elements, dt {scene.dt:g} s"
         )
+        for note in simulation.notes:
+            self.get_logger().warning(note)
 
     def _join_graph(self) -> None:
         self._body = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
         self._joints = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
         self._pose = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
+        has_ball = self._scene.ball is not None
+        self._ball = self.create_publisher(PoseStamped, names.SIM_BALL_POSE, RELIABLE) if has_ball else None
         self._compliance = self.create_publisher(Compliance, names.COMPLIANCE, RELIABLE)
         self._status = self.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
         self._markers = self.create_publisher(MarkerArray, names.MARKERS, SENSOR)
@@ -137,6 +141,8 @@ class SimNode(Node):
                 self._pose.publish(messages.effector_message(snapshot, snapshot.effector))
             if self._scene.servos:
                 self._joints.publish(messages.joint_message(snapshot))
+            if snapshot.ball and self._ball:
+                self._ball.publish(messages.ball_message(snapshot, snapshot.ball))
 
     def _on_start_state(self) -> None:
         with self._lock:
@@ -225,7 +231,7 @@ class SimNode(Node):
     def _status_message(self) -> SimStatus:
         snapshot, speed = self._physics.latest, self._physics.speed()
         dt, energies, report = self._scene.dt, snapshot.energies, snapshot.report
-        message = f"{self._physics.failure}; call sim/reset" if self._physics.failure else stalls(snapshot)
+        message = f"{self._physics.failure}; call sim/reset" if self._physics.failure else notices(snapshot)
         return SimStatus(
             header=messages.header(time.time_ns()), state=self._state(), message=message, scene=self._scene.name, dt=dt,
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
@@ -251,6 +257,11 @@ class SimNode(Node):
         if running and 0 < speed.real_time_factor < 0.95:
             return Level.WARN, f"slower than real time: factor {speed.real_time_factor:.2f}", values
         return Level.OK, "running" if running else "paused", values
+
+
+def notices(snapshot: Snapshot) -> str:
+    """Return what an operator should know of a snapshot, empty if nothing."""
+    return "; ".join(word for word in (stalls(snapshot), snapshot.event) if word)
 
 
 def stalls(snapshot: Snapshot) -> str:

@@ -48,6 +48,8 @@ class Snapshot:
         effector: Pose, or None.
         compliance: If it was due at this step.
         report, energies: Of this step.
+        ball: Pose of the ball, or None.
+        event: What has become of the ball, in words; empty while nothing has.
     """
 
     stamp: int
@@ -60,6 +62,8 @@ class Snapshot:
     compliance: Compliance | None
     report: StepReport
     energies: Energies
+    ball: Pose | None = None
+    event: str = ""
 
 
 @dataclass(frozen=True)
@@ -202,6 +206,7 @@ class RealTime(threading.Thread):
         return Snapshot(
             clock.time_ns(), state.step, state.time, simulation.positions.copy(), state.joints.copy(),
             simulation.torques.copy(), simulation.effector, answer, simulation.report, simulation.energies(),
+            simulation.ball, simulation.ball_event,
         )  # fmt: skip
 
     def speed(self) -> Speed:

@@ -55,7 +55,8 @@ def run(
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
         time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], stalled (servos that
         stand against their load at the end: servo, load and stall_torque [N m], short [rad]), stalled_time (of each
-        servo [s]), and step_ms, the wall time of a step [ms], median and 99th percentile.
+        servo [s]), with a ball its position [m] and event (words), notes on the scene if there are any, and step_ms,
+        the wall time of a step [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
@@ -95,7 +96,7 @@ def run(
     finally:  # a run that breaks off keeps what it has
         if recording:
             recording.save()
-    pose = simulation.effector
+    pose, ball = simulation.effector, simulation.ball
     return {
         "scene": description.name,
         "effector": {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
@@ -115,6 +116,8 @@ def run(
         "stalled": [asdict(stall) for stall in simulation.report.stalled],
         "stalled_time": [count * description.dt for count in stalled_steps],
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},
+        **({"notes": list(simulation.notes)} if simulation.notes else {}),
+        **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
     }
 
 

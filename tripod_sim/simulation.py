@@ -16,6 +16,7 @@ from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion, ServoState
 
@@ -107,6 +108,9 @@ class Simulation:
         self._ball = parts.ball
         if self._ball:
             self.state.ball = self._ball.start(self.state)
+            trial = self.state.ball.copy()  # compiles what moves it
+            self._ball.load(self.state, trial)
+            self._ball.follow(self.state, trial, scene.dt)
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
         self._prepare()
@@ -295,9 +299,20 @@ class Simulation:
         return Pose(self.state.centres[0].copy(), quaternion(self.state.rotations[0]))
 
     @property
-    def ball_game(self) -> "MazeBall | None":
+    def ball(self) -> Pose | None:
+        """Pose of the ball; None in a scene without one."""
+        b = self.state.ball
+        return Pose(b.position.copy(), b.quaternion.copy()) if b else None
+
+    @property
+    def ball_game(self) -> "MazeBall | BodyBall | None":
         """How the ball moves; None in a scene without one. Its state is `state.ball`."""
         return self._ball
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What users should know of the scene."""
+        return self._parts.plate.board.notes if self._parts.plate else ()
 
     @property
     def ball_event(self) -> str:

@@ -43,6 +43,7 @@ class BallState:
         lost_time: When it was lost [s]; NaN before.
         twist: Velocity [m/s] and angular velocity [rad/s] of the plate at the end of the last step, shape (2, 3).
         wrench: Force [N] of the ball on the robot during the next step and its moment about the effector [N m], (2, 3).
+        nodal: Instead, on the soft body itself: force on each node [N], shape (n, 3); None in a maze.
         load_work: Of that force on the robot since the start [J]; with the account's work it would sum to zero if the
             force were not a step late.
     """
@@ -55,6 +56,7 @@ class BallState:
     twist: FloatArray = field(default_factory=lambda: np.zeros((2, 3)))
     wrench: FloatArray = field(default_factory=lambda: np.zeros((2, 3)))
     load_work: float = 0.0
+    nodal: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if not self.ledger[k.GAP]:
@@ -91,11 +93,14 @@ class BallState:
         """Overwrite `other`, without allocating."""
         other.numbers[:], other.ledger[:], other.twist[:] = self.numbers, self.ledger, self.twist
         other.wrench[:], other.load_work = self.wrench, self.load_work
+        if self.nodal is not None and other.nodal is not None:
+            other.nodal[:] = self.nodal
         other.place, other.goal_time, other.lost_time = self.place, self.goal_time, self.lost_time
 
     def copy(self) -> "BallState":
         """Return an independent copy."""
         copy = BallState(self.numbers.copy())
+        copy.nodal = None if self.nodal is None else self.nodal.copy()
         self.copy_to(copy)
         return copy
 
