@@ -100,6 +100,29 @@ def run(
     )
 
 
+@app.command(
+    epilog=examples(
+        "tripod study pendulum",
+        "tripod study pendulum --out pendulum.csv",
+        "tripod study pendulum --full --json",
+    )
+)
+def study(
+    name: Annotated[str, typer.Argument(help="Name of a study: pendulum.")],
+    *,
+    full: Annotated[
+        bool, typer.Option("--full", help="All combinations of the values, not one varied at a time.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="Write the table to this .csv file, too.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar.")] = False,
+) -> None:
+    """Run a scene under many settings and print one table: what is stable, how exact, how fast."""
+    from tripod_bringup.study_command import run_study  # noqa: PLC0415
+
+    raise typer.Exit(run_study(name, full=full, out=out, as_json=json, quiet=quiet))
+
+
 @app.command(epilog=examples("tripod scenes", "tripod scenes --json"))
 def scenes(*, json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
     """List the scenes that come with tripod."""

@@ -46,13 +46,25 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
         raise SceneError(f"scene {str(source)!r} is not valid TOML: {error}") from None
     for word in overrides:
         override(table, word)
-    for name in ("mesh", "springs"):
-        part = table.get(name)
-        if folder and isinstance(part, dict) and isinstance(part.get("source"), str) and "." in part["source"]:
-            part["source"] = str(folder / part["source"])
+    obstacles = table.get("obstacles")
+    for part in (
+        table.get("mesh"),
+        table.get("springs"),
+        *(obstacles if isinstance(obstacles, list) else ()),
+    ):
+        if isinstance(part, dict) and isinstance(part.get("source"), str) and "." in part["source"]:
+            part["source"] = _located(part["source"], folder)
     scene = _build(Scene, table, "")
     assert isinstance(scene, Scene)
     return scene
+
+
+def _located(name: str, folder: Path | None) -> str:
+    """Return the path of a file that a scene names: beside the scene; of shipped scenes, if not there, as it is."""
+    if folder:
+        return str(folder / name)
+    shipped = Path(str(resources.files("tripod_sim"))) / "scenes" / name
+    return str(shipped) if "\0" not in name and shipped.is_file() else name
 
 
 def _read(source: str | Path) -> tuple[str, Path | None]:
@@ -103,7 +115,7 @@ def override(table: dict[str, Any], word: str) -> None:
     for depth, key in enumerate(keys[:-1]):
         node = _inside(node, key, ".".join(keys[: depth + 1]))
     last = keys[-1]
-    if text == "off":
+    if text == "off" and not _is_word(keys, text):
         _remove(node, last, keys)
     elif isinstance(node, list):
         node[_index(node, last, path)] = _value(text)
@@ -111,6 +123,16 @@ def override(table: dict[str, Any], word: str) -> None:
         node[last] = _value(text)
     else:
         raise SceneError(f"override {shown(word)}: {'.'.join(keys[:-1])} is a value, not a table")
+
+
+def _is_word(keys: list[str], word: str) -> bool:
+    """Return whether the field that `keys` name takes `word` as a value of its own."""
+    if len(keys) != 2 or keys[0] not in EFFECTS:
+        return False
+    kinds = [a for a in get_args(get_type_hints(Scene)[keys[0]]) if is_dataclass(a)]
+    return any(
+        word in f.metadata.get("choices", ()) for kind in kinds for f in fields(kind) if f.name == keys[1]
+    )
 
 
 def _value(text: str) -> Any:

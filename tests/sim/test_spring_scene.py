@@ -127,6 +127,13 @@ def test_bad_scenes_are_refused_in_one_line(scene: str, words: list[str], messag
     assert "\n" not in str(error.value)
 
 
+def test_off_is_a_word_of_substeps_and_switches_effects_off() -> None:
+    scene = load_scene("pendulum", ["inertia.substeps=off"])
+    assert scene.inertia
+    assert scene.inertia.substeps == "off"
+    assert load_scene("pendulum", ["gravity=off"]).gravity is None
+
+
 def stretches(simulation: Simulation) -> np.ndarray:
     x, b = simulation.positions, simulation.mesh
     return np.linalg.norm(x[b.ends[:, 1]] - x[b.ends[:, 0]], axis=1) / b.rest_length - 1

@@ -1,0 +1,93 @@
+"""Studies: the verdicts of the pendulum's table, and `tripod study`."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tripod_bringup.cli import app
+from tripod_sim import SceneError
+from tripod_sim.study import pendulum
+from tripod_sim.study.catalogue import STUDIES, study
+
+
+@pytest.mark.parametrize(
+    ("change", "scheme", "substeps", "stable"),
+    [
+        ({"dt": 0.4}, "semi_implicit_euler", "off", False),
+        ({"dt": 0.4}, "semi_implicit_euler", "auto", True),
+        ({"dt": 0.4}, "implicit_euler", "", True),
+        ({"m": 0.001}, "semi_implicit_euler", "off", False),
+        ({"m": 0.001}, "rk4", "auto", True),
+        ({"dt": 0.01, "k": 5000.0, "m": 0.1}, "rk4", "off", False),
+        ({"k": 5000.0}, "explicit_euler", "off", False),
+    ],
+)
+def test_the_verdicts_on_the_pendulum(change: dict, scheme: str, substeps: str, stable: bool) -> None:
+    row = pendulum.measure(scheme, substeps, **{**pendulum.BASE, **change})
+    assert row["stable"] == stable
+    assert (abs(row["drift"]) < 1.0) == stable
+    assert (row["amplitude"] < 2.5) == stable
+    assert (row["parts"] > 1) == (substeps == "auto")
+    assert row["wall"] > 0
+
+
+def test_every_value_of_the_report_is_varied() -> None:
+    made = study("pendulum", full=False)
+    assert made.count == 9 * len(pendulum.SCHEMES)
+    assert study("pendulum", full=True).count == 72 * len(pendulum.SCHEMES)
+    cases = pendulum._cases(False)
+    for name, values in pendulum.VARIED.items():
+        assert {c[name] for c in cases} == set(values)
+    first = next(made.rows)
+    assert set(first) == {c.key for c in made.columns}
+
+
+def test_an_unknown_study_is_named() -> None:
+    with pytest.raises(SceneError, match="study 'pendulm' is unknown; studies: pendulum"):
+        study("pendulm", full=False)
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pendulum, "VARIED", {"dt": (0.005, 0.4)})
+    monkeypatch.setattr(pendulum, "SCHEMES", (("semi_implicit_euler", "off"), ("implicit_euler", "")))
+
+
+@pytest.mark.usefixtures("short")
+def test_the_command_prints_one_table_and_writes_it(tmp_path: Path) -> None:
+    out = tmp_path / "table.csv"
+    done = CliRunner().invoke(app, ["study", "pendulum", "--out", str(out)])
+    assert done.exit_code == 0
+    lines = done.stdout.splitlines()
+    assert lines[1].split()[:4] == ["scheme", "substeps", "dt", "[s]"]
+    assert len(lines) == 2 + 4
+    assert [" NO " in line for line in lines[2:]] == [False, False, True, False]
+    with out.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["stable"] for row in rows] == ["True", "True", "False", "True"]
+    done = CliRunner().invoke(app, ["study", "pendulum", "--json"])
+    assert [row["stable"] for row in json.loads(done.stdout)["rows"]] == [True, True, False, True]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["pendulm"], "study 'pendulm' is unknown"),
+        (["pendulum", "--out", "/no/such/place.csv"], "cannot be written"),
+    ],
+)
+def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
+    done = CliRunner().invoke(app, ["study", *words])
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_every_study_can_be_made() -> None:
+    for name in STUDIES:
+        made = study(name, full=False)
+        assert made.count > 0
+        assert made.columns
