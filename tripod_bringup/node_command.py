@@ -45,7 +45,11 @@ NODES: Final[Mapping[str, NodeInfo]] = {
     ),
     "driver": NodeInfo(
         "Run the driver of the servos.",
-        ("tripod driver port:=mock", "tripod driver port:=/dev/ttyACM0"),
+        (
+            "tripod driver port:=mock",
+            "tripod driver port:=/dev/ttyACM0 calibration:=robot.yaml",
+            "tripod driver protocol:=legacy",
+        ),
     ),
     "teleop": NodeInfo("Steer with the keys of this terminal.", ("tripod teleop",)),
     "view": NodeInfo("Serve the page that shows the robot.", ("tripod view", "tripod view port:=8081")),

@@ -11,6 +11,7 @@ from builtin_interfaces.msg import Duration
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.publisher import Publisher
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -113,7 +114,7 @@ class DriverNode(LifecycleNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._joint_states = self.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
         self._status = self.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
-        self._imu = self.create_publisher(Imu, names.ROBOT_IMU, SENSOR) if has_imu(values) else None
+        self._imu: Publisher | None = None  # until the board has told of one
         # first the mode: the executor takes what waits in this order, and a command may follow its mode at once
         self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL)
         self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
@@ -208,10 +209,13 @@ class DriverNode(LifecycleNode):
 
     def _publish_imu(self) -> None:
         readings = self._driver.link.session.readings
-        if self._imu is not None and readings:
-            message = imu_message(readings[-1])
-            message.header.stamp = self.get_clock().now().to_msg()
-            self._imu.publish(message)
+        if not readings:
+            return
+        if self._imu is None:
+            self._imu = self.create_publisher(Imu, names.ROBOT_IMU, SENSOR)
+        message = imu_message(readings[-1])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._imu.publish(message)
         readings.clear()
 
     def _publish_status(self) -> None:
@@ -314,11 +318,6 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
         keep_alive=values["keep_alive"],
         period=period,
     )
-
-
-def has_imu(values: Mapping[str, Any]) -> bool:
-    """Whether readings of an IMU may come with these parameters."""
-    return values["protocol"] != "legacy"
 
 
 def status_message(driver: Driver) -> RobotStatus:
