@@ -19,7 +19,7 @@ MAY_IMPORT = {
     "tripod_teleop": {"tripod_graph"},
     "tripod_view": {"tripod_graph"},
     "tripod_record": {"tripod_graph"},
-    "tripod_play": {"tripod_graph", "tripod_sim"},
+    "tripod_play": {"tripod_graph", "tripod_sim", "tripod_ik"},
 }
 """Packages of the suite that each package may import; tripod_bringup may import all."""
 
@@ -27,11 +27,11 @@ ROS_EDGE = {
     "tripod_graph": {"diagnostics", "limits", "parameters", "qos", "run"},
     "tripod_sim": {"node", "messages", "markers"},
     "tripod_ik": {"node"},
-    "tripod_driver": {"node"},
+    "tripod_driver": {"node", "messages", "settings"},
     "tripod_teleop": {"node"},
     "tripod_view": {"node", "messages", "settings"},
     "tripod_record": {"node"},
-    "tripod_play": set(),
+    "tripod_play": {"node"},
 }
 """Modules that touch ROS, themselves or through what they import. All others work where there is no ROS."""
 

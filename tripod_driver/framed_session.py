@@ -4,8 +4,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
+from tripod_driver.board_checks import FLASH_ADVICE, TENTHS, other_version, why_not, why_not_from
 from tripod_driver.calibration import Calibration
-from tripod_driver.framed import VERSION, Decoder, encode
+from tripod_driver.framed import Decoder, encode
 from tripod_driver.framed_messages import (
     Acknowledgement,
     Error,
@@ -36,11 +37,6 @@ ANSWER_TIME: Final = 1.0
 SILENCE: Final = 0.3
 """A packet that is not acknowledged for so long means that the board is gone [s]."""
 
-FLASH_ADVICE: Final = "bring it up to date: make -C firmware, then tripod flash"
-
-TENTHS: Final = 10
-"""Units of a pulse in a frame in one microsecond."""
-
 RESETS_MAX, RESET_WINDOW = 3, 10.0
 """So many resets in so many seconds mean that the supply of the servos is too weak."""
 
@@ -49,14 +45,6 @@ STRANGERS_MAX, STRANGER_WINDOW = 3, 2.0
 
 HEARD_MAX: Final = 64
 """Bytes of what came before the first frame that are kept for the message."""
-
-STATE_SLACK: Final = 0.05
-"""A servo may stand so far outside of its safe range when the driver takes over [rad]."""
-
-
-def other_version(version: int) -> str:
-    """Return the message for a board of another protocol version."""
-    return f"its firmware speaks version {version} of the protocol, this driver {VERSION}; {FLASH_ADVICE}"
 
 
 class FramedSession(Session):
@@ -193,13 +181,13 @@ class FramedSession(Session):
             return
         if not self._answers(sequence, now):
             return  # of an earlier conversation
-        if wrong := self._why_not(reply):
+        if wrong := why_not(reply, self._calibration):
             self._refuse(wrong)
             return
         self._reply = reply
         self.firmware = f"{reply.firmware[0]}.{reply.firmware[1]}"
         self.position = self._told_position(reply.pulses)
-        if self.position is not None and (wrong := self._why_not_from(self.position)):
+        if self.position is not None and (wrong := why_not_from(self.position, self._calibration)):
             self._refuse(wrong)
             return
         self._unanswered.clear()
@@ -269,35 +257,8 @@ class FramedSession(Session):
         if len(self._strangers) == STRANGERS_MAX and now - self._strangers[0] < STRANGER_WINDOW:
             self._refuse("another program writes to this port too; stop that one")
 
-    def _why_not(self, reply: HelloReply) -> str:
-        """Return why this board cannot be driven; empty if it can."""
-        if reply.protocol != VERSION:
-            return other_version(reply.protocol)
-        if reply.servo_count != len(SERVOS):
-            return (
-                f"its firmware drives {reply.servo_count} servos, the robot has {len(SERVOS)}; {FLASH_ADVICE}"
-            )
-        for name, servo in zip(SERVOS, self._calibration.servos, strict=True):
-            for angle in servo.safe_range:
-                pulse = servo.pulse(angle)
-                if not reply.pulse_min <= round(TENTHS * pulse) <= reply.pulse_max:
-                    allowed = f"{reply.pulse_min / TENTHS:g} to {reply.pulse_max / TENTHS:g} us"
-                    return (
-                        f"{name} needs {pulse:.1f} us at {angle:g} rad, the board makes {allowed}; calibrate"
-                    )
-        return ""
-
     def _told_position(self, pulses: Pulses) -> tuple[float, ...] | None:
         return None if 0 in pulses else self.angles(pulses)
-
-    def _why_not_from(self, position: Sequence[float]) -> str:
-        for name, angle, low, high in zip(SERVOS, position, *self.bounds(), strict=True):
-            if not low - STATE_SLACK <= angle <= high + STATE_SLACK:
-                return (
-                    f"{name} stands at {angle:.3f} rad, its safe range is {low:g} to {high:g} rad: "
-                    f"switch the board off and on, or calibrate"
-                )
-        return ""
 
     def _why_no_answer(self) -> str:
         if self._echo:

@@ -1,10 +1,8 @@
 """The driver as a lifecycle node: configure opens the port, activate allows motion, closing parks the servos."""
 
-import math
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from builtin_interfaces.msg import Duration
@@ -17,19 +15,12 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import ControlMode, RobotStatus
 
-from tripod_driver.calibration import Calibration
-from tripod_driver.calibration_file import read_calibration
-from tripod_driver.choose_session import PROTOCOLS, choose_sessions, common_bounds
-from tripod_driver.driver import Driver
-from tripod_driver.imu import ImuReading
-from tripod_driver.link import Link
-from tripod_driver.ports.choose import CHOICES, choose_port
-from tripod_driver.protocol import AngleMapping
-from tripod_driver.safety import Safety, State
+from tripod_driver.messages import imu_message, status_message
+from tripod_driver.safety import State
+from tripod_driver.settings import PARAMETERS, make_driver
 from tripod_graph import names
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
-from tripod_graph.parameters import Parameter, declare
+from tripod_graph.parameters import declare
 from tripod_graph.qos import LATCHED_OF_ALL, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 
@@ -38,63 +29,6 @@ STATUS_PERIOD = 0.1
 
 SOON = 0.003
 """A new command is looked at after this time [s], when it asks for a change, not only at the next packet's turn."""
-
-SLOWEST = 1200
-"""Slowest speed of a serial port [bit/s]."""
-
-ANGLE_VARIANCE = math.radians(2.0) ** 2
-"""Of roll and pitch of the IMU that the workshop uses, a BNO055 [rad^2]."""
-
-YAW_VARIANCE = math.pi**2
-"""Of an angle that nobody measures [rad^2]."""
-
-PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("port", "auto", f"Where the servos are: {CHOICES}"),
-    Parameter(
-        "protocol",
-        "framed",
-        "What the board speaks: the firmware of this project, the workshop's packet, or its closed-loop text; the "
-        "last tries framed first, then legacy where the board is silent",
-        choices=PROTOCOLS,
-    ),
-    Parameter("calibration", "", "File of `tripod calibrate`; without one, the servos are the workshop's"),
-    Parameter(
-        "baud", 0, "Speed of a serial port, in bits a second; 0: that of the protocol", low=0, high=4_000_000
-    ),
-    Parameter("boot_time", 2.0, "Time a board needs after its port was opened", "s", low=0.0, high=30.0),
-    Parameter(
-        "write_timeout", 0.05, "A serial port that takes no bytes so long is lost", "s", low=0.001, high=1.0
-    ),
-    Parameter(
-        "retry_min", 0.5, "Time before the port is tried again; doubles each time", "s", low=0.05, high=60.0
-    ),
-    Parameter("retry_max", 5.0, "Longest time between two attempts", "s", low=0.05, high=600.0),
-    Parameter(
-        "angle_mapping",
-        AngleMapping.ROUNDED.value,
-        "Angle to degrees, legacy and ascii: to the nearest, or as the workshop's program does",
-        choices=tuple(mapping.value for mapping in AngleMapping),
-    ),
-    Parameter("rate", 50.0, "Largest number of packets a second", "Hz", low=5.0, high=50.0),
-    Parameter(
-        "keep_alive",
-        0.1,
-        "Time after which an unchanged packet is sent again; the firmware lets go after 0.5 s",
-        "s",
-        low=0.02,
-        high=0.4,
-    ),
-    Parameter(
-        "start",
-        [],
-        "Angles of the three servos when the driver starts, for boards that do not tell; unset means the park "
-        "position. The workshop's program leaves them at -0.5236",
-        "rad",
-    ),
-    *LIMIT_PARAMETERS,
-    Parameter("park_time_max", 3.0, "Longest time for parking on exit", "s", low=0.0, high=60.0),
-    Parameter("autostart", True, "Configure and activate at once; else a lifecycle manager does"),
-)
 
 
 class DriverNode(LifecycleNode):
@@ -290,77 +224,6 @@ class DriverNode(LifecycleNode):
                 return response
 
         service.callback = answer
-
-
-def make_driver(values: Mapping[str, Any]) -> Driver:
-    """Build the driver that the parameters describe; raise ValueError, naming the parameter, if they are wrong."""
-    start = values["start"]
-    if start and len(start) != len(names.SERVOS):
-        raise ValueError(f"parameter 'start' has {len(start)} values; it needs {len(names.SERVOS)}")
-    if values["retry_max"] < values["retry_min"]:
-        raise ValueError(
-            f"parameter 'retry_max' is {values['retry_max']:g} s; allowed: at least retry_min {values['retry_min']:g} s"
-        )
-    if 0 < values["baud"] < SLOWEST:
-        raise ValueError(f"parameter 'baud' is {values['baud']}; allowed: 0 or at least {SLOWEST}")
-    calibration = read_calibration(Path(values["calibration"])) if values["calibration"] else Calibration()
-    sessions = choose_sessions(values["protocol"], AngleMapping(values["angle_mapping"]), calibration)
-    port = choose_port(
-        values["port"],
-        baud=values["baud"] or sessions[0].baud,
-        boot_time=values["boot_time"],
-        write_timeout=values["write_timeout"],
-    )
-    period = 1.0 / values["rate"]
-    return Driver(
-        Link(port, *sessions, retry_min=values["retry_min"], retry_max=values["retry_max"]),
-        Safety(limits_from(values), *common_bounds(sessions), start=start or None, period=period),
-        keep_alive=values["keep_alive"],
-        period=period,
-    )
-
-
-def status_message(driver: Driver) -> RobotStatus:
-    """Return the status of the driver, without a stamp."""
-    safety = driver.safety
-    return RobotStatus(
-        state=safety.state,
-        message=safety.message,
-        port=driver.link.port.name,
-        protocol=driver.link.session.name,
-        joint_names=list(names.SERVOS),
-        commanded=safety.commanded,
-        sent=driver.sent,
-        packets_sent=driver.packets_sent,
-        bytes_sent=driver.bytes_sent,
-        reconnects=driver.link.reconnects,
-        rejected_commands=safety.rejected,
-        last_rejection=safety.last_rejection,
-    )
-
-
-def imu_message(reading: ImuReading) -> Imu:
-    """Return the reading, without a stamp: roll and pitch of the sensor; its rotation about the vertical is unknown.
-
-    Nothing else is measured, which a covariance of -1 says.
-    """
-    message = Imu()
-    message.header.frame_id = names.IMU_LINK
-    x, y, z, w = reading.quaternion
-    message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = x, y, z, w
-    message.orientation_covariance = [
-        ANGLE_VARIANCE,
-        0.0,
-        0.0,
-        0.0,
-        ANGLE_VARIANCE,
-        0.0,
-        0.0,
-        0.0,
-        YAW_VARIANCE,
-    ]
-    message.angular_velocity_covariance[0] = message.linear_acceleration_covariance[0] = -1.0
-    return message
 
 
 def seconds(duration: Duration) -> float:

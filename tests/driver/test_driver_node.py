@@ -137,9 +137,10 @@ def test_packets_decoded_from_the_pseudo_terminal_equal_the_angles_commanded(
 
     client.wait(same, "joint states equal to the packets")
     assert operator.joint_states[-1].name == list(names.SERVOS)
-    client.wait(lambda: near(operator.status.sent, end), "the status after the path")
-    assert list(operator.status.sent) == list(board.packets[-1])
-    assert operator.status.commanded == pytest.approx(end)
+    client.wait(
+        lambda: np.allclose(operator.status.commanded, end, rtol=0, atol=1e-9), "the end in the status"
+    )
+    client.wait(lambda: list(operator.status.sent) == list(board.packets[-1]), "the packet in the status")
     assert operator.status.bytes_sent == 4 * operator.status.packets_sent
 
 

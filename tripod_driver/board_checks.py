@@ -1,0 +1,48 @@
+"""Whether a board that answered may be driven."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from tripod_driver.calibration import Calibration
+from tripod_driver.framed import VERSION
+from tripod_driver.framed_messages import HelloReply
+from tripod_graph.names import SERVOS
+
+FLASH_ADVICE: Final = "bring it up to date: make -C firmware, then tripod flash"
+
+TENTHS: Final = 10
+"""Units of a pulse in a frame in one microsecond."""
+
+STATE_SLACK: Final = 0.05
+"""A servo may stand so far outside of its safe range when the driver takes over [rad]."""
+
+
+def other_version(version: int) -> str:
+    """Return the message for a board of another protocol version."""
+    return f"its firmware speaks version {version} of the protocol, this driver {VERSION}; {FLASH_ADVICE}"
+
+
+def why_not(reply: HelloReply, calibration: Calibration) -> str:
+    """Return why this board cannot be driven; empty if it can."""
+    if reply.protocol != VERSION:
+        return other_version(reply.protocol)
+    if reply.servo_count != len(SERVOS):
+        return f"its firmware drives {reply.servo_count} servos, the robot has {len(SERVOS)}; {FLASH_ADVICE}"
+    for name, servo in zip(SERVOS, calibration.servos, strict=True):
+        for angle in servo.safe_range:
+            pulse = servo.pulse(angle)
+            if not reply.pulse_min <= round(TENTHS * pulse) <= reply.pulse_max:
+                allowed = f"{reply.pulse_min / TENTHS:g} to {reply.pulse_max / TENTHS:g} us"
+                return f"{name} needs {pulse:.1f} us at {angle:g} rad, the board makes {allowed}; calibrate"
+    return ""
+
+
+def why_not_from(position: Sequence[float], calibration: Calibration) -> str:
+    """Return why motion must not begin at these angles [rad], shape (3,); empty if it may."""
+    for name, angle, low, high in zip(SERVOS, position, calibration.lower, calibration.upper, strict=True):
+        if not low - STATE_SLACK <= angle <= high + STATE_SLACK:
+            return (
+                f"{name} stands at {angle:.3f} rad, its safe range is {low:g} to {high:g} rad: "
+                f"switch the board off and on, or calibrate"
+            )
+    return ""

@@ -1,0 +1,59 @@
+"""What the driver publishes, as ROS messages."""
+
+import math
+
+from sensor_msgs.msg import Imu
+from tripod_msgs.msg import RobotStatus
+
+from tripod_driver.driver import Driver
+from tripod_driver.imu import ImuReading
+from tripod_graph import names
+
+ANGLE_VARIANCE = math.radians(2.0) ** 2
+"""Of roll and pitch of the IMU that the workshop uses, a BNO055 [rad^2]."""
+
+YAW_VARIANCE = math.pi**2
+"""Of an angle that nobody measures [rad^2]."""
+
+
+def status_message(driver: Driver) -> RobotStatus:
+    """Return the status of the driver, without a stamp."""
+    safety = driver.safety
+    return RobotStatus(
+        state=safety.state,
+        message=safety.message,
+        port=driver.link.port.name,
+        protocol=driver.link.session.name,
+        joint_names=list(names.SERVOS),
+        commanded=safety.commanded,
+        sent=driver.sent,
+        packets_sent=driver.packets_sent,
+        bytes_sent=driver.bytes_sent,
+        reconnects=driver.link.reconnects,
+        rejected_commands=safety.rejected,
+        last_rejection=safety.last_rejection,
+    )
+
+
+def imu_message(reading: ImuReading) -> Imu:
+    """Return the reading, without a stamp: roll and pitch of the sensor; its rotation about the vertical is unknown.
+
+    Nothing else is measured, which a covariance of -1 says.
+    """
+    message = Imu()
+    message.header.frame_id = names.IMU_LINK
+    x, y, z, w = reading.quaternion
+    message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = x, y, z, w
+    message.orientation_covariance = [
+        ANGLE_VARIANCE,
+        0.0,
+        0.0,
+        0.0,
+        ANGLE_VARIANCE,
+        0.0,
+        0.0,
+        0.0,
+        YAW_VARIANCE,
+    ]
+    message.angular_velocity_covariance[0] = message.linear_acceleration_covariance[0] = -1.0
+    return message
