@@ -22,13 +22,19 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("angles", f"{_numbers(result['angles'], math.degrees(1), 2)} degrees"))
         rows.append(("slide", f"{result['slide'] * 1e3:.2f} mm"))
         rows.append(("torques", f"{_numbers(result['torques'], 1, 4)} N m"))
-    energies = ", ".join(f"{name} {value * 1e3:.3f}" for name, value in result["energies"].items())
+    energies = ", ".join(f"{name} {_millijoules(value)}" for name, value in result["energies"].items())
     rows.append(("energies", f"{energies} mJ"))
-    rows.append(("residual", f"{result['residual']:.2g} N"))
+    if result.get("dt_limit") is not None:
+        rows.append(("stable up to", f"{result['dt_limit'] * 1e3:.4g} ms, {result['parts']} parts of steps"))
+    else:
+        rows.append(("residual", f"{result['residual']:.2g} N"))
+    if result.get("instability"):
+        rows.append(("ATTENTION", result["instability"]))
     work = f"{result['newton_iterations']} Newton iterations"
     if result["halvings"]:
         work += f", {result['halvings']} steps halved"
-    rows.append(("solved by", work))
+    if result["newton_iterations"] or result.get("dt_limit") is None:
+        rows.append(("solved by", work))
     times = result["step_ms"]
     factor = result["dt"] * 1e3 / times["median"] if times["median"] > 0 else math.inf
     rows.append(
@@ -38,6 +44,10 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         )
     )
     return rows
+
+
+def _millijoules(value: float) -> str:
+    return f"{value * 1e3:.3f}" if abs(value) < 1e6 else f"{value * 1e3:.3g}"
 
 
 def turn(quaternion: Sequence[float]) -> float:

@@ -251,8 +251,9 @@ class SimNode(Node):
         }
         if self._physics.failure:
             return Level.ERROR, self._physics.failure, values
-        if stalled := stalls(self._physics.latest):
-            return Level.WARN, stalled, values
+        latest = self._physics.latest
+        if trouble := stalls(latest) or latest.report.instability:
+            return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:
             return Level.WARN, f"slower than real time: factor {speed.real_time_factor:.2f}", values
@@ -261,7 +262,7 @@ class SimNode(Node):
 
 def notices(snapshot: Snapshot) -> str:
     """Return what an operator should know of a snapshot, empty if nothing."""
-    return "; ".join(word for word in (stalls(snapshot), snapshot.event) if word)
+    return "; ".join(word for word in (stalls(snapshot), snapshot.report.instability, snapshot.event) if word)
 
 
 def stalls(snapshot: Snapshot) -> str:

@@ -53,7 +53,9 @@ def run(
 
     Returns:
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
-        time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], stalled (servos that
+        time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], dt_limit (longest
+        stable step of an explicit scheme [s], else None), grew_at and instability (since which step its energy has
+        grown, 0 for never, and that in words), stalled (servos that
         stand against their load at the end: servo, load and stall_torque [N m], short [rad]), stalled_time (of each
         servo [s]), with a ball its position [m] and event (words), notes on the scene if there are any, and step_ms,
         the wall time of a step [ms], median and 99th percentile.
@@ -113,6 +115,9 @@ def run(
         "parts": totals["parts"],
         "halvings": totals["halvings"],
         "residual": simulation.report.residual,
+        "dt_limit": limit if np.isfinite(limit := simulation.report.dt_limit) else None,
+        "grew_at": simulation.report.grew_at,
+        "instability": simulation.report.instability,
         "stalled": [asdict(stall) for stall in simulation.report.stalled],
         "stalled_time": [count * description.dt for count in stalled_steps],
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},

@@ -230,3 +230,20 @@ def test_a_chain_is_shown_by_a_surface_that_moves_with_it() -> None:
     cloth = Simulation(load_scene("cloth", ["springs.nodes=3"]))
     assert cloth.skin is cloth.mesh
     assert np.array_equal(cloth.shown(cloth.positions), cloth.positions)
+
+
+def test_a_run_tells_of_instability_and_of_the_stability_limit() -> None:
+    from tripod_bringup.run_summary import result_rows
+    from tripod_sim.run import run
+
+    words = ["inertia.substeps=off", "springs.node_mass=0.005"]
+    result = run("pendulum", duration=0.2, overrides=words)
+    assert 1 < result["grew_at"] < 20
+    rows = dict(result_rows(result))
+    assert rows["ATTENTION"].startswith(f"unstable: since step {result['grew_at']} the energy has grown")
+    assert rows["stable up to"].startswith(f"{result['dt_limit'] * 1e3:.4g} ms")
+    assert len(rows["energies"]) < 150
+    fine = run("pendulum", duration=0.2, overrides=words[1:])
+    assert fine["grew_at"] == 0
+    assert fine["parts"] == 40 * np.ceil(0.005 / (0.5 * fine["dt_limit"]))
+    assert "ATTENTION" not in dict(result_rows(fine))

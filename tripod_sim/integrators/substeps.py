@@ -12,6 +12,7 @@ from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.contact.world import ContactReport
     from tripod_sim.robot.servo import Stall
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +29,7 @@ class StepReport:
         halvings: Times a part, or an increment of a static load, failed and was halved.
         residual: Unbalanced force at the end [N].
         stalled: Servos that stand against their load at the end.
+        contact: What contact took; None without it.
         linear_iterations: Of conjugate gradients, over all linear solves.
         increments: Of the load in statics, over all parts (see `load_steps`); 0 where none was needed.
         dt_limit: Longest stable part of an explicit scheme [s]; infinite for the others.
@@ -41,11 +43,22 @@ class StepReport:
     halvings: int = 0
     residual: float = 0.0
     stalled: "tuple[Stall, ...]" = ()
+    contact: "ContactReport | None" = None
     linear_iterations: int = 0
     increments: int = 0
     dt_limit: float = np.inf
     growth: float = 0.0
     grew_at: int = 0
+
+    @property
+    def instability(self) -> str:
+        """What an unstable explicit scheme does to the energy, empty where it is stable."""
+        if not self.grew_at:
+            return ""
+        return (
+            f"unstable: since step {self.grew_at} the energy has grown beyond what the inputs justify, by "
+            f"{self.growth:.3g} J (longest stable step {self.dt_limit:.3g} s)"
+        )
 
 
 class Substeps(ABC):
