@@ -96,6 +96,7 @@ def summary(found: "Reach") -> dict[str, Any]:
         "bearable": len(found.bearable),
         "tried": found.tried,
         "folded": found.folded,
+        "snapped": found.snapped,
         "failed": found.failed,
         "layers": layers,
     }
@@ -105,7 +106,7 @@ def summary_text(found: "Reach", torque_max: float) -> str:
     """Return the table for people."""
     lines = [
         f"{len(found.table)} poses of {found.tried} are on the branch of the working pose "
-        f"({found.folded} beyond a fold, {found.failed} without equilibrium); "
+        f"({found.folded} beyond a fold, {found.snapped} beyond a snap, {found.failed} without equilibrium); "
         f"{len(found.bearable)} of them below {torque_max:g} N m",
         "",
         "height [mm]      poses  radius [mm]        tilt [degrees]     torque margin [N m]",

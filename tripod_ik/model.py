@@ -44,19 +44,25 @@ class StaticModel:
         """Build the model and bring it to `angles` [rad], shape (s,); None means the working pose.
 
         Raises:
-            IkError: the scene has no servos or no effector.
-            SceneError: the scene cannot be built, or the pose is out of its limits.
+            IkError: the scene has no servos or no effector, or the pose is out of its limits.
+            SceneError: the scene cannot be built.
             StepError: there is no way to the pose.
         """
         if not (scene.servos and scene.effector):
             raise IkError(f"scene {scene.name!r} has no servos or no effector: there is nothing to solve for")
+        wanted = np.array(WORKING_POSE[:3]) if angles is None else frozen("angles", angles, (3,))
+        least, most = scene.servos.angle_min, scene.servos.angle_max
+        for name, angle in zip(SERVOS, wanted.tolist(), strict=True):
+            if not least <= angle <= most:
+                raise IkError(f"{name} is to begin at {angle:g} rad; allowed is {least:g} to {most:g} rad")
+        if not 0 <= slide <= scene.servos.slide_max:
+            raise IkError(f"slide is {slide:g} m; allowed is 0 to {scene.servos.slide_max:g} m")
         solver = replace(scene.solver, tolerance=min(TOLERANCE, scene.solver.tolerance))
         self.simulation = Simulation(
             replace(scene, inertia=None, damping=None, servo_dynamics=None, solver=solver)
         )
         self.slide = slide
         self._state: LinearState | None = None
-        wanted = np.array(WORKING_POSE[:3]) if angles is None else frozen("angles", angles, (3,))
         start, end = self.simulation.state.joints.copy(), np.append(wanted, slide)
         for part in np.linspace(0.0, 1.0, 11)[
             1:

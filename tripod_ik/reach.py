@@ -1,7 +1,8 @@
 """What the effector can reach: a flood over a grid of angles, from the working pose to all that hangs together with it.
 
 Each pose is reached from a neighbour whose equilibrium is known, so that no pose belongs to another branch; where
-det(J) of the position changes its sign the flood ends.
+det(J) of the position changes its sign the flood ends. It also ends where the body snaps: in some corners a strip goes
+slack, two equilibria exist, and which one a robot is in depends on its way; poses there are counted, not listed.
 """
 
 from collections import deque
@@ -28,6 +29,9 @@ COLUMNS = (
 """Columns of `Reach.table`. The margin is the torque limit less the largest torque, and negative where that is passed;
 the least motion is the smallest singular value of the Jacobian of the position, zero at a fold.
 """
+
+SNAP, BEND = 0.005, 0.03
+"""A move that misses what the Jacobian predicts by more than SNAP [m] + BEND |δ|² [m/rad²] was no smooth one."""
 
 SECTORS = 6
 """Directions that a reach all round is looked at in."""
@@ -65,12 +69,14 @@ class Reach:
         table: One row a pose, shape (m, 14), see `COLUMNS`.
         tried: Poses of the grid that were computed.
         folded: How many of them lie beyond a fold.
+        snapped: How many of them the body only gets to with a snap.
         failed: How many of them have no equilibrium.
     """
 
     table: FloatArray
     tried: int
     folded: int
+    snapped: int
     failed: int
 
     @property
@@ -135,13 +141,14 @@ def reach(
         raise IkError(f"the start {model.angles.round(4).tolist()} rad is not within {low:g} to {high:g} rad")
     task = [PositionTask(np.zeros(3))]
     sign = branch(model.state(), task)
-    known = {begin: model.save()}
+    known = {begin: (model.save(), model.state())}
     todo, seen = deque([(begin, begin)]), {begin}
     rows: list[FloatArray] = []
-    folded = failed = 0
+    folded = snapped = failed = 0
     while todo:
         origin, here = todo.popleft()
-        model.restore(known[origin])
+        saved, before = known[origin]
+        model.restore(saved)
         try:
             state = model.move(axis[list(here)])
         except (StepError, SceneError):
@@ -152,7 +159,10 @@ def reach(
         if branch(state, task) * sign < 0:
             folded += 1
             continue
-        known[here] = model.save()
+        if _snapped(before, state):
+            snapped += 1
+            continue
+        known[here] = model.save(), state
         rows.append(_row(state, torque_max))
         for k in range(3):
             for move in (-1, 1):
@@ -160,7 +170,8 @@ def reach(
                 if 0 <= there[k] < count and there not in seen:
                     seen.add(there)
                     todo.append((here, there))
-    return Reach(np.array(rows), len(seen), folded, failed)
+    table = np.array(rows).reshape(-1, len(COLUMNS))
+    return Reach(table, len(seen), folded, snapped, failed)
 
 
 def default_range(model: StaticModel) -> tuple[float, float]:
@@ -169,6 +180,13 @@ def default_range(model: StaticModel) -> tuple[float, float]:
     if servos is None:
         raise IkError("the scene has no servos")
     return servos.angle_min, min(servos.angle_max, WORKING_POSE[0] + 0.9)
+
+
+def _snapped(before: LinearState, after: LinearState) -> bool:
+    """Return whether the effector went another way than the Jacobian said."""
+    turn = after.angles - before.angles
+    miss = after.equilibrium - before.equilibrium - before.jacobian[:3] @ turn
+    return bool(np.linalg.norm(miss) > SNAP + BEND * (turn @ turn))
 
 
 def _row(state: LinearState, torque_max: float) -> FloatArray:

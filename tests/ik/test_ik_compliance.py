@@ -67,7 +67,7 @@ def test_of_a_body_in_motion_it_is_that_of_the_rest_it_goes_to():
     words = ["mesh.level=1", f"servos.angles={POSE.tolist()}", f"servos.slide={SLIDE}", "solver.mode=newton"]
     moving = Simulation(load_scene("tripod", words))
     shares, misses = [], []
-    for speed in (0.15, 0.3):
+    for speed in (0.1, 0.2):
         moving.reset()
         for k in range(3):
             goal = POSE + speed * (k + 1) * np.array([1.0, 0.0, 0.0])
@@ -75,7 +75,7 @@ def test_of_a_body_in_motion_it_is_that_of_the_rest_it_goes_to():
         state = linear_state(moving.compliance())
         rest = StaticModel(load_scene("tripod", words[:1]), SLIDE, state.angles).state()
         swing = np.linalg.norm(state.equilibrium_offset[:3])
-        assert swing > 5e-5
+        assert swing > 1e-5
         shares.append(np.linalg.norm(state.equilibrium - rest.equilibrium) / swing)
         misses.append(np.abs(state.jacobian - rest.jacobian).max() / np.abs(rest.jacobian).max())
         tilt = tilt_between(state.equilibrium_rotation[:, 2], rest.equilibrium_rotation[:, 2])
@@ -85,4 +85,4 @@ def test_of_a_body_in_motion_it_is_that_of_the_rest_it_goes_to():
         )
         assert np.linalg.norm(tilt) < 0.1 * np.linalg.norm(whole)
     assert max(shares) < 0.05
-    assert misses[0] < 0.5 * misses[1] < 0.2
+    assert misses[0] < 0.5 * misses[1] < 0.1

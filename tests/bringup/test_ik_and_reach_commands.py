@@ -1,0 +1,110 @@
+"""`tripod ik --target` and `tripod reach`: options in, text and exit codes out."""
+
+import csv
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from tripod_bringup import cli
+
+COARSE = ["--set", "mesh.level=1"]
+
+
+def tripod(*words):
+    return CliRunner().invoke(cli.app, list(words))
+
+
+def test_a_target_is_solved_once_and_printed() -> None:
+    result = tripod("ik", "--target", "0.004 -0.002 -0.006", *COARSE)
+    assert result.exit_code == 0
+    text = dict(line.split("  ", 1) for line in result.stdout.splitlines() if line[0] != " ")
+    assert text["outcome"].strip() == "reached"
+    assert text["effector"].strip() == "4.000, -2.000, -6.000 mm"
+    assert text["residual"].strip() == "position 0.0000 mm"
+    assert text["active limits"].strip() == "none"
+    assert text["torques"].strip().endswith("N m")
+
+
+def test_json_holds_the_same_and_a_target_out_of_reach_ends_with_1() -> None:
+    result = tripod("ik", "--target", "0,0,0.1", "--torque-max", "0.2", "--json", *COARSE)
+    assert result.exit_code == 1
+    given = json.loads(result.stdout)
+    assert given["reached"] is False
+    assert given["outcome"].startswith("closest pose")
+    assert len(given["angles"]) == len(given["torques"]) == 3
+    assert given["error"] > 0.05
+
+
+def test_a_tilt_is_printed_in_degrees() -> None:
+    words = ["--goal", "orientation", "--tilt", "0.2 -0.1"]
+    result = tripod("ik", "--target", "0 0 0.006", *words, *COARSE)
+    assert result.exit_code == 0
+    assert "roll, pitch    11.46, -5.73 degrees" in result.stdout
+    assert "residual       tilt 0.0000 degrees, height 0.0000 mm" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["ik", "--target", "1 2"], "--target is '1 2'; it must be 3 finite numbers"),
+        (["ik", "--target", "a b c"], "--target is 'a b c'"),
+        (["ik", "--target", "0 nan 0"], "--target is '0 nan 0'"),
+        (
+            ["ik", "--target", "0 0 0", "--goal", "yaw"],
+            "--goal is 'yaw'; allowed: position, orientation, pose",
+        ),
+        (["ik", "--target", "0 0 0", "--tilt", "1"], "--tilt is '1'; it must be 2 finite numbers"),
+        (["ik", "--target", "0 0 0", "--box", "0 0 0"], "--box is '0 0 0'; it must be 6"),
+        (
+            ["ik", "--target", "0 0 0", "--box", "1 0 0 0 1 1"],
+            "effector box: low [1.0, 0.0, 0.0] m must be below",
+        ),
+        (["ik", "--target", "0 0 0", "--torque-max", "nan"], "torque limit is nan N m; it must be positive"),
+        (["ik", "--target", "0 0 0", "--scene", "silicone"], "scene 'silicone' has no servos or no effector"),
+        (["ik", "--target", "0 0 0", "--slide", "1"], "slide is 1 m; allowed is 0 to 0.04 m"),
+        (["ik", "--target", "0 0 0", "goal:=pose"], "'goal:=pose' is a parameter of the node"),
+        (["reach", "nowhere"], "scene 'nowhere' is unknown"),
+        (["reach", "--low", "1"], "are no grid"),
+        (["reach", "--plot", "x.txt"], "--plot is 'x.txt'; it must end in .png, .svg or .pdf"),
+        (["reach", "--out", "/nowhere/at/all.csv"], "there is no directory /nowhere/at"),
+        (["reach", "--torque-max", "-1"], "torque limit is -1 N m"),
+    ],
+)
+def test_bad_words_are_refused_in_one_line_with_code_2(words, message) -> None:
+    result = tripod(*words)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert result.stdout == ""
+
+
+def test_reach_writes_table_picture_and_summary(tmp_path) -> None:
+    pytest.importorskip("matplotlib")
+    table, picture = tmp_path / "reach.csv", tmp_path / "reach.png"
+    words = [
+        "--count",
+        "2",
+        "--low",
+        "-1.8",
+        "--high",
+        "-1.2",
+        "--torque-max",
+        "0.12",
+        "--out",
+        str(table),
+        "--plot",
+        str(picture),
+    ]
+    result = tripod("reach", *words, *COARSE)
+    assert result.exit_code == 0
+    assert "8 poses of 8 are on the branch of the working pose" in result.stdout
+    with table.open(encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert head[:4] == ["servo_0 [rad]", "servo_1 [rad]", "servo_2 [rad]", "x [m]"]
+    assert len(rows) == 8
+    assert all(len(row) == len(head) for row in rows)
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    given = json.loads(tripod("reach", *words[:6], "--json", *COARSE).stdout)
+    assert given["tried"] == 8
+    assert given["layers"]

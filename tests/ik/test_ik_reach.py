@@ -1,0 +1,129 @@
+"""What `tripod reach` and `tripod ik --target` compute."""
+
+import numpy as np
+import pytest
+
+from tripod_ik.errors import IkError
+from tripod_ik.model import StaticModel
+from tripod_ik.once import solve_once
+from tripod_ik.reach import COLUMNS, Reach, default_range, reach
+from tripod_ik.tracker import Goal
+from tripod_sim import load_scene
+
+COARSE = ["mesh.level=1"]
+
+
+@pytest.fixture(scope="module")
+def found():
+    model = StaticModel(load_scene("tripod", COARSE))
+    done = []
+    low, high = default_range(model)
+    result = reach(model, low, high, count=3, torque_max=0.13, progress=done.append)
+    return model, result, done
+
+
+def test_every_pose_of_the_stretched_range_is_found_once(found):
+    _, result, done = found
+    assert result.tried == 27
+    assert len(result.table) + result.folded + result.snapped + result.failed == 27
+    assert len(result.table) > 20
+    assert result.table.shape[1] == len(COLUMNS)
+    assert len(np.unique(result.table[:, :3].round(6), axis=0)) == len(result.table)
+    assert done == sorted(done)
+    assert 0 < done[0] < done[-1] == 1.0
+
+
+def test_a_row_is_what_the_model_has_at_its_angles(found):
+    _, result, _ = found
+    for row in result.table[:4]:
+        state = StaticModel(load_scene("tripod", COARSE), angles=row[:3]).state()
+        normal = state.equilibrium_rotation[:, 2]
+        assert row[3:6] == pytest.approx(state.equilibrium, abs=1e-7)
+        assert row[8] == pytest.approx(np.arccos(normal[2]), abs=1e-5)
+        assert np.hypot(np.sin(row[6]), np.sin(row[7]) * np.cos(row[6])) == pytest.approx(
+            np.sin(row[8]), abs=1e-6
+        )
+        assert row[9:12] == pytest.approx(state.torques, abs=1e-6)
+        assert row[12] == pytest.approx(0.13 - np.abs(row[9:12]).max())
+        assert row[13] == pytest.approx(np.linalg.svd(state.jacobian[:3])[1].min(), abs=1e-6)
+
+
+def test_layers_hold_what_the_torque_allows(found):
+    _, result, _ = found
+    assert 0 < len(result.bearable) < len(result.table)
+    layers = result.layers(3)
+    assert sum(layer.poses for layer in layers) == len(result.bearable)
+    assert all(layer.margin[0] >= 0 for layer in layers)
+    assert all(layer.radius <= layer.farthest for layer in layers)
+    assert all(layer.tilt <= layer.steepest for layer in layers)
+    assert layers[0].low == pytest.approx(result.bearable[:, 5].min())
+    assert layers[-1].high == pytest.approx(result.bearable[:, 5].max())
+    assert max(layer.radius for layer in layers) > 5e-3
+    heavy = result.table.copy()
+    heavy[:, 12] = -1.0
+    assert Reach(heavy, 27, 0, 0, 0).layers() == []
+
+
+def test_the_flood_ends_at_folds():
+    """Beyond about -0.3 rad the strips hang slack and det(J) changes its sign."""
+    model = StaticModel(load_scene("tripod", COARSE), angles=np.full(3, -0.6))
+    result = reach(model, -0.6, 0.2, count=2, torque_max=1.0)
+    assert result.folded + result.snapped > 0
+    assert len(result.table) + result.folded + result.snapped + result.failed == result.tried <= 8
+    assert not (result.table[:, :3] == 0.2).all(axis=1).any()
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"low": -1.0, "high": -1.0}, "no grid"),
+        ({"count": 1}, "in 1 steps are no grid"),
+        ({"low": -1.0}, "the start .* is not within -1 to -0.6 rad"),
+        ({"torque_max": 0.0}, "torque limit is 0 N m"),
+        ({"torque_max": np.nan}, "torque limit is nan N m"),
+    ],
+)
+def test_bad_grids_are_refused(found, values, message):
+    model, *_ = found
+    model.move(np.full(3, -1.4))
+    given = {"low": -2.0, "high": -0.6, "count": 3, "torque_max": 0.17} | values
+    with pytest.raises(IkError, match=message):
+        reach(model, given["low"], given["high"], count=given["count"], torque_max=given["torque_max"])
+
+
+def test_once_gives_angles_torques_and_what_is_missing():
+    scene = load_scene("tripod", COARSE)
+    result = solve_once(scene, [0.004, -0.002, -0.006], slide=0.035)
+    assert result["reached"]
+    assert result["position"] == pytest.approx([0.004, -0.002, -0.006], abs=1e-7)
+    assert result["residuals"] == pytest.approx({"position [m]": 0.0}, abs=1e-7)
+    assert result["kkt"] < 1e-6
+    model = StaticModel(scene, 0.035, result["angles"])
+    assert result["torques"] == pytest.approx(model.state().torques.tolist(), abs=1e-6)
+
+    tilted = solve_once(scene, [0, 0, 0.006], tilt=(0.2, -0.1), goal=Goal.ORIENTATION, slide=0.035)
+    assert (tilted["roll"], tilted["pitch"]) == pytest.approx((0.2, -0.1), abs=1e-5)
+
+    box = (np.array([-0.1, -0.1, -0.1]), np.array([0.003, 0.1, 0.1]))
+    bound = solve_once(scene, [0.01, 0, -0.006], slide=0.035, torque_max=0.17, box=box, hard=True)
+    assert not bound["reached"]
+    assert bound["active_limits"] == ["effector x"]
+    assert bound["position"][0] == pytest.approx(0.003, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"target": [0, np.nan, 0]}, r"target\[1\] is nan"),
+        ({"tilt": (0.1,)}, r"tilt has shape \(1,\)"),
+        ({"torque_max": -1.0}, "torque limit is -1 N m"),
+        ({"start": [0, 0]}, "start has shape"),
+        ({"start": [0, 0, 9.0]}, "servo_2 is to begin at 9 rad; allowed is -2.1 to 0.6 rad"),
+        ({"slide": 0.5}, "slide is 0.5 m; allowed is 0 to 0.04 m"),
+        ({"tolerance": 0.0}, "tolerance is 0 m"),
+    ],
+)
+def test_bad_questions_are_refused(values, message):
+    given = {"target": [0, 0, 0], "slide": 0.035} | values
+    with pytest.raises(IkError, match=message):
+        solve_once(load_scene("tripod", COARSE), given.pop("target"), **given)
