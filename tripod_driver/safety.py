@@ -180,8 +180,9 @@ class Safety:
             self._board, self._trouble = State.DISCONNECTED, "the port was not opened yet"
 
     def interrupt(self, now: float, why: str) -> None:
-        """Hold because of `why`; the next command goes on from there."""
-        self._notice = why
+        """Hold because of `why`, if there is a motion; the next command goes on from there."""
+        if self._active and self._follower.activity is Activity.ACTIVE:
+            self._notice = why
         self._rest(now)
 
     # the operator ---------------------------------------------------------------------------------------------

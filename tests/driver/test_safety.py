@@ -123,6 +123,12 @@ def test_an_interruption_holds_is_told_and_ends_with_the_next_command() -> None:
     assert (safety.state, safety.message) == (State.ACTIVE, "")
 
 
+def test_what_interrupts_no_motion_is_no_trouble() -> None:
+    safety = ready(make())
+    safety.interrupt(0.1, "the watchdog of the board")  # as after every pause in which nothing was sent
+    assert (safety.state, safety.message) == (State.HOLDING, "")
+
+
 # whatever happens ---------------------------------------------------------------------------------------------
 
 angle = st.floats(-1.8, 0.6)
