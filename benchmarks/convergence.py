@@ -198,7 +198,7 @@ def measure_times(rows: dict[tuple[str, str, int], Row], steps: int) -> None:
     for row in rows.values():
         if row.unknowns <= TIMED:
             try:
-                row.step = step.measure(overrides(*row.key), steps)["median"]
+                row.step = step.measure("tripod", overrides(*row.key), steps)["median"]
             except StepError as error:
                 print(f"{row.clamp}, {row.element}, level {row.level}: {error}", file=sys.stderr)
             else:
