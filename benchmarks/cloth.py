@@ -17,8 +17,7 @@ import numpy as np
 from tripod_sim import Simulation, load_scene
 
 ELSEWHERE = {("ldl", 32): 6.5, ("ldl", 64): 45.0, ("cg", 32): 0.7, ("cg", 64): 2.8}
-"""Milliseconds a step of another simulator, in C++, where the product takes 30 ms; its 25 iterations have not converged.
-"""
+"""Milliseconds a step of another simulator, in C++, where the product takes 30 ms; its 25 iterations are too few."""
 
 
 def cloth(n: int, linear: str, newton: bool, words: list[str]) -> Simulation:
