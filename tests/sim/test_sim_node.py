@@ -508,6 +508,30 @@ def test_silicone_works_without_servos(make) -> None:
     assert graph.reset().success
 
 
+@pytest.mark.parametrize("scene", ["pendulum", "cloth"])
+def test_a_body_of_springs_is_shown_by_its_surface(make, scene: str) -> None:
+    graph = make(scene=scene, set="springs.nodes=5").start()
+    mesh = graph.wait(lambda: graph.heard[names.MESH], "the mesh")[0]
+    body = graph.next(names.BODY_STATE)
+    graph.next(names.BODY_STATE, lambda m: m.step > body.step and m.positions != body.positions)
+    assert len(body.positions) == 3 * len(mesh.vertices)
+    assert body.topology_id == graph.node._skin.topology_id
+    assert max(max(t.vertex_indices) for t in mesh.triangles) < len(mesh.vertices)
+    graph.listen(names.MARKERS)
+    assert len(graph.next(names.MARKERS).markers[0].points) == 3 * len(mesh.triangles)
+    assert graph.reset().success
+
+
+def test_an_unstable_scheme_is_told_in_the_status_and_stops_at_the_last_good_state(make) -> None:
+    graph = make(scene="pendulum", set="springs.node_mass=0.005;inertia.substeps=off").start()
+    status = graph.status(state=SimStatus.FAILED)
+    assert "overflows: the explicit scheme is unstable at dt 0.005 s" in status.message
+    told = [s for s in graph.heard[names.SIM_STATUS] if s.message.startswith("unstable: since step")]
+    assert graph.reset().success
+    if not told:
+        graph.next(names.SIM_STATUS, lambda s: s.message.startswith("unstable: since step"))
+
+
 def test_an_effector_without_servos_has_a_compliance_of_its_own(make) -> None:
     graph = make(scene="silicone", set="mesh.level=1;effector={}").start()
     graph.listen(names.COMPLIANCE)
