@@ -520,6 +520,36 @@ def test_a_port_that_is_no_robot_is_told_and_gets_no_packet(
 
 
 @pytest.mark.ros
+def test_another_firmware_is_a_fault_until_the_driver_is_configured_anew(
+    answering, operator, client, start_driver
+) -> None:
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+
+    def change(transition: int) -> bool:
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return client.call(ChangeState, "driver/change_state", request).success
+
+    answering.firmware.version = 7
+    driver = start_driver(f"port:={answering.path}", "boot_time:=0")
+    operator.wait_state(6, "the fault")
+    wrong = f"{answering.path}: its firmware speaks version 7 of the protocol, this driver 1; bring it up to date: "
+    assert operator.status.message.startswith(wrong)
+    answering.firmware.version = 1  # flashed: the port was free for that
+    assert change(Transition.TRANSITION_DEACTIVATE)
+    assert change(Transition.TRANSITION_CLEANUP)
+    operator.wait_state(6, "the fault that stays")
+    assert change(Transition.TRANSITION_CONFIGURE)
+    assert change(Transition.TRANSITION_ACTIVATE)
+    client.wait(
+        lambda: operator.status.state > operator.status.READY and not operator.status.message, "the cure"
+    )
+    assert answering.firmware.history
+    assert driver.stop() == 0
+    assert "Traceback" not in driver.log
+
+
+@pytest.mark.ros
 def test_the_closed_loop_variant_sends_text_and_publishes_its_imu(
     board, operator, client, start_driver
 ) -> None:
