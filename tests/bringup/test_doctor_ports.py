@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.bringup.held import held_terminal
 from tripod_bringup import doctor_ports
 from tripod_bringup.check import Check, Verdict
 from tripod_bringup.doctor_ports import HINT, MUTE, RULES, check_ports
@@ -123,20 +124,9 @@ def test_the_program_that_has_a_device_open_is_found(tmp_path: Path) -> None:
     assert holders(str(link), proc) == [Holder(7, "minicom")]
 
 
-def test_this_program_is_seen_by_others_in_the_real_table() -> None:
-    near, far = os.openpty()
-    name = os.ttyname(far)
-    pid = os.fork()
-    if pid == 0:  # the child inherits both ends and waits to be ended
-        os.read(near, 1)
-        os._exit(0)
-    try:
+def test_a_program_that_has_a_terminal_open_is_seen() -> None:
+    with held_terminal() as (name, pid):
         assert [holder.pid for holder in holders(name)] == [pid]
-    finally:
-        os.write(far, b"\n")
-        os.waitpid(pid, 0)
-        os.close(near)
-        os.close(far)
 
 
 def test_the_udev_rule_is_there_and_knows_the_boards_that_the_driver_knows() -> None:

@@ -1,10 +1,10 @@
 """`tripod flash`: what it would run, and what it says when something is missing."""
 
-import os
 from pathlib import Path
 
 import pytest
 
+from tests.bringup.held import held_terminal
 from tripod_bringup import flash
 from tripod_bringup.flash import INSTALL, flash_command
 from tripod_driver.ports.boards import FoundPort
@@ -85,19 +85,10 @@ def test_ports_that_cannot_be_used_are_told(firmware: Path, monkeypatch, capsys)
         "/dev/nothing does not exist; `tripod doctor` lists"
         in attempt(firmware, "/dev/nothing", capsys)[2].err
     )
-    near, far = os.openpty()
-    name = os.ttyname(far)
-    pid = os.fork()
-    if pid == 0:
-        os.read(near, 1)
-        os._exit(0)
-    try:
-        assert f"{name} is in use by " in attempt(firmware, name, capsys)[2].err
-    finally:
-        os.write(far, b"\n")
-        os.waitpid(pid, 0)
-        os.close(near)
-        os.close(far)
+    with held_terminal() as (name, pid):
+        said = attempt(firmware, name, capsys)[2].err
+    assert said.startswith(f"tripod flash: {name} is in use by ")
+    assert said.endswith(f"(process {pid}); stop it first\n")
 
 
 def test_a_failure_of_avrdude_is_passed_on_with_what_to_try(firmware: Path, capsys, device) -> None:
