@@ -1,4 +1,4 @@
 """Driver of the real robot: joint trajectories in, servo packets out.
 
-`protocol`, `ports`, `link` and `driver` need no ROS; `node` puts them into the graph.
+`node`, `settings` and `messages` put it into the graph; all other modules need no ROS.
 """
