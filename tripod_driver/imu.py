@@ -7,8 +7,8 @@ from typing import Final
 LONGEST_LINE: Final = 64
 """Bytes after which a line without an end is garbage."""
 
-STRANGE_MAX: Final = 20
-"""Bad lines after the last good one, from which on the sender is no IMU. A board says a few words when it starts."""
+BAD_LINES_MAX: Final = 20
+"""Bad lines after the last good one that an IMU may send: a board says a few words when it starts."""
 
 STRANGE_BYTES: Final = 4 * LONGEST_LINE
 """Bytes without the end of a line, from which on the sender is no IMU."""
@@ -74,11 +74,13 @@ class LineReader:
     """Cuts a stream into lines and finds the readings in it; holds LONGEST_LINE bytes at most.
 
     Attributes:
+        bad_max: Bad lines after the last good one that are forgiven.
         good: Lines with a reading, so far.
         bad: Lines without.
         strange: What came, once it is too much to be an IMU that stutters; empty else.
     """
 
+    bad_max: int = BAD_LINES_MAX
     good: int = 0
     bad: int = 0
     strange: bytes = b""
@@ -116,5 +118,5 @@ class LineReader:
     def _reject(self) -> None:
         self.bad += 1
         self._bad_in_a_row += 1
-        if self._bad_in_a_row > STRANGE_MAX:
+        if self._bad_in_a_row > self.bad_max:
             self.strange = bytes(self._partial)

@@ -107,12 +107,12 @@ class Session(ABC):
         return {}
 
 
-STRAY_MAX: Final = 16
-"""Bytes that the workshop's silent firmware may seem to send: lines crackle when a board is reset."""
+STRAY_LINES_MAX: Final = 2
+"""Lines that are no readings and yet may come from a board that is silent but for them: lines crackle at a reset."""
 
 
 class LegacySession(Session):
-    """The workshop's packets. Their firmware never answers, so that whatever does is not their robot.
+    """The workshop's packets. Their firmware says nothing but lines of an IMU, if it has one; what says more is none.
 
     What the joints are asked for passes through the calibration as an angle for which the workshop's own servo would
     get the same pulse; without a calibration that is the angle itself.
@@ -124,28 +124,23 @@ class LegacySession(Session):
         self.baud = protocol.baud
         self._protocol, self._calibration = protocol, calibration
         self._ready_at = 0.0
-        self._stray = bytearray()
-        self._lines = LineReader() if protocol.has_imu else None
+        self._lines = self._reader()
 
     def begin(self, now: float, boot_time: float) -> None:
         """Wait for the board to boot: it never says that it has."""
         self.state, self._ready_at = SessionState.OPENING, now + boot_time
         self.message = f"the board starts within {boot_time:g} s"
-        self._stray.clear()
-        if self._lines is not None:
-            self._lines = LineReader()
+        self._lines = self._reader()
 
     def hear(self, data: bytes, now: float) -> None:
-        """Take IMU lines where the protocol has them; anything else does not belong here."""
-        if self._lines is not None:
-            self.readings += self._lines.feed(data, now)
-            del self.readings[:-READINGS_MAX]
-            if self._lines.strange:
-                self._refuse(self._lines.strange)
-            return
-        self._stray += data[: STRAY_MAX + 1 - len(self._stray)]
-        if len(self._stray) > STRAY_MAX:
-            self._refuse(bytes(self._stray))
+        """Take lines of an IMU; anything else does not belong here."""
+        self.readings += self._lines.feed(data, now)
+        del self.readings[:-READINGS_MAX]
+        if self._lines.strange:
+            self.state = SessionState.LOST
+            what = "that is no IMU" if self._protocol.has_imu else "the workshop's firmware is silent"
+            sent = shown(self._lines.strange)
+            self.message = f"it sends {sent} and {what}: is this the right port, baud and protocol?"
 
     def say(self, now: float) -> bytes:
         """Nothing is due besides packets."""
@@ -180,12 +175,10 @@ class LegacySession(Session):
     @property
     def diagnostics(self) -> dict[str, object]:
         """Lines of the IMU, good and bad."""
-        return {} if self._lines is None else {"IMU lines": self._lines.good, "bad lines": self._lines.bad}
+        return {"IMU lines": self._lines.good, "bad lines": self._lines.bad}
 
-    def _refuse(self, data: bytes) -> None:
-        self.state = SessionState.LOST
-        what = "that is no IMU" if self._lines is not None else "the workshop's firmware is silent"
-        self.message = f"it sends {shown(data)} and {what}: is this the right port, baud and protocol?"
+    def _reader(self) -> LineReader:
+        return LineReader() if self._protocol.has_imu else LineReader(STRAY_LINES_MAX)
 
 
 def shown(data: bytes, most: int = 24) -> str:

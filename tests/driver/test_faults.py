@@ -303,8 +303,16 @@ STRANGERS = [
         "mock: no answer to a hello: is this the robot, with this project's firmware, at this baud?",
     ),
     ("framed", Talker(b"\x8f\x03\xfe"), "mock: it sends '\\\\x8f\\x03\\\\xfe"),
-    ("legacy", Talker(GPS), "mock: it sends '$GPGGA,123519,480' and the workshop's firmware is silent"),
-    ("legacy", Talker(GPS[:5]), "mock: it sends '$GPGG$GPGG$GPGG$G' and the workshop's firmware is silent"),
+    (
+        "legacy",
+        Talker(GPS),
+        "mock: it sends '$GPGGA,123519,4807.038,N'... and the workshop's firmware is silent",
+    ),
+    (
+        "legacy",
+        Talker(GPS[:5]),
+        "mock: it sends '$GPGG$GPGG$GPGG$GPGG$GPG'... and the workshop's firmware is silent",
+    ),
     (
         "ascii",
         Talker(GPS),

@@ -12,7 +12,7 @@ from tripod_driver.framed import encode
 from tripod_driver.framed_messages import ImuLine
 from tripod_driver.framed_session import FramedSession
 from tripod_driver.imu import LONGEST_LINE, ImuReading, LineReader, parse_line
-from tripod_driver.protocol import AsciiProtocol, ProtocolError
+from tripod_driver.protocol import AsciiProtocol, LegacyProtocol, ProtocolError
 from tripod_driver.session import READINGS_MAX, LegacySession, SessionState
 
 
@@ -90,6 +90,17 @@ def test_readings_of_either_protocol_are_kept_the_newest_last_and_few() -> None:
             session.hear(encode(ImuLine(line), k) if framed else line.encode() + b"\r\n", 0.1 * k)
         assert [round(math.degrees(r.roll)) for r in session.readings] == list(range(40 - READINGS_MAX, 40))
         assert session.readings[-1].time == pytest.approx(3.9)
+
+
+def test_a_board_that_passes_its_imu_on_beside_the_workshops_packets_is_heard() -> None:
+    session = LegacySession(LegacyProtocol(), Calibration())
+    session.begin(0.0, 0.0)
+    session.hear(b"\xff\x00\n" + b"1.0,2.0,\n" * 5 + b"crackle\n" + b"3.0,2.0,\n", 0.0)
+    session.say(0.0)
+    assert session.state is SessionState.READY
+    assert math.degrees(session.readings[-1].roll) == pytest.approx(3.0)
+    session.hear(b"no\nimu\nat all\n", 0.0)
+    assert session.state is SessionState.LOST
 
 
 def test_an_imu_that_stutters_is_forgiven_one_that_only_babbles_is_not() -> None:
