@@ -32,7 +32,7 @@ def assert_slopes(model, pose, h):
         assert state.stiffness[:, servo] == pytest.approx(torques, abs=1e-3 * np.abs(torques).max())
 
 
-@pytest.mark.parametrize("element", ["t4", "t10", "h8", "h8_modes", "h20", "h20_full", "h27"])
+@pytest.mark.parametrize("element", ["t4", "t10", "h8", "h8_mean", "h8_modes", "h20", "h20_full", "h27"])
 def test_every_element(element):
     scene = load_scene("tripod", ["mesh.level=1", f"mesh.element={element}", "solver.tolerance=1e-9"])
     assert_slopes(StaticModel(scene, SLIDE, POSE), POSE, 1e-3)

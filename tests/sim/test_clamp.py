@@ -71,7 +71,7 @@ def test_only_the_mesh_is_shown_and_the_mass_stays() -> None:
         assert np.isfinite(moving.state.velocities).all()
 
 
-@pytest.mark.parametrize("element", ["t4", "t10", "h8", "h20", "h27"])
+@pytest.mark.parametrize("element", ["t4", "t10", "h8", "h8_mean", "h20", "h27"])
 def test_every_element_can_be_bedded(element: str) -> None:
     bedded = at(np.array([-0.3, -0.3, -0.3, 0.0]), "clamp={}", f"mesh.element={element}")
     assert bedded.torques.max() < -0.05
