@@ -117,6 +117,8 @@ class Simulation:
 
     def _prepare(self) -> None:
         """Make the first step from the start state as fast as the others."""
+        if self._ball and self.state.ball:
+            self._ball.load(self.state, self.state.ball)
         if self.scene.inertia and isinstance(self._stepper, Substeps):
             self._stepper.prepare(self.state, self.scene.dt)
         else:
@@ -201,7 +203,7 @@ class Simulation:
         if steps < 1:
             raise SceneError(f"steps is {steps}; it must be at least 1")
         many = getattr(self._stepper, "advance", None)
-        if many and not self._servos:
+        if many and not (self._servos or self._ball):
             self.report = many(self.state, self.command, self.scene.dt, steps)
             return self.report
         total = StepReport()
