@@ -91,13 +91,19 @@ def servo_path(
     times, values = _refined(points)
     angles: list[FloatArray] = []
     limits: list[Limit] = []
+    far = 0.0
     for i, (time, value) in enumerate(zip(times.tolist(), values, strict=True)):
         solution = solver.solve(_tasks(points.kind, value, height))
         if solution.outcome in (Outcome.FAILED, Outcome.UNFINISHED):
             raise PlayError(f"at {time:g} s inverse kinematics has no solution: {solution.reason}")
         if solution.outcome is Outcome.CLOSEST:
-            missing = ", ".join(f"{k} {v:.3g}" for k, v in solution.residuals.items())
-            limits.append(Limit(time, time, f"out of reach, the closest pose is taken; missing {missing}"))
+            far = max(far, solution.residual)
+            begin = limits.pop().begin if i and limits and limits[-1].end == times[i - 1] else time
+            limits.append(
+                Limit(begin, time, f"out of reach by up to {1e3 * far:.3g} mm; the closest poses are taken")
+            )
+        else:
+            far = 0.0
         angles.append(model.angles)
         if progress:
             progress((i + 1) / len(times))
