@@ -12,7 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from tripod_ik.branch import branch
+from tripod_ik.branch import branch, is_beyond
 from tripod_ik.limits import AngleLimit, IntervalLimit, StepLimit
 from tripod_ik.model import StaticModel
 from tripod_ik.problem import IkProblem, build_ik
@@ -110,7 +110,7 @@ class InverseSolver:
         """
         model, end = self.model, time.perf_counter() + time_limit
         state, longest = model.state(), LONGEST_STEP
-        sign = branch(state, tasks)
+        side = branch(state, tasks)
         iterations, outcome, reason = 0, Outcome.UNFINISHED, ""
         while True:
             problem = build_ik(state, tasks, [*self._limits, StepLimit(longest)], self._row_limits)
@@ -126,7 +126,7 @@ class InverseSolver:
             elif time.perf_counter() >= end:
                 reason = f"the time limit of {time_limit:g} s ended after {iterations} iterations"
             else:
-                better = self._advance(problem, result, sign)
+                better = self._advance(problem, result, side)
                 longest = min(2 * longest, LONGEST_STEP) if better else min(longest, step) / 4
                 state = better or state
                 continue
@@ -135,7 +135,7 @@ class InverseSolver:
                 tuple(n for n in result.active_limits if not n.endswith(" step")), result.kkt, step, iterations,
             )  # fmt: skip
 
-    def _advance(self, problem: IkProblem, result: IkResult, sign: float) -> LinearState | None:
+    def _advance(self, problem: IkProblem, result: IkResult, side: float) -> LinearState | None:
         """Move the model to the command; return the state there, or None where that is no progress, and go back."""
         before = self.model.save()
         try:
@@ -143,7 +143,7 @@ class InverseSolver:
         except (StepError, SceneError):
             self.model.restore(before)
             return None
-        same = self._any_branch or branch(state, problem.tasks) * sign >= 0
+        same = self._any_branch or not is_beyond(branch(state, problem.tasks), side)
         gain = self._merit(problem, problem.state) - self._merit(problem, state)
         if same and gain >= -1e-12:
             return state

@@ -10,7 +10,7 @@ from enum import IntEnum, StrEnum
 import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
-from tripod_ik.branch import branch
+from tripod_ik.branch import branch, is_beyond
 from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
 from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
@@ -141,10 +141,10 @@ class Tracker:
     effector where it would come to rest: beginning to track moves nothing. A servo found above the torque
     limit is not moved to relieve it: what it bears then is its limit, until it is once below `torque_max`.
 
-    It stays on the branch of the pose that it began in. Where a state is found beyond a fold (det J of the task has
-    changed its sign), the command goes back to the last angles before it, and from then on steps are halved each
-    time, until the target moves: what remains is the closest pose on this side. Where the way back does not help
-    within `RETURN` (the body has snapped through), the pose is taken as it is.
+    It stays on the branch of the pose that it began in. Where a state is found beyond a fold, or in it (see
+    `branch`), the command goes back to the last angles before it, and from then on steps are halved each time, until
+    the target moves: what remains is the closest pose on this side. Where the way back does not help within `RETURN`
+    (the body has snapped through), the pose is taken as it is.
 
     Attributes:
         settings: How it moves the robot.
@@ -202,7 +202,7 @@ class Tracker:
         self._torque: FloatArray | None = None
         self._time = 0.0
         self._kept: FloatArray | None = None
-        self._sign = 0.0
+        self._side = 0.0
         self._inside: FloatArray | None = None
         self._inside_at = 0.0
         self._trust = self.settings.step
@@ -218,6 +218,7 @@ class Tracker:
         wanted = np.where(np.isfinite(wanted), wanted, self._kept)
         position, normal = self._corrected(wanted, state, now)
         tasks: Sequence[Task] = self.settings.tasks(position, normal)
+        wanted_tasks = tasks
         beyond = self._is_beyond_fold(state, tasks, now)
         if beyond and self._inside is not None:
             self._trust = max(SMALLEST_STEP, self._trust / 2)
@@ -226,8 +227,13 @@ class Tracker:
         torque = [TorqueLimit(self._torque_ceiling(state))] if self._limited else []
         problem = build_ik(state, tasks, limits, torque, previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
-        if beyond:
-            result = replace(result, active_limits=(*result.active_limits, "branch"))
+        if beyond or self._trust < self.settings.step:  # what is left of the step is no way to go
+            kept = [name for name in result.active_limits if not name.endswith(" step")]
+            held = beyond or len(kept) < len(result.active_limits)
+            result = replace(result, active_limits=(*kept, *(["branch"] if held else [])))
+        if beyond:  # the program solved was that of the way back
+            left = total_distance(wanted_tasks, [task.rows(state).error for task in wanted_tasks])
+            result = replace(result, error=left, residual=left, residuals={})
         self._previous, self._time = result.command, max(self._time, now)
         return TrackerStep(
             self._activity(result, beyond), wanted[:3], self._present_error(state, wanted), result
@@ -242,14 +248,16 @@ class Tracker:
         return self.correction.corrected(wanted[:3], wanted[3:])
 
     def _is_beyond_fold(self, state: LinearState, tasks: Sequence[Task], now: float) -> bool:
-        sign = branch(state, tasks)
-        if sign * self._sign >= 0 or self._inside is None or now - self._inside_at > RETURN:
-            self._sign, self._inside_at = sign or self._sign, now
-            calm = np.linalg.norm(state.equilibrium_offset[:3]) < CALM
-            if calm or self._inside is None:
-                self._inside = state.angles
-            return False
-        return True
+        side = branch(state, tasks)
+        away = self._inside is not None and is_beyond(side, self._side)
+        if away and now - self._inside_at <= RETURN:
+            return True
+        if away or self._side == 0:
+            self._side = side
+        self._inside_at = now
+        if self._inside is None or np.linalg.norm(state.equilibrium_offset[:3]) < CALM:
+            self._inside = state.angles
+        return False
 
     def _present_error(self, state: LinearState, wanted: FloatArray) -> float:
         here = replace(state, equilibrium_offset=np.zeros(6))
