@@ -31,6 +31,8 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if result.get("instability"):
         rows.append(("ATTENTION", result["instability"]))
     work = f"{result['newton_iterations']} Newton iterations"
+    if result.get("increments"):
+        work += f", load in {result['increments']} increments"
     if result["halvings"]:
         work += f", {result['halvings']} steps halved"
     if result["newton_iterations"] or result.get("dt_limit") is None:

@@ -53,12 +53,12 @@ def run(
 
     Returns:
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
-        time [s], steps, newton_iterations (linear solves in all), parts, halvings, residual [N], dt_limit (longest
-        stable step of an explicit scheme [s], else None), grew_at and instability (since which step its energy has
-        grown, 0 for never, and that in words), stalled (servos that
-        stand against their load at the end: servo, load and stall_torque [N m], short [rad]), stalled_time (of each
-        servo [s]), with a ball its position [m] and event (words), notes on the scene if there are any, and step_ms,
-        the wall time of a step [ms], median and 99th percentile.
+        time [s], steps, newton_iterations (linear solves in all), parts, increments (of the load in statics), halvings,
+        residual [N], dt_limit (longest stable step of an explicit scheme [s], else None), grew_at and instability
+        (since which step its energy has grown, 0 for never, and that in words), stalled (servos that stand against
+        their load at the end: servo, load and stall_torque [N m], short [rad]), stalled_time (of each servo [s]), with
+        a ball its position [m] and event (words), notes on the scene if there are any, and step_ms, the wall time of a
+        step [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
@@ -79,7 +79,7 @@ def run(
     simulation = Simulation(description)
     recording = _Recording(simulation, steps, out) if out else None
     taken = array("d")
-    totals = dict.fromkeys(("iterations", "parts", "halvings"), 0)
+    totals = dict.fromkeys(("iterations", "parts", "increments", "halvings"), 0)
     stalled_steps = [0] * len(simulation.torques)
     try:
         for k in range(steps):
@@ -113,6 +113,7 @@ def run(
         "steps": steps,
         "newton_iterations": totals["iterations"],
         "parts": totals["parts"],
+        "increments": totals["increments"],
         "halvings": totals["halvings"],
         "residual": simulation.report.residual,
         "dt_limit": limit if np.isfinite(limit := simulation.report.dt_limit) else None,

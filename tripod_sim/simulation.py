@@ -209,7 +209,14 @@ class Simulation:
         total = StepReport()
         for _ in range(steps):
             report = self.step()
-            for name in ("iterations", "factorisations", "parts", "halvings", "linear_iterations"):
+            for name in (
+                "iterations",
+                "factorisations",
+                "parts",
+                "increments",
+                "halvings",
+                "linear_iterations",
+            ):
                 setattr(report, name, getattr(report, name) + getattr(total, name))
             total = report
         self.report = total

@@ -274,3 +274,10 @@ def test_a_run_that_breaks_off_at_once_writes_nothing(
     with pytest.raises(StepError, match="element 3 is crushed"):
         run("tripod", duration=0.05, overrides=COARSE, out=tmp_path / "run.npz")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_static_run_counts_the_increments_of_its_load() -> None:
+    result = run("silicone", duration=0.01, overrides=["inertia=off", "damping=off", *COARSE])
+    assert result["increments"] > 5
+    assert result["newton_iterations"] == result["increments"]
+    assert run("tripod", duration=0.01, overrides=COARSE)["increments"] == 0
