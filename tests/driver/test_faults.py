@@ -461,6 +461,47 @@ def test_an_unchanged_packet_is_sent_again_well_before_the_boards_watchdog(watch
     assert gap - 0.02 <= gaps.min() and gaps.max() <= gap + 1e-9
 
 
+def test_a_packet_that_is_not_acknowledged_is_sent_again_sooner() -> None:
+    bench = Bench()
+    bench.driver = Driver(bench.link, bench.safety, keep_alive=0.4)
+    bench.driver.connect()
+    bench.run(0.5)
+    write = bench.board.write
+    bench.board.write = lambda data: None  # type: ignore[method-assign]
+    count = len(bench.sent)
+    while len(bench.sent) == count:
+        bench.run(TICK)
+    bench.board.write = write  # type: ignore[method-assign]
+    bench.run(0.3)
+    lost, again = (t for t, _ in bench.sent[count : count + 2])
+    assert 0.07 <= again - lost <= 0.1 + 1e-9
+    assert bench.safety.state is State.HOLDING
+
+
+def test_packets_leave_at_most_50_times_a_second_however_often_the_driver_is_called() -> None:
+    bench = Bench().moving()
+    bench.goto(0.0, 0.0, 0.0, time=1.0)
+    count = len(bench.sent)
+    bench.run(0.8)
+    gaps = np.diff([t for t, _ in bench.sent[count:]])
+    assert gaps.min() >= 0.015 - 1e-9 and gaps.mean() >= 0.02 - 0.005 / len(gaps)
+    assert len(gaps) > 30  # nor much more seldom
+
+
+def test_at_rest_means_that_the_board_has_the_last_packet() -> None:
+    bench = Bench().moving()
+    bench.safety.park(bench.clock.now)
+    bench.board.read = lambda: b""  # type: ignore[method-assign]  # its answers are lost
+    bench.run(0.2)
+    assert not bench.driver.at_rest
+    bench = Bench().moving()
+    bench.safety.park(bench.clock.now)
+    while not bench.driver.at_rest:
+        bench.run(TICK)
+        assert bench.clock.now < 110.0
+    assert bench.board.pulses == (24000, 24000, 24000)
+
+
 def test_calibrated_servos_get_their_own_pulses() -> None:
     mirrored = ServoCalibration(offset=0.0, direction=-1, pulse_range=(600.0, 2300.0), safe_range=(-2.0, 0.0))
     bench = Bench(
