@@ -4,8 +4,8 @@
 
 The loop is closed over the simulated Tripod in its working pose. The target runs through the workspace and now and
 then far out of it, so that limits come and go as in use. "QP" is the update of OSQP's data, its solve, the polish and
-the certificate; "step" is all that happens between compliance and command, checks and the building of the QP included.
-Times are CPU times of the one thread that computes.
+the certificate; "step" is all that happens between compliance and command, checks and the building of the QP included;
+"relinearised" is that and the compliance of the present state. Times are CPU times of the one thread that computes.
 """
 
 import argparse
@@ -49,8 +49,11 @@ def run(steps: int, torque: TorqueLimit | None) -> dict[str, np.ndarray]:
     limits = (AngleLimit(-2.1, 0.6), StepLimit(0.5), SpeedLimit(3.0))
     simulation, solver = in_working_pose(), IkSolver(3, rows=3 if torque else 0)
     home, command = simulation.compliance().position, simulation.state.joints[:3]
-    found: dict[str, list[float]] = {"step": [], "QP": [], "iterations": [], "limited": []}
+    found: dict[str, list[float]] = {
+        name: [] for name in ("compliance", "relinearised", "step", "QP", "iterations", "limited")
+    }
     for k in range(steps + WARM_UP):
+        before = time.thread_time()
         c = simulation.compliance()
         begin = time.thread_time()
         state = LinearState(SERVOS, c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w)
@@ -62,15 +65,17 @@ def run(steps: int, torque: TorqueLimit | None) -> dict[str, np.ndarray]:
         if not result.ok:
             raise RuntimeError(f"step {k} was not solved: {result.status}")
         if k >= WARM_UP:
+            found["compliance"].append(begin - before)
+            found["relinearised"].append(end - before)
             found["step"].append(end - begin)
             found["QP"].append(end - built)
             found["iterations"].append(result.iterations)
             found["limited"].append(bool(result.active_limits))
         command = result.command
-        before = simulation.state.joints
-        after = np.append(command, before[3])
+        joints = simulation.state.joints.copy()
+        after = np.append(command, joints[3])
         for part in (0.5, 1.0):  # two steps of 5 ms
-            simulation.step(before + part * (after - before))
+            simulation.step(joints + part * (after - joints))
     return {name: np.array(values) for name, values in found.items()}
 
 
@@ -79,12 +84,14 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=2000)
     steps = parser.parse_args().steps
     print(f"calibration: 1000 x 1000 float64 product {1e3 * calibration():.1f} ms")
-    print(f"{'limits':24s}      median [ms]  p99 [ms]  max [ms]   iterations median, max   limit active")
+    print(
+        f"{'limits':24s}              median [ms]  p99 [ms]  max [ms]   iterations median, max   limit active"
+    )
     for name, torque in (("angle, step, speed", None), ("and torque 0.15 N m", TorqueLimit(0.15))):
         found = run(steps, torque)
-        for what in ("QP", "step"):
+        for what in ("QP", "step", "compliance", "relinearised"):
             times = 1e3 * found[what]
-            line = f"{name:24s} {what:4s} {np.median(times):11.3f} {np.percentile(times, 99):9.3f} {times.max():9.3f}"
+            line = f"{name:24s} {what:12s} {np.median(times):11.3f} {np.percentile(times, 99):9.3f} {times.max():9.3f}"
             if what == "QP":
                 line += f"{np.median(found['iterations']):20.0f}, {found['iterations'].max():3.0f}"
                 line += f"{100 * found['limited'].mean():13.0f} %"
