@@ -341,6 +341,52 @@ class Ball:
 
 
 @dataclass(frozen=True)
+class Obstacle:
+    """A surface that never moves. Needs contact.
+
+    Attributes:
+        source: Path of an OBJ or STL file (relative to the scene's file).
+        scale: Length unit of the file [m]: 0.001 for millimetres.
+        position: Where the file's origin lies [m].
+    """
+
+    source: str
+    scale: float = number(1.0, unit="m", above=0, high=1e3)
+    position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The body does not pass through obstacles, nor through itself if asked. Needs springs and implicit Euler.
+
+    Attributes:
+        response: `lagrange`: multipliers, which hold the contact distance and Coulomb's law; `penalty`: springs, faster
+            and soft, which let bodies sink in by a part of the contact distance.
+        contact_distance: At which surfaces are held [m].
+        alarm_distance: Below which contacts are made [m]; larger.
+        friction: Coulomb's coefficient.
+        restitution: Normal speed after an impact over that before it.
+        rest_speed: Impacts below it do not bounce [m/s].
+        self_contact: Whether the body touches itself.
+        start: Where the body passes through an obstacle at the start: `refuse` names the nodes, `lift` moves it against
+            gravity until it does not.
+        tolerance: Error of gaps and slips at which a step counts as solved, as a fraction of the contact distance.
+        max_solves: Linear solves of a step after which its error, which the report tells, is let be.
+    """
+
+    response: str = one_of("lagrange", "penalty", default="lagrange")
+    contact_distance: float = number(0.002, unit="m", above=0, high=1.0)
+    alarm_distance: float = number(0.005, unit="m", above=0, high=10.0)
+    friction: float = number(0.3, low=0, high=10.0)
+    restitution: float = number(0.0, low=0, high=1.0)
+    rest_speed: float = number(0.05, unit="m/s", low=0, high=100.0)
+    self_contact: bool = False
+    start: str = one_of("refuse", "lift", default="refuse")
+    tolerance: float = number(1e-3, low=1e-9, high=0.1)
+    max_solves: int = number(30, low=1, high=10_000)
+
+
+@dataclass(frozen=True)
 class Solver:
     """Newton's method.
 
@@ -377,8 +423,8 @@ class Scene:
         duration: How long `tripod run` simulates unless told [s].
         mesh, material: The solid; None where the body is of springs.
         springs: The body of springs; None where it is a solid.
-        gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector, strain_limit, maze, ball: Effects;
-            None or empty is off.
+        gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector, strain_limit, maze, ball, contact,
+            obstacles: Effects; None or empty is off.
         solver: Of each step.
     """
 
@@ -400,6 +446,8 @@ class Scene:
     strain_limit: StrainLimit | None = None
     maze: Maze | None = None
     ball: Ball | None = None
+    contact: Contact | None = None
+    obstacles: tuple[Obstacle, ...] = ()
     solver: Solver = Solver()
 
     def __post_init__(self) -> None:
@@ -430,6 +478,7 @@ class Scene:
                 raise SceneError(f"fixed.{i}: low {box.low} must not exceed high {box.high} [m]")
         if self.servos:
             _check_start(self.servos)
+        _check_contact(self)
 
 
 def _check_body(scene: Scene) -> None:
@@ -456,6 +505,26 @@ def _check_body(scene: Scene) -> None:
             )
 
 
+def _check_contact(scene: Scene) -> None:
+    """Raise SceneError if contact lacks what it needs."""
+    contact = scene.contact
+    if not contact:
+        if scene.obstacles:
+            raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
+        return
+    if not (scene.springs and scene.inertia and scene.inertia.scheme == "implicit_euler"):
+        raise SceneError("contact needs springs and inertia.scheme = 'implicit_euler'")
+    if scene.strain_limit:
+        raise SceneError("contact and strain_limit exclude each other: what the one moves the other would undo")
+    if not (scene.obstacles or contact.self_contact):
+        raise SceneError("contact has nothing to touch: add [[obstacles]] or contact.self_contact = true")
+    if not contact.alarm_distance > contact.contact_distance:
+        raise SceneError(
+            f"contact.alarm_distance is {contact.alarm_distance:g} m; it must be above contact.contact_distance, "
+            f"{contact.contact_distance:g} m"
+        )
+
+
 def _check_start(s: Servos) -> None:
     """Raise SceneError if the servos start out of their limits."""
     for i, angle in enumerate(s.angles):
@@ -479,5 +548,7 @@ EFFECTS = (
     "strain_limit",
     "maze",
     "ball",
+    "contact",
+    "obstacles",
 )
 """Tables of a scene that may be absent."""

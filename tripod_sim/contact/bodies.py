@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from tripod_sim.constraints.groups import rotation_matrix
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.springs.linear_kernels import assemble
 from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
 from tripod_sim.springs.system import SpringSystem
@@ -181,8 +181,3 @@ class RigidBodies:
         moves = u.reshape(-1, 6)
         turned = [rotation_matrix(t) @ R for t, R in zip(moves[:, 3:], self.rotation, strict=True)]
         return self.centre + moves[:, :3], np.array(turned).reshape(-1, 3, 3)
-
-
-def free_vertices(base: IndexArray) -> IndexArray:
-    """Return the vertices with unknowns."""
-    return np.flatnonzero(base >= 0)

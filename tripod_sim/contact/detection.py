@@ -111,8 +111,15 @@ class Detector:
             tree.update()
         self.pairs = 0
 
-    def near(self, x: FloatArray, out: ContactSet) -> None:
-        """Fill `out` with the contacts closer than the alarm distance at positions `x` [m], shape (n, 3)."""
+    def near(self, x: FloatArray, out: ContactSet, before: ContactSet | None = None) -> None:
+        """Fill `out` with the contacts closer than the alarm distance at positions `x` [m], shape (n, 3).
+
+        Of two edges that pressed each other in `before` the contact is let go of later, so that it does not flicker.
+        """
+        held = np.zeros(0, dtype=np.int64)
+        if before is not None:
+            pressed = before.arrays.pressure[: before.count] > 0.0
+            held = np.sort(before.arrays.key[: before.count][pressed])
         self._sweep(x, x, self.alarm + self._largest)
         at = 0
         for q in self._queries:
@@ -134,7 +141,7 @@ class Detector:
                     )
                 else:
                     end = kernels.near_edges(
-                        pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, out.arrays, at
+                        pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, held, out.arrays, at
                     )
                 if end <= len(out.arrays.key):
                     break
@@ -143,16 +150,17 @@ class Detector:
             at = out.count = end
         out.unique()
 
-    def met(self, start: FloatArray, end: FloatArray, out: ContactSet, *, take_all: bool = False) -> float:
+    def met(self, start: FloatArray, end: FloatArray, out: ContactSet, *, share: float = LEAST, take_all: bool = False) -> float:
         """Add to `out` what meets while vertices move from `start` to `end` [m], shape (n, 3), on straight lines.
 
-        Met are pairs that come closer than `LEAST` of the contact distance. Those of `out` that meet are replaced.
+        Met are pairs that come closer than the fraction `share` of the contact distance. Those of `out` that meet are replaced.
         Where several triangles meet one shape, those to which others are closer are left out, unless `take_all`.
 
         Returns:
             The fraction of the way until which all pairs surely keep that distance; 1 if nothing meets.
         """
-        self._sweep(start, end, LEAST * self.distance + self._largest)
+        least = share * self.distance
+        self._sweep(start, end, least + self._largest)
         self._earliest[:] = 1.0
         np.subtract(end, start, out=self._move)
         while len(self._when) < len(self._queries):
@@ -165,7 +173,7 @@ class Detector:
                 self._when[k] = np.zeros(len(pairs) + len(pairs) // 2)
             when = self._when[k][: len(pairs)]
             kernels.times(
-                pairs, q.ones, q.others, q.first, q.flipped, self._top, start, self._move, LEAST * self.distance, when,
+                pairs, q.ones, q.others, q.first, q.flipped, self._top, start, self._move, least, when,
                 self._earliest,
             )  # fmt: skip
             if len(pairs) and when.min() < 1.0:

@@ -19,10 +19,11 @@ Array = Any
 VERTEX_VERTEX, VERTEX_EDGE, VERTEX_FACE, EDGE_EDGE = 0, 1, 2, 3
 """What touches what, of moving vertices and edges against others; in a contact's key."""
 
-ROOM, OWN_ROOM = 1e-6, 0.2
+ROOM, OWN_ROOM, HELD_ROOM = 1e-6, 0.2, 0.6
 """How far outside of a feature's region a direction may point, as a cosine. More is allowed of the shape that touches
 an edge or vertex, and of two edges: what lies flat touches with all its corners and edges, tilted by a few degrees or
-not, so that contacts do not come and go as it rocks."""
+not, so that contacts do not come and go as it rocks;
+most of two edges that press each other already."""
 
 MET_ROOM = 1e-3
 """The same for shapes that meet during a step."""
@@ -145,7 +146,7 @@ def _put(
 
 
 @njit(cache=True, error_model="numpy")
-def _point_face(
+def _point_face(  # noqa: PLR0911 - every kind of feature has its reason to be left out
     top: Topology, x: Array, y: Array, p: int, t: int, face_only: bool, distance: float, reach: float,
     choice: int, n: Array, out: Contacts, at: int,
 ) -> int:  # fmt: skip
@@ -167,17 +168,13 @@ def _point_face(
     if choice == NEAR:  # on an edge to rounding is on the edge, so that both its triangles say the same
         wa, wb, wc = _snapped(wa), _snapped(wb), _snapped(wc)
     zeros = (wa == 0.0) + (wb == 0.0) + (wc == 0.0)
-    if zeros > 0 and face_only and choice == NEAR:
-        return at  # the vertices and edges of the triangle see this one themselves
+    if zeros == 2 and face_only and choice == NEAR:
+        return at  # the vertices of the triangle see this one themselves
+    if face_only:
+        room = max(room, OWN_ROOM)  # the moving triangle's neighbours
     if zeros == 0:
-        if face_only and apart and choice == NEAR:
-            for i in range(3):
-                n[i] = -n[i]
-            own = _in_vertex_region(top, x, p, n, ROOM)
-            for i in range(3):
-                n[i] = -n[i]
-            if not own:
-                return at
+        if face_only and apart and choice == NEAR and not _faces(top, x, p, n):
+            return at
         key = _key(VERTEX_FACE, p, t)
         if not apart:
             triangle_normal(y[1], y[2], y[3], n)
@@ -207,8 +204,8 @@ def _point_face(
 
 @njit(cache=True, error_model="numpy")
 def _edge_edge(
-    top: Topology, x: Array, y: Array, e: int, f: int, distance: float, reach: float, choice: int, n: Array,
-    out: Contacts, at: int,
+    top: Topology, x: Array, y: Array, e: int, f: int, distance: float, reach: float, choice: int, held: Array,
+    n: Array, out: Contacts, at: int,
 ) -> int:  # fmt: skip
     """Write the contact of edges e and f if their closest points lie inside both, closer than `reach`."""
     s, t, square = segment_segment(y[0], y[1], y[2], y[3])
@@ -222,11 +219,14 @@ def _edge_edge(
     gone = np.sqrt(square)
     if gone > NOWHERE * distance:
         if choice == NEAR:
-            if _parallel(y) or not _in_edge_region(top, x, f, n, OWN_ROOM):
+            key = _key(EDGE_EDGE, e, f)
+            i = np.searchsorted(held, key)
+            room = HELD_ROOM if i < held.shape[0] and held[i] == key else OWN_ROOM
+            if _parallel(y) or not _in_edge_region(top, x, f, n, room):
                 return at
             for i in range(3):
                 n[i] = -n[i]
-            own = _in_edge_region(top, x, e, n, OWN_ROOM)
+            own = _in_edge_region(top, x, e, n, room)
             for i in range(3):
                 n[i] = -n[i]
             if not own:
@@ -294,10 +294,13 @@ def near_point_faces(
 
 @njit(cache=True, error_model="numpy")
 def near_edges(
-    pairs: Array, edges: Array, others: Array, top: Topology, x: Array, distance: float, reach: float, out: Contacts,
-    at: int,
+    pairs: Array, edges: Array, others: Array, top: Topology, x: Array, distance: float, reach: float, held: Array,
+    out: Contacts, at: int,
 ) -> int:  # fmt: skip
-    """Write contacts of two edges closer than `reach`, as `near_point_faces` does."""
+    """Write contacts of two edges closer than `reach`, as `near_point_faces` does.
+
+    `held`: keys of contacts that carried a force in the step before, ascending; they are let go of later.
+    """
     y, n = np.empty((4, 3)), np.empty(3)
     for k in range(pairs.shape[0]):
         e, f = edges[pairs[k, 0]], others[pairs[k, 1]]
@@ -305,7 +308,7 @@ def near_edges(
         if a in (c, d) or b in (c, d) or not _may_touch(top, a, c):
             continue
         y[0], y[1], y[2], y[3] = x[a], x[b], x[c], x[d]
-        at = _edge_edge(top, x, y, e, f, distance, reach, NEAR, n, out, at)
+        at = _edge_edge(top, x, y, e, f, distance, reach, NEAR, held, n, out, at)
     return at
 
 
@@ -392,5 +395,5 @@ def met_contacts(
         if first == 1:
             at = _point_face(top, x, y, i, j, flipped, distance, np.inf, choice, n, out, at)
         else:
-            at = _edge_edge(top, x, y, i, j, distance, np.inf, choice, n, out, at)
+            at = _edge_edge(top, x, y, i, j, distance, np.inf, choice, v[:0], n, out, at)
     return at

@@ -43,6 +43,7 @@ class StepProblem:
         first: First unknown of each body.
         give: 1 / diagonal of the Hessian without contacts at the start of the step, shape (unknowns,).
         effort: Counts.
+        unbalanced: Largest force that the last descent left [N].
     """
 
     SHORTEST = 1e-6
@@ -72,7 +73,7 @@ class StepProblem:
         )
         self._q = np.zeros(n)
         self._factored = False
-        self.effort = Effort()
+        self.effort, self.unbalanced = Effort(), 0.0
 
     def slices(self) -> list[slice]:
         """Return where the unknowns of each body are."""
@@ -178,6 +179,11 @@ class StepProblem:
         Raises:
             DescentError: no lower potential was found.
         """
+        size = self._descend(u, tolerance, most)
+        self.unbalanced = float(np.abs(self._r).max(initial=0.0))
+        return size
+
+    def _descend(self, u: FloatArray, tolerance: float, most: int) -> float:
         r, trial, after = self._r, self._trial, self._next
         phi = self._evaluate(u, r)
         if not np.isfinite(phi):

@@ -36,8 +36,9 @@ class Law:
     restitution: float = 0.0
     rest_speed: float = 0.05
     distance: float = 1e-3
-    tolerance: float = 1e-4
+    tolerance: float = 1e-3
     max_rounds: int = 40
+    max_solves: int = 30
 
 
 @dataclass
@@ -58,7 +59,7 @@ class Outcome:
 class Response:
     """Solves steps with one set of contacts."""
 
-    NORMAL, TANGENTIAL = 30.0, 30.0
+    NORMAL, TANGENTIAL = 5.0, 5.0
     """Stiffness of contacts with multipliers over that of the bodies at the contact: the error falls by about this
     factor a round."""
 
@@ -68,8 +69,8 @@ class Response:
     DEEPEST = 0.5
     """Share of the contact distance that penalty lets bodies sink in before it stiffens."""
 
-    MOST_SOLVES = 60
-    """Linear solves of one minimisation."""
+    FEW, FIRST = 4, 0.05
+    """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
 
     def __init__(self, law: Law, problem: StepProblem, contacts: ContactSet) -> None:
         self.law, self._problem, self._contacts = law, problem, contacts
@@ -85,20 +86,21 @@ class Response:
         c.arrays.gain[: c.count] = 1.0
         kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.NORMAL, self.TANGENTIAL)
         outcome, aim = Outcome(), law.tolerance * law.distance
-        tolerance = 0.1 * aim
-        previous = np.inf
+        spent, error = 0, self.FIRST * law.distance
         while True:
             kernels.set_limits(c.arrays, c.count, law.friction)
-            size = self._problem.descend(u, tolerance, self.MOST_SOLVES)
+            # no more exact than the multipliers are: Newton's last steps are wasted on a wrong potential
+            tolerance = 0.1 * max(aim, error)
+            before = self._problem.effort.iterations
+            size = self._problem.descend(u, tolerance, self.FEW)
+            spent += self._problem.effort.iterations - before
             gap, slip, outcome.smallest = self._forces(u)
             outcome.rounds += 1
-            outcome.residual = max(gap, slip, size if size > tolerance else 0.0)
+            error = max(gap, slip)
+            outcome.residual = max(error, size)
             self._take()
-            if not c.count or max(gap, slip) <= aim or outcome.rounds >= law.max_rounds:
+            if outcome.residual <= aim or spent >= law.max_solves:
                 return outcome
-            if outcome.residual > 0.5 * previous and outcome.rounds > 3:
-                self._harden(4.0)
-            previous = outcome.residual
 
     def _harden(self, factor: float) -> None:
         c = self._contacts
@@ -115,7 +117,7 @@ class Response:
         kernels.set_limits(c.arrays, c.count, law.friction)
         pressure[: c.count] = 0.0
         while True:
-            size = self._problem.descend(u, tolerance, self.MOST_SOLVES)
+            size = self._problem.descend(u, tolerance, 60)
             _, _, outcome.smallest = self._forces(u)
             outcome.rounds += 1
             found = self._pressure[: c.count]

@@ -50,8 +50,8 @@ class Surfaces:
         sides: Edges (a b), (b c), (c a) of each triangle, shape (t, 3).
         faces: Triangles at each edge, shape (e, 2); -1 for none.
         first_edge, edge_list: The edges at vertex v are edge_list[first_edge[v] : first_edge[v + 1]].
-        fixed_triangles, fixed_edges, fixed_points: Of parts that never move; of edges and vertices only the sharp ones: a
-            flat one, and a hollow one of a closed surface, cannot be touched but where something else is.
+        fixed_triangles, fixed_edges, fixed_points: Of parts that never move; of edges and vertices only the sharp ones:
+            a flat one, and a hollow one of a closed surface, cannot be touched but where something else is.
         moving_triangles, moving_edges, moving_points: Of all others; of rigid ones only the sharp edges.
     """
 

@@ -1,6 +1,7 @@
 """Bodies that touch: one step by implicit Euler with contact.
 
-1. Contacts: what is nearer than the alarm distance and, in fast steps, what would be met without forces.
+1. Contacts: what is nearer than the alarm distance and, in fast steps, what would come nearer than the contact
+   distance without forces.
 2. Response: the minimum of the step's potential with these contacts.
 3. Continuous detection over the moves found: what comes too close on the way is added and the response repeated, so
    that nothing passes through anything. Where that does not end the step is halved, at last cut short before the hit.
@@ -17,7 +18,7 @@ from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Response
 from tripod_sim.contact.surfaces import Part, join
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+from tripod_sim.mesh.solid_mesh import FloatArray
 
 
 @dataclass
@@ -48,13 +49,6 @@ class ContactReport:
     met: int = 0
     cut: float = 0.0
     parts: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class RigidShape:
-    """Surface of one rigid body, about its centre and in its own frame, or a ball."""
-
-    part: Part
 
 
 class World:
@@ -88,7 +82,7 @@ class World:
             nodes: The deformable body and its surface, whose vertices are its nodes.
             rigid: The rigid bodies and their surfaces, vertices about the centre.
         """
-        self.law, self.alarm = law, alarm
+        self.law, self._slow = law, min(0.5 * alarm, alarm - law.distance)
         self.nodes, self.rigid = nodes[0] if nodes else None, rigid[0] if rigid else None
         parts = ([nodes[1]] if nodes else []) + (rigid[1] if rigid else []) + obstacles
         self.surfaces, self.positions = join(parts)
@@ -120,6 +114,11 @@ class World:
         self._place()
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm)
         self._impulse = np.zeros(64)
+
+    def positions_now(self) -> FloatArray:
+        """Return where all surface vertices are now [m], shape (n, 3): a view that the next step overwrites."""
+        self._place()
+        return self.positions
 
     def forget(self) -> None:
         """Drop the forces kept from the last step."""
@@ -191,10 +190,10 @@ class World:
         for old, new in zip(c.arrays, kept.arrays, strict=True):
             new[: c.count] = old[: c.count]
         kept.count, c.count = c.count, 0
-        self.detector.near(self.positions, c)
+        self.detector.near(self.positions, c, kept)
         self._ends_of(u)
-        if float(np.abs(self._ends - self.positions).max(initial=0.0)) > 0.5 * self.alarm:
-            self.detector.met(self.positions, self._ends, c)
+        if float(np.abs(self._ends - self.positions).max(initial=0.0)) > self._slow:
+            self.detector.met(self.positions, self._ends, c, share=1.0)
         inherit(kept.arrays, kept.count, c.arrays, c.count)
 
     def _respond(self, u: FloatArray, report: ContactReport) -> float:
@@ -259,8 +258,3 @@ class World:
         kernels.restitute(
             c.arrays, c.count, before, v, give, self.law.restitution, self.law.rest_speed, 50, self._impulse
         )
-
-
-def index_ranges(first: IndexArray) -> list[slice]:
-    """Return the ranges between consecutive entries."""
-    return [slice(int(a), int(b)) for a, b in zip(first, first[1:], strict=False)]

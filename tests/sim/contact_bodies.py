@@ -1,0 +1,38 @@
+"""Boxes, balls and plates for the tests of contact."""
+
+import numpy as np
+
+from tripod_sim.contact.bodies import RigidBodies
+from tripod_sim.contact.response import Law
+from tripod_sim.contact.surfaces import Part
+from tripod_sim.contact.world import World
+
+G = 9.81
+
+
+def box(edges: np.ndarray | list[float]) -> Part:
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = [[q[0], q[k], q[k + 1]] for q in quads for k in (1, 2)]
+    return Part(corners * np.array(edges) / 2, np.array(triangles), rigid=True)
+
+
+def plate(size: float = 5.0) -> Part:
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * size
+    return Part(corners, np.array([[0, 1, 2], [0, 2, 3]]), fixed=True)
+
+
+def boxes_on_plate(law: Law, centres: list[list[float]], gravity: np.ndarray, mass: float = 0.3) -> World:
+    """Cubes of 0.1 m on a plate in z = 0."""
+    n = len(centres)
+    inertia = np.tile(mass * 0.01 / 6 * np.eye(3), (n, 1, 1))
+    bodies = RigidBodies(np.full(n, mass), inertia, np.array(centres), gravity)
+    parts = [box([0.1, 0.1, 0.1]) for _ in range(n)]
+    return World(law, 3 * law.distance, obstacles=[plate()], rigid=(bodies, parts))
+
+
+def ball_on(obstacle: Part, law: Law, centre: list[float], radius: float = 0.05, mass: float = 0.2) -> World:
+    inertia = 0.4 * mass * radius**2 * np.eye(3)[None]
+    bodies = RigidBodies(np.array([mass]), inertia, np.array([centre]), np.array([0, 0, -G]))
+    ball = Part(np.zeros((1, 3)), rigid=True, radius=radius)
+    return World(law, 5 * law.distance, obstacles=[obstacle], rigid=(bodies, [ball]))

@@ -1,0 +1,116 @@
+"""Rigid bodies in contact: Coulomb's law on an incline, bounces, a stack, and nothing that passes through."""
+
+import numpy as np
+import pytest
+
+from tests.sim.contact_bodies import G, ball_on, box, boxes_on_plate, plate
+from tripod_sim.contact.bodies import RigidBodies
+from tripod_sim.contact.response import Law
+from tripod_sim.contact.surfaces import Part
+from tripod_sim.contact.world import World
+
+MODES = ["lagrange", "penalty"]
+
+
+def slide(response: str, angle: float, friction: float, steps: int = 60, dt: float = 0.01) -> tuple[float, World]:
+    """Mean acceleration down an incline, over the second half."""
+    gravity = np.array([G * np.sin(angle), 0, -G * np.cos(angle)])
+    world = boxes_on_plate(Law(response, friction, tolerance=1e-4), [[0, 0, 0.051]], gravity)
+    speeds = []
+    for _ in range(steps):
+        world.step(dt)
+        assert world.rigid
+        speeds.append(float(world.rigid.velocity[0, 0]))
+    return (speeds[-1] - speeds[steps // 2]) / ((steps - 1 - steps // 2) * dt), world
+
+
+@pytest.mark.parametrize("response", MODES)
+@pytest.mark.parametrize("friction", [0.1, 0.3, 0.6])
+def test_block_sticks_below_and_slides_above_the_angle_of_friction(response: str, friction: float) -> None:
+    critical = np.arctan(friction)
+    stuck, world = slide(response, 0.99 * critical, friction, steps=250)  # it slips while the load builds up
+    assert world.rigid
+    assert abs(stuck) < 1e-6
+    assert np.abs(world.rigid.velocity).max() < 1e-4
+    angle = 1.01 * critical
+    down = G * (np.sin(angle) - friction * np.cos(angle))
+    assert slide(response, angle, friction)[0] == pytest.approx(down, rel=0.02)
+    assert down > 0.005
+
+
+@pytest.mark.parametrize("response", MODES)
+@pytest.mark.parametrize(("angle", "friction"), [(0.2, 0.0), (0.4, 0.3), (0.5, 0.1)])
+def test_block_slides_with_the_right_acceleration(response: str, angle: float, friction: float) -> None:
+    down = G * (np.sin(angle) - friction * np.cos(angle))
+    found, world = slide(response, angle, friction)
+    assert found == pytest.approx(down, rel=0.01)
+    assert world.rigid
+    assert abs(world.rigid.velocity[0, 1]) < 0.01 * world.rigid.velocity[0, 0]
+
+
+@pytest.mark.parametrize("response", MODES)
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 0.8, 1.0])
+def test_ball_bounces_as_high_as_the_restitution_says(response: str, restitution: float) -> None:
+    dt, height, distance = 5e-4, 0.1, 1e-4
+    world = ball_on(plate(), Law(response, 0.3, restitution, distance=distance), [0.3, 0.1, 0.05 + height])
+    heights = []
+    for _ in range(800):
+        world.step(dt)
+        assert world.rigid
+        heights.append(float(world.rigid.centre[0, 2]) - 0.05)
+    assert min(heights) > 0
+    hit = int(np.argmin(heights[:400]))
+    expected = restitution**2 * height
+    # what penalty sank in, half of the contact distance, is pushed out within a step
+    hop = (0.5 * distance / dt) ** 2 / (2 * G) if response == "penalty" else 0.0
+    assert max(heights[hit:]) == pytest.approx(expected, rel=0.03, abs=2 * distance + hop)
+    speed = np.sqrt(2 * G * height)
+    assert 3 * G * dt / speed < 0.03  # what one step of gravity more or less makes
+
+
+@pytest.mark.parametrize("response", MODES)
+def test_ball_does_not_bounce_for_ever(response: str) -> None:
+    world = ball_on(plate(), Law(response, 0.3, 0.8, rest_speed=0.05, distance=1e-3), [0, 0, 0.1])
+    for _ in range(600):
+        world.step(0.01)
+    assert world.rigid
+    assert np.abs(world.rigid.velocity).max() < 1e-6
+    assert 0.05 < world.rigid.centre[0, 2] < 0.0511
+
+
+@pytest.mark.parametrize("response", MODES)
+def test_stack_of_three_rests(response: str) -> None:
+    centres = [[0.002 * k, 0.001 * k, 0.051 + 0.101 * k] for k in range(3)]
+    world = boxes_on_plate(Law(response, 0.4, tolerance=1e-4), centres, np.array([0, 0, -G]))
+    for _ in range(200):
+        report = world.step(0.01)
+    assert world.rigid
+    kinetic = 0.5 * 0.3 * (world.rigid.velocity**2).sum() + 0.5 * 0.3 * 0.01 / 6 * (world.rigid.spin**2).sum()
+    assert kinetic < 1e-8
+    np.testing.assert_allclose(world.rigid.centre, centres, atol=2e-3)
+    assert report.smallest_gap > -1e-3
+    assert report.force == pytest.approx(0.3 * G * (3 + 2 + 1), rel=1e-3)  # each interface carries what is above
+
+
+@pytest.mark.parametrize("response", MODES)
+@pytest.mark.parametrize("speed", [0.5, 5.0, 50.0])
+@pytest.mark.parametrize("shape", ["box", "ball", "turned"])
+def test_nothing_passes_a_plate_of_a_tenth_of_a_millimetre(response: str, speed: float, shape: str) -> None:
+    """At 50 m/s a step of 10 ms covers 0.5 m, five thousand times the thickness."""
+    thin = box([1.0, 1.0, 1e-4])
+    obstacle = Part(thin.vertices, thin.triangles, fixed=True)
+    law = Law(response, 0.3, distance=1e-4)
+    if shape == "ball":
+        world = ball_on(obstacle, law, [0.05, 0.02, 0.35], radius=0.01)
+    else:
+        bodies = RigidBodies(np.array([0.3]), 5e-4 * np.eye(3)[None], np.array([[0.05, 0.02, 0.35]]), np.zeros(3))
+        world = World(law, 3e-4, obstacles=[obstacle], rigid=(bodies, [box([0.1, 0.05, 0.02])]))
+    assert world.rigid
+    world.rigid.velocity[0] = [0.03 * speed, 0, -speed]
+    if shape == "turned":
+        world.rigid.spin[0] = [3.0, 20.0, 5.0]
+    for _ in range(int(min(60, 0.5 / speed / 0.01 + 20))):
+        world.step(0.01)
+        lowest = world.positions_now()[: 1 if shape == "ball" else 8, 2].min() - (0.01 if shape == "ball" else 0)
+        assert lowest > 5e-5
+    assert lowest < 0.35  # it came down, or went up again

@@ -1,0 +1,89 @@
+"""Bodies that pass through obstacles at the start: named, or lifted out."""
+
+import numpy as np
+
+from tripod_sim.contact import start_kernels as kernels
+from tripod_sim.contact.broad_phase import Boxes, Tree
+from tripod_sim.contact.surfaces import Part, join
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, names_of
+
+MOST_LIFTS = 60
+"""Doublings of the lift, from the contact distance on."""
+
+
+def passing(body: Part, obstacles: list[Part]) -> IndexArray:
+    """Return the vertices of `body` that pass through an obstacle, or lie inside of a closed one, ascending.
+
+    A body that lies inside as a whole is told by its first vertex.
+    """
+    surfaces, x = join([body, *obstacles])
+    n = len(body.vertices)
+    marked = np.zeros(len(x), dtype=np.bool_)
+    edges, triangles = surfaces.edges, surfaces.triangles
+    own_edge, own_triangle = edges[:, 0] < n, triangles[:, 0] < n
+    for mine, theirs in ((own_edge, ~own_triangle), (~own_edge, own_triangle)):
+        one, two = np.ascontiguousarray(edges[mine]), np.ascontiguousarray(triangles[theirs])
+        if not len(one) or not len(two):
+            continue
+        query, target = Boxes(one), Boxes(two)
+        for boxes in (query, target):
+            boxes.sweep(x, x, 0.0)
+        tree = Tree(target)
+        tree.update()
+        kernels.mark_passing(tree.pairs(query), one, two, x, marked)
+    found = np.flatnonzero(marked[:n])
+    if found.size:
+        return found
+    for part in obstacles:
+        turns = kernels.winding(body.vertices[0], part.vertices, part.triangles)
+        if abs(turns) > 0.5 and _closed(part):
+            return np.zeros(1, dtype=np.int64)
+    return found
+
+
+def _closed(part: Part) -> bool:
+    surfaces, _ = join([part])
+    return bool((surfaces.faces[:, 1] >= 0).all())
+
+
+def check_start(body: Part, obstacles: list[Part]) -> None:
+    """Raise SceneError that names the vertices of `body` that pass through an obstacle."""
+    for i, obstacle in enumerate(obstacles):
+        bad = passing(body, [obstacle])
+        if bad.size:
+            raise SceneError(
+                f"nodes {names_of(bad)} of the body pass through obstacles.{i} or lie inside of it at the start; move "
+                "one of them, or set contact.start = 'lift'"
+            )
+
+
+def lift(body: Part, obstacles: list[Part], up: FloatArray, distance: float) -> FloatArray:
+    """Return a move along `up` [m], shape (3,), after which `body` passes through no obstacle; zero if it does not now.
+
+    Args:
+        body, obstacles: Surfaces.
+        up: Unit vector.
+        distance: Contact distance [m]: the move exceeds what is needed by at most so much.
+
+    Raises:
+        SceneError: no lift suffices: the body is inside of what holds it on all sides.
+    """
+
+    def clear(height: float) -> bool:
+        return not passing(Part(body.vertices + height * up, body.triangles, body.segments), obstacles).size
+
+    if clear(0.0):
+        return np.zeros(3)
+    high = distance
+    for _ in range(MOST_LIFTS):
+        if clear(high):
+            break
+        high *= 2.0
+    else:
+        raise SceneError("contact.start is 'lift', but no lift frees the body from the obstacles")
+    low = 0.0 if high == distance else 0.5 * high
+    while high - low > distance:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if clear(middle) else (middle, high)
+    return np.asarray((high + distance) * up)

@@ -1,0 +1,62 @@
+"""Loops that find what passes through what at one instant."""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+Array = Any
+
+
+@njit(cache=True, error_model="numpy")
+def _side(a: Array, b: Array, c: Array, p: Array) -> float:
+    """Return six times the signed volume of the tetrahedron a b c p."""
+    u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    v0, v1, v2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    return float(
+        (p[0] - a[0]) * (u1 * v2 - u2 * v1)
+        + (p[1] - a[1]) * (u2 * v0 - u0 * v2)
+        + (p[2] - a[2]) * (u0 * v1 - u1 * v0)
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def passes(p: Array, q: Array, a: Array, b: Array, c: Array) -> bool:
+    """Return whether segment p q passes through triangle a b c; touching its border counts, lying in it does not."""
+    one, two = _side(a, b, c, p), _side(a, b, c, q)
+    if one * two > 0.0 or (one == 0.0 and two == 0.0):
+        return False
+    x, y, z = _side(p, q, a, b), _side(p, q, b, c), _side(p, q, c, a)
+    return (x >= 0.0 and y >= 0.0 and z >= 0.0) or (x <= 0.0 and y <= 0.0 and z <= 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def mark_passing(pairs: Array, edges: Array, triangles: Array, x: Array, out: Array) -> None:
+    """Mark the vertices of edges and triangles (pairs of their numbers) that pass through each other, `out` (n,)."""
+    for k in range(pairs.shape[0]):
+        e, t = pairs[k, 0], pairs[k, 1]
+        p, q = edges[e, 0], edges[e, 1]
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        if p in (a, b, c) or q in (a, b, c):
+            continue
+        if passes(x[p], x[q], x[a], x[b], x[c]):
+            for v in (p, q, a, b, c):
+                out[v] = True
+
+
+@njit(cache=True, error_model="numpy")
+def winding(p: Array, x: Array, triangles: Array) -> float:
+    """Return how often a closed surface winds about point p: 1 inside, 0 outside [VanOosteromStrackee1983]."""
+    total = 0.0
+    for t in range(triangles.shape[0]):
+        a, b, c = x[triangles[t, 0]] - p, x[triangles[t, 1]] - p, x[triangles[t, 2]] - p
+        la, lb, lc = np.sqrt((a * a).sum()), np.sqrt((b * b).sum()), np.sqrt((c * c).sum())
+        volume = (
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+        total += 2.0 * np.arctan2(
+            volume, la * lb * lc + (a * b).sum() * lc + (b * c).sum() * la + (c * a).sum() * lb
+        )
+    return total / (4.0 * np.pi)
