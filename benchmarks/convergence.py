@@ -51,7 +51,7 @@ MESHES = (
     + [("sharp", "t4", level) for level in (5, 6, 7)]
     + [("compliant", element, level) for level in (1, 2, 3, 4, 8, 9) for element in ELEMENTS]
     + [("sharp", element, level) for level in (8, 9, 10) for element in ("h8_modes", "h20", "h27")]
-    + [("compliant", "h20", 10), ("compliant", "h27", 10), ("compliant", "h27", 11)]
+    + [("compliant", element, level) for level in (10, 11) for element in ("h20", "h27")]
 )
 """Clamp, element, generator level; the last make the references and their check."""
 

@@ -22,11 +22,15 @@ BEST, CHECK = "h27", "h20"
 
 
 def order(values: list[float], divisions: list[int]) -> tuple[float, float]:
-    """Return p and q0 of q = q0 + C m^-p through three values on edges over m = `divisions`; NaN where none fits."""
+    """Return p and q0 of q = q0 + C m^-p through three values on edges over m = `divisions`; NaN where none fits.
+
+    Orders below 1 do not count: the weakest singularities here, where a free face meets the rigid disc and where two
+    strips meet, leave more than that, so such values have not begun to fall as a power yet.
+    """
     a, b, c = values
     m = np.array(divisions, dtype=float)
     ratio = (a - b) / (b - c) if b != c else np.nan
-    orders = np.linspace(0.3, 8.0, 7701)
+    orders = np.linspace(1.0, 8.0, 7001)
     ratios = (m[0] ** -orders - m[1] ** -orders) / (m[1] ** -orders - m[2] ** -orders)
     if not ratios[0] <= ratio <= ratios[-1]:
         return np.nan, np.nan

@@ -20,7 +20,7 @@ def test_order_and_limit_of_a_power_are_found(p: float) -> None:
     assert limit == pytest.approx(5.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("values", [[1.0, 2.0, 1.5], [1.0, 2.0, 4.0], [1.0, 1.0, 1.0]])
+@pytest.mark.parametrize("values", [[1.0, 2.0, 1.5], [1.0, 2.0, 4.0], [1.0, 1.0, 1.0], [1.0, 0.8, 0.7]])
 def test_what_is_no_power_has_no_order(values: list[float]) -> None:
     assert all(np.isnan(found) for found in convergence_report.order(values, [1, 2, 3]))
 
