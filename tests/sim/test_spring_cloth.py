@@ -1,9 +1,11 @@
 """Cloth: budgets of momentum and energy, free fall, static shape, the same result from every solver."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
-from tripod_sim import Simulation, load_scene
+from tripod_sim import SceneError, Simulation, load_scene
 
 FREE = ["springs.fixed_corners=[]", "springs.nodes=8"]
 
@@ -160,3 +162,48 @@ def test_the_result_does_not_depend_on_the_linear_solver(n: int) -> None:
         ends.append(simulation.positions.copy())
     assert ends[0][:, 2].min() < -0.3
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)
+
+
+@pytest.mark.parametrize("linear", ["ldl", "cg"])
+def test_one_solve_a_step_is_enough_for_the_share_that_it_may_leave(linear: str) -> None:
+    words = ["springs.nodes=10", f"solver.linear={linear}", "dt=0.002"]
+    solved = Simulation(load_scene("cloth", words))
+    solved.advance(100)
+    solves, errors = [], []
+    for share in (0.5, 0.01, 1e-6):
+        quick = Simulation(load_scene("cloth", [*words, "solver.mode=one_solve", f"solver.share={share}"]))
+        solves.append(quick.advance(100).iterations)
+        errors.append(np.abs(quick.positions - solved.positions).max())
+    assert 100 <= solves[0] < 200
+    assert solves[0] < solves[1] < solves[2]
+    assert errors[0] > 2 * errors[1] > 20 * errors[2]
+    assert errors[2] < 1e-3
+
+
+@pytest.mark.parametrize(
+    "words", [["inertia.scheme=semi_implicit_euler"], ["solver.linear=ldl"], ["solver.linear=cg"]]
+)
+def test_a_steady_step_allocates_no_growing_memory(words: list[str]) -> None:
+    simulation = Simulation(load_scene("cloth", ["springs.nodes=8", *words]))
+    for _ in range(300):  # Python's own caches fill, too
+        simulation.step()
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for _ in range(100):
+        simulation.step()
+    after = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert after - before < 20_000  # an array of the nodes in each step would be 150,000 bytes
+
+
+def test_many_steps_of_a_solid_are_those_of_single_steps() -> None:
+    simulation = Simulation(load_scene("silicone", ["mesh.level=1"]))
+    report = simulation.advance(5)
+    end = simulation.positions.tobytes()
+    simulation.reset()
+    singles = [simulation.step() for _ in range(5)]
+    assert simulation.positions.tobytes() == end
+    assert report.iterations == sum(r.iterations for r in singles)
+    assert report.parts == 5
+    with pytest.raises(SceneError, match="steps is 0; it must be at least 1"):
+        simulation.advance(0)

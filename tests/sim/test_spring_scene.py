@@ -50,7 +50,7 @@ def test_chain_corners_are_its_ends() -> None:
     assert chain(5, 1.0).corners.tolist() == [0, 4]
 
 
-OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 1 2 3 4\nf 2 5 3\n"
+OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 2 5 3\nf 1 2 3 4\n"
 
 
 def obj_scene(folder: Path, text: str, springs: str = "") -> Path:
@@ -152,6 +152,23 @@ def test_the_strain_limit_bounds_every_spring_at_every_step(scheme: str) -> None
         worst = max(worst, stretches(simulation).max())
     assert 0.015 < worst <= 0.02
     assert simulation.positions[:, 2].min() < -0.3
+
+
+def test_the_strain_limit_stops_what_flies_beyond_it() -> None:
+    """One node flies away from a fixed one: at the bound its speed is gone, beside it the other part of it stays."""
+    words = ["springs={source='chain', nodes=2, size=1.0, node_mass=1.0, stiffness=1.0, fixed_corners=[0]}",
+             "gravity=off", "inertia.scheme=semi_implicit_euler", "strain_limit.stretch=0.1", "dt=0.001"]  # fmt: skip
+    simulation = Simulation(load_scene("pendulum", words))
+    simulation.state.velocities[1, 0] = 4.0
+    for _ in range(40):
+        simulation.step()
+    assert 1.09 < simulation.positions[1, 0] <= 1.1
+    assert abs(simulation.state.velocities[1, 0]) < 0.15  # from the margin to the bound in one step
+    simulation.state.velocities[1] = 4.0, 0.5, 0.0
+    for _ in range(2):
+        simulation.step()
+    assert abs(simulation.state.velocities[1, 0]) < 0.15
+    assert simulation.state.velocities[1, 1] == pytest.approx(0.5, abs=0.01)
 
 
 def test_the_strain_limit_keeps_both_momenta() -> None:

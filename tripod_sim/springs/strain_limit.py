@@ -21,7 +21,7 @@ from tripod_sim.springs.spring_kernels import Links, lengths
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
 
-MARGIN = 2e-3
+MARGIN = 1e-4
 """s: springs that pull begin that much below the bound, so that they end below it."""
 
 RAISES = 12
