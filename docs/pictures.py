@@ -1,5 +1,6 @@
 """Draw the pictures of the documentation, off-screen: `python docs/pictures.py` (needs matplotlib)."""
 
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import matplotlib.pyplot as plt
 from matplotlib.colors import LightSource
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
+from tripod_play.solve import solve
 from tripod_sim import Simulation, load_scene
 
 IMAGES = Path(__file__).parent / "images"
@@ -114,7 +116,61 @@ def assembly() -> plt.Figure:
     return figure
 
 
-PICTURES = {"silicone_free": free_fall, "silicone": fixing_box, "tripod": assembly}
+def draw_boxes(ax: plt.Axes, boxes: np.ndarray, place: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Draw the floor and the walls of a maze; `place` brings its positions to world, both in metres."""
+    for k, box in enumerate(boxes):
+        low, high = box[:3] - box[3:], box[:3] + box[3:]
+        corners = 1e3 * place(np.array(list(product(*zip(low, high, strict=True)))))
+        quads = [
+            corners[list(f)] for f in ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (1, 3, 7, 5))
+        ]
+        colour = (0.93, 0.89, 0.8, 0.85) if k == 0 else (0.6, 0.42, 0.25, 0.9)
+        faces = Poly3DCollection(quads, facecolors=colour, edgecolors=(0, 0, 0, 0.25), linewidths=0.3)
+        faces.set_zorder(10 if k == 0 else 30 - corners[:, 1].mean() * 0.1)  # from the back to the front
+        ax.add_collection3d(faces)
+
+
+def solved_maze() -> plt.Figure:
+    """Step 8: the robot with the maze, and the way of the ball in a solved game."""
+    simulation = Simulation(load_scene("maze", ["maze.source=holes"]))
+    game, shown, way = simulation.ball_game, 6.0, []
+
+    def watch(now: Simulation) -> None:
+        way.append(game.local(now.state, now.state.ball))
+
+    solution = solve(simulation, 0, watch=watch)
+    track = np.array(way)
+    figure = plt.figure(figsize=(11, 5.0), dpi=110)
+    solve(simulation, 0, limit=shown)
+    ax = panel(figure, (1, 2, 1), f"the ball on its way, after {shown:g} s", (-40.0, 22.0))
+    draw_body(ax, simulation, np.full(len(simulation.mesh.surface), 0.35))
+    draw_arms(ax, simulation)
+    centre, rotation = simulation.state.centres[0], simulation.state.rotations[0]
+
+    def place(q: np.ndarray) -> np.ndarray:
+        return centre + (q + np.array([0, 0, game.plate.offset])) @ rotation.T
+
+    obstacles, board = game.plate.board.obstacles, game.plate.board
+    draw_boxes(ax, obstacles.boxes, place)
+    ax.plot(*(1e3 * simulation.ball.position)[:, None], "o", color="tab:red", markersize=5, zorder=1e3)
+    ax.computed_zorder = False
+    ax.view_init(elev=42, azim=-62)
+    flat = figure.add_subplot(1, 2, 2)
+    for box in obstacles.boxes[1:]:
+        flat.add_patch(plt.Rectangle(1e3 * (box[:2] - box[3:5]), *(2e3 * box[3:5]), color="0.35"))
+    for x, y, radius in obstacles.holes:
+        flat.add_patch(plt.Circle((1e3 * x, 1e3 * y), 1e3 * radius, color="black"))
+    flat.add_patch(
+        plt.Circle(1e3 * np.array(board.goal[:2]), 1e3 * board.goal[2], color="tab:green", alpha=0.4)
+    )
+    flat.plot(*(1e3 * track[:, :2].T), color="tab:red", linewidth=1)
+    flat.plot(*(1e3 * track[0, :2]), "o", color="tab:red")
+    flat.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+    flat.set_title(f"maze 'holes': goal reached after {solution.time:.1f} s", fontsize=10)
+    return figure
+
+
+PICTURES = {"silicone_free": free_fall, "silicone": fixing_box, "tripod": assembly, "maze": solved_maze}
 
 
 def main(folder: Path = IMAGES) -> None:

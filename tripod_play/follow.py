@@ -23,6 +23,9 @@ FloatArray = NDArray[np.float64]
 FINEST = 0.02
 """Largest change of the tilt between two solved points [rad]; longer stretches are divided."""
 
+NOTICED = 0.01
+"""Delay of the beginning that is worth a word [s]."""
+
 FINEST_MOVE = 0.001
 """The same for positions [m]."""
 
@@ -145,7 +148,8 @@ def _paced(
     else:
         lead = float(np.abs(angles[0] - start).max()) / speed
         if lead > 0:
-            limits.append(Limit(0.0, 0.0, f"begins {lead:.3g} s late: the servos first go to its start"))
+            if lead > NOTICED:
+                limits.append(Limit(0.0, 0.0, f"begins {lead:.3g} s late: the servos first go to its start"))
             times, angles = np.append(-lead, times), np.vstack([start, angles])
     spans, moves = np.diff(times), np.abs(np.diff(angles, axis=0))
     needed = moves.max(axis=1) / speed

@@ -227,10 +227,10 @@ def test_a_target_out_of_reach_is_said_to_be(tmp_path: Path) -> None:
     scene = load_scene("maze", ["mesh.level=1", "ball=off"])
     points = read_path(write(tmp_path, "time,x,y,z\n0,0,0,-0.0084\n1,0,0,0.06\n"))
     path = servo_path(scene, points, 6.0)
-    assert len(path.limits) == 1
-    assert path.limits[0].end == 1.0
-    assert 0 < path.limits[0].begin < 1.0
-    assert "out of reach by up to" in path.limits[0].why
+    far = [limit for limit in path.limits if "out of reach by up to" in limit.why]
+    assert len(far) == 1
+    assert far[0].end == 1.0
+    assert 0.3 < far[0].begin < 1.0
 
 
 def test_the_quaternion_of_a_tilt() -> None:

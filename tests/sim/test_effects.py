@@ -16,6 +16,8 @@ MODULES = {
     "damping": "tripod_sim.forces.rayleigh",
     "servos": "tripod_sim.robot.arms",
     "clamp": "tripod_sim.forces.foundation",
+    "maze": "tripod_sim.maze.plate",
+    "ball": "tripod_sim.maze.play",
 }
 
 
@@ -32,7 +34,7 @@ def loaded(overrides: list[str]) -> set[str]:
 
 def test_absent_effects_are_not_imported() -> None:
     bare = loaded(["gravity=off", "inertia=off", "damping=off"])
-    full = loaded(["servos={}", "fixed=off", "effector={}", "clamp={}"])
+    full = loaded(["servos={}", "fixed=off", "effector={}", "clamp={}", "maze={}", "ball={}"])
     for effect, module in MODULES.items():
         assert module not in bare, effect
         assert module in full, effect
