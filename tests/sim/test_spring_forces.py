@@ -108,6 +108,21 @@ def test_forces_of_springs_and_dampers_keep_momentum_and_turn_with_the_body() ->
     np.testing.assert_allclose(np.cross(x, f).sum(axis=0), 0, atol=1e-12)
 
 
+@pytest.mark.parametrize("slack", [False, True])
+def test_rayleigh_damping_of_the_explicit_schemes_is_the_projected_tangent_times_the_velocity(
+    slack: bool,
+) -> None:
+    rng = np.random.default_rng(5)
+    system = SpringSystem(random_body(rng, slack=slack), None)
+    x, v = system.body.nodes, rng.standard_normal((10, 3))
+    undamped = system.links._replace(damping=np.zeros(20))
+    still, moving = np.zeros((10, 3)), np.zeros((10, 3))
+    add_forces(x, 0 * v, undamped, 0.3, still)
+    add_forces(x, v, undamped, 0.3, moving)
+    K = system.hessian(x, project=True)
+    np.testing.assert_allclose((moving - still).ravel(), -0.3 * (K @ v.ravel()), atol=1e-12)
+
+
 def test_a_slack_spring_pulls_and_does_not_push() -> None:
     x = np.array([[0.0, 0, 0], [1.0, 0, 0]])
     ends, one, mass = np.array([[0, 1]]), np.ones(1), np.ones(2)
