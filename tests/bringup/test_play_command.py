@@ -1,0 +1,77 @@
+"""`tripod path`, `tripod solve`, `tripod maze`: exit codes, one line for an error, JSON."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from tripod_bringup import cli
+
+COARSE = ("--set", "mesh.level=1")
+
+
+def tripod(*words: str) -> Any:
+    return CliRunner().invoke(cli.app, list(words))
+
+
+def test_maze_prints_what_it_reads_again(tmp_path: Path) -> None:
+    assert tripod("maze").stdout.split() == ["first", "holes", "labyrinth"]
+    result = tripod("maze", "random:7:5x3")
+    assert result.exit_code == 0
+    assert result.stdout.count("\n") == 7
+    file = tmp_path / "m.txt"
+    file.write_text(result.stdout)
+    assert tripod("maze", str(file)).stdout == result.stdout
+
+
+def test_solve_wins_a_game_and_says_so_in_json() -> None:
+    result = tripod("solve", "first", "--seed", "3", "--json", *COARSE)
+    assert result.exit_code == 0
+    told = json.loads(result.stdout)
+    assert (told["maze"], told["solved"]) == ("first", 1)
+    assert told["games"][0]["seed"] == 3
+    assert told["median_time"] == told["games"][0]["time"]
+
+
+def test_a_game_that_is_not_won_is_exit_code_1() -> None:
+    result = tripod("solve", "first", "--limit", "0.5", *COARSE)
+    assert result.exit_code == 1
+    assert "goal not reached within 0.5 s" in result.stdout
+    assert "0 of 1 solved" in result.stdout
+
+
+def test_path_plays_and_names_where_servos_are_too_slow(tmp_path: Path) -> None:
+    file = tmp_path / "p.csv"
+    file.write_text("time,tilt_x,tilt_y\n0,0,0\n0.1,0.05,0\n0.3,0,0\n")
+    result = tripod("path", str(file), "--speed", "0.5", "--json", *COARSE)
+    assert result.exit_code == 0
+    told = json.loads(result.stdout)
+    assert told["key_points"] == 3
+    assert told["time"] > told["file_time"] == 0.3
+    assert told["limits"][0].startswith("0 to 0.1 s: slowed")
+    assert f"tripod path: {told['limits'][0]}" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("path", "nowhere.csv"), "tripod path: path file 'nowhere.csv' cannot be read: No such file"),
+        (("path", "BAD"), "line 3: time 0.5 s after 1 s; times must rise"),
+        (("path", "GOOD", "--speed", "0"), "the speed of the servos is 0.0 rad/s; it must be above 0"),
+        (("path", "GOOD", "--scene", "silicone"), "scene 'silicone' has no servos or no effector"),
+        (("solve", "labyrint"), "maze.source is 'labyrint'; allowed: first, holes, labyrinth"),
+        (("solve", "--scene", "tripod"), "scene 'tripod' has no maze of cells"),
+        (("solve", "--delay", "-1"), "eye delay is -1.0; allowed is 0 to 1"),
+        (("maze", "random:x"), "a random maze is random:SEED"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(tmp_path: Path, words: tuple[str, ...], message: str) -> None:
+    files = {"BAD": "time,tilt_x,tilt_y\n1,0,0\n0.5,0,0\n", "GOOD": "time,tilt_x,tilt_y\n0,0,0\n"}
+    for name, text in files.items():
+        (tmp_path / f"{name}.csv").write_text(text)
+    result = tripod(*(str(tmp_path / f"{w}.csv") if w in files else w for w in words))
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1

@@ -1,0 +1,220 @@
+"""Path and solver in a graph of their own: which targets they ask for, when they stop."""
+
+import random
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("tripod_msgs")
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from tripod_msgs.msg import ControlMode
+
+from tripod_graph import names
+from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
+from tripod_play.follow import ServoPath
+from tripod_play.node import PathNode, PlayNode, SolveNode
+from tripod_play.path_file import KeyPoints, Kind
+from tripod_play.player import PlayerSettings
+from tripod_sim.maze.board import make_board
+from tripod_sim.scene import Maze
+
+pytestmark = pytest.mark.ros
+
+DEADLINE = 20.0
+OFFSET = 0.008
+
+
+class Robot(Node):
+    """Stands for simulator, camera and operator."""
+
+    def __init__(self) -> None:
+        super().__init__("robot")
+        self.targets: list[PoseStamped] = []
+        self.modes: list[int] = []
+        self.create_subscription(PoseStamped, names.TARGET_POSE, self.targets.append, RELIABLE)
+        self.create_subscription(
+            ControlMode, names.CONTROL_MODE, lambda m: self.modes.append(m.mode), LATCHED_OF_ALL
+        )
+        self._pose = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
+        self._balls = {
+            name: self.create_publisher(PoseStamped, name, RELIABLE)
+            for name in (names.SIM_BALL_POSE, names.BALL_POSE)
+        }
+        self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+
+    def say_pose(self) -> None:
+        message = PoseStamped()
+        message.header.frame_id = names.WORLD
+        message.pose.position.z = -0.0084
+        message.pose.orientation.w = 1.0
+        self._pose.publish(message)
+
+    def say_ball(self, x: float, y: float, topic: str = names.SIM_BALL_POSE, z: float = 0.002) -> None:
+        message = PoseStamped()
+        p = message.pose.position
+        p.x, p.y, p.z = x, y, -0.0084 + OFFSET + z
+        self._balls[topic].publish(message)
+
+    def say_mode(self, mode: int) -> None:
+        message = ControlMode(mode=mode, source="robot")
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._mode.publish(message)
+
+
+class Graph:
+    def __init__(self, make: Callable[[], PlayNode]) -> None:
+        self.robot, self.node = Robot(), make()
+        self._executor = SingleThreadedExecutor()
+        for node in (self.robot, self.node):
+            self._executor.add_node(node)
+
+    def until(self, wanted: Callable[[], bool], each: Callable[[], None] = lambda: None) -> None:
+        end = time.monotonic() + DEADLINE
+        while not wanted():
+            assert time.monotonic() < end
+            each()
+            self._executor.spin_once(timeout_sec=0.01)
+
+    def close(self) -> None:
+        self.node.close()
+        self.robot.destroy_node()
+        self._executor.shutdown()
+
+
+@pytest.fixture
+def context(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init(args=[], domain_id=random.SystemRandom().randint(1, 100))
+    yield
+    rclpy.try_shutdown()
+
+
+def tilt_of(message: PoseStamped) -> np.ndarray:
+    q = message.pose.orientation
+    return 2 * np.array([q.x, q.y])
+
+
+def solver() -> SolveNode:
+    return SolveNode(make_board(Maze(source="first"), 0.002), OFFSET, PlayerSettings(), 0.05)
+
+
+def test_a_path_takes_the_mode_plays_its_tilts_and_ends(context: None) -> None:
+    points = KeyPoints(Kind.TILT, np.array([0.0, 0.4]), np.array([[0.0, 0.0], [0.1, -0.05]]))
+    times = np.array([0.0, 0.4])
+    path = ServoPath(times, np.zeros((2, 3)), times, ())
+    graph = Graph(lambda: PathNode(points, path))
+    try:
+        graph.until(lambda: bool(graph.node.done), graph.robot.say_pose)
+        graph.until(lambda: bool(graph.robot.targets) and tilt_of(graph.robot.targets[-1])[0] > 0.0995)
+        assert ControlMode.IK in graph.robot.modes
+        tilts = np.array([tilt_of(t) for t in graph.robot.targets])
+        assert (np.diff(tilts[:, 0]) >= 0).all()
+        np.testing.assert_allclose(tilts[-1], [0.1, -0.05], atol=1e-3)
+        assert all(t.pose.position.z == -0.0084 for t in graph.robot.targets)
+        assert graph.node.done.startswith("path played")
+    finally:
+        graph.close()
+
+
+def test_the_solver_tilts_along_the_way_and_stops_in_the_goal(context: None) -> None:
+    """In `first` the way begins along +x: a turn about +y."""
+    graph = Graph(solver)
+    start, goal = (-0.0105, 0.0105), (-0.0105, 0.0035)
+
+    def see() -> None:
+        graph.robot.say_pose()
+        graph.robot.say_ball(*start)
+
+    try:
+        graph.until(lambda: len(graph.robot.targets) > 15 and tilt_of(graph.robot.targets[-1])[1] > 0.01, see)
+        assert not graph.node.done
+        graph.until(lambda: bool(graph.node.done), lambda: graph.robot.say_ball(*goal))
+        assert graph.node.done == "goal reached"
+        count = len(graph.robot.targets)
+        graph.until(
+            lambda: len(graph.robot.targets) > count or np.allclose(tilt_of(graph.robot.targets[-1]), 0)
+        )
+        np.testing.assert_allclose(tilt_of(graph.robot.targets[-1]), 0)
+    finally:
+        graph.close()
+
+
+def test_a_camera_comes_before_the_simulator_and_nan_is_not_seen(context: None) -> None:
+    graph = Graph(solver)
+
+    def see() -> None:
+        graph.robot.say_pose()
+        graph.robot.say_ball(-0.0105, 0.0105, names.BALL_POSE)
+        graph.robot.say_ball(float("nan"), 0.0, names.BALL_POSE)
+        graph.robot.say_ball(-0.0105, 0.0035, names.SIM_BALL_POSE)  # the goal, were it believed
+
+    try:
+        graph.until(
+            lambda: len(graph.robot.targets) > 20,
+            lambda: graph.robot.say_ball(-0.0105, 0.0105, names.BALL_POSE) or graph.robot.say_pose(),
+        )
+        graph.until(lambda: len(graph.robot.targets) > 40, see)
+        assert not graph.node.done
+        assert np.isfinite([tilt_of(t) for t in graph.robot.targets]).all()
+    finally:
+        graph.close()
+
+
+def test_a_lost_ball_and_another_operator_end_the_game(context: None) -> None:
+    for lost in (True, False):
+        graph = Graph(solver)
+
+        def see(graph: Graph = graph) -> None:
+            graph.robot.say_pose()
+            graph.robot.say_ball(-0.0105, 0.0105)
+
+        try:
+            graph.until(lambda graph=graph: len(graph.robot.targets) > 3, see)
+            if lost:
+                graph.until(
+                    lambda graph=graph: bool(graph.node.done),
+                    lambda graph=graph: graph.robot.say_ball(0.0, 0.0, z=-0.02),
+                )
+                assert graph.node.done == "ball lost"
+            else:
+                graph.robot.say_mode(ControlMode.STOP)
+                graph.until(lambda graph=graph: bool(graph.node.done), see)
+                assert graph.node.done == "mode is STOP: another operator has taken over"
+        finally:
+            graph.close()
+
+
+def test_the_simulator_tells_where_the_ball_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    from tripod_sim.node import SimNode
+
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    received: list[PoseStamped] = []
+    rclpy.init(
+        args=["--ros-args", "-p", "scene:=maze", "-p", "set:=mesh.level=1"],
+        domain_id=random.SystemRandom().randint(1, 100),
+    )
+    robot = Robot()
+    robot.create_subscription(PoseStamped, names.SIM_BALL_POSE, received.append, RELIABLE)
+    sim = SimNode()
+    executor = SingleThreadedExecutor()
+    executor.add_node(robot)
+    executor.add_node(sim)
+    try:
+        end = time.monotonic() + DEADLINE
+        while len(received) < 3:
+            assert time.monotonic() < end
+            executor.spin_once(timeout_sec=0.02)
+        p = received[-1].pose.position
+        np.testing.assert_allclose([p.x, p.y], [-0.021, 0.021], atol=1e-3)
+        assert received[-1].header.frame_id == names.WORLD
+    finally:
+        sim.close()
+        executor.shutdown()
+        rclpy.try_shutdown()
