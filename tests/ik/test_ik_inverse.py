@@ -123,11 +123,13 @@ def test_it_stays_on_the_branch_unless_asked(model):
     assert np.linalg.det(there.state.jacobian[:3]) > 0
     assert there.state.angles.max() < here.state.angles.min() - 0.2
 
-    model.move(np.full(3, -0.5))
-    beyond = [PositionTask(model.state().equilibrium + np.array([0.0, 0.0, 0.02]))]  # above the fold
-    kept = InverseSolver(model, ANY).solve(beyond)
-    assert kept.outcome is Outcome.CLOSEST
-    assert np.linalg.det(kept.state.jacobian[:3]) >= -1e-9
+    model.move(np.full(3, -0.45))
+    saved, beyond = model.save(), [PositionTask([0.002, 0.0, 0.036])]  # above the fold
+    for any_branch, side in ((False, 1), (True, -1)):
+        model.restore(saved)
+        kept = InverseSolver(model, ANY, any_branch=any_branch).solve(beyond)
+        assert kept.outcome is Outcome.CLOSEST
+        assert np.sign(np.linalg.det(kept.state.jacobian[:3])) == side
 
 
 def test_tilts_are_reached_where_there_is_room_for_them(model):
