@@ -36,6 +36,7 @@ from tripod_sim.ball.plate_kernels import (
 Array = Any
 
 MOST_CONTACTS = 16
+MOST_CORRECTIONS = 20
 
 
 def workspace(triangles: int) -> tuple[Any, Any, Any]:
@@ -174,7 +175,8 @@ def advance_on_surface(
             for a in range(3):
                 b[a] = 0.5 * h * (v0[a] + v[a])
                 p[a] = n[a] + b[a]
-            for _ in range(4):
+            for attempt in range(MOST_CORRECTIONS):
+                smallest = 1e30
                 for i in range(count):
                     k = owners[i]
                     for c in range(3):
@@ -182,10 +184,12 @@ def advance_on_surface(
                             j = triangles[k, c]
                             corners[3 * c + a] = before[j, a] + s * (after[j, a] - before[j, a])
                     over = triangle_distance(corners, p, normals[i], weights[i]) - reach
-                    if over < 0.0:
+                    smallest = min(smallest, over + reach)
+                    if over < 0.0 and attempt < MOST_CORRECTIONS - 1:
                         for a in range(3):
                             p[a] -= over * normals[i, a]
-            smallest = reach
+                if smallest >= reach:
+                    break
             for a in range(3):
                 ledger[SHIFT] -= m * numbers[GRAVITY + a] * (p[a] - n[a] - b[a])
         if smallest < 1e29:
