@@ -12,7 +12,9 @@ from tripod_sim.contact.world import World
 MODES = ["lagrange", "penalty"]
 
 
-def slide(response: str, angle: float, friction: float, steps: int = 60, dt: float = 0.01) -> tuple[float, World]:
+def slide(
+    response: str, angle: float, friction: float, steps: int = 60, dt: float = 0.01
+) -> tuple[float, World]:
     """Mean acceleration down an incline, over the second half."""
     gravity = np.array([G * np.sin(angle), 0, -G * np.cos(angle)])
     world = boxes_on_plate(Law(response, friction, tolerance=1e-4), [[0, 0, 0.051]], gravity)
@@ -89,7 +91,9 @@ def test_stack_of_three_rests(response: str) -> None:
     assert kinetic < 1e-8
     np.testing.assert_allclose(world.rigid.centre, centres, atol=2e-3)
     assert report.smallest_gap > -1e-3
-    assert report.force == pytest.approx(0.3 * G * (3 + 2 + 1), rel=1e-3)  # each interface carries what is above
+    assert report.force == pytest.approx(
+        0.3 * G * (3 + 2 + 1), rel=1e-3
+    )  # each interface carries what is above
 
 
 @pytest.mark.parametrize("response", MODES)
@@ -103,7 +107,9 @@ def test_nothing_passes_a_plate_of_a_tenth_of_a_millimetre(response: str, speed:
     if shape == "ball":
         world = ball_on(obstacle, law, [0.05, 0.02, 0.35], radius=0.01)
     else:
-        bodies = RigidBodies(np.array([0.3]), 5e-4 * np.eye(3)[None], np.array([[0.05, 0.02, 0.35]]), np.zeros(3))
+        bodies = RigidBodies(
+            np.array([0.3]), 5e-4 * np.eye(3)[None], np.array([[0.05, 0.02, 0.35]]), np.zeros(3)
+        )
         world = World(law, 3e-4, obstacles=[obstacle], rigid=(bodies, [box([0.1, 0.05, 0.02])]))
     assert world.rigid
     world.rigid.velocity[0] = [0.03 * speed, 0, -speed]
@@ -111,6 +117,8 @@ def test_nothing_passes_a_plate_of_a_tenth_of_a_millimetre(response: str, speed:
         world.rigid.spin[0] = [3.0, 20.0, 5.0]
     for _ in range(int(min(60, 0.5 / speed / 0.01 + 20))):
         world.step(0.01)
-        lowest = world.positions_now()[: 1 if shape == "ball" else 8, 2].min() - (0.01 if shape == "ball" else 0)
+        lowest = world.positions_now()[: 1 if shape == "ball" else 8, 2].min() - (
+            0.01 if shape == "ball" else 0
+        )
         assert lowest > 5e-5
     assert lowest < 0.35  # it came down, or went up again

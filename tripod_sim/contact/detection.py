@@ -150,11 +150,20 @@ class Detector:
             at = out.count = end
         out.unique()
 
-    def met(self, start: FloatArray, end: FloatArray, out: ContactSet, *, share: float = LEAST, take_all: bool = False) -> float:
+    def met(
+        self,
+        start: FloatArray,
+        end: FloatArray,
+        out: ContactSet,
+        *,
+        share: float = LEAST,
+        take_all: bool = False,
+    ) -> float:
         """Add to `out` what meets while vertices move from `start` to `end` [m], shape (n, 3), on straight lines.
 
-        Met are pairs that come closer than the fraction `share` of the contact distance. Those of `out` that meet are replaced.
-        Where several triangles meet one shape, those to which others are closer are left out, unless `take_all`.
+        Met are pairs that come closer than the fraction `share` of the contact distance. Those of `out` that meet are
+        replaced. Where several triangles meet one shape, those to which others are closer are left out, unless
+        `take_all`.
 
         Returns:
             The fraction of the way until which all pairs surely keep that distance; 1 if nothing meets.

@@ -167,6 +167,8 @@ def _point_face(  # noqa: PLR0911 - every kind of feature has its reason to be l
     room = ROOM if choice == NEAR else MET_ROOM if choice == MET else 1.0
     if choice == NEAR:  # on an edge to rounding is on the edge, so that both its triangles say the same
         wa, wb, wc = _snapped(wa), _snapped(wb), _snapped(wc)
+        total = wa + wb + wc
+        wa, wb, wc = wa / total, wb / total, wc / total
     zeros = (wa == 0.0) + (wb == 0.0) + (wc == 0.0)
     if zeros == 2 and face_only and choice == NEAR:
         return at  # the vertices of the triangle see this one themselves

@@ -36,8 +36,11 @@ class Freedom(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def prepare(c: Contacts, count: int, x: Array, free: Freedom) -> None:
-    """Write gap, base, lump, moment and width of contacts for a step that starts at `x`."""
+def prepare(c: Contacts, count: int, x: Array, free: Freedom, most: float) -> None:
+    """Write gap, base, lump, moment and width of contacts for a step that starts at `x`.
+
+    What is deeper than `most` [m] counts as so deep, so that the step does not shoot it out.
+    """
     for k in range(count):
         gap = -c.offset[k]
         for m in range(4):
@@ -61,7 +64,7 @@ def prepare(c: Contacts, count: int, x: Array, free: Freedom) -> None:
             if free.width[v] == 6:
                 for i in range(3):  # a ball is touched not at its centre
                     c.moment[k, at, i] += w * free.arm[v, i] - abs(w) * free.radius[v] * c.normal[k, i]
-        c.gap[k] = gap
+        c.gap[k] = max(gap, -most)
 
 
 @njit(cache=True, error_model="numpy")

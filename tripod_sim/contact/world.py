@@ -62,7 +62,10 @@ class World:
         problem: Potential of the step.
     """
 
-    MOST_PASSES = 8
+    MOST_PASSES, MOST_HALVINGS = 8, 6
+
+    PART_SPEED = 0.5
+    """At which bodies that begin too close are parted [m/s]."""
 
     def __init__(
         self,
@@ -158,8 +161,6 @@ class World:
         report.force = float(pressure.sum())
         return report
 
-    MOST_HALVINGS = 6
-
     def _advance(self, h: float, report: ContactReport, depth: int) -> None:
         u = self._u
         self._place()
@@ -167,7 +168,7 @@ class World:
         self._detect(u)
         share = 1.0
         try:
-            share = self._respond(u, report)
+            share = self._respond(u, h, report)
         except DescentError:
             if depth >= self.MOST_HALVINGS:
                 raise
@@ -196,11 +197,11 @@ class World:
             self.detector.met(self.positions, self._ends, c, share=1.0)
         inherit(kept.arrays, kept.count, c.arrays, c.count)
 
-    def _respond(self, u: FloatArray, report: ContactReport) -> float:
+    def _respond(self, u: FloatArray, h: float, report: ContactReport) -> float:
         """Move `u` to the end of the step; return 1, or the fraction of the moves until which nothing is passed."""
         c, share = self.contacts, 0.0
         for number in range(self.MOST_PASSES):
-            kernels.prepare(c.arrays, c.count, self.positions, self._free)
+            kernels.prepare(c.arrays, c.count, self.positions, self._free, self.PART_SPEED * h)
             self.problem.renew()
             outcome = self.response.solve(u)
             report.passes += 1

@@ -1,0 +1,132 @@
+"""Contact: how the broad phase scales, what a step of a cloth wrapped on a sphere takes, what is passed, time to rest.
+
+    python benchmarks/contact.py [--small]
+
+One thread; CPU time. Prints a calibration, the median of a 1000 x 1000 float64 product, to compare machines by.
+"""
+
+import sys
+import time
+
+import numpy as np
+from calibration import calibration
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.contact.broad_phase import AllPairs, Boxes, Tree
+
+MODES = ("lagrange", "penalty")
+
+
+def median(function, repeats: int) -> float:
+    """CPU time of a call [s]."""
+    function()
+    taken = []
+    for _ in range(repeats):
+        start = time.thread_time()
+        function()
+        taken.append(time.thread_time() - start)
+    return float(np.median(taken))
+
+
+def broad_phase(sizes: list[int]) -> None:
+    """Triangles spread over a surface, each overlapping a few others: n triangles against n triangles."""
+    print("\n| triangles | pairs | tree, build + query [ms] | all with all [ms] |\n|---|---|---|---|")
+    rng, times = np.random.default_rng(0), []
+    for n in sizes:
+        centre = rng.uniform(0, np.sqrt(n), (n, 1, 3)) * [1, 1, 0.01]
+        x = (centre + rng.uniform(-0.5, 0.5, (n, 3, 3))).reshape(-1, 3)
+        boxes, query = Boxes(np.arange(3 * n).reshape(-1, 3)), Boxes(np.arange(3 * n).reshape(-1, 3))
+        boxes.sweep(x, x, 0.0)
+        query.sweep(x[::-1].copy(), x[::-1].copy(), 0.05)
+        tree, brute = Tree(boxes), AllPairs(boxes)
+
+        def run(tree: Tree = tree, query: Boxes = query) -> None:
+            tree.update()
+            tree.pairs(query)
+
+        times.append(median(run, 5))
+        other = f"{median(lambda b=brute, q=query: b.pairs(q), 1) * 1e3:.1f}" if n <= 10_000 else "-"
+        print(f"| {n} | {len(tree.pairs(query))} | {times[-1] * 1e3:.2f} | {other} |")
+    slope = np.polyfit(np.log(sizes), np.log(times), 1)[0]
+    print(f"\nThe tree's time grows like n^{slope:.2f}.")
+
+
+def wrapped(counts: list[int], steps: int) -> None:
+    """A grid cloth falls on the sphere of 506 triangles and wraps it."""
+    head = (
+        "median [ms] | p99 [ms] | touching: median [ms] | contacts | pressed | solves | factorisations | cut"
+    )
+    print(f"\n| cloth | response | {head} |\n|" + "---|" * 10)
+    for response in MODES:
+        medians = []
+        for n in counts:
+            mass = 0.2205 / n**2
+            words = [
+                "springs.source=grid",
+                f"springs.nodes={n}",
+                "springs.size=0.8",
+                f"springs.node_mass={mass}",
+            ]
+            simulation = Simulation(load_scene("drape", [*words, f"contact.response={response}"]))
+            taken, solves, factorisations, cut = [], [], [], 0.0
+            for _ in range(steps):
+                start = time.thread_time()
+                report = simulation.step()
+                taken.append((time.thread_time() - start) * 1e3)
+                solves.append(report.iterations)
+                factorisations.append(report.factorisations)
+                cut = max(cut, report.contact.cut)
+            c, late = report.contact, slice(steps // 5, None)
+            medians.append(np.median(taken[late]))
+            print(
+                f"| {n} x {n} | {response} | {np.median(taken):.1f} | {np.percentile(taken, 99):.1f} | "
+                f"{medians[-1]:.1f} | {c.contacts} | {c.pressed} | {np.median(solves[late]):.0f} | "
+                f"{np.median(factorisations[late]):.0f} | {cut:g} |",
+                flush=True,
+            )
+        if len(counts) > 1:
+            slope = np.polyfit(np.log(np.square(counts)), np.log(medians), 1)[0]
+            print(f"\n{response}: the time grows like the nodes^{slope:.2f}.\n")
+
+
+def variations(duration: float) -> None:
+    """The report's variations: contact distance, mass, response, and how fast the cloth comes."""
+    cases = [("contact.contact_distance", d) for d in (0.0005, 0.002, 0.005)]
+    cases += [("springs.node_mass", m) for m in (5e-5, 5e-3)]
+    cases += [("speed", v) for v in (5.0, 50.0)]
+    head = "sunk in [mm] | passed | at rest after [s] | CPU s per simulated s"
+    print(f"\n| response | changed | {head} |\n|" + "---|" * 6)
+    for response in MODES:
+        for name, value in [("-", 0.0), *cases]:
+            words = [f"contact.response={response}"] + ([f"{name}={value}"] if "." in name else [])
+            if name == "contact.contact_distance":
+                words.append(f"contact.alarm_distance={3 * value}")
+            simulation = Simulation(load_scene("drape", words))
+            if name == "speed":
+                simulation.state.velocities[:, 2] = -value
+            sunk, rest, passed = 0.0, np.inf, False
+            start = time.thread_time()
+            for k in range(round(duration / simulation.scene.dt)):
+                report = simulation.step()
+                sunk = max(sunk, -report.contact.smallest_gap)
+                passed |= bool((np.linalg.norm(simulation.positions, axis=1) < 0.19).any())
+                moves = simulation.energies().kinetic >= 1e-8
+                rest = np.inf if moves else min(rest, (k + 1) * simulation.scene.dt)
+            took = (time.thread_time() - start) / duration
+            what = "-" if name == "-" else f"{name.rpartition('.')[2]} {value:g}"
+            print(
+                f"| {response} | {what} | {sunk * 1e3:.3f} | {'yes' if passed else 'no'} | {rest:.2f} | {took:.2f} |",
+                flush=True,
+            )
+
+
+def main() -> None:
+    small = "--small" in sys.argv[1:]
+    print(f"1000 x 1000 product: {calibration() * 1e3:.0f} ms")
+    broad_phase([1_000, 10_000] if small else [1_000, 3_000, 10_000, 30_000, 100_000])
+    wrapped([16] if small else [16, 32, 48], 60 if small else 400)
+    variations(0.5 if small else 10.0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,169 @@
+"""Contact as an effect of scenes: bad input is named, absent it leaves no trace, cloth rests and never passes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.errors import SceneError
+
+SMALL = ["springs.source=grid", "springs.nodes=9", "springs.size=0.6"]
+
+MODES = ["lagrange", "penalty"]
+
+
+def refused(*overrides: str) -> str:
+    with pytest.raises(SceneError) as caught:
+        Simulation(load_scene("drape", [*SMALL, *overrides]))
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("response", MODES)
+@pytest.mark.parametrize("scene", ["drape", "drape_cubes"])
+def test_cloth_comes_to_rest_and_keeps_its_distance(scene: str, response: str) -> None:
+    simulation = Simulation(load_scene(scene, [*SMALL, f"contact.response={response}", "damping.mass=10"]))
+    lowest, fallen = 0.0, simulation.positions[:, 2].copy()
+    for _ in range(350):
+        report = simulation.step()
+        assert report.contact
+        lowest = min(lowest, report.contact.smallest_gap)
+        assert report.contact.cut == 0.0
+    assert report.contact.pressed > 3
+    assert simulation.energies().kinetic < 1e-8
+    assert lowest > -simulation.scene.contact.contact_distance
+    assert (fallen - simulation.positions[:, 2]).max() > 0.1
+
+
+@pytest.mark.parametrize("response", MODES)
+def test_cloth_thrown_at_50_m_s_does_not_pass_the_sphere(response: str) -> None:
+    simulation = Simulation(load_scene("drape", [*SMALL, f"contact.response={response}"]))
+    simulation.state.velocities[:, 2] = -50.0
+    lowest = 1.0
+    for _ in range(15):
+        simulation.step()
+        assert np.isfinite(simulation.positions).all()
+        # the sphere's flat faces lie within its radius, 0.2 m
+        assert np.linalg.norm(simulation.positions, axis=1).min() > 0.19
+        lowest = min(lowest, float(simulation.positions[:, 2].min()))
+    assert lowest < 0.1  # its border flew on past the top
+
+
+def test_removing_contact_gives_the_bits_of_a_scene_that_never_had_it(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "tripod_sim" / "scenes" / "drape.toml").read_text()
+    bare = text[: text.index("[contact]")]
+    (tmp_path / "never.toml").write_text(bare.replace("cloth.obj", "grid"))
+
+    def motion(scene: str, overrides: list[str]) -> bytes:
+        simulation = Simulation(load_scene(scene, [*SMALL, *overrides]))
+        for _ in range(20):
+            simulation.step()
+        return simulation.state.positions.tobytes() + simulation.state.velocities.tobytes()
+
+    never = motion(str(tmp_path / "never.toml"), [])
+    assert motion("drape", ["contact=off", "obstacles=off"]) == never
+    assert motion("drape", []) != never
+
+
+def test_reset_and_repetition_give_the_same_bits() -> None:
+    simulation = Simulation(load_scene("drape", SMALL))
+
+    def motion() -> bytes:
+        for _ in range(40):
+            simulation.step()
+        assert simulation.report.contact
+        assert simulation.report.contact.pressed
+        return simulation.state.positions.tobytes()
+
+    first = motion()
+    simulation.reset()
+    assert motion() == first
+
+
+def test_absent_contact_is_not_imported() -> None:
+    def loaded(overrides: list[str]) -> set[str]:
+        code = (
+            "import sys; from tripod_sim import Simulation, load_scene;"
+            f"Simulation(load_scene('drape', {[*SMALL, *overrides]!r})).step();"
+            "print(*[m for m in sys.modules if m.startswith('tripod_sim')])"
+        )
+        done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+        return set(done.stdout.split())
+
+    assert not [m for m in loaded(["contact=off", "obstacles=off"]) if "contact" in m]
+    assert "tripod_sim.contact.world" in loaded([])
+
+
+def test_bad_contact_is_named() -> None:
+    assert "contact.alarm_distance is 0.001 m; it must be above contact.contact_distance, 0.002 m" in refused(
+        "contact.alarm_distance=0.001"
+    )
+    assert "contact.contact_distance is 0.0" in refused("contact.contact_distance=0")
+    assert "contact.alarm_distance is -1.0" in refused("contact.alarm_distance=-1")
+    assert "contact.friction is nan" in refused("contact.friction=nan")
+    assert "contact.response is 'glue'; allowed: lagrange, penalty" in refused("contact.response=glue")
+    assert "obstacles need contact" in refused("contact=off")
+    assert "nothing to touch" in refused("obstacles=off")
+    assert "implicit_euler" in refused("inertia.scheme=bdf2")
+
+
+def test_bad_obstacles_are_named(tmp_path: Path) -> None:
+    def message(text: str) -> str:
+        path = tmp_path / "o.obj"
+        path.write_text(text)
+        return refused(f"obstacles.0.source={path}")
+
+    vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    assert "no triangles" in message(vertices)
+    assert "line 5: vertex 9 of a face is not among the 4 vertices" in message(vertices + "f 1 2 9\n")
+    assert "vertex 0 of a face" in message(vertices + "f 0 1 2\n")
+    assert "not" in message("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert "have no area" in message("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    assert "share their position" in message("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 1 0\nf 1 2 3\nf 1 2 4\n")
+    assert "at least 3 vertices" in message(vertices + "f 1 2\n")
+    assert "obstacles.0.source" in refused("obstacles.0.source=missing.obj")
+    assert "obstacles.0.source is 'sphere'" in refused("obstacles.0.source=sphere")
+    assert "obstacles.0.scale is 0" in refused("obstacles.0.scale=0")
+
+
+def test_polygons_of_an_obstacle_are_triangulated(tmp_path: Path) -> None:
+    turns = np.arange(7) * 2 * np.pi / 7
+    vertices = "".join(f"v {0.4 * np.cos(t):.6f} {0.4 * np.sin(t):.6f} 0.1\n" for t in turns)
+    (tmp_path / "heptagon.obj").write_text(vertices + "f 1 2 3 4 5 6 7\n")
+    simulation = Simulation(load_scene("drape", [*SMALL, f"obstacles.0.source={tmp_path / 'heptagon.obj'}"]))
+    for _ in range(100):
+        simulation.step()
+    inside = np.linalg.norm(simulation.positions[:, :2], axis=1) < 0.3
+    assert inside.sum() > 20
+    assert simulation.positions[inside, 2].min() > 0.1
+
+
+def test_a_start_inside_an_obstacle_is_refused_or_lifted() -> None:
+    inside = "springs.position=[0, 0, 0.1]"
+    text = refused(inside)
+    assert text.startswith("nodes ")
+    assert "obstacles.0" in text
+    assert "contact.start = 'lift'" in text
+    simulation = Simulation(load_scene("drape", [*SMALL, inside, "contact.start=lift"]))
+    heights = simulation.positions[:, 2]
+    assert np.ptp(heights) == 0
+    assert 0.2 < heights[0] < 0.21
+    simulation.step()
+    assert simulation.report.contact
+    assert simulation.report.contact.smallest_gap > -0.002
+    # wholly inside: a cloth smaller than the sphere
+    assert "lie inside" in refused("springs.size=0.1", "springs.position=[0, 0, 0]")
+
+
+def test_a_chain_is_caught_by_an_edge() -> None:
+    """Its springs are shapes of their own: a chain across the edge of a cube hangs there."""
+    chain = ["springs.source=chain", "springs.nodes=9", "springs.size=0.6", "obstacles.0.source=cube.obj"]
+    simulation = Simulation(
+        load_scene("drape", [*chain, "springs.position=[-0.3, 0.01, 0.12]", "contact.friction=2"])
+    )
+    for _ in range(200):
+        simulation.step()
+    assert simulation.positions[:, 2].max() > 0.09
