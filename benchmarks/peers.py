@@ -179,7 +179,7 @@ def measure(
                 process.wait()
         if waiting:
             failed = waiting.pop(0)
-            why = f"took over {limit:g} s" if watch.finished.is_set() and code == -9 else f"crashed ({code})"
+            why = f"took over {limit:g} s" if code == -9 else f"crashed (exit code {code})"
             yield Row(case, peer, "", failed, note=why)
 
 
@@ -218,13 +218,15 @@ def compute(
                 row.key for row in found["rows"] if row.error is not None or row.note.startswith("diverged")
             }
             module, package = PEERS[peer]
-            found["rows"] = [r for r in found["rows"] if (r.case, r.peer) != (case, peer) or r.key in done]
+            kept = [r for r in found["rows"] if (r.case, r.peer) == (case, peer) and r.key in done]
+            found["rows"] = [r for r in found["rows"] if (r.case, r.peer) != (case, peer)]
             if find_spec(package) is None:
-                found["rows"].append(Row(case, peer, note=MISSING))
+                found["rows"] += kept or [Row(case, peer, note=MISSING)]
                 write(store, found)
                 continue
             runner = import_module(module)
             settings = runner.SETTINGS.get(case, [])
+            found["rows"] += [r for r in kept if r.setting in {s.name for s in settings}]
             if not settings:
                 found["rows"].append(Row(case, peer, runner.version(), note=runner.NOTES[case]))
             names = [s.name for s in settings if (s.quick or not quick) and (case, peer, s.name) not in done]

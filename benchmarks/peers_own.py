@@ -80,6 +80,7 @@ SETTINGS = {
         ("h8_modes", (10, 1, 1), "tr_bdf2", 5e-3, False),
         ("h8_modes", (10, 2, 2), "tr_bdf2", 2e-3, False),
         ("h27", (5, 1, 1), "tr_bdf2", 2e-3, False),
+        ("t4", (10, 2, 2), "tr_bdf2", 2e-3, False),
     ),
     "y L1": _y(("h8_modes", 1, True), ("h8_modes", 2, False), ("h8_modes", 4, False), ("h27", 9, False)),
     "y L2": _y(("h8_modes", 1, True), ("h8_modes", 2, False), ("h8_modes", 4, False), ("h27", 9, False)),
