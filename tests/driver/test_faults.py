@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripod_driver.calibration import Calibration, ServoCalibration
@@ -539,6 +539,7 @@ event = st.one_of(
 )
 
 
+@settings(max_examples=200)
 @given(st.lists(event, max_size=12))
 def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silence_is_noticed(events) -> None:
     bench = Bench()
@@ -567,11 +568,11 @@ def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silen
     if bench.safety.can_move:
         bench.port.fault = Fault.SILENT
         bench.run(0.6)
-        assert bench.safety.state is State.DISCONNECTED, "silence was not noticed"
+        assert bench.safety.state in (State.DISCONNECTED, State.CONNECTING), "silence was not noticed"
     count = len(bench.sent)
     bench.port.fault = Fault.UNPLUGGED
     bench.run(0.5)
-    assert len(bench.sent) - count <= 0
+    assert len(bench.sent) == count
     angles = np.array([a for _, a in bench.sent])
     times = np.array([t for t, _ in bench.sent])
     slack = 2e-4  # pulses are rounded to 0.1 us
