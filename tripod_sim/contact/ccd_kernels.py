@@ -18,7 +18,7 @@ Array = Any
 CLOSE = 0.05
 """Fraction of the initial distance above the gap at which advancing stops."""
 
-MOST = 2000
+MOST = 300
 """Advancements, after which the time reached so far is returned: it is safe, if early."""
 
 
