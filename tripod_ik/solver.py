@@ -20,8 +20,13 @@ KKT_TOLERANCE = 1e-6
 COARSE, FINE = 1e-4, 1e-9
 """Tolerances of OSQP [rad]: the first is nearly always enough to tell the active limits, then the second."""
 
-RHO, HARD_RHO = 0.1, 10.0
-"""Step lengths of OSQP: the usual one, and one for large multipliers."""
+RHO = 0.1
+"""Step length of OSQP."""
+
+RETRIES = ({"eps_abs": FINE}, {"rho": 10.0}, {"rho": 100.0})
+"""What is tried, from scratch, where the active limits were not told: more digits; and other step lengths, since limits
+that contradict each other have large multipliers.
+"""
 
 ACTIVE = 1e-7
 """Multiplier [rad] from which on a limit counts as active: it keeps the effector from coming closer."""
@@ -131,10 +136,9 @@ class IkSolver:
             q=problem.q, l=problem.l, u=problem.u, Px=problem.P.T[self._P.T], Ax=problem.A.T[self._A.T]
         )
         x, y, kkt, iterations, status = self._attempt(problem)
-        if self._polishing and not kkt <= KKT_TOLERANCE:
-            # four digits did not tell the active limits; or limits that contradict each other push hard, and OSQP's
-            # step length is wrong for that
-            retry = {"eps_abs": FINE} if status == "solved" else {"rho": HARD_RHO}
+        for retry in RETRIES if self._polishing else ():
+            if kkt <= KKT_TOLERANCE:
+                break
             self._osqp.update_settings(**retry)
             self._osqp.warm_start(np.zeros(len(x)), np.zeros(len(y)))
             x, y, kkt, more, status = self._attempt(problem)

@@ -11,7 +11,7 @@ from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of, roll_pitch
 from tripod_ik.row_limits import EffectorBox, TorqueLimit
 from tripod_ik.tasks import PositionTask, orientation_tasks
-from tripod_sim import SceneError, load_scene
+from tripod_sim import SceneError, StepError, load_scene
 
 WORKING = np.full(3, -1.4965)
 ANY = AngleLimit(-2.1, 0.6)
@@ -132,6 +132,16 @@ def test_it_stays_on_the_branch_unless_asked(model):
         assert np.sign(np.linalg.det(kept.state.jacobian[:3])) == side
 
 
+def test_it_converges_without_damping_too_since_a_step_that_is_worse_is_taken_back(model):
+    saved, ends = model.save(), []
+    for curvature in (0.0, 0.03):
+        model.restore(saved)
+        solution = InverseSolver(model, ANY).solve([PositionTask([0.04, 0.0, 0.0], curvature=curvature)])
+        assert solution.outcome is Outcome.CLOSEST
+        ends.append(solution.residual)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-4)
+
+
 def test_tilts_are_reached_where_there_is_room_for_them(model):
     """Lower down, a tilt towards a strip meets the smallest angle or a fold: `tripod reach` shows where."""
     saved, height = model.save(), 0.005
@@ -181,6 +191,20 @@ def test_a_pose_that_the_model_refuses_leaves_it_where_it_was(model):
         model.move(np.array([-1.4, -1.4, 3.0]))
     assert model.angles == pytest.approx(WORKING)
     assert model.state().effector == pytest.approx(before.effector, abs=1e-15)
+
+
+def test_a_pose_without_compliance_leaves_the_model_where_it_was(model, monkeypatch):
+    before = model.state().effector.copy()
+
+    def singular():
+        raise StepError("the static tangent is singular")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(model.simulation, "compliance", singular)
+        with pytest.raises(StepError, match="singular"):
+            model.move(WORKING + 0.1)
+    assert model.angles == pytest.approx(WORKING, abs=1e-15)
+    assert model.state().effector == pytest.approx(before, abs=1e-15)
 
 
 def test_a_scene_without_servos_has_no_inverse():

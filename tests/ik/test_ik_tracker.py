@@ -164,20 +164,26 @@ def test_an_unreachable_target_gives_the_closest_pose_without_jitter(direction, 
     assert np.abs(np.diff(rest, axis=0)).max() < 1e-4
 
 
-def test_without_damping_the_same_target_makes_the_command_jump(monkeypatch):
-    """What the damping is for; without this the test above might pass with any target.
-
-    The fold would end the jumps too, so it is not looked at here.
-    """
-    monkeypatch.setattr(tracker_module, "branch", lambda state, tasks: 0.0)
+@pytest.mark.parametrize("guarded", [False, True])
+def test_without_damping_the_same_target_makes_the_command_jump_until_folds_are_kept_off(
+    monkeypatch, guarded
+):
+    """What the damping is for, and what the look at folds: without both, nothing holds the command."""
+    if not guarded:
+        monkeypatch.setattr(tracker_module, "branch", lambda state, tasks: 0.0)
     monkeypatch.setattr(tracker_module, "PositionTask", lambda t, w: PositionTask(t, w, curvature=0.0))
     robot = SpringRobot(slide=0.035)
     one = Tracker(TrackerSettings(angle_min=-3.1, angle_max=3.1))
     direction = np.array([0.2, -0.9, 0.5])
     one.target = robot.rest(WORKING) + 0.1 * direction / np.linalg.norm(direction)
     steps, _ = follow(robot, one, WORKING, 350)
-    rest = np.array([s.result.command for s in steps[-50:]])
-    assert np.abs(np.diff(rest, axis=0)).max() > 1e-2
+    moves = np.abs(np.diff([s.result.command for s in steps[-50:]], axis=0)).max()
+    if guarded:
+        assert moves < 1e-4
+        assert steps[-1].activity is Activity.CLOSEST
+        assert any("branch" in s.result.active_limits for s in steps[-3:])
+    else:
+        assert moves > 1e-2
 
 
 def test_a_jump_of_100_mm_and_back_ends_where_it_began():
