@@ -246,6 +246,8 @@ def _lines(table: Any, path: str) -> list[str]:
 
 
 def _literal(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if isinstance(value, tuple):
         return "[" + ", ".join(_literal(v) for v in value) + "]"
     if isinstance(value, str):
