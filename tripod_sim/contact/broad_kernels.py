@@ -1,8 +1,8 @@
 """Loops of the broad phase: boxes around moving shapes, a tree of boxes, and the pairs that overlap.
 
-The tree is a complete binary one over the shapes in the order of a Z-curve through their centres [LauterbachEtAl2009]: node
-k has the children 2 k + 1 and 2 k + 2, so that it needs no pointers, and a refit is one pass from the end. Shapes
-beyond the last are empty boxes, which overlap nothing.
+The tree is a complete binary one over the shapes in the order of a Z-curve through their centres
+[LauterbachEtAl2009]: node k has the children 2 k + 1 and 2 k + 2, so that it needs no pointers, and a refit is one
+pass from the end. Shapes beyond the last are empty boxes, which overlap nothing.
 """
 
 from typing import Any
