@@ -132,10 +132,10 @@ def block(
     solid, (load, inert) = elastic(mesh, young, poisson, law), lumped(mesh, mass)
     nodes = np.array(mesh.nodes)
     gravity, inertia = GravityForce(load, acceleration, nodes), Anchor(len(nodes))
-    lagged = (
+    viscous = (
         StiffnessDamping(damping[1], solid.elements, solid.matrices, len(nodes)) if damping[1] > 0 else None
     )
     groups = Groups(len(nodes), fixed=np.array(held, dtype=np.int64))
-    system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=lagged)
+    system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=viscous)
     stepper = make_scheme(scheme, Newton(system, tolerance, 100), inertia, inert, damping[0], 8)
     return Block(mesh, solid, inert, gravity, system.start_state(np.zeros(1)), stepper, dt)

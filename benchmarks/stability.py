@@ -27,7 +27,7 @@ from tripod_sim.robot.arms import effector_disc  # noqa: E402
 
 FloatArray = NDArray[np.float64]
 
-ELEMENTS = ("t4", "h8_modes", "h20", "t10")
+ELEMENTS = ("t4", "t10", "h8", "h8_modes", "h8_mean", "h20", "h20_full", "h27")
 SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")
 FLAT, WORKING = (0.0, 0.0, 0.0, 0.0), (-1.5, -1.5, -1.5, 0.035)
 STILL = 1e-6

@@ -194,7 +194,7 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Damping:
-    """Rayleigh damping: the force -(a M + b K) v, K the tangent last assembled at the start of a step.
+    """Rayleigh damping: the force -(a M + b K) v, K the tangent of the moment (b K v is the rate of elastic forces).
 
     Attributes:
         mass: a [1/s].

@@ -2,7 +2,7 @@
 
     Phi(x, modes) = E(x, modes) + V(x) + Q(x) + D(x)
 
-strain energy, gravity, inertia (with mass damping) and lagged stiffness damping; absent effects are None.
+strain energy, gravity, inertia (with mass damping) and stiffness damping; absent effects are None.
 """
 
 from typing import TYPE_CHECKING
@@ -69,7 +69,6 @@ class System:
         self.residual, self.torques = np.zeros(self.reduction.unknowns), np.zeros(s)
         self.axes = np.array([f.axis for f in groups.driven]).reshape(s, 3)
         self._no_weight = np.zeros(n)
-        self._combined = np.zeros_like(solid.matrices) if damping else None
         self._rest_centres = np.array([rest[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
         self.strain_energy = self.gravity_energy = 0.0
         frames = groups.driven
@@ -87,7 +86,8 @@ class System:
             np.zeros_like(self.residual),
             np.zeros(s),
         )
-        self._internal, self._last, self._known = np.zeros((n, 3)), (rest.copy(), solid.rest_modes()), False
+        self._elastic, self._elastic_energy = np.zeros((n, 3)), 0.0
+        self._last, self._known = (rest.copy(), solid.rest_modes()), False
         self._arm = rest.copy()  # of nodes of bodies, from the centre, undeformed [m]
         for centre, nodes in zip(self._rest_centres, groups.rigid, strict=True):
             self._arm[nodes] -= centre
@@ -150,11 +150,19 @@ class System:
 
         Where positions and modes are those of the evaluation before, its elastic forces serve again.
         """
-        phi = self._evaluate_internal(state)
+        phi = self._evaluate_elastic(state)
         if not np.isfinite(phi):
+            self.strain_energy = phi
             return np.inf
         g = self.gradient
-        g[:] = self._internal
+        g[:] = self._elastic
+        if self.damping:
+            phi += self.damping.add_gradient(state.positions, phi, self._elastic, g)
+        self.strain_energy = self._elastic_energy
+        if self.foundation:
+            bedding = self.foundation.add_gradient(state.positions, g)
+            self.strain_energy += bedding
+            phi += bedding
         if self.gravity:
             self.gravity_energy = self.gravity.add_gradient(state.positions, g)
             phi += self.gravity_energy
@@ -162,29 +170,35 @@ class System:
             phi += self.loads.add_gradient(state.positions, g)
         if self.inertia:
             phi += self.inertia.add_gradient(state.positions, g)
-        if self.damping:
-            phi += self.damping.add_gradient(state.positions, g)
         self.update_levers(state)
         self.reduction.gradient(g, self.lever, self.axes, self.residual, self.torques)
         return phi
 
-    def _evaluate_internal(self, state: State) -> float:
-        """Write the gradient of the strain energy to `_internal` and return that energy [J]."""
+    def elastic_forces(self, state: State) -> FloatArray:
+        """Return dE/dx of the solid at `state` [N], shape (n, 3): an array that the next evaluation overwrites."""
+        self._evaluate_elastic(state)
+        return self._elastic
+
+    def _evaluate_elastic(self, state: State) -> float:
+        """Write the solid's dE/dx to `_elastic` and return E [J]."""
         positions, modes = self._last
         if not (
             self._known and np.array_equal(positions, state.positions) and np.array_equal(modes, state.modes)
         ):
             self._known = False
-            g = self._internal
-            g[:] = 0.0
-            self.strain_energy = self.solid.add_gradient(state.positions, state.modes, g)
-            if not np.isfinite(self.strain_energy):
-                return np.inf
-            if self.foundation:
-                self.strain_energy += self.foundation.add_gradient(state.positions, g)
-            positions[:], modes[:] = state.positions, state.modes
-            self._known = True
-        return self.strain_energy
+            self._elastic[:] = 0.0
+            self._elastic_energy = self.solid.add_gradient(state.positions, state.modes, self._elastic)
+            if np.isfinite(self._elastic_energy):
+                positions[:], modes[:] = state.positions, state.modes
+                self._known = True
+        return self._elastic_energy
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier evaluations and assemblies, so that results depend on the state alone."""
+        self.solid.forget()
+        self._known = False
+        if self.damping:
+            self.damping.held = False
 
     def unbalanced(self) -> float:
         """Return the norm of the residual and of the modes' gradients [N].
@@ -205,30 +219,42 @@ class System:
 
         `shift` [N/m] is added for each node: a matrix that is only semi-definite then has a descent direction.
         """
-        matrices, weight = self.solid.matrices, self._no_weight
-        if self.damping and self._combined is not None:
-            np.multiply(self.damping.matrices, self.damping.factor, out=self._combined)
-            self._combined += matrices
-            matrices = self._combined
-        if self.inertia:
-            weight = self.inertia.weight
+        weight = self.inertia.weight if self.inertia else self._no_weight
         if shift:
             weight = weight + shift
-        blocks = [matrices] + ([self.foundation.matrices] if self.foundation else [])
-        self.reduction.hessian(blocks, weight, self.gradient, self.lever, self.axes)
+        parts = [(0, *part) for part in self._tangents()]
+        if self.foundation:
+            parts.append((1, self.foundation.matrices, 1.0))
+        self.reduction.hessian(parts, weight, self.gradient, self.lever, self.axes)
         self.factored = self.linear.factor()
         return self.factored and self.linear.is_positive()
+
+    def _tangents(self) -> list[tuple[FloatArray, float]]:
+        """Return the solid's part of the Hessian: element matrices [N/m], each with its factor."""
+        damping = self.damping
+        if damping and damping.held:
+            return [(self.solid.matrices, 1.0), (damping.matrices, damping.factor)]
+        return [(self.solid.matrices, 1.0 + damping.factor if damping else 1.0)]
+
+    def choose_damping(self, *, projected: bool, start: bool) -> None:
+        """Let the damping of this solve follow from its last assembled matrices: of a step's first ones, or projected.
+
+        Within a solve it changes at most once, to the projected tangent.
+        """
+        if not self.damping:
+            return
+        if projected and (start or not self.damping.held):
+            self.damping.hold(self.solid.matrices)
+        elif start:
+            self.damping.held = False
 
     def add_driven(self, dx: FloatArray) -> None:
         """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""
         self._change[:] = 0.0
-        beside, elements = self._beside, self.solid.elements
-        add_element_products(self.solid.matrices, elements, beside, dx, 1.0, self._change)
+        for matrices, factor in self._tangents():
+            add_element_products(matrices, self.solid.elements, self._beside, dx, factor, self._change)
         if self.foundation:
             self.foundation.add_gradient(dx, self._change)
-        if self.damping:
-            factor = self.damping.factor
-            add_element_products(self.damping.matrices, elements, beside, dx, factor, self._change)
         self.reduction.gradient(self._change, self.lever, self.axes, self._reduced, self._unused)
         self.residual += self._reduced
 

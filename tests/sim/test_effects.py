@@ -44,7 +44,7 @@ def test_absent_effects_are_not_imported() -> None:
 def test_absent_effects_have_no_term_and_no_array() -> None:
     bare = Simulation(load_scene("silicone", ["mesh.level=1", "gravity=off", "inertia=off", "damping=off"]))
     system = bare._system
-    assert (system.gravity, system.inertia, system.damping, system._combined) == (None, None, None, None)
+    assert (system.gravity, system.inertia, system.damping) == (None, None, None)
     assert isinstance(bare._stepper, QuasiStatic)
     assert system.drive is not None
     assert system.reduction.drive.size == 0

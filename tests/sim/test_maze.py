@@ -204,21 +204,6 @@ def test_tilting_rolls_the_ball_and_reset_brings_it_back(overrides: list[str]) -
     assert play() == first
 
 
-def test_a_ball_at_rest_on_a_tilted_plate_presses_through_its_centre() -> None:
-    """At rest nothing turns the ball, so its load on the robot is one force whose line goes through its centre."""
-    simulation = Simulation(load_scene("maze", ["mesh.level=1", "ball.rolling=0.05", "maze.offset=0.03"]))
-    ball, joints = simulation.state.ball, simulation.command
-    assert ball
-    for k in range(500):
-        joints[:3] = -1.4965 + 0.15 * min(k / 40, 1) * np.array([-1, 0.5, 0.5])
-        simulation.step(joints)
-    assert np.linalg.norm(ball.velocity) < 1e-3
-    force, moment = ball.wrench
-    np.testing.assert_allclose(force, [0, 0, -1e-4 * 9.81], rtol=0, atol=1e-5)
-    expected = np.cross(ball.position - simulation.state.centres[0], force)
-    np.testing.assert_allclose(moment, expected, rtol=0, atol=0.02 * np.abs(expected).max())
-
-
 def test_a_ball_thrown_off_the_board_is_an_event() -> None:
     simulation = Simulation(load_scene("maze", ["mesh.level=1"]))
     ball = simulation.state.ball

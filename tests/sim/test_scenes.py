@@ -53,7 +53,7 @@ def test_the_piece_in_the_fixing_box_hangs_from_it_and_quiets_down() -> None:
     assert not moved[held].any()
     assert moved[~held][:, 2].max() < 0
     assert simulation.state.positions[:, 2].min() < -0.07  # soft enough to hang, not to stand out
-    assert max(kinetic[-50:]) < 0.02 * max(kinetic)
+    assert max(kinetic[-50:]) < 0.05 * max(kinetic)
 
 
 def test_the_assembly_holds_three_ends_and_a_rigid_disc() -> None:
@@ -94,20 +94,20 @@ def test_the_preset_sofa_locks_less_when_finer() -> None:
 
 
 def test_the_preset_sofa_creeps() -> None:
-    """After a jump of all servos the way left falls as exp(-t / b), b = 0.05 s: damping rules, inertia does not.
+    """Without mass g + b dg/dt = 0: the elastic forces of a body let go fall as exp(-t / b), b = 0.05 s.
 
-    Without mass every mode moves as x' = -x / b, whatever its stiffness; a step of implicit Euler leaves
-    1 / (1 + h / b) of it, 1 / 1.2 here. The jump is small, so that stiffness does not change on the way.
+    A step of implicit Euler leaves 1 / (1 + h / b) of them, 1 / 1.2 here, and of the small sag that they belong to.
     """
-    light = ["material.mass=1e-6", "gravity=off", "solver.mode=newton", "solver.tolerance=1e-9"]
-    simulation = Simulation(load_scene("tripod_sofa", ["mesh.level=5", *light]))
-    goal, heights = np.array([-0.002, -0.002, -0.002, 0.0]), []
-    for _ in range(120):
-        simulation.step(goal)
-        heights.append(simulation.effector.position[2])
-    left = np.abs(np.array(heights) - heights[-1])[:12]
-    assert left[-1] > 2e-8  # positions are good to 1e-10 m: the tolerance over about 10 N/m
-    np.testing.assert_allclose(left[1:] / left[:-1], 1 / 1.2, atol=0.002)
+    options = ["mesh.level=5", "solver.mode=newton", "solver.tolerance=1e-9"]
+    sagged = Simulation(load_scene("tripod_sofa", ["gravity.acceleration=[0, 0, -0.05]", *options]))
+    simulation = Simulation(load_scene("tripod_sofa", ["material.mass=1e-6", "gravity=off", *options]))
+    sagged.state.copy_to(simulation.state)
+    left = [abs(simulation.effector.position[2])]
+    for _ in range(12):
+        simulation.step()
+        left.append(abs(simulation.effector.position[2]))
+    assert left[-1] > 2e-7  # positions are good to 1e-10 m: the tolerance over about 10 N/m
+    np.testing.assert_allclose(np.array(left[1:]) / left[:-1], 1 / 1.2, atol=0.002)
 
 
 # the tutorial ---------------------------------------------------------------------------------------------------

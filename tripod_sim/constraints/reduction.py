@@ -108,7 +108,7 @@ class Reduction:
 
     def hessian(
         self,
-        matrices: Sequence[FloatArray],
+        parts: Sequence[tuple[int, FloatArray, float]],
         mass: FloatArray,
         g: FloatArray,
         lever: FloatArray,
@@ -117,17 +117,19 @@ class Reduction:
         """Write the reduced Hessian into `pattern.data`, `drive` and `drive_drive`.
 
         Args:
-            matrices: Element matrices [N/m] of each block, shape (m, 3 nodes, 3 nodes).
+            parts: What is added up: number of a block, its element matrices [N/m], shape (m, 3 nodes, 3 nodes), and
+                their common factor.
             mass: Isotropic nodal term [N/m] (mass over dt², or zero), shape (nodes,).
             g: Nodal gradient [N] of the whole potential, for the second-order terms.
             lever, axes: As in `gradient`.
         """
         for out in (self.pattern.data, self.drive, self.drive_drive, self._body):
             out[:] = 0.0
-        for elements, slots, block in zip(self.blocks, self._slots, matrices, strict=True):
+        for block, matrices, factor in parts:
+            elements, slots = self.blocks[block], self._slots[block]
             _add_elements(
-                block, lever, axes, self.kind, self.number, self.base, elements, slots, self.pattern.data, self.drive,
-                self.drive_drive, self._body,
+                matrices, factor, lever, axes, self.kind, self.number, self.base, elements, slots, self.pattern.data,
+                self.drive, self.drive_drive, self._body,
             )  # fmt: skip
         _add_nodes(
             mass, g, lever, axes, self.kind, self.number, self._body_slots, self._node_slots, self.free,
@@ -245,6 +247,7 @@ def _jacobian(r: Array, J: Array) -> None:
 @njit(cache=True, error_model="numpy")
 def _add_elements(
     stiffness: Array,
+    factor: float,
     lever: Array,
     axes: Array,
     kind: Array,
@@ -287,13 +290,13 @@ def _add_elements(
                     for c in range(3):
                         start = slots[e, a, b, c]
                         for i in range(3 if na != nb else c + 1):
-                            data[start + i] += K[3 * a + i, 3 * b + c]
+                            data[start + i] += factor * K[3 * a + i, 3 * b + c]
                 elif kb == RIGID:
                     if ka == DRIVEN:
                         continue
                     for i in range(3):
                         for c in range(6):
-                            B[i, c] = (
+                            B[i, c] = factor * (
                                 K[3 * a + i, 3 * b] * J[0, c]
                                 + K[3 * a + i, 3 * b + 1] * J[1, c]
                                 + K[3 * a + i, 3 * b + 2] * J[2, c]
@@ -313,7 +316,7 @@ def _add_elements(
                 else:
                     s = number[nb]
                     for i in range(3):
-                        ja[i] = (
+                        ja[i] = factor * (
                             K[3 * a + i, 3 * b] * j[0]
                             + K[3 * a + i, 3 * b + 1] * j[1]
                             + K[3 * a + i, 3 * b + 2] * j[2]

@@ -45,10 +45,10 @@ def curve_order(low: Array, high: Array, codes: Array) -> None:
         for i in range(3):
             c = low[s, i] + high[s, i]
             least[i], most[i] = min(least[i], c), max(most[i], c)
-    size = max(most[0] - least[0], most[1] - least[1], most[2] - least[2])  # one scale: cells are cubes
     for s in range(low.shape[0]):
         code = 0
         for i in range(3):
+            size = most[i] - least[i]
             part = (low[s, i] + high[s, i] - least[i]) / size if size > 0.0 else 0.0
             code |= _spread(int(min(max(part * 1024.0, 0.0), 1023.0))) << i
         codes[s] = code

@@ -1,4 +1,4 @@
-"""Stiffness-proportional damping, lagged: within one step it is the quadratic potential of a fixed matrix."""
+"""Stiffness-proportional damping: the rate of the elastic forces, or the projected tangent times the velocity."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,30 +10,41 @@ IndexArray = NDArray[np.int64]
 
 
 class StiffnessDamping:
-    """Dissipation D(x) = c/2 (x - x_n)^T K_n (x - x_n), c = b / dt, whose gradient is the force b K_n v.
+    """Force -b dg/dt, g = dE/dx: where the tangent K is constant Rayleigh's -b K v, elsewhere that of each moment.
 
-    K_n is the tangent last assembled at the start of a step: of this one, or of the earlier step whose factorisation
-    still serves.
+    An implicit stage x' = z + s v' has the rate (g' - q) / s, with q made of earlier g as z is of earlier x, and is the
+    gradient of
+
+        D(x') = c (E(x') - q . (x' - z)),   c = b / s.
+
+    Where K is so far from positive that a step has to project it (to K+), that force would drive the body on, from one
+    buckled shape to the next. There the projected tangent is held, and serves until a step renews its factorisation:
+
+        D(x') = c/2 (x' - z)^T K+ (x' - z).
 
     Attributes:
         factor: c [dimensionless].
-        matrices: Element matrices of K_n [N/m], as `Solid.matrices`.
-        start: x_n [m], shape (n, 3).
+        start: z [m], shape (n, 3).
+        elastic: q [N], shape (n, 3).
+        held: Whether K+ serves.
+        matrices: Element matrices of K+ [N/m], as `Solid.matrices`.
     """
 
     def __init__(self, coefficient: float, elements: IndexArray, matrices: FloatArray, size: int) -> None:
-        """`coefficient`: b [s]; `matrices`: those of the solid, for their shape."""
+        """`coefficient`: b [s]; `elements`, `matrices`: those of the solid; `size`: number of nodes n."""
         self.coefficient, self.factor = coefficient, 0.0
+        self.start, self.elastic = np.zeros((size, 3)), np.zeros((size, 3))
+        self.held, self.matrices = False, np.zeros_like(matrices)
         self._elements, self._all = elements, np.arange(len(elements))
-        self.matrices = np.zeros_like(matrices)
-        self.start = np.zeros((size, 3))
-        self._move = np.zeros((size, 3))
 
-    def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
-        """Add dD/dx [N] to `g` and return D [J]."""
-        np.subtract(x, self.start, out=self._move)
-        if not self._move.any():  # a step begins so
-            return 0.0
-        return float(
-            add_element_products(self.matrices, self._elements, self._all, self._move, self.factor, g)
-        )
+    def hold(self, matrices: FloatArray) -> None:
+        """Let K+ with these element matrices serve from now on."""
+        self.held, self.matrices[:] = True, matrices
+
+    def add_gradient(self, x: FloatArray, energy: float, elastic: FloatArray, g: FloatArray) -> float:
+        """Add dD/dx [N] to `g` and return D [J], given E [J] and its gradient [N] at `x`."""
+        move = x - self.start
+        if self.held:
+            return float(add_element_products(self.matrices, self._elements, self._all, move, self.factor, g))
+        g += self.factor * (elastic - self.elastic)
+        return self.factor * (energy - float(np.vdot(self.elastic, move)))

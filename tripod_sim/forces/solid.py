@@ -47,6 +47,11 @@ class Solid:
         """Whether the elements have incompatible modes."""
         return self._modes > 0
 
+    def forget(self) -> None:
+        """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
+        self._X[:] = 0.0
+        self._inverse[:] = 0.0
+
     def rest_modes(self) -> FloatArray:
         """Return the mode amplitudes of the undeformed solid [m], shape (m, modes of an element, 3)."""
         return np.zeros((len(self.elements), self._modes, 3))

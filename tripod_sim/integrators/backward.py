@@ -27,7 +27,7 @@ class ImplicitEuler(Substeps):
         self._stage = stage
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
-        self._stage.z[:], self._stage.u[:] = state.positions, state.velocities
+        self._stage.read(state, self._stage.known)
         return self._stage.solve(state, joints, h)
 
 
@@ -37,7 +37,7 @@ class Bdf2(Substeps):
     def __init__(self, stage: ImplicitStage, max_halvings: int) -> None:
         super().__init__(stage.newton, max_halvings)
         self._stage = stage
-        self._now, self._before = np.zeros((2, *stage.z.shape)), np.zeros((2, *stage.z.shape))
+        self._now, self._before = np.zeros_like(stage.known), np.zeros_like(stage.known)
         self._h_before: float | None = None
 
     def _drop_history(self) -> None:
@@ -45,16 +45,15 @@ class Bdf2(Substeps):
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
         stage, now = self._stage, self._now
-        now[0], now[1] = state.positions, state.velocities
+        stage.read(state, now)
         a = 1.0
         if self._h_before is None:
-            stage.z[:], stage.u[:] = now
+            stage.known[:] = now
         else:
             r = h / self._h_before
             a, b, c = (1 + 2 * r) / (1 + r), 1 + r, r * r / (1 + r)
-            for known, value, before in zip((stage.z, stage.u), now, self._before, strict=True):
-                np.multiply(value, b / a, out=known)
-                np.subtract(known, (c / a) * before, out=known)
+            np.multiply(now, b / a, out=stage.known)
+            stage.known -= (c / a) * self._before
         report = stage.solve(state, joints, h / a)
         self._now, self._before, self._h_before = self._before, now, h
         return report

@@ -70,6 +70,7 @@ class Newton:
     def forget(self) -> None:
         """Drop the factorisation kept from earlier solves, so that the next one depends on its state alone."""
         self._kept = None
+        self.system.forget()
 
     def solve(self, state: State, joints: FloatArray, *, keep: float | None = None) -> NewtonReport:
         """Move `state` to equilibrium with its driven frames at `joints`, in place.
@@ -93,7 +94,7 @@ class Newton:
         self._dx[:] = 0.0
         kept = keep is not None and keep == self._kept
         self._kept = None
-        phi = self.system.evaluate(state) if kept else self._renew(state, report, first=True)
+        phi = self.system.evaluate(state) if kept else self._renew(state, report, start=True)
         driven = not np.array_equal(joints, state.joints)
         if driven:
             self.system.drive(trial, joints)
@@ -160,7 +161,7 @@ class Newton:
             system.evaluate(state)
         raise NewtonError(f"no descent from an unbalanced force of {before:.3g} N; {self._culprit(trial)}")
 
-    def _renew(self, state: State, report: NewtonReport, *, first: bool = False) -> float:
+    def _renew(self, state: State, report: NewtonReport, *, start: bool = False) -> float:
         """Assemble and factor at `state`, positive definite; leave gradient and residual of `state`; return Phi."""
         system = self.system
         phi = np.inf
@@ -168,8 +169,7 @@ class Newton:
         for project in (False, True):
             if system.assemble(state, project=project) >= 0:
                 continue
-            if first and system.damping:
-                system.damping.matrices[:] = system.solid.matrices
+            system.choose_damping(projected=project, start=start)
             phi = system.evaluate(state)
             if np.isfinite(phi) and system.factor():
                 return phi

@@ -1,11 +1,11 @@
 """One implicit stage, the building block of all implicit schemes.
 
 Every scheme here ends a stage with v' = (x' - z) / s and M (v' - u) / s = f(x', v'), with s, z and u from known values.
-With f = -dE/dx - (a M + b K) v' this is the minimum of
+With f = -dE/dx - a M v' - b dg/dt, g = dE/dx and dg/dt = (g' - q) / s, this is the minimum of
 
-    E(x') + 1/(2 s²) |x' - z - s u|²_M + a/(2 s) |x' - z|²_M + b/(2 s) |x' - z|²_K,
+    E(x') + 1/(2 s²) |x' - z - s u|²_M + a/(2 s) |x' - z|²_M + b/s (E(x') - q . (x' - z)),
 
-so every stage can be made safe by going down [MartinEtAl2011].
+so every stage can be made safe by going down [MartinEtAl2011]. A scheme makes z, u and q in the same way of x, v and g.
 """
 
 import numpy as np
@@ -22,18 +22,23 @@ class ImplicitStage:
     """Solves stages for one system.
 
     Attributes:
-        z: Written before each `solve` [m], shape (n, 3).
-        u: Written before each `solve` [m/s], shape (n, 3).
+        known: z [m], u [m/s] and, with stiffness damping, q [N]: written before each `solve`, shape (2 or 3, n, 3).
     """
 
     def __init__(self, newton: Newton, inertia: Anchor, mass: FloatArray, mass_damping: float) -> None:
         """`mass`: of nodes [kg], shape (n,); `mass_damping`: a of the force -a M v [1/s]."""
         self.newton, self._inertia, self._mass = newton, inertia, mass
         self._mass_damping = mass_damping
-        self.z, self.u = np.zeros((len(mass), 3)), np.zeros((len(mass), 3))
+        self.known = np.zeros((3 if newton.system.damping else 2, len(mass), 3))
+
+    def read(self, state: State, out: FloatArray) -> None:
+        """Write x, v and, with stiffness damping, g of `state` to `out`, of the shape of `known`."""
+        out[0], out[1] = state.positions, state.velocities
+        if self.newton.system.damping:
+            out[2] = self.newton.system.elastic_forces(state)
 
     def solve(self, state: State, joints: FloatArray, s: float) -> NewtonReport:
-        """Move `state` to the end of the stage with `z` and `u`, in place, its driven frames at `joints`.
+        """Move `state` to the end of the stage with what is `known`, in place, its driven frames at `joints`.
 
         Args:
             state: Start of Newton's iteration; holds x' and v' afterwards.
@@ -43,16 +48,16 @@ class ImplicitStage:
         Raises:
             NewtonError: no solution; `state` is then in between.
         """
-        inertia, damping = self._inertia, self.newton.system.damping
+        inertia, damping, (z, u) = self._inertia, self.newton.system.damping, self.known[:2]
         inertial, drag = self._mass / s**2, self._mass * (self._mass_damping / s)
         np.add(inertial, drag, out=inertia.weight)
         np.divide(s * inertial, inertia.weight, out=inertial, where=inertia.weight > 0)  # ghosts have no mass
-        np.multiply(self.u, inertial[:, None], out=inertia.point)
-        inertia.point += self.z
+        np.multiply(u, inertial[:, None], out=inertia.point)
+        inertia.point += z
         if damping:
             damping.factor = damping.coefficient / s
-            damping.start[:] = self.z
+            damping.start[:], damping.elastic[:] = z, self.known[2]
         report = self.newton.solve(state, joints, keep=s)
-        np.subtract(state.positions, self.z, out=state.velocities)
+        np.subtract(state.positions, z, out=state.velocities)
         state.velocities /= s
         return report

@@ -39,34 +39,39 @@ class TrBdf2(Substeps):
     def __init__(self, stage: ImplicitStage, max_halvings: int) -> None:
         super().__init__(stage.newton, max_halvings)
         self._stage = stage
-        self._acceleration: FloatArray | None = None
-        self._start = np.zeros((2, *stage.z.shape))
+        self._rate: FloatArray | None = None
+        self._start, self._end = np.zeros_like(stage.known), np.zeros_like(stage.known)
 
     def _drop_history(self) -> None:
-        self._acceleration = None
+        self._rate = None
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
-        if self._acceleration is None:
-            return self._first(state, joints, h)
-        stage, k, a = self._stage, HALF * h, self._acceleration
-        x, v = self._start
-        x[:], v[:] = state.positions, state.velocities
+        stage, k, start = self._stage, HALF * h, self._start
+        stage.read(state, start)
+        if self._rate is None:
+            stage.known[:] = start
+            report = stage.solve(state, joints, h)
+            self._rate = np.empty_like(start)
+            self._measure_rate(state, h)
+            return report
         middle = state.joints + G * (joints - state.joints)
-        stage.z[:], stage.u[:] = x + k * v, v + k * a
+        np.multiply(self._rate, k, out=stage.known)
+        stage.known += start
         first = stage.solve(state, middle, k)
-        stage.z[:], stage.u[:] = P * state.positions - Q * x, P * state.velocities - Q * v
+        stage.read(state, self._end)
+        np.multiply(self._end, P, out=stage.known)
+        stage.known -= Q * start
         second = stage.solve(state, joints, k)
-        np.subtract(state.velocities, stage.u, out=a)
-        a /= k
+        self._measure_rate(state, k)
         return NewtonReport(
             first.iterations + second.iterations,
             first.factorisations + second.factorisations,
             second.residual,
         )
 
-    def _first(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
-        stage = self._stage
-        stage.z[:], stage.u[:] = state.positions, state.velocities
-        report = stage.solve(state, joints, h)
-        self._acceleration = (state.velocities - stage.u) / h
-        return report
+    def _measure_rate(self, state: State, s: float) -> None:
+        """Write the rates of x, v and g at the end of a stage."""
+        assert self._rate is not None
+        self._stage.read(state, self._rate)
+        self._rate -= self._stage.known
+        self._rate /= s
