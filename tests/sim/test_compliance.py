@@ -90,7 +90,7 @@ def test_offset_points_to_the_equilibrium() -> None:
     """A dynamic state off balance: the first-order offset leads near the static pose at the same angles."""
     moving = Simulation(load_scene("tripod", [f"servos.angles={WORKING[:3].tolist()}", "servos.slide=0.035"]))
     for k in range(4):
-        moving.step(WORKING + np.array([0.06 * (k + 1), 0, 0, 0]))
+        moving.step(WORKING + np.array([0.04 * (k + 1), 0, 0, 0]))
     c = moving.compliance()
     target = at(moving.state.joints.copy()).state
     before = np.linalg.norm(c.position - target.centres[0])

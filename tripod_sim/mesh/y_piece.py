@@ -78,7 +78,7 @@ def _self_similar(m: int) -> YLevel:
 
 LEVELS = {
     1: YLevel(2, 1, 5, 1.4),
-    2: YLevel(4, 1, 5, 1.4),
+    2: YLevel(2, 2, 7, 1.2),
     3: YLevel(6, 2, 7, 1.2),
     4: YLevel(8, 2, 8, 1.2),
     5: YLevel(2, 1, 4, 1.2, layers=2),
