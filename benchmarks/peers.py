@@ -15,6 +15,7 @@ are renewed.
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -68,6 +69,7 @@ class Row:
         simulated: Time that it simulates [s]; 0 for a static solution.
         note: Why there is no result, or what the simulator warned of.
         calibration: CPU time of the product of `calibration.py` beside it [s].
+        load: Mean number of processes that wanted to run in the minute before; on a quiet machine about 1.
     """
 
     case: str
@@ -80,6 +82,7 @@ class Row:
     simulated: float | None = None
     note: str = ""
     calibration: float | None = None
+    load: float | None = None
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -132,6 +135,7 @@ def work(peer: str, case: str, settings: list[str], reference: dict) -> Iterator
             yield row
             continue
         row.unknowns, row.simulated, row.calibration = prepared.unknowns, prepared.simulated, calibration(3)
+        row.load = os.getloadavg()[0]
         error = right.error(values)
         if error < 1000:
             row.error = error
@@ -256,9 +260,7 @@ def main() -> None:
         "--peers", nargs="+", choices=PEERS, default=list(PEERS), metavar="PEER", help=", ".join(PEERS)
     )
     parser.add_argument("--quick", action="store_true", help="one setting of each simulator and case")
-    parser.add_argument(
-        "--fresh", action="store_true", help="forget the stored rows of these cases and peers"
-    )
+    parser.add_argument("--fresh", action="store_true", help="forget what is stored of these cases and peers")
     parser.add_argument("--report", action="store_true", help="only renew the document and the picture")
     options = parser.parse_args()
     found = read(STORE)
@@ -266,6 +268,8 @@ def main() -> None:
         found["rows"] = [
             r for r in found["rows"] if r.case not in options.cases or r.peer not in options.peers
         ]
+        if set(options.peers) == set(PEERS):
+            found["references"] = {k: v for k, v in found["references"].items() if k not in options.cases}
     print(f"1000 x 1000 float64 product, one thread: {1e3 * calibration():.1f} ms")
     try:
         if not options.report:

@@ -63,8 +63,8 @@ SETTINGS = {
     "y L1": [_set("T4, mesh level 5", 2e-3, 10, level=5, quick=True), _set("T4, mesh level 5", 2e-3, 50, level=5)],
     "y L2": [_set("T4, mesh level 5", 2e-3, 10, level=5, quick=True), _set("T4, mesh level 5", 2e-3, 50, level=5)],
     "cloth": [
-        _set("springs", 5e-3, 10, quick=True), _set("springs", 2e-3, 10), _set("springs", 1e-3, 10),
-        _set("springs", 2e-3, 50),
+        _set("springs", 2e-3, 10, quick=True), _set("springs", 2e-3, 50), _set("springs", 1e-3, 10),
+        _set("springs", 5e-4, 10),
     ],
 }  # fmt: skip
 

@@ -12,6 +12,9 @@ from benchmarks import peers
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
+QUIET = 1.6
+"""Load above which times are called provisional."""
+
 MARKERS = {"tripod": "o", "MuJoCo": "s", "Newton": "^", "PyBullet": "D"}
 
 TITLES = {
@@ -126,13 +129,20 @@ def write(found: dict) -> str:
     rows = found["rows"]
     measured = [r for r in rows if r.calibration]
     product = 1e3 * float(np.median([r.calibration for r in measured])) if measured else float("nan")
+    loads = [r.load if r.load is not None else np.inf for r in measured]
+    busy = float(np.median(loads)) > QUIET if loads else False
     versions = {r.peer: r.version for r in rows if r.version}
     lines = [
         HEAD,
         f"Measured on {platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}; 1000 x 1000 "
         f"float64 product on one thread beside the runs: {product:.1f} ms (median). Versions: "
         + ", ".join(f"{peer} {version}" for peer, version in versions.items())
-        + ".",
+        + "."
+        + (
+            " **The machine was busy: errors count, times are provisional until the script has run on a quiet one.**"
+            if busy
+            else ""
+        ),
     ]
     for case in peers.CASES:
         own = [r for r in rows if r.case == case]
