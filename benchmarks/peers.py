@@ -33,6 +33,8 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 # isort: split
 import numpy as np
 
+from benchmarks.peers_notes import NOTES
+
 STORE = Path(__file__).resolve().parents[1] / "docs" / "peers.json"
 
 PEERS = {
@@ -232,7 +234,7 @@ def compute(
             settings = runner.SETTINGS.get(case, [])
             found["rows"] += [r for r in kept if r.setting in {s.name for s in settings}]
             if not settings:
-                found["rows"].append(Row(case, peer, runner.version(), note=runner.NOTES[case]))
+                found["rows"].append(Row(case, peer, runner.version(), note=NOTES[peer][case]))
             names = [s.name for s in settings if (s.quick or not quick) and (case, peer, s.name) not in done]
             for row in measure(peer, case, names, reference, limit) if names else ():
                 found["rows"].append(row)

@@ -20,18 +20,6 @@ from tripod_sim.mesh.y_piece import YLevel, y_piece
 
 NAME, MODULE = "MuJoCo", "mujoco"
 
-NOTES = {
-    "cantilever rest": "law: St. Venant-Kirchhoff; no statics, damped motion for 0.6 s; nodal masses are set to "
-    "those of the bar, since `flexcomp` shares out its mass among the free nodes alone",
-    "cantilever swing": "law: St. Venant-Kirchhoff; nodal masses as at rest",
-    "y L1": "law: St. Venant-Kirchhoff; no statics, damped motion for 0.6 s; interpolated (`quadratic`) cells need a "
-    "box-shaped grid, which cannot be held along the clamps; the shell bends over half an element into clamp and disc, "
-    "and converges slowly",
-    "y L2": "as y L1; ends ride on hinges that stiff springs turn, since flexes on mocap bodies have no elasticity",
-    "cloth": "springs as spatial tendons with a slack range: the same equations; its own cloth (edge "
-    "equalities or a shell) is another model",
-}
-
 STIFF = 1e4
 """Of the hinges that turn the ends in L2 [N m/rad]: at 0.5 N m they yield by 5e-5 rad."""
 

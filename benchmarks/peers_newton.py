@@ -19,16 +19,6 @@ from tripod_sim.mesh.solid_mesh import SolidMesh
 
 NAME, MODULE = "Newton", "newton"
 
-NOTES = {
-    "cantilever rest": "law: stable neo-Hooke; linear tetrahedra only; no statics, "
-    "damped motion for 0.6 s; single precision",
-    "cantilever swing": "law: stable neo-Hooke; linear tetrahedra only; single precision; few "
-    "iterations leave a step unsolved",
-    "y L1": "as the bar; the disc is no rigid body but 100 times stiffer silicone",
-    "y L2": "as y L1; the nodes of the ends are moved",
-    "cloth": "springs push when compressed, too: no slack ones",
-}
-
 STIFFER = 100.0
 """Of the disc's tetrahedra over the others."""
 

@@ -1,9 +1,10 @@
 """The suite's own simulator in the cases of `peers.py`, and the references, which are its converged solutions."""
 
+from importlib import metadata
+
 import numpy as np
 from scipy import optimize
 
-import tripod_sim
 from benchmarks import load_cases
 from benchmarks import peers_cases as cases
 from benchmarks.blocks import block, elastic, lumped
@@ -18,12 +19,6 @@ from tripod_sim.system import System
 
 NAME, MODULE = "tripod", "tripod_sim"
 DISTRIBUTION = "tripod"
-
-NOTES = {
-    "cantilever rest": "statics: one solution, no simulated time",
-    "y L1": "statics; CPU time includes building mesh and model",
-    "y L2": "statics, eight increments; CPU time includes building mesh and model",
-}
 
 TOLERANCE = 1e-6
 """Unbalanced force at which a step counts as solved [N]; the bar weighs 0.4 N."""
@@ -231,4 +226,7 @@ def _made(fine: FloatArray, coarse: FloatArray, scale: float, source: str) -> Re
 
 def version() -> str:
     """Return the version of the suite."""
-    return getattr(tripod_sim, "__version__", "this checkout")
+    try:
+        return metadata.version("tripod")
+    except metadata.PackageNotFoundError:
+        return "of this checkout"

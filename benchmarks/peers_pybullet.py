@@ -17,15 +17,6 @@ from benchmarks.peers_cases import FloatArray, IndexArray, Prepared, Setting, he
 
 NAME, MODULE = "PyBullet", "pybullet"
 
-NOTES = {
-    "cantilever rest": "law: neo-Hooke; linear tetrahedra only; equal nodal masses; no statics and no mass damping: "
-    "damped by its own viscosity for 0.6 s",
-    "cantilever swing": "law: neo-Hooke; linear tetrahedra only; equal nodal masses",
-    "y L1": "not expressed: a soft body's nodes cannot be part of a rigid disc (anchors are soft constraints)",
-    "y L2": "not expressed: as y L1",
-    "cloth": "springs push when compressed, too: no slack ones; their damping is set as in the scene",
-}
-
 
 def version() -> str:
     """Return PyBullet's version."""

@@ -1,14 +1,13 @@
 """The document docs/peers.md and its picture, from the rows that `peers.py` has found."""
 
 import platform
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks import peers
+from benchmarks.peers_notes import NOTES
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
@@ -96,12 +95,8 @@ def table(rows: list[Any], case: str) -> list[str]:
 
 
 def notes(case: str) -> list[str]:
-    """Return what each installed simulator could not express, or does otherwise."""
-    lines = []
-    for peer, (module, package) in peers.PEERS.items():
-        if find_spec(package) is not None and (note := import_module(module).NOTES.get(case)):
-            lines.append(f"- {peer}: {note}.")
-    return lines
+    """Return what each simulator could not express, or does otherwise."""
+    return [f"- {peer}: {NOTES[peer][case]}." for peer in peers.PEERS if case in NOTES.get(peer, {})]
 
 
 def losses(rows: list[Any], case: str, uncertainty: float) -> str:
@@ -121,6 +116,17 @@ def losses(rows: list[Any], case: str, uncertainty: float) -> str:
         else:
             ratio = min(cost(r) for r in as_good) / cost(row)
             text += f" At {row.error:.2g} % {row.peer} is {ratio:.2g} times as fast as our cheapest setting as good."
+    beaten = [
+        r.setting
+        for r in own
+        if any(
+            p.peer != "tripod" and p.error < r.error and cost(p) < cost(r)
+            for p in rows
+            if p.error is not None
+        )
+    ]
+    if beaten:
+        text += f" Settings of ours that a peer beats in both error and time: {'; '.join(beaten)}."
     return text
 
 

@@ -142,6 +142,7 @@ def test_a_peer_that_is_better_is_named():
     assert "MuJoCo (b) reaches 0.5 %, which none of our settings does" in peers_report.losses(
         rows, "cloth", 0.0
     )
+    assert "a peer beats in both error and time: a." in peers_report.losses(rows, "cloth", 0.0)
     assert "2 times as fast" in peers_report.losses(rows, "cloth", 1.0)
 
 
