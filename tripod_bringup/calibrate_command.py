@@ -11,7 +11,7 @@ from typing import Final, Protocol
 
 from tripod_driver.calibration import Calibration, CalibrationError
 from tripod_driver.calibration_file import calibration_text, read_calibration
-from tripod_driver.calibrator import HELP, SPEED, Calibrator, shaft_calibration
+from tripod_driver.calibrator import ANY_PULSE, HELP, SPEED, Calibrator, shaft_calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
 from tripod_driver.driver import Driver
 from tripod_driver.link import Link
@@ -57,11 +57,12 @@ class CalibrateSession:
     def __init__(
         self, port: Port, sessions: Sequence[Session], known: Calibration, file: Path, console: Console
     ) -> None:
-        """`sessions`: conversations with shaft angles for joint angles; `known`: where to begin; `file`: to write."""
+        """`sessions`: see `calibrating_sessions`; `known`: where to begin; `file`: to write."""
         lower, upper = common_bounds(sessions)
-        self.calibrator = Calibrator(known, lower, upper)
+        self.calibrator = Calibrator(known, ANY_PULSE.pulses(lower), ANY_PULSE.pulses(upper))
         self.code: int | None = None
-        flat = (*self.calibrator.shafts, 0.0)
+        begin = ANY_PULSE.angles(self.calibrator.pulses)
+        flat = (*begin, 0.0)
         limits = CommandLimits(
             angle_min=0.0,
             angle_max=math.pi,
@@ -69,8 +70,9 @@ class CalibrateSession:
             park_after=3600.0,
             park=(flat[0], flat[1], flat[2], 0.0),
         )
-        self._safety = Safety(limits, lower, upper, start=self.calibrator.shafts)
-        self._driver = Driver(Link(port, *sessions, retry_min=0.5, retry_max=2.0), self._safety)
+        self._safety = Safety(limits, lower, upper, start=begin)
+        self._link = Link(port, *sessions, retry_min=0.5, retry_max=2.0)
+        self._driver = Driver(self._link, self._safety)
         self._file, self._console, self._parser = file, console, KeyParser()
         self._sure = False
 
@@ -84,11 +86,13 @@ class CalibrateSession:
 
     def step(self, now: float) -> None:
         """Do what the keys and the clock ask for at `now` [s]; `code` is set when it is over."""
+        if self._safety.can_move or self._safety.state is State.READY:
+            self.calibrator.board(self._link.session.pulse_range)
         for key in self._parser.feed(self._console.read()):
             self._key(key, now)
-        shafts = self.calibrator.advance(now)
+        pulses = self.calibrator.advance(now)
         if self._safety.can_move and self._safety.state is not State.FAULT:
-            self._safety.trajectory(SERVOS, [0.0], [shafts], now)
+            self._safety.trajectory(SERVOS, [0.0], [ANY_PULSE.angles(pulses)], now)
         self._driver.tick(now)
         self._console.show(self._line())
         if self._safety.state is State.FAULT:
@@ -112,7 +116,7 @@ class CalibrateSession:
                 self._safety.activate(now)
         elif key == "w":
             self._write()
-        elif not self._safety.can_move and key in ("up", "down", "+", "-"):
+        elif not self._safety.can_move and key in ("up", "down", "+", "-", "p"):
             self.calibrator.notice = "nothing moves yet: g begins"
         elif not self.calibrator.press(key, now):
             self.calibrator.notice = f"{key} does nothing here"
@@ -134,12 +138,15 @@ class CalibrateSession:
         """Return the line to be shown: the only place with degrees."""
         found, i = self.calibrator, self.calibrator.chosen
         draft, shaft = found.drafts[i], found.shafts[i]
-        low, high = sorted(math.degrees(draft.joint(end)) for end in draft.ends)
-        pulse = draft.pulse_range[0] + (draft.pulse_range[1] - draft.pulse_range[0]) * shaft / math.pi
         said = found.notice or self._safety.message
+        begin = f"{self._safety.state.name.lower()}  {SERVOS[i]}: "
+        if found.finds_range:
+            low, high = draft.pulse_range
+            return f"{begin}{found.pulses[i]:.0f} us; 0 deg at {low:.0f} us, 180 deg at {high:.0f} us  {said}"
+        low, high = sorted(math.degrees(draft.joint(end)) for end in draft.ends)
         return (
-            f"{self._safety.state.name.lower()}  {SERVOS[i]}: shaft {math.degrees(shaft):.1f} deg, joint "
-            f"{math.degrees(draft.joint(shaft)):.1f} deg, {pulse:.0f} us, safe {low:.1f} to {high:.1f} deg  {said}"
+            f"{begin}shaft {math.degrees(shaft):.1f} deg, joint {math.degrees(draft.joint(shaft)):.1f} deg, "
+            f"{found.pulses[i]:.0f} us, safe {low:.1f} to {high:.1f} deg  {said}"
         )
 
 
@@ -156,13 +163,21 @@ def write_file(file: Path, text: str) -> None:
         raise
 
 
+def calibrating_sessions(protocol: str, known: Calibration) -> list[Session]:
+    """Return the conversations of `protocol` that carry any pulse, see `ANY_PULSE`.
+
+    The board must make those of all shaft angles of `known`. Raises ValueError.
+    """
+    return choose_sessions(protocol, AngleMapping.ROUNDED, ANY_PULSE, needed=shaft_calibration(known))
+
+
 def calibrate_command(port: str, file: Path, *, protocol: str, baud: int, boot_time: float) -> int:
     """Calibrate in this terminal; return the exit code."""
     try:
         known = read_calibration(file) if file.exists() else Calibration()
         if not os.access(file.absolute().parent, os.W_OK):
             raise CalibrationError(f"calibration {file}: the directory cannot be written")
-        sessions = choose_sessions(protocol, AngleMapping.ROUNDED, shaft_calibration(known))
+        sessions = calibrating_sessions(protocol, known)
         place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)
         terminal = Terminal()
     except (ValueError, TerminalError) as error:

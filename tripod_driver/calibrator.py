@@ -4,7 +4,13 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
+from tripod_driver.calibration import (
+    PULSE_HIGHEST,
+    PULSE_LOWEST,
+    Calibration,
+    CalibrationError,
+    ServoCalibration,
+)
 from tripod_graph.names import SERVOS
 
 SPEED: Final = 0.25
@@ -16,6 +22,15 @@ HOLD: Final = 0.2
 FINE: Final = math.radians(0.5)
 """Step of the keys for fine moves [rad]."""
 
+PULSE_SPEED: Final = 40.0
+"""Speed of a pulse whose key is down, in the step that finds the pulse range [us/s]."""
+
+PULSE_STEP: Final = 5.0
+"""Step of the keys for fine moves there [us]: about half a degree."""
+
+PULSE_PAUSE: Final = 0.1
+"""Shortest time between two such steps [s]: a key held down repeats faster."""
+
 HELP: Final = """\
   0, 1, 2      choose the servo
   Up, Down     turn its shaft while the key is down, slowly; + and - by half a degree
@@ -23,8 +38,10 @@ HELP: Final = """\
   z            the piece is flat here: joint angle 0
   r            up is down: reverse the direction
   [, ]         the joint may go no further down, no further up
-  w            write the file; q leaves, Ctrl-C too
-Pulse ranges are the data sheet's: change them in the file."""
+  p            find the pulse range of the servo, p again ends that. Take the piece off before. Up and + then
+               lengthen the pulse, [ and ] mark where the shaft stands at 0 and at 180 degrees; beyond the range
+               known so far only + and - go on, by 5 us: leave off where the servo hums or stops
+  w            write the file; q leaves, Ctrl-C too"""
 
 
 @dataclass
@@ -32,7 +49,7 @@ class Draft:
     """What is known of one servo so far; angles are of its shaft [rad], 0 to pi.
 
     Attributes:
-        pulse_range: Pulse widths with the shaft at 0 and at pi [us]; not changed here.
+        pulse_range: Pulse widths with the shaft at 0 and at pi [us].
         flat: Where the piece is flat.
         direction: +1 if shaft and joint turn the same way, else -1.
         ends: The two ends of the safe range, in any order.
@@ -49,6 +66,29 @@ class Draft:
         ends = [servo.offset + servo.direction * angle for angle in servo.safe_range]
         return cls(servo.pulse_range, servo.offset, servo.direction, ends)
 
+    def pulse(self, shaft: float) -> float:
+        """Return the pulse width [us] with the shaft at `shaft` [rad]."""
+        low, high = self.pulse_range
+        return low + (high - low) * shaft / math.pi
+
+    def shaft(self, pulse: float) -> float:
+        """Return where the shaft is [rad] with `pulse` [us]."""
+        low, high = self.pulse_range
+        return math.pi * (pulse - low) / (high - low)
+
+    def with_end(self, side: int, pulse: float) -> "Draft":
+        """Return the draft with `pulse` [us] for the shaft at 0 (`side` 0) or at pi (`side` 1).
+
+        What else was found keeps its pulses, as far as they are within the new range. Raises CalibrationError.
+        """
+        low, high = self.pulse_range
+        found = (pulse, high) if side == 0 else (low, pulse)
+        ServoCalibration(pulse_range=found)
+        kept = [self.pulse(shaft) for shaft in (self.flat, *self.ends)]
+        new = Draft(found, 0.0, self.direction, [])
+        new.flat, *new.ends = (min(max(new.shaft(pulse), 0.0), math.pi) for pulse in kept)
+        return new
+
     def joint(self, shaft: float) -> float:
         """Return the joint angle [rad] with the shaft at `shaft` [rad]."""
         return self.direction * (shaft - self.flat)
@@ -62,44 +102,70 @@ class Draft:
 class Calibrator:
     """What the keys have found and where the shafts should be.
 
+    Positions of shafts are kept as pulses, which mean the same before and after a pulse range was found.
+
     Attributes:
-        shafts: Set-points [rad], 0 to pi, shape (3,).
+        pulses: Set-points [us], shape (3,).
         chosen: Number of the servo that moves.
+        finds_range: Whether the keys find its pulse range.
         drafts: What is known of each servo.
         notice: What the newest key did.
         changed: Whether anything was found since the last `saved`.
     """
 
     def __init__(self, calibration: Calibration, lower: tuple[float, ...], upper: tuple[float, ...]) -> None:
-        """Begin with all shafts where `calibration` says that the piece is flat; bounds of shafts [rad], shape (3,)."""
+        """Begin with all shafts where `calibration` says that the piece is flat; bounds of pulses [us], shape (3,)."""
         self.drafts = [Draft.of(servo) for servo in calibration.servos]
         self._lower, self._upper = lower, upper
-        self.shafts = [
-            min(max(draft.flat, low), high)
+        self.pulses = [
+            min(max(draft.pulse(draft.flat), low), high)
             for draft, low, high in zip(self.drafts, lower, upper, strict=True)
         ]
         self.chosen = 0
+        self.finds_range = False
         self.notice = ""
         self.changed = False
+        self._board: tuple[float, float] | None = None
         self._sign, self._until, self._last = 0, float("-inf"), float("-inf")
+        self._stepped_at = float("-inf")
+
+    @property
+    def shafts(self) -> list[float]:
+        """Set-points [rad], 0 to pi within the pulse ranges found so far, shape (3,)."""
+        return [draft.shaft(pulse) for draft, pulse in zip(self.drafts, self.pulses, strict=True)]
+
+    def board(self, pulse_range: tuple[float, float] | None) -> None:
+        """Take what pulses the board makes [us]: none moves beyond. None: it does not tell, so none is found."""
+        self._board = pulse_range
+        self.finds_range = self.finds_range and pulse_range is not None
 
     def press(self, key: str, now: float) -> bool:
         """Do what `key` asks for at `now` [s]; return False if it means nothing here."""
         self.advance(now)
         moving, self._sign = self._sign, 0  # any other key stops
         self.notice = ""
+        if key == "space":
+            self.notice = "stopped" if moving else "at rest"
+        elif key in ("0", "1", "2"):
+            self.chosen, self.finds_range = int(key), False
+            self.notice = f"{SERVOS[self.chosen]} moves now"
+        elif key == "p":
+            self._begin_or_end_range()
+        elif self.finds_range:
+            return self._press_for_range(key, now)
+        else:
+            return self._press_for_joint(key, now)
+        return True
+
+    def _press_for_joint(self, key: str, now: float) -> bool:
         draft, shaft = self.drafts[self.chosen], self.shafts[self.chosen]
         match key:
             case "up" | "down":
                 self._sign = draft.direction if key == "up" else -draft.direction
                 self._until = now + HOLD
             case "+" | "-":
-                self._move((draft.direction if key == "+" else -draft.direction) * FINE)
-            case "0" | "1" | "2":
-                self.chosen = int(key)
-                self.notice = f"{SERVOS[self.chosen]} moves now"
-            case "space":
-                self.notice = "stopped" if moving else "at rest"
+                step = draft.pulse(FINE) - draft.pulse(0.0)
+                self._move((draft.direction if key == "+" else -draft.direction) * step, draft.pulse_range)
             case "z":
                 self._try(Draft(draft.pulse_range, shaft, draft.direction, draft.ends), "flat here")
             case "r":
@@ -116,15 +182,52 @@ class Calibrator:
                 return False
         return True
 
+    # the pulse range --------------------------------------------------------------------------------------------
+
+    def _begin_or_end_range(self) -> None:
+        name = SERVOS[self.chosen]
+        if self.finds_range:
+            self.finds_range, self.notice = False, f"pulse range of {name} left; mark flat, [ and ] anew"
+        elif self._board is None:
+            self.notice = "refused: this board does not tell which pulses it makes; protocol framed does"
+        else:
+            self.finds_range = True
+            self.notice = f"pulse range of {name}: is the piece off? Up, Down, + and - move; p ends this"
+
+    def _press_for_range(self, key: str, now: float) -> bool:
+        draft, pulse = self.drafts[self.chosen], self.pulses[self.chosen]
+        match key:
+            case "up" | "down":
+                self._sign, self._until = 1 if key == "up" else -1, now + HOLD
+            case "+" | "-":
+                if now - self._stepped_at >= PULSE_PAUSE:
+                    self._stepped_at = now
+                    self._move(PULSE_STEP if key == "+" else -PULSE_STEP, self._board or draft.pulse_range)
+                if self._board and self.pulses[self.chosen] == pulse == self._board[key == "+"]:
+                    self.notice = f"the board makes no {'longer' if key == '+' else 'shorter'} pulse"
+            case "[" | "]":
+                side = 0 if key == "[" else 1
+                try:
+                    found = draft.with_end(side, pulse)
+                except CalibrationError as error:
+                    self.notice = f"refused: {error}"
+                else:
+                    self._try(found, f"{180 * side} degrees at {pulse:.0f} us")
+            case _:
+                return False
+        return True
+
     def advance(self, now: float) -> list[float]:
-        """Return where the shafts should be at `now` [s], shape (3,); call it at a regular rate."""
+        """Return the pulses due at `now` [s], in us, shape (3,); call it at a regular rate."""
         if self._sign:
-            duration = min(now, self._until) - self._last
-            self._move(self._sign * SPEED * min(max(0.0, duration), HOLD))
+            duration = min(max(0.0, min(now, self._until) - self._last), HOLD)
+            draft = self.drafts[self.chosen]
+            speed = PULSE_SPEED if self.finds_range else draft.pulse(SPEED) - draft.pulse(0.0)
+            self._move(self._sign * speed * duration, draft.pulse_range)
             if now >= self._until:
                 self._sign = 0
         self._last = now
-        return list(self.shafts)
+        return list(self.pulses)
 
     def calibration(self) -> Calibration:
         """Return what was found."""
@@ -134,9 +237,12 @@ class Calibrator:
         """What was found so far is in a file."""
         self.changed = False
 
-    def _move(self, step: float) -> None:
+    def _move(self, step: float, within: tuple[float, float]) -> None:
+        """Move the chosen servo by `step` [us], no farther out than `within`; a set-point that is out already stays."""
         i = self.chosen
-        self.shafts[i] = min(max(self.shafts[i] + step, self._lower[i]), self._upper[i])
+        before, board = self.pulses[i], self._board or within
+        low, high = max(self._lower[i], within[0], board[0]), min(self._upper[i], within[1], board[1])
+        self.pulses[i] = min(max(before + step, min(before, low)), max(before, high))
 
     def _try(self, draft: Draft, notice: str) -> None:
         """Take `draft` for the chosen servo if it is a calibration."""
@@ -149,8 +255,20 @@ class Calibrator:
         self.notice, self.changed = notice, True
 
 
+def _any_pulse() -> Calibration:
+    servo = ServoCalibration(0.0, 1, (PULSE_LOWEST, PULSE_HIGHEST), (0.0, math.pi))
+    return Calibration((servo,) * len(SERVOS))
+
+
+ANY_PULSE: Final = _any_pulse()
+"""For the conversation with the board: its joint angles are pulses of any width, 0 the shortest, pi the longest."""
+
+
 def shaft_calibration(calibration: Calibration) -> Calibration:
-    """Return the calibration whose joint angles are the angles of the shafts, 0 to pi, with the same pulses."""
+    """Return the calibration whose joint angles are the angles of the shafts, 0 to pi, with the same pulses.
+
+    What a board must be able to make before it is calibrated.
+    """
     return Calibration(
         tuple(ServoCalibration(0.0, 1, servo.pulse_range, (0.0, math.pi)) for servo in calibration.servos)
     )

@@ -12,20 +12,22 @@ PROTOCOLS: Final = ("framed", "legacy", "ascii", "framed_or_legacy")
 """What `choose_sessions` knows; the last tries the first, then the second where nobody answers at all."""
 
 
-def choose_sessions(word: str, mapping: AngleMapping, calibration: Calibration) -> list[Session]:
+def choose_sessions(
+    word: str, mapping: AngleMapping, calibration: Calibration, needed: Calibration | None = None
+) -> list[Session]:
     """Return the conversations for `word`, one of PROTOCOLS, in the order in which they are tried.
 
-    `mapping` is for the workshop's protocols. Raises ValueError: `word` is none of them.
+    `mapping` is for the workshop's protocols, `needed` for `FramedSession`. Raises ValueError: `word` is none of them.
     """
     match word:
         case "framed":
-            return [FramedSession(calibration)]
+            return [FramedSession(calibration, needed)]
         case "legacy":
             return [LegacySession(LegacyProtocol(mapping), calibration)]
         case "ascii":
             return [LegacySession(AsciiProtocol(mapping), calibration)]
         case "framed_or_legacy":
-            return [FramedSession(calibration), LegacySession(LegacyProtocol(mapping), calibration)]
+            return [FramedSession(calibration, needed), LegacySession(LegacyProtocol(mapping), calibration)]
     raise ValueError(f"protocol {word!r} is none of: {', '.join(PROTOCOLS)}")
 
 

@@ -58,12 +58,15 @@ class FramedSession(Session):
     name = "framed"
     baud = 115200
 
-    def __init__(self, calibration: Calibration) -> None:
+    def __init__(self, calibration: Calibration, needed: Calibration | None = None) -> None:
+        """`needed`: what the board must be able to make, if that is not all of `calibration`."""
         super().__init__()
         self._calibration = calibration
+        self._needed = calibration if needed is None else needed
         self._decoder = Decoder()
         self._sequence = 0
         self._unanswered: deque[tuple[int, float]] = deque()
+        self._late: set[int] = set()  # hellos sent before the first answer, whose own may still come
         self._hello_due = self._give_up_at = 0.0
         self._heard = bytearray()
         self._echo = False
@@ -150,6 +153,12 @@ class FramedSession(Session):
         return None if self._reply is None else self._reply.watchdog / 1000
 
     @property
+    def pulse_range(self) -> tuple[float, float] | None:
+        """Shortest and longest pulse that the board makes [us]; None before it has told."""
+        reply = self._reply
+        return None if reply is None else (reply.pulse_min / TENTHS, reply.pulse_max / TENTHS)
+
+    @property
     def _bad_frames(self) -> int:
         return sum(self._decoder.dropped.values())
 
@@ -174,14 +183,16 @@ class FramedSession(Session):
 
     def _take_hello(self, sequence: int, reply: HelloReply, now: float) -> None:
         if self.state is SessionState.READY:
-            if not self._answers(sequence, now):
+            if sequence in self._late:
+                self._late.remove(sequence)
+            elif not self._answers(sequence, now):
                 self._suspect(now)
             elif reply.flags & Flags.RESTARTED:
                 self._restart(now)
             return
         if not self._answers(sequence, now):
             return  # of an earlier conversation
-        if wrong := why_not(reply, self._calibration):
+        if wrong := why_not(reply, self._needed):
             self._refuse(wrong)
             return
         self._reply = reply
@@ -190,6 +201,7 @@ class FramedSession(Session):
         if self.position is not None and (wrong := why_not_from(self.position, self._calibration)):
             self._refuse(wrong)
             return
+        self._late = {number for number, _ in self._unanswered}
         self._unanswered.clear()
         self._board_dropped = 0
         self._hello_due = now + IDLE_PERIOD
@@ -292,4 +304,5 @@ class FramedSession(Session):
 
     def _next_sequence(self) -> int:
         self._sequence = (self._sequence + 1) % 256
+        self._late.discard(self._sequence)
         return self._sequence

@@ -92,6 +92,11 @@ class Session(ABC):
         return None
 
     @property
+    def pulse_range(self) -> tuple[float, float] | None:
+        """Shortest and longest pulse that the board makes [us]; None if it does not tell or has not told."""
+        return None
+
+    @property
     def unheard(self) -> bool:
         """Whether nothing at all has come since `begin`."""
         return False

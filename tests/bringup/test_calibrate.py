@@ -6,14 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tripod_bringup.calibrate_command import TICK, CalibrateSession, calibrate, calibrate_command, write_file
+from tripod_bringup.calibrate_command import (
+    TICK,
+    CalibrateSession,
+    calibrate,
+    calibrate_command,
+    calibrating_sessions,
+    write_file,
+)
 from tripod_driver.calibration import Calibration, ServoCalibration
 from tripod_driver.calibration_file import read_calibration
-from tripod_driver.calibrator import FINE, HOLD, SPEED, Calibrator, shaft_calibration
-from tripod_driver.choose_session import choose_sessions
+from tripod_driver.calibrator import FINE, HOLD, PULSE_PAUSE, PULSE_SPEED, PULSE_STEP, SPEED, Calibrator
 from tripod_driver.ports.mock import Fault, MockPort
 from tripod_driver.ports.mock_board import MockBoard
-from tripod_driver.protocol import AngleMapping
 
 UP, DOWN = b"\x1b[A", b"\x1b[B"
 
@@ -46,14 +51,22 @@ class Script:
 
 class Bench:
     def __init__(
-        self, tmp_path: Path, keys: dict[float, bytes], *, known: Calibration | None = None, **board
+        self,
+        tmp_path: Path,
+        keys: dict[float, bytes],
+        *,
+        known: Calibration | None = None,
+        protocol: str = "framed",
+        pulse_range: tuple[int, int] = (5440, 24000),
+        **board,
     ) -> None:
         known = Calibration() if known is None else known
         self.console = Script(keys)
         self.board = MockBoard(self.console.clock, **board)
+        self.board.pulse_range = pulse_range
         self.port = MockPort(self.board)
         self.file = tmp_path / "calibration.yaml"
-        sessions = choose_sessions("framed", AngleMapping.ROUNDED, shaft_calibration(known))
+        sessions = calibrating_sessions(protocol, known)
         self.session = CalibrateSession(self.port, sessions, known, self.file, self.console)
 
     def run(self) -> int:
@@ -157,11 +170,102 @@ def test_a_lost_board_is_told_and_comes_back_without_a_jump(tmp_path: Path) -> N
     assert np.abs(np.diff(bench.shafts, axis=0)).max() <= SPEED * 0.03 + 1e-3
 
 
+# the pulse range ----------------------------------------------------------------------------------------------
+
+WIDE = {"pulse_range": (5000, 25000)}
+
+
+def test_the_pulse_range_is_found_slowly_and_written(tmp_path: Path) -> None:
+    presses = {1.5 + 0.2 * k: b"+" for k in range(8)}  # 40 us beyond the range known
+    keys = {
+        0.2: b"g",
+        1.0: b"p",
+        **presses,
+        3.5: b"]",
+        3.6: b"p",
+        **held(DOWN, 4.0, 2.0),
+        7.0: b"w",
+        7.1: b"q",
+    }
+    bench = Bench(tmp_path, keys, **WIDE)
+    assert bench.run() == 0
+    pulses = np.array(bench.board.history) / 10
+    assert pulses[:, 0].max() == 2440 and (pulses[:, 1:] == 2400).all()
+    assert np.abs(np.diff(pulses[:, 0])).max() <= SPEED * 1896 / math.pi * 0.03 + 0.5
+    found = read_calibration(bench.file).servos
+    assert found[0].pulse_range == (544.0, 2440.0)
+    assert found[1] == found[2] and found[1].pulse_range == (544.0, 2400.0)
+    # what was known before stays where it is
+    assert found[0].pulse(0.0) == pytest.approx(2400, abs=0.01)
+    assert found[0].pulse(found[0].safe_range[0]) == pytest.approx(ServoCalibration().pulse(-2.1), abs=0.01)
+    assert any("180 degrees at 2440 us" in line for line in bench.console.lines)
+
+
+def test_a_held_key_moves_slowly_stops_at_the_range_known_and_with_space(tmp_path: Path) -> None:
+    keys = {0.2: b"g", 1.0: b"p", **held(DOWN, 1.5, 2.0), 3.45: b" ", **held(UP, 5.0, 4.0), 10.0: b"q"}
+    bench = Bench(tmp_path, keys, **WIDE)
+    bench.run()
+    pulses = np.array(bench.board.history)[:, 0] / 10
+    assert pulses.min() == pytest.approx(2400 - PULSE_SPEED * 1.95, abs=3 * PULSE_SPEED * TICK)
+    assert np.abs(np.diff(pulses)).max() <= PULSE_SPEED * 0.03 + 0.5
+    assert pulses[-1] == pulses.max() == 2400
+
+
+@pytest.mark.parametrize(("key", "end"), [(b"+", 2450.0), (b"-", 700.0)])
+def test_no_pulse_is_ever_beyond_what_the_board_tells(tmp_path: Path, key: bytes, end: float) -> None:
+    near = Calibration(
+        (ServoCalibration(offset=math.pi / 2, pulse_range=(720.0, 2430.0), safe_range=(-1, 1)),) * 3
+    )
+    go = {1.2 + 0.02 * k: UP if key == b"+" else DOWN for k in range(1200)}
+    press = {26.0 + 0.02 * k: key for k in range(300)}
+    bench = Bench(
+        tmp_path, {0.2: b"g", 1.0: b"p", **go, **press, 33.0: b"q"}, known=near, pulse_range=(7000, 24500)
+    )
+    assert bench.run() == 0  # the mock would have refused it, which ends in a fault
+    pulses = np.array(bench.board.history)[:, 0] / 10
+    assert pulses[-1] == end
+    assert np.abs(np.diff(pulses)).max() <= PULSE_STEP
+    said = "the board makes no longer pulse" if key == b"+" else "the board makes no shorter pulse"
+    assert any(said in line for line in bench.console.lines)
+
+
+def test_a_board_that_tells_no_range_lets_none_be_found(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, {0.2: b"p", 1.0: b"g", 2.0: b"p", 2.5: b"+", 4.0: b"q"}, protocol="legacy")
+    bench.port.board = None
+    bench.run()
+    assert any("nothing moves yet: g begins" in line for line in bench.console.lines)
+    assert any("refused: this board does not tell which pulses it makes" in s for s in bench.console.lines)
+    assert not bench.session.calibrator.finds_range
+
+
+def test_a_board_with_a_smaller_range_than_the_known_one_is_refused_unmoved(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, {0.2: b"g", 1.0: b"p"}, pulse_range=(6000, 24000))
+    assert bench.run() == 1
+    assert "servo_0 needs 544.0 us at 0 rad, the board makes 600 to 2400 us" in bench.console.said[-1]
+    assert bench.board.history == []
+
+
+def test_a_board_that_comes_back_with_a_smaller_range_makes_no_pulse_beyond_it(tmp_path: Path) -> None:
+    presses = {1.5 + 0.2 * k: b"+" for k in range(8)}
+    bench = Bench(tmp_path, {0.2: b"g", 1.0: b"p", **presses}, **WIDE)
+
+    def step(duration: float) -> None:
+        bench.console.sleep(duration)
+        bench.port.fault = Fault.UNPLUGGED if 4.0 < bench.console.now < 4.5 else None
+        if bench.port.fault:
+            bench.board.pulse_range = (5440, 24200)
+            bench.board.history.clear()
+
+    assert calibrate(bench.session, bench.console.clock, step) == 1
+    assert "the board refuses the pulse of servo_0 as out of its range" in bench.console.said[-1]
+    assert bench.board.history == []
+
+
 # the rule -----------------------------------------------------------------------------------------------------
 
 
 def make(known: Calibration | None = None) -> Calibrator:
-    return Calibrator(Calibration() if known is None else known, (0.0,) * 3, (math.pi,) * 3)
+    return Calibrator(Calibration() if known is None else known, (500.0,) * 3, (2500.0,) * 3)
 
 
 def test_a_reversed_servo_turns_the_other_way_for_the_same_key() -> None:
@@ -186,11 +290,88 @@ def test_ends_beyond_each_other_are_refused() -> None:
 
 
 def test_shafts_stay_within_their_reach() -> None:
-    rule = Calibrator(Calibration(), (1.0,) * 3, (2.0,) * 3)
-    assert rule.shafts == [2.0] * 3
-    for _ in range(200):
+    rule = Calibrator(Calibration(), (1000.0,) * 3, (2000.0,) * 3)
+    assert rule.pulses == [2000.0] * 3
+    for _ in range(300):
         rule.press("-", 0.0)
-    assert rule.shafts == [1.0, 2.0, 2.0]
+    assert rule.pulses == [1000.0, 2000.0, 2000.0]
+    rule = make()
+    for _ in range(100):
+        rule.press("+", 0.0)
+    assert rule.pulses[0] == 2400.0
+
+
+def test_no_key_moves_a_shaft_to_a_pulse_that_the_board_does_not_make() -> None:
+    for finds_range in (False, True):
+        rule, now = make(), 0.0
+        rule.board((1000.0, 2300.0))
+        if finds_range:
+            rule.press("p", 0.0)
+        for key, end in (("-", 1000.0), ("down", 1000.0), ("+", 2300.0), ("up", 2300.0)):
+            for _ in range(400):
+                now += 0.15
+                rule.press(key, now)
+            assert rule.pulses[0] == end
+
+
+def test_a_pulse_range_that_is_no_calibration_is_refused_and_changes_nothing() -> None:
+    rule = make()
+    rule.board((500.0, 2500.0))
+    rule.press("p", 0.0)
+    before = rule.calibration()
+    rule.press("[", 0.0)  # 0 degrees where 180 are
+    assert (
+        rule.notice == "refused: pulse_range[1] is 2400 us; allowed: at least pulse_range[0] + 200 = 2600 us"
+    )
+    assert rule.calibration() == before and not rule.changed
+    assert not rule.press("z", 0.0)  # means nothing in this step
+    assert rule.calibration() == before
+
+
+def test_a_shorter_range_keeps_what_was_found_within_it_and_never_widens_what_is_safe() -> None:
+    rule = make()
+    rule.board((500.0, 2500.0))
+    rule.press("p", 0.0)
+    for k in range(20):
+        rule.press("-", PULSE_PAUSE * k + 1e-6 * k)
+    assert rule.pulses[0] == pytest.approx(2300.0)
+    rule.press("]", 10.0)
+    servo = rule.calibration().servos[0]
+    assert servo.pulse_range == pytest.approx((544.0, 2300.0))
+    safe = sorted(servo.pulse(angle) for angle in servo.safe_range)
+    assert safe == pytest.approx([ServoCalibration().pulse(-2.1), 2300.0])
+    assert rule.changed
+
+
+def test_a_key_that_repeats_fast_steps_slowly_and_another_servo_ends_the_step() -> None:
+    rule = make()
+    rule.board((500.0, 2500.0))
+    rule.press("p", 0.0)
+    for k in range(1001):
+        rule.press("-", 0.001 * k)
+    assert 2400.0 - PULSE_STEP * (1.0 / PULSE_PAUSE + 1) - 1e-9 <= rule.pulses[0] < 2400.0 - 8 * PULSE_STEP
+    rule.press("1", 2.0)
+    assert not rule.finds_range
+    place = rule.pulses[0]
+    rule.press("p", 2.0)
+    rule.press("-", 3.0)
+    assert rule.pulses[0] == place and rule.pulses[1] == 2395.0
+
+
+def test_leaving_the_step_beyond_the_range_found_moves_nothing_outward() -> None:
+    rule = make()
+    rule.board((500.0, 2500.0))
+    rule.press("p", 0.0)
+    for k in range(4):
+        rule.press("+", 1.0 + k)
+    rule.press("p", 6.0)
+    assert rule.pulses[0] == 2420.0
+    rule.press("+", 7.0)
+    assert rule.pulses[0] == 2420.0
+    rule.press("z", 8.0)
+    assert rule.notice.startswith("refused: offset is")
+    rule.press("-", 9.0)
+    assert rule.pulses[0] == pytest.approx(2420.0 - FINE * 1856 / math.pi)
 
 
 # the command --------------------------------------------------------------------------------------------------

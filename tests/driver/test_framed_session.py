@@ -93,3 +93,26 @@ def test_a_board_that_is_told_nothing_is_greeted_and_missed_when_it_is_gone() ->
         SessionState.LOST,
         "no acknowledgement for 0.3 s; check cable and power",
     )
+
+
+def test_answers_to_hellos_that_waited_are_no_other_writer_and_their_numbers_can_be_used_again() -> None:
+    session, now = FramedSession(Calibration()), 0.0
+    session.begin(now, 2.0)
+    hellos = []
+    while len(hellos) < 8:  # the board sleeps, the line keeps them
+        now += 0.1
+        hellos.append(asked(session, now))
+    for sequence in hellos[:4]:
+        session.hear(encode(GOOD, sequence), now)
+        assert session.state is SessionState.READY
+    for _ in range(253):  # the last four answers were lost
+        now += 0.02
+        frame = session.packet(session.content([-0.5] * 3), now)
+        (sent,) = Decoder().feed(frame)
+        session.hear(encode(Acknowledgement(BoardState.ACTIVE, Flags(0), (9000,) * 3, 0), sent.sequence), now)
+        assert session.settled and session.say(now) == b""
+    now += 1.1
+    sequence = asked(session, now)
+    assert sequence in hellos[4:]
+    session.hear(encode(GOOD, sequence), now)
+    assert session.settled and session.state is SessionState.READY

@@ -1,9 +1,15 @@
 """A link opens its port, waits for the board, and tries again ever more seldom."""
 
+import contextlib
+import os
+
 from tripod_driver.calibration import Calibration
+from tripod_driver.framed_session import FramedSession
 from tripod_driver.link import Link as AnyLink
 from tripod_driver.link import LinkState
 from tripod_driver.ports.mock import Fault, MockPort
+from tripod_driver.ports.mock_board import MockBoard
+from tripod_driver.ports.pseudo_terminal import PseudoTerminalPort
 from tripod_driver.protocol import LegacyProtocol
 from tripod_driver.session import LegacySession
 
@@ -85,3 +91,39 @@ def test_closing_ends_the_link_until_it_is_polled_again() -> None:
     assert not port.is_open
     assert (link.state, link.message) == (LinkState.DISCONNECTED, "the port is closed")
     assert link.poll(0.1) is LinkState.READY
+
+
+def test_a_pseudo_terminal_keeps_its_name_while_nobody_answers_and_answers_count_when_they_come() -> None:
+    port = PseudoTerminalPort()
+    link = AnyLink(port, FramedSession(Calibration()), retry_min=0.5, retry_max=1.0)
+    states, names = set(), set()
+    for tick in range(605):  # and some hellos wait in the terminal then
+        states.add(link.poll(tick / 100))
+        names.add(port.name)
+    assert states == {LinkState.CONNECTING, LinkState.DISCONNECTED}
+    assert len(names) == 1 and names != {"pty"}
+    other, board = os.open(port.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK), MockBoard()
+    try:
+        for tick in range(605, 1200):
+            with contextlib.suppress(BlockingIOError):
+                board.write(os.read(other, 4096))
+            os.write(other, board.read())
+            if link.poll(tick / 100) is LinkState.READY:
+                break
+        for tick in range(1200, 1400):
+            with contextlib.suppress(BlockingIOError):
+                board.write(os.read(other, 4096))
+            os.write(other, board.read())
+            assert link.poll(tick / 100) is LinkState.READY, link.message
+    finally:
+        os.close(other)
+        link.close()
+    assert port.name == "pty"
+
+
+def test_a_port_whose_opening_resets_a_board_is_opened_again_where_nobody_answers() -> None:
+    port = MockPort()
+    link = AnyLink(port, FramedSession(Calibration()), retry_min=0.5, retry_max=1.0)
+    for tick in range(600):
+        link.poll(tick / 100)
+    assert port.opened > 2 and link.reconnects == port.opened - 1

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import termios
 import time
 import tty
@@ -12,10 +13,13 @@ from types import SimpleNamespace
 import pytest
 import serial
 
+from tripod_driver.framed import Decoder, encode
+from tripod_driver.framed_messages import Hello
 from tripod_driver.ports import boards, serial_port
 from tripod_driver.ports.boards import FoundPort, find_board, serial_ports
 from tripod_driver.ports.choose import choose_port
 from tripod_driver.ports.mock import MEMORY, Fault, MockPort
+from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.ports.port import Port, PortError
 from tripod_driver.ports.pseudo_terminal import LINGER_TIME, PseudoTerminalPort
 from tripod_driver.ports.serial_port import DRAIN_TIME, SerialPort, group_of
@@ -292,6 +296,17 @@ def test_pseudo_terminal_closes_in_bounded_time_without_a_reader() -> None:
     begun = time.monotonic()
     port.close()
     assert time.monotonic() - begun < LINGER_TIME + SLACK
+
+
+def test_the_mock_board_makes_the_pulses_that_the_firmware_makes_unless_built_otherwise() -> None:
+    header = (Path(__file__).parents[2] / "firmware" / "protocol.h").read_text()
+    ends = tuple(
+        int(re.search(rf"^#define {name} (\d+)$", header, re.M)[1]) for name in ("PULSE_MIN", "PULSE_MAX")
+    )
+    board = MockBoard()
+    board.write(encode(Hello(), 1))
+    [frame] = Decoder().feed(board.read())
+    assert (frame.message.pulse_min, frame.message.pulse_max) == ends
 
 
 # memory ---------------------------------------------------------------------------------------------------

@@ -22,6 +22,9 @@ from tripod_driver.framed_messages import (
 STEP: Final = 5
 """Steps of the timer [0.1 us]."""
 
+PULSE_RANGE: Final = (5440, 24000)
+"""PULSE_MIN and PULSE_MAX of the firmware unless it is built otherwise [0.1 us]."""
+
 
 class MockBoard:
     """Answers hellos, takes pulses within its range, holds and releases when the host is silent.
@@ -35,7 +38,7 @@ class MockBoard:
 
     def __init__(self, clock: Callable[[], float] = lambda: 0.0, *, version: int = VERSION) -> None:
         """`clock` gives the time of its watchdog [s]; without it the watchdog sleeps."""
-        self.pulse_range = (5000, 25000)
+        self.pulse_range = PULSE_RANGE
         self.version = version
         self.history: list[Pulses] = []
         self._clock = clock

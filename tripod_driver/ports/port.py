@@ -14,9 +14,11 @@ class Port(ABC):
 
     Attributes:
         boot_time: Time after opening in which the board may lose bytes [s].
+        wakes: Whether opening it again may help where nobody answers, as it resets a board.
     """
 
     boot_time: float = 0.0
+    wakes: bool = True
 
     @property
     @abstractmethod

@@ -24,6 +24,8 @@ class PseudoTerminalPort(Port):
     Without a reader nothing blocks: when the kernel's buffer is full, what is old in it is dropped.
     """
 
+    wakes = False  # there is no board to reset, and opened again it would have another name
+
     def __init__(self) -> None:
         self._ends: tuple[int, int] | None = None
 
@@ -33,8 +35,11 @@ class PseudoTerminalPort(Port):
         return "pty" if self._ends is None else os.ttyname(self._ends[1])
 
     def open(self) -> None:
-        """Make the pair, raw: bytes pass unchanged."""
-        self.close()
+        """Make the pair, raw: bytes pass unchanged. While it is open, only forget what nobody has read."""
+        if self._ends is not None:
+            with contextlib.suppress(termios.error):
+                self._forget(*self._ends)
+            return
         try:
             near, far = os.openpty()
         except OSError as error:
@@ -50,8 +55,7 @@ class PseudoTerminalPort(Port):
         near, far = self._ends
         try:
             if self._written(near, data) < len(data):
-                termios.tcflush(near, termios.TCOFLUSH)
-                termios.tcflush(far, termios.TCIFLUSH)
+                self._forget(near, far)
                 self._written(near, data)
         except (OSError, termios.error) as error:
             raise PortError(f"pseudo-terminal {self.name} was lost: {error}") from error
@@ -80,6 +84,11 @@ class PseudoTerminalPort(Port):
         for end in (near, far):
             with contextlib.suppress(OSError):
                 os.close(end)
+
+    @staticmethod
+    def _forget(near: int, far: int) -> None:
+        termios.tcflush(near, termios.TCOFLUSH)
+        termios.tcflush(far, termios.TCIFLUSH)
 
     @staticmethod
     def _written(end: int, data: bytes) -> int:
