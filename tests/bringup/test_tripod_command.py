@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -308,26 +307,18 @@ def environment(**more: str) -> dict[str, str]:
     return dict(os.environ, PYTHONPATH=str(ROOT), **more)
 
 
-def test_help_starts_quickly_and_imports_neither_ros_nor_numpy() -> None:
+def test_help_imports_neither_ros_nor_numpy() -> None:
+    """How long that takes is for benchmarks/."""
     code = (
         "import sys\nfrom tripod_bringup.cli import main\n"
         "try: main()\nexcept SystemExit: pass\n"
-        "print(sorted({'rclpy', 'numpy', 'numba', 'scipy', 'tripod_sim'} & set(sys.modules)))"
+        "heavy = {'rclpy', 'numpy', 'numba', 'scipy', 'yaml', 'serial', 'matplotlib', 'tripod_sim', 'tripod_ik'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
     )
-
-    def once() -> float:
-        begun = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, "-c", code, "--help"],
-            env=environment(),
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        assert done.stdout.splitlines()[-1] == "[]"
-        return time.perf_counter() - begun
-
-    assert min(once() for _ in range(3)) < 0.5
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--help"], env=environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
 
 
 def test_the_version_is_that_of_the_distribution() -> None:
