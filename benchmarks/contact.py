@@ -13,8 +13,7 @@ from calibration import calibration
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.broad_phase import AllPairs, Boxes, Tree
-
-MODES = ("lagrange", "penalty")
+from tripod_sim.study import drape
 
 
 def median(function, repeats: int) -> float:
@@ -57,7 +56,7 @@ def wrapped(counts: list[int], steps: int) -> None:
         "median [ms] | p99 [ms] | touching: median [ms] | contacts | pressed | solves | factorisations | cut"
     )
     print(f"\n| cloth | response | {head} |\n|" + "---|" * 10)
-    for response in MODES:
+    for response in drape.RESPONSES:
         medians = []
         for n in counts:
             mass = 0.2205 / n**2
@@ -90,33 +89,19 @@ def wrapped(counts: list[int], steps: int) -> None:
 
 
 def variations(duration: float) -> None:
-    """The report's variations: contact distance, mass, response, and how fast the cloth comes."""
-    cases = [("contact.contact_distance", d) for d in (0.0005, 0.002, 0.005)]
-    cases += [("springs.node_mass", m) for m in (5e-5, 5e-3)]
-    cases += [("speed", v) for v in (5.0, 50.0)]
-    head = "sunk in [mm] | passed | at rest after [s] | CPU s per simulated s"
-    print(f"\n| response | changed | {head} |\n|" + "---|" * 6)
-    for response in MODES:
-        for name, value in [("-", 0.0), *cases]:
-            words = [f"contact.response={response}"] + ([f"{name}={value}"] if "." in name else [])
-            if name == "contact.contact_distance":
-                words.append(f"contact.alarm_distance={3 * value}")
-            simulation = Simulation(load_scene("drape", words))
-            if name == "speed":
-                simulation.state.velocities[:, 2] = -value
-            sunk, rest, passed = 0.0, np.inf, False
-            start = time.thread_time()
-            for k in range(round(duration / simulation.scene.dt)):
-                report = simulation.step()
-                sunk = max(sunk, -report.contact.smallest_gap)
-                passed |= bool((np.linalg.norm(simulation.positions, axis=1) < 0.19).any())
-                moves = simulation.energies().kinetic >= 1e-8
-                rest = np.inf if moves else min(rest, (k + 1) * simulation.scene.dt)
-            took = (time.thread_time() - start) / duration
-            what = "-" if name == "-" else f"{name.rpartition('.')[2]} {value:g}"
+    """The report's variations, as `tripod study drape` has them, with the finer cloth and in CPU time."""
+    cases = drape.cases(full=False)
+    print(
+        "\n| " + " | ".join(column.title for column in drape.COLUMNS) + " |\n|" + "---|" * len(drape.COLUMNS)
+    )
+    for response in drape.RESPONSES:
+        for case in cases:
+            row = {"response": response, **case}
+            row |= drape.measure(
+                response, case, nodes=drape.FULL_NODES, duration=duration, clock=time.thread_time
+            )
             print(
-                f"| {response} | {what} | {sunk * 1e3:.3f} | {'yes' if passed else 'no'} | {rest:.2f} | {took:.2f} |",
-                flush=True,
+                "| " + " | ".join(column.text(row[column.key]) for column in drape.COLUMNS) + " |", flush=True
             )
 
 

@@ -103,12 +103,12 @@ def run(
 @app.command(
     epilog=examples(
         "tripod study pendulum",
-        "tripod study pendulum --out pendulum.csv",
+        "tripod study drape --out drape.csv",
         "tripod study pendulum --full --json",
     )
 )
 def study(
-    name: Annotated[str, typer.Argument(help="Name of a study: pendulum.")],
+    name: Annotated[str, typer.Argument(help="Name of a study: pendulum, drape.")],
     *,
     full: Annotated[
         bool, typer.Option("--full", help="All combinations of the values, not one varied at a time.")

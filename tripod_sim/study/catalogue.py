@@ -7,7 +7,7 @@ from typing import Any
 
 from tripod_sim.errors import SceneError
 
-STUDIES = {"pendulum": "tripod_sim.study.pendulum"}
+STUDIES = {"pendulum": "tripod_sim.study.pendulum", "drape": "tripod_sim.study.drape"}
 
 
 @dataclass(frozen=True)

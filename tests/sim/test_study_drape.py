@@ -1,0 +1,81 @@
+"""The study of the falling cloth, and the observer that tells whether anything passed through anything."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tripod_sim.contact.crossings import Crossings
+from tripod_sim.contact.surfaces import Part
+from tripod_sim.contact.world import World
+from tripod_sim.springs.generate import grid
+from tripod_sim.study import drape
+from tripod_sim.study.catalogue import study
+
+SHORT = {"nodes": 9, "duration": 0.6}
+
+
+def watched() -> tuple[Crossings, np.ndarray]:
+    """A cloth above a tetrahedron with its tip in the origin."""
+    net = grid(5, 0.8)
+    corners = np.array([[0.0, 0, 0], [0.2, 0, -0.2], [-0.1, 0.15, -0.2], [-0.1, -0.15, -0.2]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
+    cloth = Part(net.nodes + np.array([0.03, 0.02, 0.1]), net.triangles)
+    return Crossings(cloth, [Part(corners, faces, fixed=True)]), cloth.vertices
+
+
+def test_what_pierces_and_what_has_passed_in_one_step_is_seen() -> None:
+    watch, x = watched()
+    assert not watch.found(x - [0, 0, 0.09])
+    assert watch.found(x - [0, 0, 0.15])  # the tip sticks through a triangle of the cloth
+    watch, x = watched()
+    x = x + np.array([0.07, 0, 0])  # now a node lies above the tetrahedron
+    assert not watch.found(x)
+    assert watch.found(x - [0, 0, 0.5])  # wholly above at first, wholly below at last
+    assert not watch.found(x - [0, 0, 0.6])  # that was a step ago
+    watch, x = watched()
+    assert not watch.found(x - [0, 0, 0.5], straight=False)
+    assert not watch.found(x - np.array([2, 0, 0.5]), straight=False)
+    assert not watch.found(x + np.array([2, 0, 0.5]))  # beside it
+
+
+@pytest.mark.parametrize("response", drape.RESPONSES)
+def test_a_cloth_that_falls_is_stable_and_held(response: str) -> None:
+    row = drape.measure(response, drape.BASE, **SHORT)
+    assert row["stable"]
+    assert not row["tunnelled"]
+    assert 0 <= row["penetration"] < drape.BASE["distance"]
+    assert row["rest"] is None
+    assert row["wall"] > 0
+
+
+@pytest.mark.parametrize("response", drape.RESPONSES)
+def test_the_time_to_rest_is_told_and_ends_the_run(response: str) -> None:
+    row = drape.measure(response, drape.BASE, nodes=7, overrides=("damping.mass=20",))
+    assert row["stable"]
+    assert 0.5 < row["rest"] < drape.DURATION - 1
+
+
+def test_without_contact_the_cloth_is_seen_to_tunnel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The verdicts can fail: here steps go on as if nothing had any force."""
+    monkeypatch.setattr(World, "_respond", lambda self, u, *_: self._ends_of(u) or 1.0)
+    row = drape.measure("lagrange", {**drape.BASE, "speed": 1.0}, **SHORT)
+    assert row["tunnelled"]
+    monkeypatch.setattr(drape, "SHARE", -math.inf)
+    assert not drape.measure("lagrange", drape.BASE, **SHORT)["stable"]
+
+
+def test_every_value_of_the_report_is_varied() -> None:
+    made = study("drape", full=False)
+    assert made.count == 7 * len(drape.RESPONSES)
+    assert study("drape", full=True).count == 27 * len(drape.RESPONSES)
+    for name, values in drape.VARIED.items():
+        assert {case[name] for case in drape.cases(full=False)} == set(values)
+
+
+def test_rows_have_the_columns_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drape, "DURATION", 0.05)
+    made = study("drape", full=False)
+    row = next(made.rows)
+    assert set(row) == {column.key for column in made.columns}
+    assert all(column.text(row[column.key]) for column in made.columns)
