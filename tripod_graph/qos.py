@@ -18,7 +18,7 @@ LATCHED: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1,
 )
-"""What a late joiner must know: control mode and mesh."""
+"""What a late joiner must know: control mode, meshes, shapes."""
 
 LATCHED_OF_ALL: Final = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,

@@ -7,15 +7,17 @@ from geometry_msgs.msg import Point, PoseStamped
 from geometry_msgs.msg import Pose as PoseMessage
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState, PointCloud2, PointField
-from shape_msgs.msg import Mesh, MeshTriangle
+from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Header
 from tripod_msgs.msg import BodyState, Compliance
 
 from tripod_graph.names import SERVOS, SLIDE, WORLD
+from tripod_sim.maze.board_mesh import BoardMesh
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Pose, Skin
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 
 def header(stamp: int) -> Header:
@@ -79,8 +81,22 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
 
 def mesh_message(mesh: Skin) -> Mesh:
     """Return the undeformed surface; its vertices are all nodes, so that indices are those of body_state."""
-    triangles = [MeshTriangle(vertex_indices=t.astype(np.uint32)) for t in mesh.surface]
-    vertices = [Point(x=x, y=y, z=z) for x, y, z in mesh.nodes.tolist()]
+    return _mesh(mesh.nodes, mesh.surface)
+
+
+def maze_message(maze: BoardMesh | None) -> Mesh:
+    """Return plate and walls of a maze, in the frame of the effector; an empty mesh says that there is none."""
+    return _mesh(maze.vertices, maze.triangles) if maze else Mesh()
+
+
+def ball_shape_message(radius: float | None) -> SolidPrimitive:
+    """Return the ball as a sphere of `radius` [m]; one without dimensions says that there is none."""
+    return SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[] if radius is None else [radius])
+
+
+def _mesh(nodes: FloatArray, surface: IndexArray) -> Mesh:
+    triangles = [MeshTriangle(vertex_indices=t.astype(np.uint32)) for t in surface]
+    vertices = [Point(x=x, y=y, z=z) for x, y, z in nodes.tolist()]
     return Mesh(triangles=triangles, vertices=vertices)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
-from shape_msgs.msg import Mesh
+from shape_msgs.msg import Mesh, SolidPrimitive
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, Compliance, ControlMode, SimStatus
@@ -29,7 +29,8 @@ from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_sim import messages, realtime
 from tripod_sim.errors import StepError
-from tripod_sim.markers import SurfaceMarkers
+from tripod_sim.markers import SceneMarkers
+from tripod_sim.maze.board_mesh import board_mesh
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
@@ -67,7 +68,11 @@ class SimNode(Node):
         except StepError as error:
             raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
         self._scene, self._mesh, self._skin = scene, simulation.mesh, simulation.skin
-        self._surface, self._shown_by_skin = SurfaceMarkers(simulation.skin), simulation.shown
+        self._shown_by_skin = simulation.shown
+        plate, ball = simulation.plate, simulation.scene.ball
+        self._maze_mesh = board_mesh(plate.board, plate.offset) if plate else None
+        self._ball_radius = ball.radius if ball else None
+        self._scene_markers = SceneMarkers(simulation.skin, self._maze_mesh, self._ball_radius)
         self._lock = threading.Lock()
         self._mode = ModeTracker()
         self._limits = _within_scene(limits_from(values), scene)
@@ -110,6 +115,10 @@ class SimNode(Node):
         self._cloud = self.create_publisher(PointCloud2, names.POINT_CLOUD, SENSOR)
         self._mesh_publisher = self.create_publisher(Mesh, names.MESH, LATCHED)
         self._mesh_publisher.publish(messages.mesh_message(self._skin))
+        self._maze_publisher = self.create_publisher(Mesh, names.MAZE_MESH, LATCHED)
+        self._maze_publisher.publish(messages.maze_message(self._maze_mesh))
+        self._ball_shape = self.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
+        self._ball_shape.publish(messages.ball_shape_message(self._ball_radius))
         self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL)
         self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
         self.create_service(Trigger, names.SIM_RESET, self._on_reset)
@@ -159,7 +168,7 @@ class SimNode(Node):
         snapshot = replace(snapshot, positions=self._shown_by_skin(snapshot.positions))
         self._body.publish(messages.body_message(snapshot, self._skin))
         if self._markers.get_subscription_count():
-            self._markers.publish(self._surface.serialised(snapshot))
+            self._markers.publish(self._scene_markers.serialised(snapshot))
         if self._cloud.get_subscription_count():
             self._cloud.publish(messages.cloud_message(snapshot))
 

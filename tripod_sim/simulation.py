@@ -17,6 +17,7 @@ from tripod_sim.system import System
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.body_ball import BodyBall
+    from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion, ServoState
 
@@ -317,6 +318,11 @@ class Simulation:
     def ball_game(self) -> "MazeBall | BodyBall | None":
         """How the ball moves; None in a scene without one. Its state is `state.ball`."""
         return self._ball
+
+    @property
+    def plate(self) -> "Plate | None":
+        """The maze on the effector; None in a scene without one."""
+        return self._parts.plate
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -46,6 +46,7 @@ class Display:
     Attributes:
         body: Mesh and counter of what did not fit it.
         effector: Newest pose of the effector.
+        ball: Newest pose of the ball.
         pictures_per_second: Body states drawn per second.
     """
 
@@ -53,11 +54,15 @@ class Display:
         self._server, self._scene, self._panel = server, scene, panel
         self.body = Body()
         self.effector: Pose | None = None
+        self.ball: Pose | None = None
         self.pictures_per_second = 0.0
         self._sim, self._ik, self._robot = Heard(), Heard(), Heard()
         self._angles, self._factor = History(3), History(1)
         self._newest: Callable[[], tuple[int, FloatArray]] | None = None
         self._surface_changed = self._effector_changed = self._target_changed = False
+        self._maze: Surface | None = None
+        self._ball_radius: float | None = None
+        self._maze_changed = self._ball_shape_changed = self._ball_changed = False
         self._drawn_joints: FloatArray = np.full(4, np.nan)
         self._drawn, self._counted_at, self._panel_at = 0, time.monotonic(), float("-inf")
 
@@ -77,6 +82,19 @@ class Display:
     def keep_effector(self, pose: Pose) -> None:
         """Keep the effector's pose."""
         self.effector, self._effector_changed = pose, True
+
+    def keep_maze(self, maze: Surface | None) -> None:
+        """Keep the maze, given in the effector's frame, or that there is none."""
+        self._maze, self._maze_changed = maze, True
+
+    def keep_ball_shape(self, radius: float | None) -> None:
+        """Keep the radius of the ball [m], or that there is none; its pose is then awaited anew."""
+        self.ball = None
+        self._ball_radius, self._ball_shape_changed = radius, True
+
+    def keep_ball(self, pose: Pose) -> None:
+        """Keep the ball's pose."""
+        self.ball, self._ball_changed = pose, True
 
     def touch_target(self) -> None:
         """Note that the target or who drags it changed."""
@@ -102,6 +120,7 @@ class Display:
         with self._server.atomic():
             self._draw_body()
             self._draw_robot(control, now)
+            self._draw_game()
             if self._target_changed and target.position is not None:
                 self._target_changed = False
                 self._scene.set_target(target.position, dragging=target.dragging)
@@ -135,6 +154,18 @@ class Display:
         if self._effector_changed and self.effector is not None:
             self._effector_changed = False
             self._scene.set_effector(self.effector)
+
+    def _draw_game(self) -> None:
+        game = self._scene.game
+        if self._maze_changed:
+            self._maze_changed = False
+            game.set_maze(self._maze)
+        if self._ball_shape_changed:
+            self._ball_shape_changed = False
+            game.set_ball(self._ball_radius)
+        if self._ball_changed and self.ball is not None:
+            self._ball_changed = False
+            game.place_ball(self.ball)
 
     def _count(self, now: float) -> None:
         seconds = now - self._counted_at

@@ -5,17 +5,20 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.duration import Duration
-from shape_msgs.msg import Mesh
+from shape_msgs.msg import Mesh, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import BodyState, ControlMode
 
 from tripod_graph import names
 from tripod_graph.mode import Mode
-from tripod_view.body import Surface
+from tripod_view.body import BodyError, Surface
 from tripod_view.motion import Trajectory
 from tripod_view.pose import Pose, PoseError
 
 FloatArray = NDArray[np.float64]
+
+LARGEST_BALL = 1.0
+"""Radius of the largest ball that is drawn [m]."""
 
 
 def seconds_of(stamp: Time) -> float:
@@ -28,6 +31,25 @@ def surface_of(message: Mesh) -> Surface:
     nodes = np.array([(p.x, p.y, p.z) for p in message.vertices], float).reshape(-1, 3)
     triangles = np.array([t.vertex_indices for t in message.triangles], np.uint32).reshape(-1, 3)
     return Surface(nodes, triangles)
+
+
+def maze_of(message: Mesh) -> Surface | None:
+    """Return the maze of a mesh message, in the frame of the effector, None if it is empty. Raises BodyError."""
+    return surface_of(message) if message.vertices or message.triangles else None
+
+
+def ball_radius_of(message: SolidPrimitive) -> float | None:
+    """Return the radius of the ball [m], None if the message says that there is none. Raises BodyError."""
+    sizes = list(message.dimensions)
+    if not sizes:
+        return None
+    if message.type != SolidPrimitive.SPHERE or len(sizes) != 1:
+        raise BodyError(
+            f"shape of type {message.type} with {len(sizes)} dimensions; a sphere has type 2 and one"
+        )
+    if not 0 < sizes[0] <= LARGEST_BALL:  # the negation also catches NaN
+        raise BodyError(f"radius of the ball is {sizes[0]} m; allowed: above 0 to {LARGEST_BALL:g} m")
+    return float(sizes[0])
 
 
 def state_of(message: BodyState) -> tuple[int, FloatArray]:

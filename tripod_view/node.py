@@ -22,7 +22,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
-from shape_msgs.msg import Mesh
+from shape_msgs.msg import Mesh, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, ControlMode, IkStatus, RobotStatus, SimStatus
 
@@ -39,6 +39,8 @@ from tripod_view.display import Display
 from tripod_view.events import Button, Event, Inbox
 from tripod_view.joints import JointError, joint_values
 from tripod_view.messages import (
+    ball_radius_of,
+    maze_of,
     mode_message,
     pose_of,
     seconds_of,
@@ -115,6 +117,8 @@ class ViewNode(Node):
         show = self._display
         for kind, topic, callback, qos in (
             (Mesh, names.MESH, self._on_mesh, LATCHED),
+            (Mesh, names.MAZE_MESH, self._on_maze, LATCHED),
+            (SolidPrimitive, names.BALL_SHAPE, self._on_ball_shape, LATCHED),
             (PoseStamped, names.TARGET_POSE, self._on_target_pose, RELIABLE),
             (ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL),
             (SimStatus, names.SIM_STATUS, show.keep_sim, RELIABLE),
@@ -130,6 +134,7 @@ class ViewNode(Node):
             (JointState, names.SIM_JOINT_STATES, self._on_sim_joints, RELIABLE),
             (JointState, names.ROBOT_JOINT_STATES, self._on_robot_joints, RELIABLE),
             (PoseStamped, names.EFFECTOR_POSE, self._on_effector_pose, RELIABLE),
+            (PoseStamped, names.SIM_BALL_POSE, self._on_ball_pose, RELIABLE),
         ):
             self._streams.append(self.create_subscription(kind, topic, callback, qos))
 
@@ -140,6 +145,18 @@ class ViewNode(Node):
             self._display.keep_surface(surface_of(message))
         except BodyError as error:
             self._refuse(names.MESH, error)
+
+    def _on_maze(self, message: Mesh) -> None:
+        try:
+            self._display.keep_maze(maze_of(message))
+        except BodyError as error:
+            self._refuse(names.MAZE_MESH, error)
+
+    def _on_ball_shape(self, message: SolidPrimitive) -> None:
+        try:
+            self._display.keep_ball_shape(ball_radius_of(message))
+        except BodyError as error:
+            self._refuse(names.BALL_SHAPE, error)
 
     def _on_body_state(self, message: BodyState) -> None:
         self._display.keep_state(lambda: state_of(message))
@@ -171,6 +188,12 @@ class ViewNode(Node):
         self._display.keep_effector(pose)
         if self._target.ride(pose.position):
             self._display.touch_target()
+
+    def _on_ball_pose(self, message: PoseStamped) -> None:
+        try:
+            self._display.keep_ball(pose_of(message))
+        except PoseError as error:
+            self._refuse(names.SIM_BALL_POSE, error)
 
     def _on_target_pose(self, message: PoseStamped) -> None:
         stamp = message.header.stamp

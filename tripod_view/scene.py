@@ -1,4 +1,4 @@
-"""The 3-D part of the page: silicone, arms, effector, target handle, ground. Metres, z up."""
+"""The 3-D part of the page: silicone, arms, effector, target handle, ground, maze and ball. Metres, z up."""
 
 import itertools
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tripod_view.arm import ARMS, ArmGeometry, Pose, arm_pose, carriage_pose, clamp_corners
 from tripod_view.body import Surface
 from tripod_view.events import Dragged, Dropped, Grabbed, Inbox
+from tripod_view.game import Game
 
 FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
@@ -35,6 +36,9 @@ class Scene:
     """Draws what it is told; every method is called from the thread of ROS only.
 
     The gizmo of the target calls back on the web server's thread, where the event is put into the inbox.
+
+    Attributes:
+        game: Maze and ball.
     """
 
     def __init__(
@@ -54,6 +58,7 @@ class Scene:
         self._carriages = [self._add_carriage(i) for i in range(ARMS)]
         self._arms = [self._add_arm(i) for i in range(ARMS)]
         self._effector = self._add_effector()
+        self.game = Game(self._api, "/effector")
         self._marker, self._gizmo, self._box = self._add_target(box)
         self._listen(inbox)
         self.set_joints(np.zeros(3), 0.0)

@@ -5,13 +5,14 @@ from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tripod_sim import Simulation, load_scene
-from tripod_sim.markers import SurfaceMarkers
+from tripod_sim.markers import SceneMarkers
+from tripod_sim.maze.board_mesh import board_mesh
 from tripod_sim.realtime import RealTime
 
 
 def test_markers_decode_to_the_deformed_surface() -> None:
     simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
-    surface = SurfaceMarkers(simulation.mesh)
+    surface = SceneMarkers(simulation.mesh)
     seen = []
     for angle in (0.0, -0.3):
         simulation.step(np.array([angle, 0, 0, 0]))
@@ -25,3 +26,32 @@ def test_markers_decode_to_the_deformed_surface() -> None:
         np.testing.assert_array_equal(points, snapshot.positions[simulation.mesh.surface.ravel()])
         seen.append(points)
     assert np.abs(seen[1] - seen[0]).max() > 1e-3
+
+
+def test_maze_and_ball_stand_where_effector_and_ball_are() -> None:
+    simulation = Simulation(load_scene("maze", ["mesh.level=1", "maze.source=holes"]))
+    assert simulation.plate
+    maze = board_mesh(simulation.plate.board, simulation.plate.offset)
+    markers = SceneMarkers(simulation.skin, maze, 0.002)
+    joints = simulation.command
+    for k in range(30):
+        joints[0] += 0.01
+        simulation.step(joints)
+        if k % 29:
+            continue
+        snapshot = RealTime(simulation, lambda _: None).latest
+        body, plate, ball = deserialize_message(markers.serialised(snapshot), MarkerArray).markers
+        assert [m.ns for m in (body, plate, ball)] == ["body", "maze", "ball"]
+        assert (plate.type, ball.type) == (Marker.TRIANGLE_LIST, Marker.SPHERE)
+        for marker, pose in ((plate, snapshot.effector), (ball, snapshot.ball)):
+            p, q = marker.pose.position, marker.pose.orientation
+            assert pose
+            assert [p.x, p.y, p.z] == pose.position.tolist()
+            assert [q.x, q.y, q.z, q.w] == pose.quaternion.tolist()
+            assert marker.header.frame_id == "world"
+            assert marker.header.stamp.sec * 10**9 + marker.header.stamp.nanosec == snapshot.stamp
+        points = np.array([(p.x, p.y, p.z) for p in plate.points])
+        np.testing.assert_array_equal(points, maze.vertices[maze.triangles.ravel()])
+        assert (ball.scale.x, ball.scale.y, ball.scale.z) == (0.004, 0.004, 0.004)
+        points = np.array([(p.x, p.y, p.z) for p in body.points])
+        np.testing.assert_array_equal(points, snapshot.positions[simulation.mesh.surface.ravel()])

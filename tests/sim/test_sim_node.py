@@ -25,7 +25,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
-from shape_msgs.msg import Mesh
+from shape_msgs.msg import Mesh, SolidPrimitive
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import BodyState, Compliance, ControlMode, SimStatus
@@ -52,6 +52,8 @@ MESH = y_piece(LEVELS[1])
 PUBLISHED = {
     names.BODY_STATE: (BodyState, SENSOR),
     names.MESH: (Mesh, LATCHED),
+    names.MAZE_MESH: (Mesh, LATCHED),
+    names.BALL_SHAPE: (SolidPrimitive, LATCHED),
     names.MARKERS: (MarkerArray, SENSOR),
     names.POINT_CLOUD: (PointCloud2, SENSOR),
     names.SIM_JOINT_STATES: (JointState, RELIABLE),
@@ -520,6 +522,26 @@ def test_a_body_of_springs_is_shown_by_its_surface(make, scene: str) -> None:
     graph.listen(names.MARKERS)
     assert len(graph.next(names.MARKERS).markers[0].points) == 3 * len(mesh.triangles)
     assert graph.reset().success
+
+
+def test_maze_and_ball_are_told_once_and_shown_by_markers(make) -> None:
+    graph = make(scene="maze", set="mesh.level=1;maze.source=first").start()
+    shape = graph.wait(lambda: graph.heard[names.BALL_SHAPE], "the ball")[0]
+    assert (shape.type, list(shape.dimensions)) == (SolidPrimitive.SPHERE, [0.002])
+    maze = graph.wait(lambda: graph.heard[names.MAZE_MESH], "the maze")[0]
+    z = [p.z for p in maze.vertices]
+    assert (min(z), max(z)) == pytest.approx((0.006, 0.012))  # above the centre of the disc
+    assert len(graph.heard[names.MAZE_MESH]) == len(graph.heard[names.BALL_SHAPE]) == 1
+    graph.listen(names.MARKERS)
+    _, plate, ball = graph.next(names.MARKERS).markers
+    assert len(plate.points) == 3 * len(maze.triangles)
+    assert plate.pose.position.z < ball.pose.position.z < plate.pose.position.z + max(z)
+
+
+def test_without_maze_and_ball_that_is_what_is_told(make) -> None:
+    graph = make().start()
+    assert not graph.wait(lambda: graph.heard[names.MAZE_MESH], "the maze")[0].vertices
+    assert not graph.wait(lambda: graph.heard[names.BALL_SHAPE], "the ball")[0].dimensions
 
 
 def test_an_unstable_scheme_is_told_in_the_status_and_stops_at_the_last_good_state(make) -> None:

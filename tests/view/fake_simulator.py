@@ -13,7 +13,7 @@ import numpy as np
 from geometry_msgs.msg import Point, PoseStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from shape_msgs.msg import Mesh, MeshTriangle
+from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, ControlMode, SimStatus
 
@@ -48,6 +48,9 @@ class FakeSimulator(Node):
         self.spoil = ""  # what to publish wrongly: "nan", "size" or "topology"
         self.silent = False
         self._mesh = self.create_publisher(Mesh, names.MESH, LATCHED)
+        self._maze = self.create_publisher(Mesh, names.MAZE_MESH, LATCHED)
+        self._ball_shape = self.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
+        self.ball = self.create_publisher(PoseStamped, names.SIM_BALL_POSE, RELIABLE)
         self._state = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
         self._joints = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
         self._effector = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
@@ -72,6 +75,21 @@ class FakeSimulator(Node):
         points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in self.nodes]
         triangles = [MeshTriangle(vertex_indices=t) for t in self.triangles]
         self._mesh.publish(Mesh(vertices=points, triangles=triangles))
+
+    def publish_game(self, maze: bool, *ball: float, kind: int = SolidPrimitive.SPHERE) -> None:
+        """Publish a triangle as the maze, or none, and the dimensions of the ball."""
+        corners = [Point(x=0.01), Point(y=0.01), Point(z=0.008)] if maze else []
+        triangles = [MeshTriangle(vertex_indices=[0, 1, 2])] if maze else []
+        self._maze.publish(Mesh(vertices=corners, triangles=triangles))
+        self._ball_shape.publish(SolidPrimitive(type=kind, dimensions=list(ball)))
+
+    def publish_ball(self, x: float, y: float, z: float) -> None:
+        message = PoseStamped()
+        message.header.frame_id, message.header.stamp = names.WORLD, self.get_clock().now().to_msg()
+        p = message.pose.position
+        p.x, p.y, p.z = x, y, z
+        message.pose.orientation.z, message.pose.orientation.w = 0.6, 0.8
+        self.ball.publish(message)
 
     def _on_command(self, message: JointTrajectory) -> None:
         self.commands.append(message)

@@ -22,13 +22,16 @@ pytest.importorskip("tripod_msgs")
 pytest.importorskip("viser")
 
 import rclpy
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, PoseStamped
 from rclpy.executors import SingleThreadedExecutor
+from shape_msgs.msg import Mesh, MeshTriangle
 from tripod_msgs.msg import ControlMode
 
 from tests.view.fake_browser import FakeBrowser
 from tests.view.fake_simulator import FakeSimulator
 from tripod_graph import names
+from tripod_view.body import BodyError
+from tripod_view.messages import maze_of
 
 pytestmark = pytest.mark.ros
 
@@ -237,6 +240,61 @@ def test_a_mesh_that_changes_is_rebuilt(stage: Stage, browser: FakeBrowser) -> N
     browser.wait(lambda: len(browser.of_kind("MeshMessage")) > meshes)
     drawn = browser.pictures()
     browser.wait(lambda: browser.pictures() > drawn + 3)
+
+
+def test_maze_and_ball_come_and_go_with_the_simulator(stage: Stage, browser: FakeBrowser) -> None:
+    def made(kind: str, name: str) -> list[dict]:
+        return [m for m in browser.of_kind(kind) if m["name"] == name]
+
+    def removed(name: str) -> bool:
+        return any(m["name"] == name for m in browser.of_kind("RemoveSceneNodeMessage"))
+
+    assert not made("MeshMessage", "/effector/maze")
+    stage.sim.publish_game(True, 0.002)
+    browser.wait(lambda: made("MeshMessage", "/effector/maze") and made("IcosphereMessage", "/ball/sphere"))
+    (maze,) = made("MeshMessage", "/effector/maze")  # its frame is the effector's, so that it rides on it
+    assert maze["props"]["flat_shading"]
+    assert made("IcosphereMessage", "/ball/sphere")[0]["props"]["radius"] == 0.002
+
+    def shown() -> bool:
+        return [
+            m["visible"] for m in browser.of_kind("SetSceneNodeVisibilityMessage") if m["name"] == "/ball"
+        ][-1:] == [True]
+
+    assert not shown()  # nobody has said where it is
+    stage.wait(lambda: stage.sim.publish_ball(0.01, -0.02, 0.03) or shown())
+    browser.wait(lambda: browser.position("/ball") == [0.01, -0.02, 0.03])
+    turn = [m["wxyz"] for m in browser.of_kind("SetOrientationMessage") if m["name"] == "/ball"][-1]
+    assert list(turn) == pytest.approx([0.8, 0, 0, 0.6])
+    stage.sim.publish_game(False)
+    browser.wait(lambda: removed("/effector/maze") and removed("/ball"))
+
+
+def test_a_maze_is_read_and_an_empty_one_is_none() -> None:
+    corners = [Point(x=0.01), Point(y=0.01), Point(z=0.008)]
+    maze = maze_of(Mesh(vertices=corners, triangles=[MeshTriangle(vertex_indices=[0, 2, 1])]))
+    assert maze is not None
+    assert maze.nodes.tolist() == [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.008]]
+    assert maze.triangles.tolist() == [[0, 2, 1]]
+    assert maze_of(Mesh()) is None
+    with pytest.raises(BodyError, match="names node 1; the mesh has 1"):
+        maze_of(Mesh(vertices=[Point()], triangles=[MeshTriangle(vertex_indices=[0, 0, 1])]))
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "why"),
+    [
+        (1, (0.1, 0.1, 0.1), "shape of type 1 with 3 dimensions"),
+        (2, (float("nan"),), "radius of the ball is nan m; allowed: above 0 to 1 m"),
+        (2, (-0.002,), "radius of the ball is -0.002 m"),
+    ],
+)
+def test_a_ball_that_cannot_be_is_refused(
+    stage: Stage, browser: FakeBrowser, kind: int, sizes: tuple[float, ...], why: str
+) -> None:
+    stage.sim.publish_game(False, *sizes, kind=kind)
+    browser.wait(lambda: why in browser.text())
+    stage.sim.publish_game(False)
 
 
 def test_sliders_command_only_in_control_and_start_where_the_joints_are(

@@ -1,0 +1,59 @@
+"""The toy on the robot: the maze, which rides on the effector, and the ball."""
+
+import numpy as np
+import viser
+
+from tripod_view.body import Surface
+from tripod_view.pose import Pose
+
+Rgb = tuple[int, int, int]
+
+MAZE: Rgb = (196, 160, 116)
+BALL: Rgb = (205, 45, 45)
+BELT: Rgb = (250, 240, 225)
+
+
+class Game:
+    """Draws what it is told, from the thread of ROS only; without maze and ball it draws nothing."""
+
+    def __init__(self, api: viser.SceneApi, effector: str) -> None:
+        """`effector`: name of the frame to which the maze is fastened."""
+        self._api, self._maze_name = api, f"{effector}/maze"
+        self._maze: viser.MeshHandle | None = None
+        self._ball: viser.FrameHandle | None = None
+
+    def set_maze(self, maze: Surface | None) -> None:
+        """Show another maze, given in the effector's frame; None takes it away."""
+        if self._maze is not None:
+            self._maze.remove()
+            self._maze = None
+        if maze is not None:
+            self._maze = self._api.add_mesh_simple(
+                self._maze_name,
+                maze.nodes.astype(np.float32),
+                maze.triangles,
+                color=MAZE,
+                flat_shading=True,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+    def set_ball(self, radius: float | None) -> None:
+        """Show a ball of `radius` [m] from its next pose on, with a belt that shows it roll; None takes it away."""
+        if self._ball is not None:
+            self._ball.remove()
+            self._ball = None
+        if radius is not None:
+            self._ball = self._api.add_frame("/ball", show_axes=False, visible=False)
+            self._api.add_icosphere("/ball/sphere", radius, BALL, cast_shadow=False, receive_shadow=False)
+            self._api.add_cylinder(
+                "/ball/belt", 1.005 * radius, 0.2 * radius, BELT, cast_shadow=False, receive_shadow=False
+            )
+
+    def place_ball(self, pose: Pose) -> None:
+        """Put the ball at `pose`."""
+        if self._ball is not None:
+            self._ball.position = pose.position
+            self._ball.wxyz = np.roll(pose.quaternion, 1)
+            self._ball.visible = True
