@@ -33,7 +33,7 @@ def main() -> None:
     server.request_share_url = lambda *a, **k: None
     scene = server.scene
     scene.set_up_direction("+z")
-    server.initial_camera.position, server.initial_camera.look_at = (0.55, -0.75, 0.75), (0.0, 0.0, -0.05)
+    server.initial_camera.position, server.initial_camera.look_at = (0.4, -0.55, 0.52), (0.0, 0.0, -0.12)
     surface = simulation.mesh.surface.astype(np.uint32)
     body = scene.add_mesh_simple("/body", scale * simulation.positions, surface, color=(90, 150, 200))
     plate = scene.add_frame("/plate", show_axes=False)
