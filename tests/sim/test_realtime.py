@@ -25,6 +25,7 @@ class FakeSimulation:
         self.scene = SimpleNamespace(dt=dt)
         self.during = during
         self.effector, self.report = None, StepReport()
+        self.ball, self.ball_event = None, ""
         self.torques = np.zeros(3)
         self.state = SimpleNamespace(positions=np.zeros((3, 3)), joints=np.zeros(4), step=0, time=0.0)
         self.singular = False
