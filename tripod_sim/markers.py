@@ -6,6 +6,7 @@ the points of the body are overwritten. To be found again they are serialised as
 """
 
 import struct
+from typing import TYPE_CHECKING
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -15,9 +16,11 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tripod_graph.names import WORLD
-from tripod_sim.maze.board_mesh import BoardMesh
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Pose, Skin
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.maze.board_mesh import BoardMesh
 
 BODY = ColorRGBA(r=0.85, g=0.75, b=0.62, a=1.0)
 MAZE = ColorRGBA(r=0.72, g=0.55, b=0.36, a=1.0)
@@ -33,7 +36,7 @@ SECONDS, NANOSECONDS = 0x5E57A300, 0x2A5E57A3
 class SceneMarkers:
     """Serialised MarkerArrays of one body and, if there are, of one maze and one ball: marker 0, 1, 2."""
 
-    def __init__(self, mesh: Skin, maze: BoardMesh | None = None, ball_radius: float | None = None) -> None:
+    def __init__(self, mesh: Skin, maze: "BoardMesh | None" = None, ball_radius: float | None = None) -> None:
         """`maze` is fastened to the effector; `ball_radius` [m]."""
         self._corners = mesh.surface.ravel()
         markers = [_marker("body", Marker.TRIANGLE_LIST, BODY)]

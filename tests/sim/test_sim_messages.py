@@ -18,7 +18,7 @@ from tripod_graph.names import SERVOS
 from tripod_sim import messages
 from tripod_sim.compliance import Compliance
 from tripod_sim.integrators.substeps import StepReport
-from tripod_sim.markers import SurfaceMarkers
+from tripod_sim.markers import SceneMarkers
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Energies, Pose
@@ -163,7 +163,7 @@ def test_the_point_cloud_decodes_to_the_positions() -> None:
 
 def test_the_markers_are_the_deformed_surface() -> None:
     """The buffer is used again: a second snapshot must leave nothing of the first."""
-    surface = SurfaceMarkers(MESH)
+    surface = SceneMarkers(MESH)
     for seed, stamp in ((1, STAMP), (2, 7), (3, 2_000_000_000_999_999_999)):
         s = snapshot(seed, stamp=stamp)
         (marker,) = deserialize_message(surface.serialised(s), MarkerArray).markers
@@ -177,7 +177,7 @@ def test_the_markers_are_the_deformed_surface() -> None:
 
 
 def test_earlier_markers_keep_their_bytes() -> None:
-    surface = SurfaceMarkers(MESH)
+    surface = SceneMarkers(MESH)
     first = surface.serialised(snapshot(1))
     before = bytes(first)
     surface.serialised(snapshot(2))
