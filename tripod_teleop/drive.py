@@ -33,6 +33,7 @@ class Drive:
     Attributes:
         joints: The set-point: three angles [rad], and the slide [m] if it is known.
         motion: Name of the motion under way, empty if none.
+        at_once: Whether the set-point has jumped: followers are not to take the time between two set-points for it.
     """
 
     def __init__(self, limits: CommandLimits, *, speed: float, hold: float, pose_time: float) -> None:
@@ -47,6 +48,7 @@ class Drive:
         self._limits, self._speed, self._hold, self._pose_time = limits, speed, hold, pose_time
         self.joints: FloatArray = np.zeros(3)
         self.motion = ""
+        self.at_once = False
         self._last: float | None = None
         self._pressed: dict[int, tuple[int, float]] = {}  # servo: sign, until
         self._path = (self.joints, self.joints, 0.0, 0.0)  # from, to, start, duration
@@ -60,13 +62,13 @@ class Drive:
 
     def rest(self) -> None:
         """Stay where the set-point is."""
-        self.motion = ""
+        self.motion, self.at_once = "", False
         self._pressed.clear()
 
     def press(self, move: Move, now: float) -> None:
         """Take a press, or its repeat, at `now` [s]; it ends a motion to a pose."""
         self.setpoint(now)  # what was pressed before counts until here
-        if self.motion:
+        if self.motion or self.at_once:
             self.rest()
         self._pressed[move.servo] = (move.sign, now + self._hold)
 
@@ -78,6 +80,15 @@ class Drive:
         fastest = PEAK * np.abs(goal - self.joints) / self._limits.speed[:size]
         self._path = (self.joints.copy(), goal, now, max(self._pose_time, float(fastest.max())))
         self.motion = name
+
+    def jump(self, angles: Sequence[float]) -> None:
+        """Put the set-point at three `angles` [rad] in one step; the slide stays.
+
+        The joints go there as fast as their followers' slew rates let them.
+        """
+        self.rest()
+        self.at_once = True
+        self.joints[:3] = np.clip(np.array(angles, float), self._limits.lower[:3], self._limits.upper[:3])
 
     def setpoint(self, now: float) -> FloatArray:
         """Return the set-point at `now` [s], shape (3,) or (4,); to be called at a regular rate.

@@ -1,7 +1,7 @@
 """Which key means what.
 
-The keys are those of the public Tripod tutorial, which are pressed there with Ctrl; here Ctrl may be left out. Its keys
-to catch and throw, Ctrl+Q and Ctrl+Z, stay free, and with them Q, z and Z: small q alone leaves.
+The keys are those of the public Tripod tutorial, which are pressed there with Ctrl; here Ctrl may be left out, except
+with q: small q alone leaves, Ctrl+Q and Q catch.
 """
 
 from collections.abc import Mapping
@@ -19,6 +19,8 @@ class Act(Enum):
     IK = auto()
     WORK = auto()
     PARK = auto()
+    CATCH = auto()
+    THROW = auto()
     HELP = auto()
     QUIT = auto()
 
@@ -68,6 +70,8 @@ BINDINGS: Final = (
     Binding(("i", "I", "ctrl+i"), Act.IK, "i", "inverse kinematics drives"),
     Binding(("a", "A", "ctrl+a"), Act.WORK, "a", "go to the working pose"),
     Binding(("p", "P", "ctrl+p"), Act.PARK, "p", "go to the park position"),
+    Binding(("Q", "ctrl+q"), Act.CATCH, "Q", "catch: strips down, at once"),
+    Binding(("z", "Z", "ctrl+z"), Act.THROW, "z", "throw: strips up, at once"),
     Binding(("?", "h"), Act.HELP, "?", "show this"),
     Binding(("q", "ctrl+c", "ctrl+d"), Act.QUIT, "q", "stop and leave; Ctrl-C too"),
 )

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Duration as DurationMessage
 from builtin_interfaces.msg import Time
 from rclpy.clock import Clock, ClockType
@@ -16,18 +17,18 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import ControlMode
 
 from tripod_graph import names
-from tripod_graph.command import CommandLimits
+from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.limits import LIMIT_PARAMETERS
 from tripod_graph.mode import Mode
-from tripod_graph.parameters import Parameter, declare
+from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
 from tripod_graph.run import REFUSED, run_node
 from tripod_teleop.drive import Drive, FloatArray
 from tripod_teleop.escape import KeyParser
 from tripod_teleop.joints import JointWatch
 from tripod_teleop.keys import HELP, KEYS, Act, Move
-from tripod_teleop.operate import Operator
+from tripod_teleop.operate import Operator, Toss
 from tripod_teleop.screen import status_line
 from tripod_teleop.terminal import Terminal, TerminalError
 from tripod_teleop.waiter import KeyWaiter
@@ -39,6 +40,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("speed", 0.5, "Speed of a servo whose key is down", "rad/s", low=0.01, high=4.0),
     Parameter("hold", 0.2, "Time for which a key press counts: silence means stop", "s", low=0.05, high=1.0),
     Parameter("pose_time", 3.0, "Shortest time of a motion to a pose", "s", low=0.5, high=60.0),
+    Parameter("catch", list(Toss.catch), "Servo angles of the catch, key Q", "rad", low=-3.2, high=3.2),
+    Parameter("throw", list(Toss.throw), "Servo angles of the throw, key z", "rad", low=-3.2, high=3.2),
     *(p for p in LIMIT_PARAMETERS if p.name in LIMITS),
 )
 
@@ -47,9 +50,11 @@ SEND_PERIOD = 0.05
 KEY_PERIOD = 0.02
 """Time between two looks for keys [s], besides those when keys come."""
 AHEAD = 0.01
-"""A key that moves a servo is answered at once by a set-point so far ahead [s]."""
+"""A key that moves a servo is answered at once by a set-point so far ahead [s]; a jump keeps it for all that follow."""
 LINE_PERIOD = 0.1
 """Time between two drawings of the status line [s]."""
+AT_ONCE = (Act.CATCH, Act.THROW)
+"""What is answered by a set-point as soon as a key that moves a servo is."""
 GOODBYE = 0.5
 """Longest time for the last STOP to arrive [s]."""
 
@@ -62,7 +67,8 @@ class TeleopNode(Node):
         values = declare(self, PARAMETERS)
         limits = CommandLimits(**{n: values[n] for n in LIMITS if n != "park"}, park=tuple(values["park"]))
         drive = Drive(limits, speed=values["speed"], hold=values["hold"], pose_time=values["pose_time"])
-        self._operator = Operator(self.get_name(), drive, limits.park)
+        toss = Toss(*(checked_angles(name, values[name], limits) for name in ("catch", "throw")))
+        self._operator = Operator(self.get_name(), drive, limits.park, toss)
         self._watch, self._parser, self._terminal = JointWatch(), KeyParser(), terminal
         self._rejected, self._last_rejection = 0, ""
         self._command = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
@@ -103,7 +109,7 @@ class TeleopNode(Node):
             self._waiter.taken()
         for key in keys:
             self._on_key(key)
-        if any(isinstance(KEYS.get(key), Move) for key in keys):
+        if any(isinstance(KEYS.get(key), Move) or KEYS.get(key) in AT_ONCE for key in keys):
             self._send(AHEAD)
 
     def _on_key(self, key: str) -> None:
@@ -128,7 +134,8 @@ class TeleopNode(Node):
         now = time.monotonic()
         joints = self._operator.setpoint(self._watch.joints(now), now + ahead)
         if joints is not None:
-            self._command.publish(self._command_message(joints, ahead or SEND_PERIOD))
+            soon = ahead > 0 or self._operator.drive.at_once
+            self._command.publish(self._command_message(joints, AHEAD if soon else SEND_PERIOD))
 
     def _on_line(self) -> None:
         operator = self._operator
@@ -197,6 +204,19 @@ class TeleopNode(Node):
         if self._watch.joints(time.monotonic()) is None:
             return Level.WARN, "waiting for joint angles", values
         return Level.OK, "driving" if operator.is_driving else "watching", values
+
+
+def checked_angles(name: str, angles: list[float], limits: CommandLimits) -> tuple[float, ...]:
+    """Return the three servo angles of parameter `name` [rad]; raise ParameterError unless they may be commanded."""
+    if len(angles) != len(names.SERVOS):
+        raise ParameterError(
+            f"parameter '{name}' has {len(angles)} values; it needs 3: {', '.join(names.SERVOS)}"
+        )
+    try:
+        limits.check(np.array([*angles, 0.0]), f"parameter '{name}'")
+    except CommandError as error:
+        raise ParameterError(str(error)) from None
+    return tuple(angles)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

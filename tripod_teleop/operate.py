@@ -1,5 +1,9 @@
 """The terminal as an operator: when it may command, what its keys decide, what it sends."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+
 from tripod_graph.mode import Mode, ModeTracker
 from tripod_graph.names import WORKING_POSE
 from tripod_teleop.drive import Drive, FloatArray
@@ -17,6 +21,19 @@ SAME_STAMP = 1e-6
 NO_JOINTS = "the joint angles are not known: is the simulator or the driver running?"
 
 
+@dataclass(frozen=True)
+class Toss:
+    """The servo angles between which a ball is thrown [rad], shape (3,) each; those of the public tutorial's step 6.
+
+    Attributes:
+        catch: Strips far down.
+        throw: Less far: the centre comes up.
+    """
+
+    catch: Sequence[float] = (-pi / 3,) * 3
+    throw: Sequence[float] = (-pi / 4,) * 3
+
+
 class Operator:
     """Turns intents into decisions about the mode and into set-points.
 
@@ -32,9 +49,11 @@ class Operator:
         notice: One line for the user, about the newest key; empty if all is said by the rest.
     """
 
-    def __init__(self, name: str, drive: Drive, park: tuple[float, float, float, float]) -> None:
-        """`park`: three angles [rad] and the slide [m] to which PARK goes."""
-        self.name, self.drive, self._park = name, drive, park
+    def __init__(
+        self, name: str, drive: Drive, park: tuple[float, float, float, float], toss: Toss | None = None
+    ) -> None:
+        """`park`: three angles [rad] and the slide [m] to which PARK goes; `toss`: where CATCH and THROW jump."""
+        self.name, self.drive, self._park, self._toss = name, drive, park, toss or Toss()
         self.source = ""
         self.notice = ""
         self._tracker = ModeTracker()
@@ -91,12 +110,16 @@ class Operator:
                 return Mode.STOP, self.decide(Mode.STOP, stamp)
             case Act.IK:
                 return Mode.IK, self.decide(Mode.IK, stamp)
-            case Act.TELEOP | Act.WORK | Act.PARK:
+            case Act.TELEOP | Act.WORK | Act.PARK | Act.CATCH | Act.THROW:
                 decision = self._take_control(joints, stamp, now)
                 if self.is_driving and intent is Act.WORK:
                     self.drive.go("working pose", WORKING_POSE, max(now, self._ready_at))
                 elif self.is_driving and intent is Act.PARK:
                     self.drive.go("park position", self._park, max(now, self._ready_at))
+                elif self.is_driving and intent is Act.CATCH:
+                    self.drive.jump(self._toss.catch)
+                elif self.is_driving and intent is Act.THROW:
+                    self.drive.jump(self._toss.throw)
                 return decision
         return None
 

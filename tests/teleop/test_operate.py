@@ -11,7 +11,7 @@ from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
 from tripod_teleop.drive import Drive
 from tripod_teleop.joints import STALE, JointError, JointWatch, joint_values
 from tripod_teleop.keys import Act, Move
-from tripod_teleop.operate import LAST_STAMP, NO_JOINTS, TAKEOVER, Operator
+from tripod_teleop.operate import LAST_STAMP, NO_JOINTS, TAKEOVER, Operator, Toss
 from tripod_teleop.screen import angles_text, status_line
 
 JOINTS = (-0.1, -0.2, -0.3, 0.02)
@@ -44,7 +44,7 @@ def test_teleop_starts_where_the_joints_are_after_the_takeover() -> None:
 
 def test_without_joint_angles_it_takes_no_control() -> None:
     made = operator()
-    for intent in (Act.TELEOP, Act.WORK, Act.PARK):
+    for intent in (Act.TELEOP, Act.WORK, Act.PARK, Act.CATCH, Act.THROW):
         assert made.act(intent, None, 100.0, 0.0) is None
         assert made.notice == NO_JOINTS
         assert not made.is_driving
@@ -78,6 +78,41 @@ def test_a_pose_takes_control_and_is_reached(intent: Act, pose, before: Mode) ->
     assert points[3] is None  # the former source falls silent first
     assert points[4] == pytest.approx(JOINTS)
     assert points[-1] == pytest.approx(pose)
+
+
+@pytest.mark.parametrize(("intent", "angle"), [(Act.CATCH, -math.pi / 3), (Act.THROW, -math.pi / 4)])
+def test_catch_and_throw_jump_and_leave_the_slide(intent: Act, angle: float) -> None:
+    made = operator()
+    assert made.act(intent, JOINTS, 101.0, 0.0) == (
+        Mode.TELEOP,
+        101.0,
+    )  # they take control as other letters do
+    assert made.setpoint(JOINTS, TAKEOVER / 2) is None
+    for now in (TAKEOVER, 1.0, 2.0):
+        assert made.setpoint(JOINTS, now) == pytest.approx([angle] * 3 + [0.02])
+    assert made.drive.at_once
+    made.act(Act.WORK, JOINTS, 102.0, 2.0)  # and away again, slowly
+    assert not made.drive.at_once
+    assert made.setpoint(JOINTS, 2.05) == pytest.approx([angle] * 3 + [0.02], abs=0.01)
+    assert made.setpoint(JOINTS, 9.0) == pytest.approx(WORKING_POSE)
+
+
+def test_a_jump_ends_a_motion_and_stays_within_the_limits() -> None:
+    made = Operator(
+        "teleop",
+        Drive(CommandLimits(angle_min=-1.0), speed=0.5, hold=0.2, pose_time=3.0),
+        PARK,
+        Toss(catch=(-0.1, -0.5, -1.5), throw=(0.1, 0.2, 0.3)),
+    )
+    made.act(Act.PARK, JOINTS[:3], 100.0, 0.0)
+    made.setpoint(JOINTS[:3], 1.0)
+    made.act(Act.CATCH, JOINTS[:3], 101.0, 1.0)
+    assert made.drive.motion == ""
+    assert made.setpoint(JOINTS[:3], 1.05) == pytest.approx([-0.1, -0.5, -1.0])
+    made.act(Act.THROW, JOINTS[:3], 102.0, 1.1)
+    assert made.setpoint(JOINTS[:3], 1.15) == pytest.approx([0.1, 0.2, 0.3])
+    made.act(UP, JOINTS[:3], 103.0, 1.2)
+    assert not made.drive.at_once
 
 
 def test_a_pose_while_driving_starts_from_the_set_point() -> None:

@@ -188,13 +188,18 @@ def test_keys_drive_and_q_leaves(session: Session) -> None:
     session.joints = WORKING_POSE
     session.shown("-85.7  -85.7  -85.7 deg, slide 35.0 mm")
 
+    for keys, angle in ((b"\x11", -np.pi / 3), (b"\x1a", -np.pi / 4)):  # Ctrl+Q, Ctrl+Z
+        session.type(keys)
+        expected = [angle] * 3 + [WORKING_POSE[3]]
+        session.until(lambda e=expected: np.abs(session.last() - e).max() < 1e-9, f"the pose of {keys!r}")
+
     session.type(b"\t")  # Ctrl+I
     session.until(lambda: session.decided(Mode.IK), "IK")
     count = len(session.commands)
     session.type(b" ")
     session.until(lambda: session.decided(Mode.STOP), "STOP")
-    session.type(b"Z")
-    session.shown("Z does nothing here; ? shows the keys")
+    session.type(b"X")
+    session.shown("X does nothing here; ? shows the keys")
     assert len(session.commands) <= count + 1
     session.type(b"t")
     session.until(lambda: session.decided(Mode.TELEOP), "TELEOP again")
@@ -274,11 +279,21 @@ def test_bad_messages_are_counted_and_change_nothing(session: Session) -> None:
     assert session.process.poll() is None
 
 
-def test_a_bad_parameter_is_refused_before_the_terminal_is_touched(monkeypatch: pytest.MonkeyPatch) -> None:
-    session = Session(monkeypatch, "hold:=7.0")
+@pytest.mark.parametrize(
+    ("parameter", "message"),
+    [
+        ("hold:=7.0", "parameter 'hold' is 7.0; allowed: 0.05 to 1 s"),
+        ("throw:=[0.1, 0.2]", "parameter 'throw' has 2 values; it needs 3: servo_0, servo_1, servo_2"),
+        ("catch:=[0.1, 0.2, 0.9]", "parameter 'catch': servo_2 is 0.9 rad, allowed is -2.1 to 0.6 rad"),
+    ],
+)
+def test_a_bad_parameter_is_refused_before_the_terminal_is_touched(
+    monkeypatch: pytest.MonkeyPatch, parameter: str, message: str
+) -> None:
+    session = Session(monkeypatch, parameter)
     try:
         code, errors = session.end()
-        assert (code, errors) == (2, "teleop: parameter 'hold' is 7.0; allowed: 0.05 to 1 s\n")
+        assert (code, errors) == (2, f"teleop: {message}\n")
         assert session.attributes() == session.before
         assert session.screen == b""
     finally:
