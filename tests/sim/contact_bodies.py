@@ -36,3 +36,15 @@ def ball_on(obstacle: Part, law: Law, centre: list[float], radius: float = 0.05,
     bodies = RigidBodies(np.array([mass]), inertia, np.array([centre]), np.array([0, 0, -G]))
     ball = Part(np.zeros((1, 3)), rigid=True, radius=radius)
     return World(law, 5 * law.distance, obstacles=[obstacle], rigid=(bodies, [ball]))
+
+
+def balls(
+    law: Law, centres: list[list[float]], radius: float = 0.05, mass: float = 0.2, still: int = 0
+) -> World:
+    """Balls without gravity, the last `still` of them fixed; 5 contact distances of alarm."""
+    parts = [Part(np.zeros((1, 3)), rigid=True, radius=radius) for _ in centres[still:]]
+    obstacles = [Part(np.array([c]), fixed=True, radius=radius) for c in centres[len(centres) - still :]]
+    moving = np.array(centres[: len(centres) - still])
+    inertia = np.tile(0.4 * mass * radius**2 * np.eye(3), (len(moving), 1, 1))
+    bodies = RigidBodies(np.full(len(moving), mass), inertia, moving, np.zeros(3))
+    return World(law, 5 * law.distance, obstacles=obstacles, rigid=(bodies, parts))

@@ -57,8 +57,8 @@ def assert_sound(found: ContactSet) -> None:
     c, n = found.arrays, found.count
     for name in ("weight", "normal", "offset", "pressure", "friction"):
         assert np.isfinite(getattr(c, name)[:n]).all(), name
-    np.testing.assert_allclose(np.linalg.norm(c.normal[:n], axis=1), 1, atol=1e-9)
-    np.testing.assert_allclose(c.weight[:n].sum(axis=1), 0, atol=1e-12)
+    assert np.abs(np.linalg.norm(c.normal[:n], axis=1) - 1).max(initial=0.0) < 1e-9
+    assert np.abs(c.weight[:n].sum(axis=1)).max(initial=0.0) < 1e-12
     assert len(np.unique(c.key[:n])) == n
 
 
@@ -80,8 +80,8 @@ def test_contact_is_found_wherever_two_triangles_are_near() -> None:
         gap = distance_of(a, b)
         near += gap < DISTANCE
         # what is apart is found by its distance; what passes through each other is named as such
-        named = found.count > 0 or passing(Part(a, triangle), [other]).size > 0
-        assert named or gap > 0.99 * ALARM, (case, kind, gap)
+        named = found.count > 0 or gap > 0.99 * ALARM or passing(Part(a, triangle), [other]).size > 0
+        assert named, (case, kind, gap)
         assert found.count == 0 or gap < ALARM
         # and over a step: what was apart stays apart until the time returned
         end = x.copy()

@@ -38,6 +38,28 @@ def test_cloth_comes_to_rest_and_keeps_its_distance(scene: str, response: str) -
     assert (fallen - simulation.positions[:, 2]).max() > 0.1
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("response", MODES)
+def test_the_shipped_drape_ends_its_bounces_and_stays_at_rest(response: str, restitution: float) -> None:
+    """With the scene's own damping, size and mass, on a coarser grid: the rest speed ends what restitution begins."""
+    words = ["springs.source=grid", "springs.nodes=9", "springs.size=0.8", f"springs.node_mass={0.2205 / 81}"]
+    simulation = Simulation(
+        load_scene("drape", [*words, f"contact.response={response}", f"contact.restitution={restitution}"])
+    )
+    assert simulation.scene.damping
+    assert simulation.scene.damping.mass == 2.0
+    bounced, kinetic = 0.0, []
+    for _ in range(600):
+        report = simulation.step()
+        assert report.contact
+        if report.contact.pressed:
+            bounced = max(bounced, float(simulation.state.velocities[:, 2].max()))
+        kinetic.append(simulation.energies().kinetic)
+    assert max(kinetic) > 0.1
+    assert max(kinetic[-100:]) < 1e-8
+    assert restitution == 0.0 or bounced > 0.3
+
+
 @pytest.mark.parametrize("response", MODES)
 def test_cloth_thrown_at_50_m_s_does_not_pass_the_sphere(response: str) -> None:
     simulation = Simulation(load_scene("drape", [*SMALL, f"contact.response={response}"]))

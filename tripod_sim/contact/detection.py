@@ -21,7 +21,8 @@ LEAST = 0.1
 class _Query:
     """One kind of pair: moving shapes against fixed ones in a tree built once, or against moving ones.
 
-    ones, others: Vertices and triangles, or edges and edges, as the kernels take them. `flipped`: the points are fixed.
+    ones, others: Vertices and triangles, edges and edges or balls and balls, as the kernels take them; `first` tells
+    which. `flipped`: the points are fixed.
     """
 
     boxes: Boxes
@@ -31,10 +32,9 @@ class _Query:
     others: IndexArray
     first: int
     flipped: bool
-    moving: bool
 
     def pairs(self) -> IndexArray:
-        return self.tree.pairs(self.boxes)
+        return self.tree.pairs(None if self.boxes is self.target else self.boxes)
 
 
 class Detector:
@@ -72,7 +72,11 @@ class Detector:
         self._largest = float(s.radius.max(initial=0.0))
         self._when: list[FloatArray] = []
         points, faces, edges = s.moving_points, s.moving_triangles, s.moving_edges
-        shapes = {"points": points[:, None], "faces": s.triangles[faces], "edges": s.edges[edges]}
+        round_ones = s.radius > 0
+        balls, fixed_balls = points[round_ones[points]], np.flatnonzero(round_ones & ~self._moving)
+        shapes = {
+            "points": points[:, None], "faces": s.triangles[faces], "edges": s.edges[edges], "balls": balls[:, None],
+        }  # fmt: skip
         boxes = {name: Boxes(shape) for name, shape in shapes.items()}
         self._boxes, self._trees = list(boxes.values()), list[Tree]()
         self._queries: list[_Query] = []
@@ -82,27 +86,27 @@ class Detector:
         ) -> None:
             if len(mine) and len(theirs):
                 target = Boxes(shape)
-                target.sweep(vertices, vertices, 0.0)
+                target.sweep(vertices, vertices, self._largest if name == "balls" else 0.0)
                 tree = Tree(target)
                 tree.update()
                 flipped = name == "faces"
                 one, other = (theirs, mine) if flipped else (mine, theirs)
-                self._queries.append(_Query(boxes[name], tree, target, one, other, first, flipped, False))
+                self._queries.append(_Query(boxes[name], tree, target, one, other, first, flipped))
 
         against_fixed("points", points, s.triangles[s.fixed_triangles], s.fixed_triangles, 1)
         against_fixed("faces", faces, s.fixed_points[:, None], s.fixed_points, 1)
         against_fixed("edges", edges, s.edges[s.fixed_edges], s.fixed_edges, 2)
+        against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, kernels.BALLS)
         bodies = np.unique(s.body[points])
         if len(bodies) > 1 or s.touches_itself[bodies].any():
             for name, query, mine, theirs, first in (
                 ("faces", "points", points, faces, 1),
                 ("edges", "edges", edges, edges, 2),
+                ("balls", "balls", balls, balls, kernels.BALLS),
             ):
                 tree = Tree(boxes[name])
                 self._trees.append(tree)
-                self._queries.append(
-                    _Query(boxes[query], tree, boxes[name], mine, theirs, first, False, True)
-                )
+                self._queries.append(_Query(boxes[query], tree, boxes[name], mine, theirs, first, False))
 
     def _sweep(self, start: FloatArray, end: FloatArray, margin: float) -> None:
         for boxes in self._boxes:
@@ -126,19 +130,14 @@ class Detector:
             pairs = q.pairs()
             self.pairs += len(pairs)
             while True:
-                if q.first == 1:
-                    end = kernels.near_point_faces(
-                        pairs,
-                        q.ones,
-                        q.others,
-                        q.flipped,
-                        self._top,
-                        x,
-                        self.distance,
-                        self.alarm,
-                        out.arrays,
-                        at,
+                if q.first == kernels.BALLS:
+                    end = kernels.near_balls(
+                        pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, out.arrays, at
                     )
+                elif q.first == 1:
+                    end = kernels.near_point_faces(
+                        pairs, q.ones, q.others, q.flipped, self._top, x, self.distance, self.alarm, out.arrays, at
+                    )  # fmt: skip
                 else:
                     end = kernels.near_edges(
                         pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, held, out.arrays, at

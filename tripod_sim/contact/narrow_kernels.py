@@ -31,6 +31,9 @@ MET_ROOM = 1e-3
 PARALLEL = 1e-3
 """Squared sine of the angle below which two edges are left to their ends, which are as close."""
 
+BALLS = 0
+"""Instead of the vertices of the first shape: two balls."""
+
 NEAR, MET, ANY = 0, 1, 2
 """Which contacts are made: of shapes that are near; that meet; or all that are asked about."""
 
@@ -315,6 +318,46 @@ def near_edges(
 
 
 @njit(cache=True, error_model="numpy")
+def _ball_ball(
+    top: Topology, y: Array, p: int, q: int, distance: float, reach: float, n: Array, out: Contacts, at: int
+) -> int:
+    """Write the contact of the balls about vertices p and q, at y[0] and y[1], if they are closer than `reach`.
+
+    Where the centres are equal the normal is the z axis.
+    """
+    square = 0.0
+    for i in range(3):
+        n[i] = y[0, i] - y[1, i]
+        square += n[i] * n[i]
+    gone, both = np.sqrt(square), top.radius[p] + top.radius[q]
+    if gone >= reach + both:
+        return at
+    if gone > NOWHERE * distance:
+        for i in range(3):
+            n[i] /= gone
+    else:
+        n[0], n[1], n[2] = 0.0, 0.0, 1.0
+    key = _key(VERTEX_VERTEX, p, q)
+    return _put(out, at, (p, q, q, q), (1.0, -1.0, 0.0, 0.0), key, distance + both, gone, n)
+
+
+@njit(cache=True, error_model="numpy")
+def near_balls(
+    pairs: Array, balls: Array, others: Array, top: Topology, x: Array, distance: float, reach: float, out: Contacts,
+    at: int,
+) -> int:  # fmt: skip
+    """Write contacts of two balls closer than `reach`, besides their radii, as `near_point_faces` does."""
+    y, n = np.empty((2, 3)), np.empty(3)
+    for k in range(pairs.shape[0]):
+        p, q = balls[pairs[k, 0]], others[pairs[k, 1]]
+        if p == q or not _may_touch(top, p, q):
+            continue
+        y[0], y[1] = x[p], x[q]
+        at = _ball_ball(top, y, p, q, distance, reach, n, out, at)
+    return at
+
+
+@njit(cache=True, error_model="numpy")
 def times(
     pairs: Array, ones: Array, others: Array, first: int, flipped: bool, top: Topology, x: Array, move: Array,
     least: float, out: Array, earliest: Array,
@@ -324,9 +367,9 @@ def times(
     A pair that begins closer than twice the least distance must keep half of what it has.
 
     Args:
-        pairs: Vertex and triangle (`first` 1) or two edges (`first` 2); see `near_point_faces`.
+        pairs: Vertex and triangle (`first` 1), two edges (2) or two balls (`BALLS`); see `near_point_faces`.
         ones, others, flipped, top, x: As there.
-        first: Vertices of the first shape.
+        first: Vertices of the first shape, or `BALLS`.
         move: Of vertices over the step [m], shape (n, 3).
         least: Distance to keep [m], besides the radius of balls.
         out: Shape (p,).
@@ -341,13 +384,16 @@ def times(
             continue
         for m in range(4):
             y[m], d[m] = x[v[m]], move[v[m]]
-        radius = top.radius[v[0]] if first == 1 else 0.0
-        if first == 1:
+        radius = top.radius[v[0]] if first < 2 else 0.0
+        if first == BALLS:
+            radius += top.radius[v[1]]
+            now = np.sqrt((y[0, 0] - y[1, 0]) ** 2 + (y[0, 1] - y[1, 1]) ** 2 + (y[0, 2] - y[1, 2]) ** 2)
+        elif first == 1:
             now = np.sqrt(point_triangle(y[0], y[1], y[2], y[3])[3])
         else:
             now = np.sqrt(segment_segment(y[0], y[1], y[2], y[3])[2])
         keep = radius + min(least, 0.5 * (now - radius)) if now > radius else 0.5 * now
-        out[k] = time_of_approach(y, d, first, 4, keep, z)
+        out[k] = time_of_approach(y, d, max(1, first), 2 if first == BALLS else 4, keep, z)
         if out[k] < 1.0 and now > NOWHERE * least:
             for m in range(4):
                 earliest[v[m]] = min(earliest[v[m]], out[k])
@@ -357,7 +403,10 @@ def times(
 
 @njit(cache=True, error_model="numpy")
 def _vertices(top: Topology, first: int, i: int, j: int, v: Array) -> bool:
-    """Write the four vertices of a pair; return whether it can touch."""
+    """Write the four vertices of a pair, of balls one repeated; return whether it can touch."""
+    if first == BALLS:
+        v[0], v[1], v[2], v[3] = i, j, j, j
+        return i != j and _may_touch(top, i, j)
     if first == 1:
         v[0], v[1], v[2], v[3] = i, top.triangles[j, 0], top.triangles[j, 1], top.triangles[j, 2]
         return i not in (v[1], v[2], v[3]) and _may_touch(top, i, v[1])
@@ -394,7 +443,9 @@ def met_contacts(
         for m in range(4):
             for c in range(3):
                 y[m, c] = x[v[m], c] + when[k] * move[v[m], c]
-        if first == 1:
+        if first == BALLS:
+            at = _ball_ball(top, y, i, j, distance, np.inf, n, out, at)
+        elif first == 1:
             at = _point_face(top, x, y, i, j, flipped, distance, np.inf, choice, n, out, at)
         else:
             at = _edge_edge(top, x, y, i, j, distance, np.inf, choice, v[:0], n, out, at)

@@ -1,0 +1,84 @@
+"""A cloth that touches itself: folded, it lies on itself and does not pass through itself."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.contact import start_kernels as kernels
+from tripod_sim.mesh.topology import directed_edges
+
+NODES, SIZE, DISTANCE = 7, 0.6, 0.004
+
+MODES = ["lagrange", "penalty"]
+
+
+def folded(tmp_path: Path, response: str, speed: float, *, self_contact: bool) -> Simulation:
+    """A cloth on a table, its right half folded to 30 degrees above the left one and thrown down at `speed` [m/s]."""
+    corners = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\n"
+    (tmp_path / "table.obj").write_text(corners + "f 1 2 3 4\n")
+    simulation = Simulation(
+        load_scene(
+            "drape",
+            [
+                "springs.source=grid", f"springs.nodes={NODES}", f"springs.size={SIZE}", "springs.bending=0",
+                "springs.position=[0, 0, 0.005]", f"obstacles.0.source={tmp_path / 'table.obj'}", "damping.mass=10",
+                f"contact.response={response}", f"contact.contact_distance={DISTANCE}",
+                f"contact.alarm_distance={3 * DISTANCE}", f"contact.self_contact={str(self_contact).lower()}",
+            ],
+        )
+    )  # fmt: skip
+    x, right = simulation.state.positions, simulation.state.positions[:, 0] > 1e-9
+    out = x[right, 0].copy()
+    x[right, 0], x[right, 2] = -np.cos(np.pi / 6) * out, x[right, 2] + np.sin(np.pi / 6) * out
+    x[:, 2] += np.random.default_rng(1).uniform(
+        0, 5e-4, len(x)
+    )  # in a plane no sign of a volume would mean anything
+    simulation.state.velocities[right, 2] = -speed
+    return simulation
+
+
+def passes_itself(simulation: Simulation) -> bool:
+    """Whether an edge passes through a triangle of the same cloth."""
+    x, triangles = simulation.positions, simulation.mesh.triangles
+    edges = np.unique(np.sort(directed_edges(triangles), axis=1), axis=0)
+    pairs = np.stack(np.meshgrid(np.arange(len(edges)), np.arange(len(triangles))), axis=-1).reshape(-1, 2)
+    marked = np.zeros(len(x), dtype=np.bool_)
+    kernels.mark_passing(pairs, edges, triangles, x.copy(), marked)
+    return bool(marked.any())
+
+
+def lowest_of_fold(simulation: Simulation, right: np.ndarray) -> float:
+    """Lowest node of the folded half, at least an edge from the fold, above the table [m]."""
+    return float(simulation.positions[right, 2].min())
+
+
+@pytest.mark.parametrize("response", MODES)
+@pytest.mark.parametrize("speed", [0.0, 30.0])
+def test_a_folded_cloth_lies_on_itself(tmp_path: Path, response: str, speed: float) -> None:
+    """At 30 m/s a step covers 0.3 m, 75 contact distances."""
+    simulation = folded(tmp_path, response, speed, self_contact=True)
+    right = simulation.mesh.nodes[:, 0] > 1.5 * SIZE / (NODES - 1)
+    assert not passes_itself(simulation)
+    for _ in range(150):
+        report = simulation.step()
+        assert report.contact
+        assert report.contact.cut == 0.0
+        assert not passes_itself(simulation)
+    # table, contact distance, cloth, contact distance, cloth; penalty lets each sink in by up to a half of it
+    least = 2 * DISTANCE * (0.95 if response == "lagrange" else 0.45)
+    assert lowest_of_fold(simulation, right) > least
+    assert simulation.energies().kinetic < 1e-5
+
+
+def test_without_self_contact_it_lies_in_itself(tmp_path: Path) -> None:
+    """What the other test shows is not so by chance."""
+    simulation = folded(tmp_path, "lagrange", 0.0, self_contact=False)
+    right = simulation.mesh.nodes[:, 0] > 1.5 * SIZE / (NODES - 1)
+    passed = False
+    for _ in range(150):
+        simulation.step()
+        passed |= passes_itself(simulation)
+    assert passed
+    assert lowest_of_fold(simulation, right) < 1.1 * DISTANCE
