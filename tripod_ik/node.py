@@ -69,6 +69,13 @@ PARAMETERS: tuple[Parameter, ...] = (
         "N m",
         low=0.001,
     ),
+    Parameter("box_low", [], "smallest x, y, z of the effector at rest; unset for no box", "m"),
+    Parameter("box_high", [], "largest x, y, z of the effector at rest; set both or none", "m"),
+    Parameter(
+        "hard",
+        _TRACKER.hard,
+        "whether torque_max and the box are hard limits; else the target may pass them a little",
+    ),
     Parameter(
         "weights", [1.0, 1.0, 1.0], "how much x, y and z of the target count; 0 leaves an axis free", low=0.0
     ),
@@ -181,6 +188,8 @@ class IkNode(Node):
                 angle_speed=values["angle_speed"],
                 step=values["max_step"],
                 torque_max=values["torque_max"],
+                box=_box(values["box_low"], values["box_high"]),
+                hard=values["hard"],
                 weights=tuple(values["weights"]),
                 tolerance=values["tolerance"],
                 goal=Goal(values["goal"]),
@@ -459,6 +468,16 @@ class IkNode(Node):
             values["correction [m]"] = float(np.linalg.norm(correction.shift))
             values["correction of tilt [rad]"] = float(np.linalg.norm(correction.tilt))
         return levels.get(self._activity, Level.OK), self._message or self._activity.name.lower(), values
+
+
+def _box(low: Sequence[float], high: Sequence[float]) -> Any:
+    """Return the parameters `box_low` and `box_high` as the tracker's box [m], None where they are unset."""
+    if not low and not high:
+        return None
+    for name, side in (("box_low", low), ("box_high", high)):
+        if len(side) != 3:
+            raise IkError(f"parameter '{name}' has {len(side)} values; it needs 3: x, y, z")
+    return tuple(low), tuple(high)
 
 
 def _point(position: FloatArray) -> Point:

@@ -15,7 +15,7 @@ from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
 from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import build_ik
-from tripod_ik.row_limits import TorqueLimit
+from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.target_motion import TargetMotion
@@ -77,7 +77,9 @@ class TrackerSettings:
         angle_max: Largest servo angle [rad].
         angle_speed: Largest speed of a commanded angle [rad/s].
         step: Farthest that a command may be from the present angle [rad].
-        torque_max: Largest torque of a servo, soft [N m]; infinite for none.
+        torque_max: Largest torque of a servo [N m]; infinite for none.
+        box: Smallest and largest x, y, z of the effector at rest [m]; None for no box.
+        hard: Whether torques and box are hard limits; else they are soft.
         weights: How much each axis of the target counts.
         tolerance: Distance from the target [m] up to which it counts as reached.
         goal: POSITION; ORIENTATION: roll, pitch and height; POSE: position and tilt, a compromise.
@@ -90,6 +92,8 @@ class TrackerSettings:
     angle_speed: float = 3.0
     step: float = 0.5
     torque_max: float = 0.3
+    box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    hard: bool = False
     weights: tuple[float, float, float] = (1.0, 1.0, 1.0)
     tolerance: float = 1e-4
     goal: Goal = Goal.POSITION
@@ -103,6 +107,8 @@ class TrackerSettings:
         PositionTask(np.zeros(3), np.array(self.weights))
         if not self.torque_max > 0:
             raise IkError(f"torque_max is {self.torque_max} N m; it must be positive")
+        if self.box is not None:
+            EffectorBox(np.array(self.box[0]), np.array(self.box[1]))
         if not self.tolerance > 0:
             raise IkError(f"tolerance is {self.tolerance} m; it must be positive")
         if not 0 <= self.lead <= 0.5:
@@ -139,7 +145,8 @@ class Tracker:
 
     The first command after `start` equals the present angles, and without a target the tracker keeps the
     effector where it would come to rest: beginning to track moves nothing. A servo found above the torque
-    limit is not moved to relieve it: what it bears then is its limit, until it is once below `torque_max`.
+    limit is not moved to relieve it: what it bears then is its limit, until it is once below `torque_max`. An effector
+    found outside of the box is not brought in either: where it is then is the side, until it is once inside.
 
     It stays on the branch of the pose that it began in. Where a state is found beyond a fold, or in it (see
     `branch`), the command goes back to the last angles before it, and from then on steps are halved each time, until
@@ -160,7 +167,7 @@ class Tracker:
             SpeedLimit(settings.angle_speed),
         )
         self._limited = bool(np.isfinite(settings.torque_max))
-        self._solver = IkSolver(n, rows=n if self._limited else 0)
+        self._solver = IkSolver(n, rows=(n if self._limited else 0) + (3 if settings.box else 0))
         self._motion = TargetMotion(settings.lead)
         self._target: FloatArray | None = None
         self.start()
@@ -200,6 +207,7 @@ class Tracker:
         """Begin anew from the angles of the next state."""
         self._previous: FloatArray | None = None
         self._torque: FloatArray | None = None
+        self._sides: tuple[FloatArray, FloatArray] | None = None
         self._time = 0.0
         self._kept: FloatArray | None = None
         self._side = 0.0
@@ -224,8 +232,7 @@ class Tracker:
             self._trust = max(SMALLEST_STEP, self._trust / 2)
             tasks = (PostureTask(self._inside, weight=1.0),)
         limits = (self._limits[0], StepLimit(self.settings.step if beyond else self._trust), self._limits[1])
-        torque = [TorqueLimit(self._torque_ceiling(state))] if self._limited else []
-        problem = build_ik(state, tasks, limits, torque, previous=self._previous, dt=dt)
+        problem = build_ik(state, tasks, limits, self._row_limits(state), previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
         if beyond or self._trust < self.settings.step:  # what is left of the step is no way to go
             kept = [name for name in result.active_limits if not name.endswith(" step")]
@@ -263,6 +270,18 @@ class Tracker:
         here = replace(state, equilibrium_offset=np.zeros(6))
         tasks = self.settings.tasks(wanted[:3], wanted[3:])
         return total_distance(tasks, [task.rows(here).error for task in tasks])
+
+    def _row_limits(self, state: LinearState) -> list[RowLimit]:
+        limits: list[RowLimit] = []
+        if self._limited:
+            limits.append(TorqueLimit(self._torque_ceiling(state), hard=self.settings.hard))
+        if self.settings.box is not None:
+            low, high = (np.array(side) for side in self.settings.box)
+            here, before = state.equilibrium, self._sides or (state.equilibrium, state.equilibrium)
+            low, high = np.where(here >= low, low, before[0]), np.where(here <= high, high, before[1])
+            self._sides = low, high
+            limits.append(EffectorBox(low, high, hard=self.settings.hard))
+        return limits
 
     def _torque_ceiling(self, state: LinearState) -> FloatArray:
         found, maximum = np.abs(state.torques), self.settings.torque_max

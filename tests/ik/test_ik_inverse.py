@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from tests.ik.search import Limits, Search
 from tripod_ik.errors import IkError
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
@@ -171,6 +172,53 @@ def test_torques_and_box_limit_the_pose(model):
     boxed = InverseSolver(model, ANY, row_limits=[box]).solve(target)
     assert boxed.state.equilibrium[0] == pytest.approx(0.005, abs=1e-8)
     assert boxed.active_limits == ("effector x",)
+
+
+@pytest.fixture(scope="module")
+def everywhere():
+    """A model of its own: the search leaves it anywhere."""
+    return Search(StaticModel(load_scene("tripod", ["mesh.level=1"])), *(-1.9, -1.1), count=5)
+
+
+BOX = (np.array([-0.006, -0.005, -0.012]), np.array([0.005, 0.006, -0.004]))
+
+
+@pytest.mark.parametrize(
+    ("limits", "start", "alone"),
+    [
+        (Limits(low=BOX[0], high=BOX[1]), [-1.5, -1.5, -1.5], 0),
+        (Limits(torque=0.135), [-1.1, -1.1, -1.1], 1),
+        (Limits(0.14, *BOX), [-1.1, -1.7, -1.3], 1),
+    ],
+)
+def test_where_torque_or_box_is_active_the_pose_is_the_closest_within_the_limits(
+    everywhere, limits, start, alone
+):
+    """Poses within a box are connected; a torque may part them, and then no way leads to the closer ones."""
+    model = everywhere.model
+    rows = [TorqueLimit(limits.torque, hard=True)] if np.isfinite(limits.torque) else []
+    rows += [EffectorBox(limits.low, limits.high, hard=True)] if np.isfinite(limits.low).all() else []
+    solver, active, parted = InverseSolver(model, NARROW, row_limits=rows), 0, 0
+    model.move(np.array(start))
+    home = model.save()
+    for target in np.random.default_rng(5).uniform([-0.012, -0.012, -0.02], [0.012, 0.012, 0.006], (8, 3)):
+        model.restore(home)
+        solution = solver.solve([PositionTask(target)])
+        assert solution.kkt < 1e-6
+        assert limits.room(solution.state)[0].min() > -1e-3  # a thousandth of 10 mm and of 0.1 N m
+        found, here = np.linalg.norm(solution.state.equilibrium - target), model.save()
+        active += any("torque" in name or "effector" in name for name in solution.active_limits)
+        assert found < everywhere.descend(target, limits) + 1e-6  # nothing near is closer
+        least, angles = everywhere.closest(target, limits)
+        if found < least + 5e-5:
+            assert found > least - 5e-6  # nor is the search worse
+            continue
+        parted += 1
+        model.restore(here)
+        way = np.linspace(solution.state.angles, angles, 12)[1:-1]
+        assert min(limits.room(model.move(a))[0].min() for a in way) < -1e-3
+    assert active > 2
+    assert parted <= alone
 
 
 def test_without_time_or_iterations_it_says_so(model):

@@ -236,6 +236,25 @@ def test_an_unreachable_target_gives_the_closest_pose_and_names_the_limits(graph
     assert angles.max() <= -1.4
 
 
+def test_box_and_hard_torque_limit_are_parameters(graph):
+    rest = SpringRobot(slide=0.035).rest(WORKING)
+    low, high = (rest - 0.1).tolist(), (rest + np.array([0.001, 0.1, 0.1])).tolist()
+    graph.start(box_low=low, box_high=high, hard=True, torque_max=0.018)
+    sim = graph.sim
+    sim.say_mode(ControlMode.IK)
+    sim.say_target(near(sim, [0.003, 0.0, 0.0]))
+    graph.wait(lambda: list(sim.states[-1].active_limits) == ["effector x"])
+    graph.wait(lambda: abs(sim.robot.rest(np.array(sim.states[-1].command))[0] - rest[0] - 0.001) < 1e-6)
+    sim.say_target(near(sim, [0.0, 0.0, 0.03]))
+
+    def most():
+        command = sim.states[-1].command
+        return np.abs(sim.robot.state(np.array(command)).torques).max() if command else 0.0
+
+    graph.wait(lambda: sum("torque" in name for name in sim.states[-1].active_limits) == 3)
+    graph.wait(lambda: abs(most() - 0.018) < 1e-7)  # a soft one is passed by more
+
+
 def test_bad_targets_are_refused_counted_and_reported(graph):
     graph.start()
     sim = graph.sim
@@ -507,6 +526,8 @@ def test_diagnostics_carry_state_and_counts(graph):
         ({"goal": "yaw"}, "parameter 'goal' is 'yaw'; allowed: one of position, orientation, pose"),
         ({"feedback": "eye"}, "parameter 'feedback' is 'eye'; allowed: one of none, pose, imu"),
         ({"weights": [1.0, 1.0]}, "parameter 'weights' has 2 values; it needs 3"),
+        ({"box_low": [0.0, 0.0, 0.0]}, "parameter 'box_high' has 0 values; it needs 3: x, y, z"),
+        ({"box_low": [0.0] * 3, "box_high": [0.1, 0.0, 0.1]}, "effector box: low .* must be below high"),
         ({"target_low": [0.0, 0.0]}, r"target_low has shape \(2,\)"),
         ({"target_low": [0.2, 0.0, 0.0]}, "target_low .* must be below target_high"),
         ({"angle_min": 0.7}, "low 0.7 rad must be below high 0.6 rad"),

@@ -243,6 +243,46 @@ def test_torque_is_held_at_its_limit():
     assert torques["bound"] == pytest.approx([0.018] * 3, abs=2e-5)
 
 
+def test_a_hard_torque_limit_is_kept_exactly_where_a_soft_one_is_passed_a_little():
+    robot, least = SpringRobot(slide=0.035), {}
+    for hard in (False, True):
+        one = Tracker(TrackerSettings(torque_max=0.018, hard=hard))
+        one.target = robot.rest(WORKING) + np.array([0, 0, 0.03])
+        steps, _ = follow(robot, one, WORKING, 200)
+        least[hard] = np.abs(robot.state(steps[-1].result.command).torques).max() - 0.018
+    assert least[False] > 1e-7
+    assert abs(least[True]) < 1e-9
+
+
+def test_the_effector_stays_in_its_box():
+    robot = SpringRobot(slide=0.035)
+    home, wide = robot.rest(WORKING), np.full(3, 0.1)
+    for hard, bound in ((True, 1e-9), (False, 1e-5)):
+        high = home + np.array([0.002, 0.1, 0.1])
+        one = Tracker(TrackerSettings(box=(tuple(home - wide), tuple(high)), hard=hard))
+        one.target = home + np.array([0.004, 0.001, 0.0])
+        steps, _ = follow(robot, one, WORKING, 200)
+        end = robot.rest(steps[-1].result.command)
+        assert end == pytest.approx(home + np.array([0.002, 0.001, 0.0]), abs=bound)
+        assert steps[-1].activity is Activity.CLOSEST
+        assert steps[-1].result.active_limits == ("effector x",)
+        assert max(robot.rest(s.result.command)[0] for s in steps) < home[0] + 0.002 + 1e-5
+
+
+def test_an_effector_found_outside_of_its_box_is_not_brought_in_and_once_inside_stays_there():
+    robot = SpringRobot(slide=0.035)
+    home, wide = robot.rest(WORKING), np.full(3, 0.1)
+    for hard in (True, False):
+        box = (tuple(home - wide), tuple(home + np.array([-0.001, 0.1, 0.1])))
+        one = Tracker(TrackerSettings(box=box, hard=hard))
+        steps, _ = follow(robot, one, WORKING, 20)
+        assert steps[-1].result.command == pytest.approx(WORKING, abs=1e-9)  # beginning moves nothing
+        for x, expected in ((0.002, 0.0), (-0.002, -0.002), (0.002, -0.001)):
+            one.target = home + np.array([x, 0.0, 0.0])
+            steps, _ = follow(robot, one, steps[-1].result.command, 200)
+            assert robot.rest(steps[-1].result.command)[0] - home[0] == pytest.approx(expected, abs=1e-5)
+
+
 def test_a_torque_found_above_the_limit_may_not_grow_and_once_below_not_come_back():
     robot, one = SpringRobot(slide=0.035), Tracker(TrackerSettings(torque_max=0.018))
     angles = np.full(3, -1.3)
@@ -296,6 +336,7 @@ def test_a_solver_that_fails_holds_and_recovers(monkeypatch):
         ({"angle_min": 1.0}, "low 1.0 rad must be below high 0.6 rad"),
         ({"angle_speed": 0.0}, "speed limit is 0.0"),
         ({"step": -1.0}, "step limit is -1.0"),
+        ({"box": ((0.0, 0.0, 0.0), (0.1, 0.0, 0.1))}, r"effector box: low \[0.0, 0.0, 0.0\] m must be below"),
         ({"torque_max": 0.0}, "torque_max is 0.0 N m"),
         ({"torque_max": float("nan")}, "torque_max is nan"),
         ({"weights": (0.0, 0.0, 0.0)}, "weights"),
