@@ -265,7 +265,9 @@ def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, 
 
     physics = graph.node._physics
     monkeypatch.setattr(
-        graph.node._surface, "serialised", counted(names.MARKERS, graph.node._surface.serialised)
+        graph.node._scene_markers,
+        "serialised",
+        counted(names.MARKERS, graph.node._scene_markers.serialised),
     )
     monkeypatch.setattr(messages, "cloud_message", counted(names.POINT_CLOUD, messages.cloud_message))
     compliance = counted(names.COMPLIANCE, physics._simulation.compliance)
