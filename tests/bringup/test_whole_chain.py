@@ -32,6 +32,8 @@ TOPICS = {
         names.TARGET_POSE,
         names.BODY_STATE,
         names.MESH,
+        names.MAZE_MESH,
+        names.BALL_SHAPE,
         names.SIM_JOINT_STATES,
         names.EFFECTOR_POSE,
         names.COMPLIANCE,
