@@ -411,6 +411,7 @@ class IkNode(Node):
         status.effector = _point(state.effector)
         status.error = step.error
         status.residual = result.residual
+        status.tilt_error, status.tilt_residual = step.tilt_error, step.tilt_residual
         status.command = array("d", result.command if result.ok else ())
         status.active_limits = list(result.active_limits)
         status.iterations = result.iterations

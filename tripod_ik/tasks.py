@@ -19,6 +19,9 @@ from tripod_ik.state import LinearState
 LEVER = 0.0075
 """Radius of the effector [m]: a tilt counts as much as the motion of its rim."""
 
+TILT = "tilt [rad]"
+"""Name of what `TiltTask` reports."""
+
 
 @dataclass(frozen=True, eq=False)
 class TaskRows:
@@ -121,7 +124,7 @@ class TiltTask:
 
     def distances(self, error: FloatArray) -> dict[str, float]:
         """Return the angle between the normals [rad]."""
-        return {"tilt [rad]": float(np.linalg.norm(error))}
+        return {TILT: float(np.linalg.norm(error))}
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from tripod_ik.state import LinearState
 from tripod_ik.target_motion import TargetMotion
 from tripod_ik.tasks import (
     LEVER,
+    TILT,
     PositionTask,
     PostureTask,
     Task,
@@ -131,12 +132,16 @@ class TrackerStep:
         activity: TRACKING, CLOSEST or SOLVER_FAILED; send `result.command` unless it is the last.
         target: What is being followed [m], shape (3,).
         error: Distance from the target to the effector as it is, not at rest [m]; tilts count by the lever.
+        tilt_error: The tilt in it [rad]; 0 if only the position is followed.
+        tilt_residual: What is left of the tilt after this command, at rest [rad].
         result: What inverse kinematics gave.
     """
 
     activity: Activity
     target: FloatArray
     error: float
+    tilt_error: float
+    tilt_residual: float
     result: IkResult
 
 
@@ -240,10 +245,14 @@ class Tracker:
             result = replace(result, active_limits=(*kept, *(["branch"] if held else [])))
         if beyond:  # the program solved was that of the way back
             left = total_distance(wanted_tasks, [task.rows(state).error for task in wanted_tasks])
-            result = replace(result, error=left, residual=left, residuals={})
+            residuals = {
+                k: d for task in wanted_tasks for k, d in task.distances(task.rows(state).error).items()
+            }
+            result = replace(result, error=left, residual=left, residuals=residuals)
         self._previous, self._time = result.command, max(self._time, now)
+        error, tilt = self._present_error(state, wanted)
         return TrackerStep(
-            self._activity(result, beyond), wanted[:3], self._present_error(state, wanted), result
+            self._activity(result, beyond), wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result
         )
 
     def _corrected(self, wanted: FloatArray, state: LinearState, now: float) -> tuple[FloatArray, FloatArray]:
@@ -266,10 +275,12 @@ class Tracker:
             self._inside = state.angles
         return False
 
-    def _present_error(self, state: LinearState, wanted: FloatArray) -> float:
+    def _present_error(self, state: LinearState, wanted: FloatArray) -> tuple[float, float]:
         here = replace(state, equilibrium_offset=np.zeros(6))
         tasks = self.settings.tasks(wanted[:3], wanted[3:])
-        return total_distance(tasks, [task.rows(here).error for task in tasks])
+        errors = [task.rows(here).error for task in tasks]
+        distances = [task.distances(error) for task, error in zip(tasks, errors, strict=True)]
+        return total_distance(tasks, errors), sum(d.get(TILT, 0.0) for d in distances)
 
     def _row_limits(self, state: LinearState) -> list[RowLimit]:
         limits: list[RowLimit] = []

@@ -255,6 +255,21 @@ def test_box_and_hard_torque_limit_are_parameters(graph):
     graph.wait(lambda: abs(most() - 0.018) < 1e-7)  # a soft one is passed by more
 
 
+def test_the_status_tells_what_is_missing_of_the_tilt(graph):
+    graph.start(goal="orientation")
+    sim, message = graph.sim, PoseStamped()
+    sim.say_mode(ControlMode.IK)
+    assert graph.wait_state(IkStatus.TRACKING).tilt_error == pytest.approx(0.0, abs=1e-9)
+    message.header.frame_id = "world"
+    p, q = message.pose.position, message.pose.orientation
+    p.x, p.y, p.z = (float(v) for v in near(sim, [0, 0, 0]))
+    q.x, q.w = np.sin(0.02), np.cos(0.02)
+    sim.target.publish(message)
+    status = graph.wait(lambda: sim.states[-1] if sim.states[-1].tilt_error > 1e-3 else None)
+    assert status.tilt_error == pytest.approx(0.04, abs=1e-6)  # this robot says that it stays level
+    assert 0 < status.tilt_residual < 0.04
+
+
 def test_bad_targets_are_refused_counted_and_reported(graph):
     graph.start()
     sim = graph.sim

@@ -10,9 +10,10 @@ from tripod_ik.certificate import kkt_residual
 from tripod_ik.errors import IkError
 from tripod_ik.limits import AngleLimit, StepLimit
 from tripod_ik.problem import build_ik
+from tripod_ik.rotation import normal_of
 from tripod_ik.solver import IkSolver
 from tripod_ik.tasks import PositionTask
-from tripod_ik.tracker import LONGEST_DT, Activity, Tracker, TrackerSettings
+from tripod_ik.tracker import LONGEST_DT, Activity, Goal, Tracker, TrackerSettings
 
 WORKING = np.full(3, -1.4965)
 DT = 0.01  # [s]
@@ -241,6 +242,20 @@ def test_torque_is_held_at_its_limit():
             }
     assert torques["free"].min() > 0.0185
     assert torques["bound"] == pytest.approx([0.018] * 3, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("goal", "tilted"), [(Goal.ORIENTATION, True), (Goal.POSE, True), (Goal.POSITION, False)]
+)
+def test_what_is_missing_of_the_tilt_is_told_apart(goal, tilted):
+    robot, one = SpringRobot(slide=0.035), Tracker(TrackerSettings(goal=goal, lever=0.01))
+    one.aim(robot.rest(WORKING), normal_of(0.03, -0.04), 0.0)
+    first, second = (one.update(robot.state(WORKING), now) for now in (0.0, 0.1))
+    angle = np.arccos(normal_of(0.03, -0.04)[2]) if tilted else 0.0
+    assert first.tilt_error == second.tilt_error == pytest.approx(angle, abs=1e-9)
+    assert first.error == pytest.approx(0.01 * angle, abs=1e-9)
+    assert first.tilt_residual == pytest.approx(angle, abs=1e-9)  # no time to move yet
+    assert second.tilt_residual < 0.95 * angle if tilted else second.tilt_residual == 0
 
 
 def test_a_hard_torque_limit_is_kept_exactly_where_a_soft_one_is_passed_a_little():
