@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.contact import narrow_kernels as kernels
+from tripod_sim.contact import met_kernels, narrow_kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.region_kernels import Topology
 from tripod_sim.contact.surfaces import Surfaces
 
 FloatArray = NDArray[np.float64]
@@ -55,7 +56,7 @@ class Detector:
         """
         s = self._surfaces = surfaces
         self.distance, self.alarm, self.pairs = distance, alarm, 0
-        self._top = kernels.Topology(
+        self._top = Topology(
             s.body,
             s.touches_itself,
             s.radius,
@@ -96,13 +97,13 @@ class Detector:
         against_fixed("points", points, s.triangles[s.fixed_triangles], s.fixed_triangles, 1)
         against_fixed("faces", faces, s.fixed_points[:, None], s.fixed_points, 1)
         against_fixed("edges", edges, s.edges[s.fixed_edges], s.fixed_edges, 2)
-        against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, kernels.BALLS)
+        against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, met_kernels.BALLS)
         bodies = np.unique(s.body[points])
         if len(bodies) > 1 or s.touches_itself[bodies].any():
             for name, query, mine, theirs, first in (
                 ("faces", "points", points, faces, 1),
                 ("edges", "edges", edges, edges, 2),
-                ("balls", "balls", balls, balls, kernels.BALLS),
+                ("balls", "balls", balls, balls, met_kernels.BALLS),
             ):
                 tree = Tree(boxes[name])
                 self._trees.append(tree)
@@ -130,16 +131,16 @@ class Detector:
             pairs = q.pairs()
             self.pairs += len(pairs)
             while True:
-                if q.first == kernels.BALLS:
-                    end = kernels.near_balls(
+                if q.first == met_kernels.BALLS:
+                    end = narrow_kernels.near_balls(
                         pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, out.arrays, at
                     )
                 elif q.first == 1:
-                    end = kernels.near_point_faces(
+                    end = narrow_kernels.near_point_faces(
                         pairs, q.ones, q.others, q.flipped, self._top, x, self.distance, self.alarm, out.arrays, at
                     )  # fmt: skip
                 else:
-                    end = kernels.near_edges(
+                    end = narrow_kernels.near_edges(
                         pairs, q.ones, q.others, self._top, x, self.distance, self.alarm, held, out.arrays, at
                     )
                 if end <= len(out.arrays.key):
@@ -180,7 +181,7 @@ class Detector:
             if len(pairs) > len(self._when[k]):
                 self._when[k] = np.zeros(len(pairs) + len(pairs) // 2)
             when = self._when[k][: len(pairs)]
-            kernels.times(
+            met_kernels.times(
                 pairs, q.ones, q.others, q.first, q.flipped, self._top, start, self._move, least, when,
                 self._earliest,
             )  # fmt: skip
@@ -188,12 +189,12 @@ class Detector:
                 found.append((q, pairs.copy(), when))
         if not found:
             return 1.0
-        at = out.count
+        at, choice = out.count, narrow_kernels.ANY if take_all else narrow_kernels.MET
         for q, pairs, when in found:
             while True:
-                after = kernels.met_contacts(
+                after = met_kernels.met_contacts(
                     pairs, q.ones, q.others, q.first, q.flipped, self._top, start, self._move, self.distance, when,
-                    self._earliest, self._moving, kernels.ANY if take_all else kernels.MET, out.arrays, at,
+                    self._earliest, self._moving, choice, out.arrays, at,
                 )  # fmt: skip
                 if after <= len(out.arrays.key):
                     break

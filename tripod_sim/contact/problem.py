@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from tripod_sim.contact import response_kernels as kernels
+from tripod_sim.contact import hessian_kernels, response_kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.linear.ldl import Ldl
@@ -106,7 +106,7 @@ class StepProblem:
         c = self._contacts
         if len(self._state) < c.count:
             self._state = np.zeros(2 * c.count, dtype=np.int64)
-        return phi + float(kernels.add_gradient(c.arrays, c.count, u, r, self._state))
+        return phi + float(response_kernels.add_gradient(c.arrays, c.count, u, r, self._state))
 
     def _factor(self, u: FloatArray) -> None:
         """Assemble and factor at `u`: as it is if that is positive definite, else projected."""
@@ -115,7 +115,7 @@ class StepProblem:
         for project in (False, True):
             self._assemble(u, project=project)
             while True:
-                count = kernels.add_hessian(
+                count = hessian_kernels.add_hessian(
                     c.arrays,
                     c.count,
                     u,
@@ -149,7 +149,7 @@ class StepProblem:
             if not rz > aim:
                 break
             self.effort.linear_iterations += 1
-            kernels.product(
+            hessian_kernels.product(
                 self._indptr, self._indices, self._pattern.data, self._outside, self._places, self._outside_count, p,
                 self._q,
             )  # fmt: skip

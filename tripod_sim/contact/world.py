@@ -17,6 +17,7 @@ from tripod_sim.contact.contact_set import ContactSet, inherit
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Response
+from tripod_sim.contact.restitution_kernels import restitute
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.mesh.solid_mesh import FloatArray
 
@@ -256,6 +257,6 @@ class World:
         c = self.contacts
         if len(self._impulse) < c.count:
             self._impulse = np.zeros(2 * c.count)
-        kernels.restitute(
+        restitute(
             c.arrays, c.count, before, v, give, self.law.restitution, self.law.rest_speed, 50, self._impulse
         )

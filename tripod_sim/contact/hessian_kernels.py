@@ -1,0 +1,156 @@
+"""Loops of the Hessian of the contact terms (see `response_kernels`), and of products with it."""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from tripod_sim.contact.contact_set import Contacts
+from tripod_sim.contact.response_kernels import relative
+
+Array = Any
+
+
+@njit(cache=True, error_model="numpy")
+def _curvature(c: Contacts, k: int, u: Array, H: Array) -> bool:
+    """Write the second derivative of P with respect to d, shape (3, 3); return whether it is not zero."""
+    d0, d1, d2 = relative(c, k, u)
+    n = c.normal[k]
+    along = n[0] * d0 + n[1] * d1 + n[2] * d2
+    rho, sigma, limit = c.stiffness[k, 0], c.stiffness[k, 1], c.limit[k]
+    normal = rho if c.pressure[k] - rho * (c.gap[k] + along) > 0.0 else 0.0
+    tangential, share = 0.0, 0.0
+    t0 = t1 = t2 = 0.0
+    if limit > 0.0:
+        t0 = c.friction[k, 0] - sigma * (d0 - along * n[0])
+        t1 = c.friction[k, 1] - sigma * (d1 - along * n[1])
+        t2 = c.friction[k, 2] - sigma * (d2 - along * n[2])
+        size = np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+        tangential = sigma
+        if size > limit:
+            tangential = sigma * limit / size
+            share = tangential / (size * size)
+    if normal == 0.0 and tangential == 0.0:
+        return False
+    t = (t0, t1, t2)
+    for i in range(3):
+        for j in range(3):
+            H[i, j] = (normal - tangential) * n[i] * n[j] - share * t[i] * t[j]
+        H[i, i] += tangential
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _jacobian(c: Contacts, k: int, m: int, J: Array) -> None:
+    """Write J of block m of contact k, [w I, -[r]x], shape (3, 6)."""
+    J[:] = 0.0
+    J[0, 0] = J[1, 1] = J[2, 2] = c.lump[k, m]
+    if c.width[k, m] == 6:
+        r = c.moment[k, m]
+        J[0, 4], J[0, 5] = r[2], -r[1]
+        J[1, 3], J[1, 5] = -r[2], r[0]
+        J[2, 3], J[2, 4] = r[1], -r[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _find(indptr: Array, indices: Array, row: int, column: int) -> int:
+    """Return where entry (row, column) of a CSC matrix with sorted rows stands, or -1."""
+    low, high = indptr[column], indptr[column + 1]
+    while low < high:
+        middle = (low + high) // 2
+        if indices[middle] < row:
+            low = middle + 1
+        else:
+            high = middle
+    return low if low < indptr[column + 1] and indices[low] == row else -1
+
+
+@njit(cache=True, error_model="numpy")
+def add_hessian(
+    c: Contacts,
+    count: int,
+    u: Array,
+    indptr: Array,
+    indices: Array,
+    data: Array,
+    outside: Array,
+    places: Array,
+) -> int:
+    """Add the Hessian of sum of P to an upper triangle, CSC; what its pattern has no place for goes to `outside`.
+
+    Args:
+        c, count, u: Contacts and unknowns.
+        indptr, indices, data: The matrix; blocks of a node or body are full.
+        outside: Blocks (first, second), first unknown smaller, shape (room, 6, 6).
+        places: First unknowns and widths of each: first, second, width of first, of second, shape (room, 4).
+
+    Returns:
+        How many blocks are outside, beyond the room if it does not suffice.
+    """
+    H, A, B, HB, M = np.empty((3, 3)), np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6)), np.empty((6, 6))
+    found = 0
+    for k in range(count):
+        if not _curvature(c, k, u, H):
+            continue
+        for b in range(4):
+            if c.base[k, b] < 0:
+                break
+            _jacobian(c, k, b, B)
+            wide = c.width[k, b]
+            for i in range(3):
+                for j in range(wide):
+                    HB[i, j] = H[i, 0] * B[0, j] + H[i, 1] * B[1, j] + H[i, 2] * B[2, j]
+            column = c.base[k, b]
+            for a in range(4):
+                row = c.base[k, a]
+                if row < 0:
+                    break
+                if row > column:
+                    continue
+                _jacobian(c, k, a, A)
+                tall = c.width[k, a]
+                for i in range(tall):
+                    for j in range(wide):
+                        M[i, j] = A[0, i] * HB[0, j] + A[1, i] * HB[1, j] + A[2, i] * HB[2, j]
+                if _find(indptr, indices, row, column) < 0:
+                    if found < outside.shape[0]:
+                        outside[found, :tall, :wide] = M[:tall, :wide]
+                        places[found, 0], places[found, 1], places[found, 2], places[found, 3] = (
+                            row, column, tall, wide,
+                        )  # fmt: skip
+                    found += 1
+                    continue
+                for j in range(wide):
+                    at = _find(indptr, indices, row, column + j)
+                    for i in range(min(tall, j + 1) if row == column else tall):
+                        data[at + i] += M[i, j]
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def product(
+    indptr: Array,
+    indices: Array,
+    data: Array,
+    outside: Array,
+    places: Array,
+    count: int,
+    p: Array,
+    out: Array,
+) -> None:
+    """Write (upper triangle and what is below it, and `outside`) times p."""
+    out[:] = 0.0
+    for j in range(p.shape[0]):
+        total = 0.0
+        for e in range(indptr[j], indptr[j + 1]):
+            i = indices[e]
+            total += data[e] * p[i]
+            if i != j:
+                out[i] += data[e] * p[j]
+        out[j] += total
+    for k in range(count):
+        row, column, tall, wide = places[k]
+        for i in range(tall):
+            for j in range(wide):
+                out[row + i] += outside[k, i, j] * p[column + j]
+                out[column + j] += outside[k, i, j] * p[row + i]

@@ -1,0 +1,112 @@
+"""Continuous detection: when shapes come too close during a step, and the contacts that they make then."""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from tripod_sim.contact.ccd_kernels import time_of_approach
+from tripod_sim.contact.contact_set import Contacts
+from tripod_sim.contact.distance_kernels import point_triangle, segment_segment
+from tripod_sim.contact.narrow_kernels import NOWHERE, ball_ball, edge_edge, point_face
+from tripod_sim.contact.region_kernels import Topology, may_touch
+
+Array = Any
+
+BALLS = 0
+"""Instead of the vertices of the first shape: two balls."""
+
+
+@njit(cache=True, error_model="numpy")
+def times(
+    pairs: Array, ones: Array, others: Array, first: int, flipped: bool, top: Topology, x: Array, move: Array,
+    least: float, out: Array, earliest: Array,
+) -> None:  # fmt: skip
+    """Write for each pair the time until which it keeps its least distance over the moves of a step; 1 for the whole.
+
+    A pair that begins closer than twice the least distance must keep half of what it has.
+
+    Args:
+        pairs: Vertex and triangle (`first` 1), two edges (2) or two balls (`BALLS`); see `near_point_faces`.
+        ones, others, flipped, top, x: As there.
+        first: Vertices of the first shape, or `BALLS`.
+        move: Of vertices over the step [m], shape (n, 3).
+        least: Distance to keep [m], besides the radius of balls.
+        out: Shape (p,).
+        earliest: Of each vertex, lowered to the earliest of its times, shape (n,).
+    """
+    y, d, z = np.empty((4, 3)), np.empty((4, 3)), np.empty((4, 3))
+    v = np.empty(4, dtype=np.int64)
+    for k in range(pairs.shape[0]):
+        out[k] = 1.0
+        i, j = ones[pairs[k, 1 if flipped else 0]], others[pairs[k, 0 if flipped else 1]]
+        if not _vertices(top, first, i, j, v):
+            continue
+        for m in range(4):
+            y[m], d[m] = x[v[m]], move[v[m]]
+        radius = top.radius[v[0]] if first < 2 else 0.0
+        if first == BALLS:
+            radius += top.radius[v[1]]
+            now = np.sqrt((y[0, 0] - y[1, 0]) ** 2 + (y[0, 1] - y[1, 1]) ** 2 + (y[0, 2] - y[1, 2]) ** 2)
+        elif first == 1:
+            now = np.sqrt(point_triangle(y[0], y[1], y[2], y[3])[3])
+        else:
+            now = np.sqrt(segment_segment(y[0], y[1], y[2], y[3])[2])
+        keep = radius + min(least, 0.5 * (now - radius)) if now > radius else 0.5 * now
+        out[k] = time_of_approach(y, d, max(1, first), 2 if first == BALLS else 4, keep, z)
+        if out[k] < 1.0 and now > NOWHERE * least:
+            for m in range(4):
+                earliest[v[m]] = min(earliest[v[m]], out[k])
+        else:
+            out[k] = 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _vertices(top: Topology, first: int, i: int, j: int, v: Array) -> bool:
+    """Write the four vertices of a pair, of balls one repeated; return whether it can touch."""
+    if first == BALLS:
+        v[0], v[1], v[2], v[3] = i, j, j, j
+        return i != j and may_touch(top, i, j)
+    if first == 1:
+        v[0], v[1], v[2], v[3] = i, top.triangles[j, 0], top.triangles[j, 1], top.triangles[j, 2]
+        return i not in (v[1], v[2], v[3]) and may_touch(top, i, v[1])
+    v[0], v[1], v[2], v[3] = top.edges[i, 0], top.edges[i, 1], top.edges[j, 0], top.edges[j, 1]
+    return v[0] not in (v[2], v[3]) and v[1] not in (v[2], v[3]) and may_touch(top, v[0], v[2])
+
+
+@njit(cache=True, error_model="numpy")
+def met_contacts(
+    pairs: Array, ones: Array, others: Array, first: int, flipped: bool, top: Topology, x: Array, move: Array,
+    distance: float, when: Array, earliest: Array, moving: Array, choice: int, out: Contacts, at: int,
+) -> int:  # fmt: skip
+    """Write the contacts of pairs that meet, as they stand when they do: of each moving vertex the first that it meets.
+
+    Args:
+        pairs, ones, others, first, flipped, top, x, move, out, at: As in `times`, `near_point_faces`.
+        distance: As in `near_point_faces`.
+        when, earliest: What `times` wrote.
+        moving: Whether each vertex can move, shape (n,).
+        choice: MET leaves out what meets a feature from where another is closer; ANY takes all.
+    """
+    y, n = np.empty((4, 3)), np.empty(3)
+    v = np.empty(4, dtype=np.int64)
+    for k in range(pairs.shape[0]):
+        if when[k] >= 1.0:
+            continue
+        i, j = ones[pairs[k, 1 if flipped else 0]], others[pairs[k, 0 if flipped else 1]]
+        _vertices(top, first, i, j, v)
+        late = False
+        for m in range(4):
+            late |= moving[v[m]] and when[k] > earliest[v[m]] + 1e-3 * (1.0 - earliest[v[m]])
+        if late:
+            continue
+        for m in range(4):
+            for c in range(3):
+                y[m, c] = x[v[m], c] + when[k] * move[v[m], c]
+        if first == BALLS:
+            at = ball_ball(top, y, i, j, distance, np.inf, n, out, at)
+        elif first == 1:
+            at = point_face(top, x, y, i, j, flipped, distance, np.inf, choice, n, out, at)
+        else:
+            at = edge_edge(top, x, y, i, j, distance, np.inf, choice, v[:0], n, out, at)
+    return at

@@ -1,0 +1,77 @@
+"""Restitution: impulses on the masses after a step."""
+
+from typing import Any
+
+from numba import njit
+
+from tripod_sim.contact.contact_set import Contacts
+from tripod_sim.contact.response_kernels import relative
+
+Array = Any
+
+
+@njit(cache=True, error_model="numpy")
+def restitute(
+    c: Contacts, count: int, before: Array, v: Array, give: Array, restitution: float, slowest: float, rounds: int,
+    impulse: Array,
+) -> float:  # fmt: skip
+    """Change velocities so that contacts that were hit part at `restitution` times the speed at which they met.
+
+    Impulses along the normals, Gauss-Seidel on the masses [Moreau1988]. Slower hits than `slowest` do not bounce.
+
+    Args:
+        c, count: Contacts; those under pressure count.
+        before: Velocity of unknowns before the step [m/s, rad/s], shape (u,).
+        v: After it; changed.
+        give: 1 / mass of each unknown [1/kg]; a rigid body's own axes are taken as isotropic.
+        restitution: e, 0 to 1.
+        slowest: [m/s].
+        rounds: Of Gauss-Seidel.
+        impulse: Scratch, shape (c,).
+
+    Returns:
+        The largest normal impulse [N s].
+    """
+    largest = 0.0
+    impulse[:count] = 0.0
+    for _ in range(rounds):
+        for k in range(count):
+            if not c.pressure[k] > 0.0:
+                continue
+            n = c.normal[k]
+            d0, d1, d2 = relative(c, k, before)
+            met = n[0] * d0 + n[1] * d1 + n[2] * d2
+            if met > -slowest:
+                continue
+            d0, d1, d2 = relative(c, k, v)
+            now = n[0] * d0 + n[1] * d1 + n[2] * d2
+            total = 0.0
+            for m in range(4):
+                b = c.base[k, m]
+                if b < 0:
+                    break
+                total += c.lump[k, m] ** 2 * give[b]
+                if c.width[k, m] == 6:
+                    r = c.moment[k, m]
+                    x0, x1, x2 = (
+                        r[1] * n[2] - r[2] * n[1],
+                        r[2] * n[0] - r[0] * n[2],
+                        r[0] * n[1] - r[1] * n[0],
+                    )
+                    total += (x0 * x0 + x1 * x1 + x2 * x2) * give[b + 3]
+            add = max((-restitution * met - now) / total, -impulse[k])
+            impulse[k] += add
+            largest = max(largest, impulse[k])
+            for m in range(4):
+                b = c.base[k, m]
+                if b < 0:
+                    break
+                w = c.lump[k, m] * add
+                for i in range(3):
+                    v[b + i] += w * n[i] * give[b]
+                if c.width[k, m] == 6:
+                    r = c.moment[k, m]
+                    v[b + 3] += (r[1] * n[2] - r[2] * n[1]) * add * give[b + 3]
+                    v[b + 4] += (r[2] * n[0] - r[0] * n[2]) * add * give[b + 3]
+                    v[b + 5] += (r[0] * n[1] - r[1] * n[0]) * add * give[b + 3]
+    return largest
