@@ -55,7 +55,9 @@ def test_momentum_is_kept_and_energy_never_grows_in_free_flight() -> None:
 def ringing(dt: float, scheme: tuple[str, ...] = ()) -> np.ndarray:
     """Effector height 40 ms after the servos moved, ideal angles ramped in 20 ms."""
     simulation = Simulation(
-        load_scene("tripod", ["mesh.level=1", f"dt={dt}", "solver.mode=newton", "solver.tolerance=1e-8", *scheme])
+        load_scene(
+            "tripod", ["mesh.level=1", f"dt={dt}", "solver.mode=newton", "solver.tolerance=1e-8", *scheme]
+        )
     )
     for k in range(round(0.04 / dt)):
         angle = -0.2 * min(1.0, (k + 1) * dt / 0.02)
