@@ -1,13 +1,15 @@
 """How well inverse kinematics finds its targets: the whole set, beside a search that knows no Jacobian's branch.
 
-    python benchmarks/ik_reach.py [--targets 500] [--limited 100] [--json FILE]
+    python benchmarks/ik_reach.py [--targets 500] [--limited 100] [--held 40] [--json FILE]
 
 1. Targets over the reachable set: angles drawn evenly from the range in which the strips are stretched, the equilibrium
    there is the target, every solution begins in the working pose. Error at rest, KKT residual, iterations.
 2. The same and targets far outside, with angle limits that many of them need to pass: the distance that remains, beside
    the least one found by SciPy's bounded least squares from the nearest poses of a grid over all angles allowed.
-3. Tilts of up to 0.3 rad in all directions, at a height that has room for them.
-4. Moving targets on the dynamic simulator: rms and lag, with ideal and with S90 servos.
+3. Hard limits of torque and effector box, beside a search everywhere (`tests/ik/search.py`). Where another pose within
+   the limits is closer: whether the straight way to it keeps to them.
+4. Tilts of up to 0.3 rad in all directions, at a height that has room for them.
+5. Moving targets on the dynamic simulator: rms and lag, with ideal and with S90 servos.
 """
 
 import argparse
@@ -25,17 +27,21 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from tests.ik.search import Limits, Search
 from tests.ik.tripod_loop import circle, follow, tilting, vertical_sine
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.rotation import normal_of, tilt_between
+from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.tasks import PositionTask, orientation_tasks
 from tripod_ik.tracker import Goal, TrackerSettings
 from tripod_sim import load_scene
 
 LOW, HIGH = -2.1, -0.6  # [rad]
 NARROW = (-1.9, -1.1)  # [rad]
+BOX = (np.array([-0.006, -0.005, -0.012]), np.array([0.005, 0.006, -0.004]))  # [m]
+SAME = 5e-5  # [m]: as close as the search
 HEIGHT = 0.008  # [m]
 
 
@@ -119,6 +125,42 @@ def limited(model: StaticModel, home: Saved, count: int) -> dict[str, float]:
     }  # fmt: skip
 
 
+def held(model: StaticModel, count: int) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = []
+    search = Search(model, *NARROW, count=5)
+    for name, limits in (
+        ("box", Limits(low=BOX[0], high=BOX[1])),
+        ("torques of 0.135 N m", Limits(torque=0.135)),
+        ("torques of 0.14 N m and box", Limits(0.14, *BOX)),
+    ):
+        rules: list[RowLimit] = [TorqueLimit(limits.torque, hard=True)] if np.isfinite(limits.torque) else []
+        rules += [EffectorBox(*BOX, hard=True)] if np.isfinite(limits.low).all() else []
+        solver = InverseSolver(model, AngleLimit(*NARROW), row_limits=rules)
+        start = max(search.poses, key=lambda pose: limits.room(pose[0])[0].min())[1]
+        active, excess, beyond, parted = 0, [], [], 0
+        targets = np.random.default_rng(9).uniform([-0.012, -0.012, -0.02], [0.012, 0.012, 0.006], (count, 3))
+        for target in track(targets, name, transient=True):
+            model.restore(start)
+            solution = solver.solve([PositionTask(target)])
+            here, distance = model.save(), float(np.linalg.norm(solution.state.equilibrium - target))
+            active += any("torque" in n or "effector" in n for n in solution.active_limits)
+            beyond.append(max(0.0, -float(limits.room(solution.state)[0].min())))
+            least, angles = search.closest(target, limits)
+            if distance < least + SAME:
+                excess.append(distance - least)
+                continue
+            model.restore(here)
+            way = np.linspace(solution.state.angles, angles, 12)[1:-1]
+            parted += bool(min(limits.room(model.move(a))[0].min() for a in way) < 0)
+        rows.append({
+            "limits": name, "targets": count, "limit active": active, "as close as any": len(excess),
+            "closer elsewhere": count - len(excess), "of these no straight way": parted,
+            "worst excess of the former [mm]": 1e3 * max(excess),
+            "passed by at most [of 10 mm, 0.1 N m]": max(beyond),
+        })  # fmt: skip
+    return rows
+
+
 def tilts(model: StaticModel, home: Saved) -> dict[str, float]:
     solver, errors = InverseSolver(model, AngleLimit(-2.1, 0.6)), []
     model.restore(home)
@@ -167,6 +209,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="accuracy of inverse kinematics over the reachable set")
     parser.add_argument("--targets", type=int, default=500)
     parser.add_argument("--limited", type=int, default=100)
+    parser.add_argument("--held", type=int, default=40)
     parser.add_argument("--json", type=Path, help="write all figures here")
     wanted = parser.parse_args()
     print(f"calibration: 1000 x 1000 float64 product {1e3 * calibration():.1f} ms")
@@ -176,6 +219,9 @@ def main() -> None:
     show("targets over the reachable set", found["reachable"])
     found["limited"] = limited(model, home, wanted.limited)
     show(f"angles within {NARROW[0]} to {NARROW[1]} rad", found["limited"])
+    bounds = held(StaticModel(load_scene("tripod")), wanted.held)
+    for row in bounds:
+        show(str(row["limits"]), {k: v for k, v in row.items() if k != "limits"})  # type: ignore[misc]
     found["tilts"] = tilts(model, home)
     show(f"tilts within 0.3 rad of roll and pitch, at {1e3 * HEIGHT:g} mm", found["tilts"])
     rows = moving()
@@ -184,7 +230,7 @@ def main() -> None:
         figures = ", ".join(f"{k} {v:.3g}" for k, v in row.items() if k != "path")
         print(f"  {row['path']:44s} {figures}")
     if wanted.json:
-        wanted.json.write_text(json.dumps({**found, "moving": rows}, indent=1, default=float))
+        wanted.json.write_text(json.dumps({**found, "held": bounds, "moving": rows}, indent=1, default=float))
 
 
 if __name__ == "__main__":
