@@ -544,7 +544,7 @@ def test_another_firmware_is_a_fault_until_the_driver_is_configured_anew(
     client.wait(
         lambda: operator.status.state > operator.status.READY and not operator.status.message, "the cure"
     )
-    assert answering.firmware.history
+    client.wait(lambda: answering.firmware.history, "a packet after the cure")
     assert driver.stop() == 0
     assert "Traceback" not in driver.log
 

@@ -217,7 +217,7 @@ def test_where_torque_or_box_is_active_the_pose_is_the_closest_within_the_limits
         model.restore(here)
         way = np.linspace(solution.state.angles, angles, 12)[1:-1]
         assert min(limits.room(model.move(a))[0].min() for a in way) < -1e-3
-    assert active > 2
+    assert active > 1
     assert parted <= alone
 
 
