@@ -492,7 +492,9 @@ def _check_body(scene: Scene) -> None:
                 f"{name} and springs exclude each other: a scene has mesh and material, or springs"
             )
     if scene.strain_limit and not (scene.springs and scene.inertia):
-        raise SceneError("strain_limit needs springs and inertia: it bounds how far springs stretch in motion")
+        raise SceneError(
+            "strain_limit needs springs and inertia: it bounds how far springs stretch in motion"
+        )
     for name in ("servos", "effector"):
         if scene.springs and getattr(scene, name):
             raise SceneError(
@@ -515,7 +517,9 @@ def _check_contact(scene: Scene) -> None:
     if not (scene.springs and scene.inertia and scene.inertia.scheme == "implicit_euler"):
         raise SceneError("contact needs springs and inertia.scheme = 'implicit_euler'")
     if scene.strain_limit:
-        raise SceneError("contact and strain_limit exclude each other: what the one moves the other would undo")
+        raise SceneError(
+            "contact and strain_limit exclude each other: what the one moves the other would undo"
+        )
     if not (scene.obstacles or contact.self_contact):
         raise SceneError("contact has nothing to touch: add [[obstacles]] or contact.self_contact = true")
     if not contact.alarm_distance > contact.contact_distance:
