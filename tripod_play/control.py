@@ -25,6 +25,7 @@ class ControlSettings:
     Attributes:
         speed: Of the ball along a stretch [m/s].
         corner_speed: With which it may arrive at the end of one [m/s].
+        hole_speed: Of the ball along a stretch by a hole [m/s]; it stops at the end of one.
         brake: Deceleration that is counted on [m/s²].
         stiffness: k of the pull to the middle, and to the end [1/s²].
         damping: c of it [1/s].
@@ -36,6 +37,7 @@ class ControlSettings:
 
     speed: float = 0.05
     corner_speed: float = 0.015
+    hole_speed: float = 0.025
     brake: float = 0.1
     stiffness: float = 12.0
     damping: float = 5.0
@@ -45,7 +47,17 @@ class ControlSettings:
     gravity: float = 9.81
 
     def __post_init__(self) -> None:
-        for name in ("speed", "brake", "stiffness", "damping", "pace", "aside", "tilt_max", "gravity"):
+        for name in (
+            "speed",
+            "hole_speed",
+            "brake",
+            "stiffness",
+            "damping",
+            "pace",
+            "aside",
+            "tilt_max",
+            "gravity",
+        ):
             if not 0 < getattr(self, name) < np.inf:
                 raise PlayError(f"control {name} is {getattr(self, name)}; it must be above 0")
         if not 0 <= self.corner_speed <= self.speed:
@@ -70,8 +82,9 @@ def acceleration(
     elif left < 0:
         along = s.stiffness * left - s.damping * speed
     else:
-        final = 0.0 if stretch.last else s.corner_speed
-        wanted = min(s.speed, np.sqrt(final**2 + 2 * s.brake * left))
+        final = 0.0 if stretch.last or stretch.by_hole else s.corner_speed
+        top = s.hole_speed if stretch.by_hole else s.speed
+        wanted = min(top, np.sqrt(final**2 + 2 * s.brake * left))
         along = s.pace * (wanted - speed)
     return np.asarray(across * side + along * d)
 

@@ -46,12 +46,14 @@ class Stretch:
         begin, end: x, y [m], shape (2,).
         direction: Unit vector from begin to end; zero in the goal.
         last: Whether it ends in the goal.
+        by_hole: Whether a hole opens beside it or beyond its end.
     """
 
     begin: FloatArray
     end: FloatArray
     direction: FloatArray
     last: bool
+    by_hole: bool = False
 
 
 class Guide:
@@ -83,10 +85,13 @@ class Guide:
         return self._stretches[cell]
 
     def _from(self, cell: Cell) -> Stretch:
-        turn = corners(shortest_way(self.grid, cell))[0]
+        way = shortest_way(self.grid, cell)
+        turn = corners(way)[0]
         begin, end = self._middle(cell), self._middle(turn)
         length = float(np.hypot(*(end - begin)))
-        return Stretch(begin, end, (end - begin) / length if length else end - begin, turn == self.grid.goal)
+        direction = (end - begin) / length if length else end - begin
+        beside = {c for passed in way[: way.index(turn) + 1] for c in self.grid.neighbours(passed)}
+        return Stretch(begin, end, direction, turn == self.grid.goal, not beside.isdisjoint(self.grid.holes))
 
     def _middle(self, cell: Cell) -> FloatArray:
         return np.array(self.grid.centre(cell, self.pitch))

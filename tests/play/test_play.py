@@ -70,6 +70,27 @@ def test_control_pulls_to_the_middle_first_and_stops_at_the_end() -> None:
     assert acceleration(s, stretch, np.array([0.022, 0.0]), zero)[0] < 0
 
 
+def test_by_a_hole_the_ball_goes_slower_and_stops_at_the_end() -> None:
+    guide, s = Guide(LOOP, 0.01), ControlSettings()
+    below = guide.stretch(np.array([-0.01, -0.005]))  # along the lower row, past the hole above its middle
+    assert below.by_hole
+    assert guide.stretch(np.array([0.01, -0.005])).by_hole, "the hole is next to the goal"
+    rows = (
+        "+---+---+---+---+",
+        "| S             |",
+        "+---+---+---+   +",
+        "| o   G         |",
+        "+---+---+---+---+",
+    )
+    far = parse_maze("\n".join(rows) + "\n", "far")
+    assert not Guide(far, 0.01).stretch(np.array([-0.015, 0.005])).by_hole
+    assert Guide(far, 0.01).stretch(np.array([0.015, -0.005])).by_hole
+    along = acceleration(s, below, below.begin, np.zeros(2)) @ below.direction
+    assert along == pytest.approx(s.pace * s.hole_speed)
+    arriving = acceleration(s, below, below.end, 0.01 * below.direction) @ below.direction
+    assert arriving == pytest.approx(-s.pace * 0.01)
+
+
 def test_the_observer_sees_the_present_through_delay_and_noise() -> None:
     """A ball under known pushes and an unknown constant one, seen 60 ms late with 0.3 mm of noise."""
     settings, rng = ObserverSettings(delay=0.06), np.random.default_rng(0)
