@@ -35,7 +35,7 @@ class Driver:
             link: The port and the conversation on it.
             safety: What may be sent.
             keep_alive: Longest time between two packets [s].
-            period: Shortest time between two packets, on average [s].
+            period: Shortest time between two changes, on average [s].
         """
         self.link, self.safety = link, safety
         self.packets_sent, self.bytes_sent = 0, 0
@@ -82,14 +82,16 @@ class Driver:
         content = self._wanted = self.link.session.content([float(angle) for angle in angles])
         if now < self._due:
             return False
-        if content == self._content and now + self._period <= self._sent_at + self._patience():
+        changed = content != self._content
+        if not changed and now + self._period <= self._sent_at + self._patience():
             return False
         packet = self.link.session.packet(content, now)
         if not self.link.write(packet, now):
             self.safety.disconnected(now, self.link.message)
             return False
         self._content, self._sent_at, self._sent = content, now, self.link.session.angles(content)
-        self._due = max(self._due, now - JITTER * self._period) + self._period
+        if changed:  # nothing new has to wait for a packet that only keeps the board's watchdog quiet
+            self._due = max(self._due, now - JITTER * self._period) + self._period
         self.packets_sent += 1
         self.bytes_sent += len(packet)
         return True

@@ -104,6 +104,19 @@ def test_changes_are_sent_at_once_and_the_same_bytes_only_as_keep_alive() -> Non
     assert bench.driver.bytes_sent == 4 * bench.driver.packets_sent == len(bench.port.arrived)
 
 
+def test_a_change_does_not_wait_for_a_packet_that_was_only_a_keep_alive() -> None:
+    bench = Bench(keep_alive=0.1)
+    bench.mode(Mode.TELEOP)
+    while not bench.run(PERIOD):  # until one has just left
+        pass
+    bench.goto(-0.5, -0.6, -0.5)
+    bench.now += 0.5 * PERIOD
+    assert bench.driver.tick(bench.now), "2 rad/s: a degree passes in 9 ms, and half a period is 10 ms"
+    bench.goto(-0.5, -0.9, -0.5)
+    bench.now += 0.5 * PERIOD
+    assert not bench.driver.tick(bench.now), "changes keep their distance"
+
+
 def test_packets_carry_the_commanded_angles() -> None:
     bench = Bench()
     bench.mode(Mode.IK)
