@@ -72,6 +72,11 @@ class Drive:
             self.rest()
         self._pressed[move.servo] = (move.sign, now + self._hold)
 
+    def is_pressed(self, move: Move, now: float) -> bool:
+        """Return whether `move` counts at `now` [s]: another press of its key changes no speed."""
+        sign, until = self._pressed.get(move.servo, (0, now))
+        return sign == move.sign and until > now
+
     def go(self, name: str, pose: Sequence[float], now: float) -> None:
         """Begin a motion to `pose`, three angles [rad] and the slide [m], all joints in proportion."""
         self.rest()

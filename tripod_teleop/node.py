@@ -50,11 +50,12 @@ SEND_PERIOD = 0.05
 KEY_PERIOD = 0.02
 """Time between two looks for keys [s], besides those when keys come."""
 AHEAD = 0.01
-"""A key that moves a servo is answered at once by a set-point so far ahead [s]; a jump keeps it for all that follow."""
+"""A key that begins to move a servo is answered at once by a set-point so far ahead [s]; a jump keeps it for all
+that follow."""
 LINE_PERIOD = 0.1
 """Time between two drawings of the status line [s]."""
 AT_ONCE = (Act.CATCH, Act.THROW)
-"""What is answered by a set-point as soon as a key that moves a servo is."""
+"""What is answered by a set-point as soon as a key that begins to move a servo is."""
 GOODBYE = 0.5
 """Longest time for the last STOP to arrive [s]."""
 
@@ -81,7 +82,7 @@ class TeleopNode(Node):
             self.create_subscription(JointState, topic, self._joint_taker(topic, hear), RELIABLE)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a paused simulation clock must not hold up a STOP
         self.create_timer(KEY_PERIOD, self._on_keys, clock=steady)
-        self.create_timer(SEND_PERIOD, self._on_send, clock=steady)
+        self._sending = self.create_timer(SEND_PERIOD, self._on_send, clock=steady)
         self.create_timer(LINE_PERIOD, self._on_line, clock=steady)
         self._waiter = KeyWaiter(terminal, self.create_guard_condition(self._on_keys).trigger)
         self._diagnostics = Diagnostics(self, self._report)
@@ -107,10 +108,19 @@ class TeleopNode(Node):
             return
         finally:
             self._waiter.taken()
+        soon = any(self._changes_motion(key) for key in keys)
         for key in keys:
             self._on_key(key)
-        if any(isinstance(KEYS.get(key), Move) or KEYS.get(key) in AT_ONCE for key in keys):
+        if soon:
             self._send(AHEAD)
+            self._sending.reset()  # a set-point right behind this one would take its place, and start slowly
+
+    def _changes_motion(self, key: str) -> bool:
+        """Return whether `key` is to be answered at once: it jumps, or moves a servo as it did not move so far."""
+        intent = KEYS.get(key)
+        if isinstance(intent, Move):
+            return not self._operator.drive.is_pressed(intent, time.monotonic())
+        return intent in AT_ONCE
 
     def _on_key(self, key: str) -> None:
         intent = KEYS.get(key)

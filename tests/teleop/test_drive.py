@@ -65,6 +65,15 @@ def test_two_servos_move_at_once() -> None:
     assert points[-1] == pytest.approx([0.1, 0.0, -0.1])
 
 
+def test_it_tells_which_key_counts() -> None:
+    drive = drive_at(0, 0, 0)
+    drive.press(Move(0, 1), 1.0)
+    assert drive.is_pressed(Move(0, 1), 1.0 + 0.9 * HOLD)
+    assert not drive.is_pressed(Move(0, 1), 1.0 + 1.1 * HOLD)
+    assert not drive.is_pressed(Move(0, -1), 1.0)
+    assert not drive.is_pressed(Move(1, 1), 1.0)
+
+
 def test_a_caller_that_stalls_does_not_jump() -> None:
     drive = Drive(LIMITS, speed=SPEED, hold=1.0, pose_time=POSE_TIME)
     drive.start((0.0, 0.0, 0.0))

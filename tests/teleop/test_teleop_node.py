@@ -212,6 +212,44 @@ def test_keys_drive_and_q_leaves(session: Session) -> None:
     assert session.screen.count(b"\x1b[?2004h") == session.screen.count(b"\x1b[?2004l") == 1
 
 
+def test_a_press_is_answered_at_once_and_nothing_follows_on_its_heels(session: Session) -> None:
+    """A set-point right behind the answer would take its place with 50 ms to go there, and begin slowly."""
+    session.ready()
+    session.type(b"t")
+    session.until(lambda: len(session.commands) >= 3, "set-points")
+    found = []
+    for k in range(12):  # at many phases of the regular set-points
+        end = time.monotonic() + 0.3 + 0.0041 * k
+        session.until(lambda e=end: time.monotonic() > e, "rest")
+        count = len(session.commands)
+        session.type(b"\x1b[A" if k % 2 else b"\x1b[B")
+        session.until(lambda n=count: len(session.commands) >= n + 4, "set-points")
+        found.append([m for _, m in session.commands[count:]])
+    for commands in found:
+        times = [nanoseconds(m.points[0].time_from_start) for m in commands]
+        answer = times.index(10_000_000)
+        assert times.count(10_000_000) == 1
+        stamps = [nanoseconds(m.header.stamp) for m in commands[answer : answer + 2]]
+        assert stamps[1] - stamps[0] > 45e6
+
+
+def test_the_repeats_of_a_key_that_is_down_are_not_answered_one_by_one(session: Session) -> None:
+    session.ready()
+    session.type(b"t")
+    session.until(lambda: len(session.commands) >= 3, "set-points")
+    count = len(session.commands)
+    for _ in range(15):
+        session.type(b"\x1b[A")
+        end = time.monotonic() + 0.033
+        session.until(lambda e=end: time.monotonic() > e, "the next repeat")
+    durations = [nanoseconds(m.points[0].time_from_start) for _, m in session.commands[count:]]
+    assert durations.count(10_000_000) == 1
+
+
+def nanoseconds(time_or_duration: Any) -> int:
+    return int(10**9 * time_or_duration.sec + time_or_duration.nanosec)
+
+
 @pytest.mark.parametrize("how", ["SIGTERM", "SIGHUP", "SIGINT", "Ctrl-C", "hang-up"])
 def test_it_stops_the_robot_and_restores_the_terminal(session: Session, how: str) -> None:
     session.ready()
