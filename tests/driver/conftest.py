@@ -191,3 +191,11 @@ def start_driver(tmp_path: Path, domain: int, namespace: str) -> Iterator[Callab
         if driver.process.poll() is None:
             driver.process.kill()
             driver.process.wait()
+
+
+@pytest.fixture
+def operator(client: Client):
+    """What the tests say to the driver and hear from it."""
+    from tests.driver.operator import Operator
+
+    return Operator(client)

@@ -1,0 +1,77 @@
+"""The whole driver without ROS on a bench: a board in memory, and a clock."""
+
+from collections.abc import Callable
+
+from tripod_driver.calibration import Calibration
+from tripod_driver.choose_session import choose_sessions, common_bounds
+from tripod_driver.driver import Driver
+from tripod_driver.link import Link
+from tripod_driver.ports.mock import MockPort
+from tripod_driver.ports.mock_board import MockBoard
+from tripod_driver.protocol import AngleMapping
+from tripod_driver.safety import Safety, State
+from tripod_graph.command import CommandLimits
+from tripod_graph.mode import Mode
+from tripod_graph.names import SERVOS
+
+TICK = 0.005
+LIMITS = CommandLimits(angle_speed=2.0, park_after=1.0)
+CALIBRATION = Calibration()
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Bench:
+    """The whole driver without ROS, a board in memory, and a clock."""
+
+    def __init__(
+        self,
+        board: object | None = None,
+        *,
+        protocol: str = "framed",
+        calibration: Calibration = CALIBRATION,
+        boot_time: float = 0.0,
+    ) -> None:
+        self.clock = Clock()
+        self.board = MockBoard(self.clock) if board is None else board
+        self.port = MockPort(self.board, boot_time=boot_time)
+        sessions = choose_sessions(protocol, AngleMapping.ROUNDED, calibration)
+        self.link = Link(self.port, *sessions, retry_min=0.5, retry_max=2.0)
+        self.safety = Safety(LIMITS, *common_bounds(sessions), start=[-0.5] * 3)
+        self.driver = Driver(self.link, self.safety)
+        self.sent: list[tuple[float, tuple[float, ...]]] = []
+        self.states: list[State] = []
+        self.driver.connect()
+        self.safety.activate(self.clock.now)
+
+    def run(self, duration: float, command: Callable[[], None] | None = None) -> "Bench":
+        for k in range(round(duration / TICK)):
+            self.clock.now += TICK
+            if command is not None and k % 4 == 0:
+                command()
+            if self.driver.tick(self.clock.now):
+                self.sent.append((self.clock.now, self.driver.sent))
+            if not self.states or self.states[-1] is not self.safety.state:
+                self.states.append(self.safety.state)
+        return self
+
+    def goto(self, *angles: float, time: float = 0.0) -> None:
+        self.safety.trajectory(SERVOS, [time], [list(angles)], self.clock.now)
+
+    def moving(self) -> "Bench":
+        """Bring it into motion towards -1.5 rad, half way there."""
+        self.safety.control_mode(Mode.IK, self.clock.now, self.clock.now)
+        self.run(0.1)
+        self.goto(-1.5, -1.5, -1.5, time=1.0)
+        self.run(0.5)
+        assert self.safety.state is State.ACTIVE
+        return self
+
+    def stream(self) -> None:
+        self.goto(-1.5, -1.5, -1.5, time=0.05)
