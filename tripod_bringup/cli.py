@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from tripod_bringup import explain_command, study_cli
+from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
 
 app = typer.Typer(
@@ -63,6 +65,7 @@ def root(
         'tripod run tripod --duration 2 --servo "0:0,0,0; 1:-0.7854,-0.7854,-0.7854"',
         'tripod run tripod --servo "0:0,0,0; 2:-1.4965,-1.4965,-1.4965" --slide "0:0; 2:0.035" --out run.npz',
         "tripod run silicone --set material.young=3e5",
+        "tripod run tripod --accuracy 5%",
     )
 )
 def run(
@@ -80,6 +83,8 @@ def run(
         typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the motion to this .npz file.")] = None,
+    accuracy: Accuracy = None,
+    study: Study = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
 ) -> None:
@@ -94,33 +99,18 @@ def run(
             slide=slide,
             overrides=set_ or [],
             out=out,
+            accuracy=accuracy,
+            study=study,
             as_json=json,
             quiet=quiet,
         )
     )
 
 
-@app.command(
-    epilog=examples(
-        "tripod study pendulum",
-        "tripod study drape --out drape.csv",
-        "tripod study pendulum --full --json",
-    )
-)
-def study(
-    name: Annotated[str, typer.Argument(help="Name of a study: pendulum, drape.")],
-    *,
-    full: Annotated[
-        bool, typer.Option("--full", help="All combinations of the values, not one varied at a time.")
-    ] = False,
-    out: Annotated[Path | None, typer.Option(help="Write the table to this .csv file, too.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar.")] = False,
-) -> None:
-    """Run a scene under many settings and print one table: what is stable, how exact, how fast."""
-    from tripod_bringup.study_command import run_study  # noqa: PLC0415
+explain_command.register(app, examples)
 
-    raise typer.Exit(run_study(name, full=full, out=out, as_json=json, quiet=quiet))
+
+app.command("study", help=study_cli.HELP, epilog=examples(*study_cli.EXAMPLES))(study_cli.study)
 
 
 @app.command(epilog=examples("tripod scenes", "tripod scenes --json"))
@@ -162,6 +152,8 @@ def up(
             min=0.0, help="Stop after so many seconds (with --demo: of targets); until Ctrl-C by default."
         ),
     ] = None,
+    accuracy: Accuracy = None,
+    study: Study = None,
     subnet: Annotated[bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show all that the nodes log.")] = False,
 ) -> None:
@@ -178,6 +170,8 @@ def up(
             view_port=view_port,
             demo=demo,
             duration=duration,
+            accuracy=accuracy,
+            study=study,
             subnet=subnet,
             verbose=verbose,
         )

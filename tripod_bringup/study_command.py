@@ -1,48 +1,197 @@
-"""`tripod study`: a table of one scene under many settings, on the screen, as JSON or CSV."""
+"""`tripod study`: what accuracy costs in time, and the course report's tables, on the screen and in files."""
 
 import csv
 import json
 import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tripod_bringup.run_command import BAD_ARGUMENTS, plain, progress_bar
+from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
+from tripod_bringup.study_plans import PLANS, REPORTS, names, plan
+
+if TYPE_CHECKING:
+    from tripod_bringup.study_run import Executor
+    from tripod_sim.study.plan import Plan
+
+INTERRUPTED = 130
+PARTS = ("both", "accuracy", "report")
 
 
-def run_study(name: str, *, full: bool, out: Path | None, as_json: bool, quiet: bool) -> int:
-    """Run a study and print its table; return the exit code: 2 for a study that is unknown or a file not writable."""
-    from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.study.catalogue import study  # noqa: PLC0415
+def study_command(
+    scene: str,
+    *,
+    every: bool,
+    part: str,
+    knobs: Sequence[str],
+    quick: bool,
+    jobs: int,
+    scheduler: str | None,
+    out: Path,
+    fresh: bool,
+    seed: int,
+    full: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Run studies and print them; return the exit code.
+
+    0 done; 1 a study has no reference, so no errors; 2 bad arguments; 130 stopped by Ctrl-C, to be resumed.
+    """
+    from tripod_bringup.study_cluster import ClusterError  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.errors import SceneError  # noqa: PLC0415
+
+    shown = not quiet and sys.stderr.isatty()
+    printed: dict[str, Any] = {}
+    try:
+        reports, plans = _chosen(scene, every=every, part=part, knobs=knobs, quick=quick)
+        out.mkdir(parents=True, exist_ok=True)
+        for name in reports:
+            printed["report"] = report(name, out, full=full, shown=shown, text=not as_json)
+        execute = _executor(scheduler, jobs) if plans else None
+        for made in plans:
+            assert execute
+            result = accuracy(made, execute, out, fresh=fresh, seed=seed, shown=shown)
+            printed.setdefault("accuracy", {})[made.name] = result
+            if not as_json:
+                from tripod_bringup.study_files import table  # noqa: PLC0415
+
+                print(table(result), end="\n\n")
+    except (SceneError, ClusterError) as error:
+        print("tripod study: " + " ".join(str(error).split()), file=sys.stderr)
+        return BAD_ARGUMENTS
+    except OSError as error:
+        print(
+            f"tripod study: --out {str(out)!r} cannot be written: {error.strerror or error}", file=sys.stderr
+        )
+        return BAD_ARGUMENTS
+    except KeyboardInterrupt:
+        print(
+            f"tripod study: interrupted; what is done is kept in {out}, the same command goes on",
+            file=sys.stderr,
+        )
+        return INTERRUPTED
+    if as_json:
+        print(json.dumps(plain(printed)))
+    elif plans and not quiet:
+        print(f"files: {out}/<study>.json, .csv, .png; points: .jsonl", file=sys.stderr)
+    lacking = [name for name, found in printed.get("accuracy", {}).items() if not found["front"]]
+    for name in lacking:
+        reference = printed["accuracy"][name]["reference"] or {"message": "nothing was measured"}
+        print(f"tripod study: {name}: no errors: {reference['message']}", file=sys.stderr)
+    return FAILED if lacking else 0
+
+
+def _chosen(
+    scene: str, *, every: bool, part: str, knobs: Sequence[str], quick: bool
+) -> tuple[list[str], list["Plan"]]:
+    """Return the reports and the studies that are asked for. Raises SceneError."""
+    from tripod_sim.errors import SceneError  # noqa: PLC0415
+
+    if part not in PARTS:
+        raise SceneError(f"--part is {part!r}; allowed: {', '.join(PARTS)}")
+    if every == bool(scene):
+        raise SceneError(f"give one scene or --all; scenes: {', '.join(PLANS)}, tripod")
+    if scene and not names(scene):
+        raise SceneError(f"study {scene!r} is unknown; studies: {', '.join(PLANS)}, tripod")
+    if part == "report" and not every and scene not in REPORTS:
+        raise SceneError(f"there is no report of {scene!r}; reports: {', '.join(REPORTS)}")
+    reports = [scene] if scene in REPORTS and (part == "report" or (part == "both" and not quick)) else []
+    if every and part == "report":
+        reports = list(REPORTS)
+    if part == "report":
+        return reports, []
+    plans = [plan(name, quick=quick) for name in (PLANS if every else names(scene))]
+    return reports, [_limited(made, plans, knobs) for made in plans] if knobs else plans
+
+
+def _limited(made: "Plan", plans: Sequence["Plan"], knobs: Sequence[str]) -> "Plan":
+    """Return a study with the points that vary `knobs` alone; of several studies each takes those that it has."""
+    from tripod_sim.errors import SceneError  # noqa: PLC0415
+
+    known = {k.name for p in plans for k in p.knobs}
+    for name in knobs:
+        if name not in known:
+            raise SceneError(f"knob {name!r} is unknown; knobs: {', '.join(sorted(known))}")
+    own = [name for name in knobs if name in {k.name for k in made.knobs}]
+    return replace(made, points=made.only(own)) if own else made
+
+
+def _executor(scheduler: str | None, jobs: int) -> "Executor":
+    if scheduler is not None:
+        from tripod_bringup.study_cluster import cluster  # noqa: PLC0415
+
+        return cluster(scheduler)
+    from tripod_bringup.study_run import local  # noqa: PLC0415
+
+    return local(jobs)
+
+
+def accuracy(
+    made: "Plan", execute: "Executor", out: Path, *, fresh: bool, seed: int, shown: bool
+) -> dict[str, Any]:
+    """Run a study of accuracy, write its files and return its result. Raises OSError."""
+    from tripod_bringup.study_files import write_files  # noqa: PLC0415
+    from tripod_bringup.study_run import run_plan  # noqa: PLC0415
+    from tripod_bringup.study_store import Store  # noqa: PLC0415
+    from tripod_sim.study.result import assemble  # noqa: PLC0415
+
+    with Store(out / f"{made.name}.jsonl", fresh=fresh) as store, bar(made.name, shown=shown) as progress:
+        records = run_plan(made, store, execute, seed=seed, progress=progress)
+    result = assemble(made, records, _version())
+    write_files(result, out)
+    return result
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
 
     try:
-        if out:
-            out.open("a").close()  # before the work, not after it
-        made = study(name, full=full)
-        rows: list[dict[str, Any]] = []
-        with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
-            for row in made.rows:
-                rows.append(row)
-                if progress:
-                    progress(len(rows) / made.count)
-        if out:
-            with out.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.DictWriter(file, [column.key for column in made.columns])
-                writer.writeheader()
-                writer.writerows(rows)
-    except SceneError as error:
-        print(f"tripod study: {error}", file=sys.stderr)
-        return BAD_ARGUMENTS
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
-        print(f"tripod study: --out {str(out)!r} cannot be written: {why}", file=sys.stderr)
-        return BAD_ARGUMENTS
-    if as_json:
-        print(json.dumps({"study": name, "title": made.title, "rows": plain(rows)}))
-        return 0
-    cells = [[column.title for column in made.columns]]
-    cells += [[column.text(row[column.key]) for column in made.columns] for row in rows]
-    widths = [max(len(line[i]) for line in cells) for i in range(len(made.columns))]
-    print(made.title)
-    for line in cells:
-        print("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip())
-    return 0
+        return version("tripod")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def report(name: str, out: Path, *, full: bool, shown: bool, text: bool) -> dict[str, Any]:
+    """Run the course report's variations of a scene, print and write their table and return it. Raises OSError."""
+    from tripod_sim.study.catalogue import study  # noqa: PLC0415 - not needed for the help
+
+    made = study(name, full=full)
+    path = out / f"{name}_report.csv"
+    path.open("a").close()  # before the work, not after it
+    rows: list[dict[str, Any]] = []
+    with bar(f"{name} report", shown=shown) as progress:
+        for row in made.rows:
+            rows.append(row)
+            if progress:
+                progress(len(rows), made.count)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [column.key for column in made.columns])
+        writer.writeheader()
+        writer.writerows(rows)
+    if text:
+        cells = [[column.title for column in made.columns]]
+        cells += [[column.text(row[column.key]) for column in made.columns] for row in rows]
+        widths = [max(len(line[i]) for line in cells) for i in range(len(made.columns))]
+        print(made.title)
+        for line in cells:
+            print("  ".join(word.ljust(width) for word, width in zip(line, widths, strict=True)).rstrip())
+        print()
+    return {"study": name, "title": made.title, "rows": rows}
+
+
+@contextmanager
+def bar(name: str, *, shown: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """Yield what draws how many of how many points are done, on standard error; None where nothing is shown."""
+    if not shown:
+        yield None
+        return
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(name, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -58,32 +58,19 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("short")
 def test_the_command_prints_one_table_and_writes_it(tmp_path: Path) -> None:
-    out = tmp_path / "table.csv"
-    done = CliRunner().invoke(app, ["study", "pendulum", "--out", str(out)])
+    words = ["study", "pendulum", "--part", "report", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, words)
     assert done.exit_code == 0
     lines = done.stdout.splitlines()
     assert lines[1].split()[:4] == ["scheme", "substeps", "dt", "[s]"]
-    assert len(lines) == 2 + 4
-    assert [" NO " in line for line in lines[2:]] == [False, False, True, False]
-    with out.open(newline="") as file:
+    assert len(lines) == 2 + 4 + 1
+    assert [" NO " in line for line in lines[2:6]] == [False, False, True, False]
+    with (tmp_path / "pendulum_report.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["stable"] for row in rows] == ["True", "True", "False", "True"]
-    done = CliRunner().invoke(app, ["study", "pendulum", "--json"])
-    assert [row["stable"] for row in json.loads(done.stdout)["rows"]] == [True, True, False, True]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["pendulm"], "study 'pendulm' is unknown"),
-        (["pendulum", "--out", "/no/such/place.csv"], "cannot be written"),
-    ],
-)
-def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
-    done = CliRunner().invoke(app, ["study", *words])
-    assert done.exit_code == 2
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    done = CliRunner().invoke(app, [*words, "--json"])
+    rows = json.loads(done.stdout)["report"]["rows"]
+    assert [row["stable"] for row in rows] == [True, True, False, True]
 
 
 def test_every_study_can_be_made() -> None:

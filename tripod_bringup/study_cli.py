@@ -1,0 +1,82 @@
+"""Options and help of `tripod study`."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripod_bringup.study_plans import PLANS
+
+HELP = (
+    "Show what accuracy costs in time: run a scene at many settings and hold each against a converged reference.\n\n"
+    "Prints the error of each setting beside its CPU time, which settings no other beats (*), the cheapest within 10, "
+    "5, 1 and 0.1 %, and how far the reference itself can be trusted. Writes <study>.json, .csv and .png into --out. "
+    "Points that are done are kept there: a study that was stopped, by Ctrl-C or worse, goes on where it was.\n\n"
+    f"Scenes: {', '.join(PLANS)}; tripod stands for both of its studies. For pendulum and drape the tables of the "
+    "course report (what is stable, what tunnels) come first, unless --part or --quick leaves them out.\n\n"
+    "Exit codes: 0 done, 1 no reference, 2 bad arguments, 130 interrupted."
+)
+EXAMPLES = (
+    "tripod study tripod_static",
+    "tripod study pendulum --part report",
+    "tripod study tripod_dynamic --knobs scheme,dt",
+    "tripod study cloth --quick --json",
+    "tripod study --all --jobs 4 --out studies",
+    "tripod study silicone --scheduler tcp://127.0.0.1:8786",
+)
+
+
+def default_jobs() -> int:
+    """Return how many points run at a time: as many as this process may use processors."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def study(
+    scene: Annotated[str, typer.Argument(help="Name of a study.", show_default=False)] = "",
+    *,
+    every: Annotated[bool, typer.Option("--all", help="All studies of accuracy.")] = False,
+    part: Annotated[str, typer.Option(help="accuracy, report (the course report's table) or both.")] = "both",
+    knobs: Annotated[
+        str, typer.Option(metavar="A,B", help="Vary these knobs alone, the others as in the scene.")
+    ] = "",
+    quick: Annotated[bool, typer.Option("--quick", help="Few points, a coarser reference: seconds.")] = False,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=1024, help="Points at a time; by default one a processor.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Run on the Dask cluster of this scheduler.")
+    ] = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where files and finished points go.")] = Path(
+        "studies"
+    ),
+    fresh: Annotated[bool, typer.Option("--fresh", help="Measure again what is there.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the order in which points are run.")] = 0,
+    full: Annotated[
+        bool, typer.Option("--full", help="Report: all combinations of the values, not one varied at a time.")
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar.")] = False,
+) -> None:
+    """Run studies; the help is `HELP`."""
+    from tripod_bringup.study_command import study_command  # noqa: PLC0415
+
+    raise typer.Exit(
+        study_command(
+            scene,
+            every=every,
+            part=part,
+            knobs=[word.strip() for word in knobs.split(",") if word.strip()],
+            quick=quick,
+            jobs=jobs or default_jobs(),
+            scheduler=scheduler,
+            out=out,
+            fresh=fresh,
+            seed=seed,
+            full=full,
+            as_json=json,
+            quiet=quiet,
+        )
+    )

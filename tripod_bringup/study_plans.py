@@ -1,0 +1,41 @@
+"""Studies of accuracy by name: which package each comes from, and what `tripod study SCENE` runs."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tripod_sim.study.plan import Plan
+
+PLANS = {
+    "pendulum": "tripod_sim.study.plans.pendulum",
+    "cloth": "tripod_sim.study.plans.cloth",
+    "drape": "tripod_sim.study.plans.drape",
+    "silicone": "tripod_sim.study.plans.silicone",
+    "tripod_static": "tripod_sim.study.plans.tripod_static",
+    "tripod_dynamic": "tripod_sim.study.plans.tripod_dynamic",
+    "maze": "tripod_sim.study.plans.maze",
+    "ik": "tripod_ik.study_plan",
+}
+"""Modules with `plan(quick=...)` and `task(settings)`; only the one that runs is imported."""
+
+GROUPS = {"tripod": ("tripod_static", "tripod_dynamic")}
+"""Names that stand for several studies."""
+
+REPORTS = ("pendulum", "drape")
+"""Scenes with a table of the course report's variations."""
+
+
+def names(scene: str) -> tuple[str, ...]:
+    """Return the studies that a scene's name stands for; none if it is unknown."""
+    return GROUPS.get(scene, (scene,) if scene in PLANS else ())
+
+
+def plan(name: str, *, quick: bool) -> "Plan":
+    """Return a study of accuracy, not yet run.
+
+    Args:
+        name: A key of PLANS.
+        quick: Few points, against a coarser reference.
+    """
+    made: Plan = import_module(PLANS[name]).plan(quick=quick)
+    return made

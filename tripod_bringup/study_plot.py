@@ -1,0 +1,109 @@
+"""The picture of a study: error over cost, the front marked; beside it error over the step where orders are fitted."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#999933")
+MARKERS = "osD^vP*X"
+
+Result = Mapping[str, Any]
+
+
+def draw(result: Result, path: Path) -> None:
+    """Draw a study into `path`. Raises ModuleNotFoundError without matplotlib."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - only where a picture is wanted
+
+    orders = bool(result["order_knob"])
+    figure = Figure(figsize=(12.5 if orders else 8.0, 5.4), layout="constrained")
+    axes = figure.subplots(1, 2 if orders else 1, squeeze=False)[0]
+    _work_precision(axes[0], result)
+    if orders:
+        _steps(axes[1], result)
+    figure.suptitle(result["title"] + (" (quick)" if result["quick"] else ""), fontsize=11)
+    figure.savefig(path, dpi=110)
+
+
+def _styles(result: Result) -> dict[Any, tuple[str, str]]:
+    """Return colour and marker for each value of the field that groups the points."""
+    values = list(dict.fromkeys(p["settings"][result["group"]] for p in result["points"]))
+    return {v: (COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)]) for i, v in enumerate(values)}
+
+
+def _height(point: Result) -> float:
+    """Return at which error a point is drawn [%]: not below what the reference can tell."""
+    return float(100 * max(point["error"], 2 * point["own_error"], 1e-9))
+
+
+def _work_precision(axes: Any, result: Result) -> None:
+    from tripod_sim.study.advice import short  # noqa: PLC0415
+
+    points = [p for p in result["points"] if p["error"] is not None]
+    for value, (colour, marker) in _styles(result).items():
+        own = [p for p in points if p["settings"][result["group"]] == value]
+        if own:
+            axes.loglog(
+                [p["cpu"] for p in own], [_height(p) for p in own], marker, color=colour, ms=5, alpha=0.75,
+                label=str(value),
+            )  # fmt: skip
+    best = [result["points"][i] for i in result["front"]]
+    axes.loglog([p["cpu"] for p in best], [_height(p) for p in best], "-", color="0.2", lw=1.2, label="front")
+    chosen = {i for i in result["cheapest"].values() if i is not None}
+    for n, i in enumerate(i for i in result["front"] if i in chosen):
+        p = result["points"][i]
+        names = [level for level, j in result["cheapest"].items() if j == i]
+        _note(axes, p, f"{', '.join(names)}: {short(p['settings'], result)}", above=n % 2 == 0, bold=True)
+    for p in points:
+        if p["label"] and not (p["on_front"] and result["points"].index(p) in chosen):
+            _note(axes, p, p["label"], above=True, bold=False)
+    for level in (10, 5, 1, 0.1):
+        axes.axhline(level, color="0.8", lw=0.8, zorder=0)
+    if result["reference"] and result["reference"]["own_error"]:
+        axes.axhspan(1e-12, 200 * result["reference"]["own_error"], color="0.93", zorder=0)
+    if points:
+        heights, costs = [_height(p) for p in points], [p["cpu"] for p in points]
+        axes.set_ylim(min(heights) / 3, max(heights) * 3)
+        axes.set_xlim(min(costs) / 2, max(costs) * 4)
+    axes.set(xlabel=f"CPU time [{result['cpu']}]", ylabel=f"error of {result['quantities'][0]['name']} [%]")
+    axes.grid(visible=True, which="major", alpha=0.25)
+    axes.legend(loc="lower left", fontsize=7.5)
+
+
+def _note(axes: Any, point: Result, text: str, *, above: bool, bold: bool) -> None:
+    axes.annotate(
+        text, (point["cpu"], _height(point)), xytext=(6, 7 if above else -13), textcoords="offset points",
+        fontsize=7, fontweight="bold" if bold else "normal", color="0.15",
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
+    )  # fmt: skip
+
+
+def _steps(axes: Any, result: Result) -> None:
+    """Draw the error over the order knob, one line for each family that has a fitted order."""
+    knob, name = result["order_knob"], result["order_quantity"]
+    styles = _styles(result)
+    for family in sorted(result["orders"], key=lambda f: str(f["settings"][result["group"]])):
+        own = [
+            p for p in result["points"]
+            if name in p["errors"] and all(p["settings"][k] == v for k, v in family["settings"].items())
+        ]  # fmt: skip
+        own.sort(key=lambda p: p["settings"][knob])
+        colour, marker = styles[family["settings"][result["group"]]]
+        axes.loglog(
+            [p["settings"][knob] for p in own],
+            [100 * max(p["errors"][name]["relative"], 1e-12) for p in own],
+            marker + "-", color=colour, ms=4, lw=0.9, alpha=0.8, label=_family(family, result),
+        )  # fmt: skip
+    axes.set(xlabel=f"{knob} [s]", ylabel=f"error of {name} [%]")
+    axes.grid(visible=True, which="major", alpha=0.25)
+    if result["orders"]:
+        axes.legend(loc="best", fontsize=6.5)
+
+
+def _family(family: Result, result: Result) -> str:
+    """Return what tells a family of points from the others, and its order."""
+    varied = [
+        k["field"] for k in result["knobs"]
+        if len({str(f["settings"].get(k["field"])) for f in result["orders"]}) > 1
+    ]  # fmt: skip
+    words = [str(family["settings"][f]) for f in varied if f in family["settings"]]
+    return f"{', '.join(words)}: order {family['order']:.1f}"

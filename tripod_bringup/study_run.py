@@ -1,0 +1,66 @@
+"""Running a study's points, here or on a cluster, keeping each as it is done."""
+
+import random
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from typing import TYPE_CHECKING, Any
+
+from tripod_bringup.study_store import Store
+from tripod_bringup.study_worker import allow_workers, measure_point, stop_workers
+
+if TYPE_CHECKING:
+    from tripod_sim.study.plan import Plan, Settings
+
+Job = tuple[str, str, "Settings", float]
+"""Key of a point, its task's module, its settings, its time limit [s]."""
+
+LOST = {"status": "crashed"}
+AGAIN = ("crashed", "time limit")
+"""Points that are run again when a study is resumed: what ended them may have been the machine."""
+
+Executor = Callable[[Sequence[Job]], Iterator[tuple[str, dict[str, Any]]]]
+"""Yields key and record of each job as it is done."""
+
+
+def local(jobs: int) -> Executor:
+    """Return what runs points on this machine, `jobs` at a time, each in a process of its own."""
+
+    def run(work: Sequence[Job]) -> Iterator[tuple[str, dict[str, Any]]]:
+        allow_workers()
+        pool = ThreadPoolExecutor(jobs)
+        try:
+            futures = {pool.submit(measure_point, *job[1:]): job[0] for job in work}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:  # whatever ends this: no process stays behind, no thread waits for one
+            pool.shutdown(wait=False, cancel_futures=True)
+            stop_workers()
+
+    return run
+
+
+def run_plan(
+    plan: "Plan", store: Store, execute: Executor, *, seed: int = 0, progress: Callable[[int, int], None] | None = None
+) -> dict[str, dict[str, Any]]:  # fmt: skip
+    """Measure what the store lacks of a study; return all its records by key.
+
+    Args:
+        plan: The study.
+        store: Of points; those in it that finished, or failed for a reason of their own, are not measured again.
+        execute: `local(jobs)` or a cluster.
+        seed: Of the order of the points, so that what changes on the machine meanwhile is no trend in a knob.
+        progress: Called with the numbers of points done and of all.
+    """
+    rungs, others = plan.runs()
+    random.Random(seed).shuffle(others)
+    jobs = {plan.key(s): (plan.key(s), plan.module, s, plan.limit) for s in [*rungs, *others]}
+    work = [job for key, job in jobs.items() if store.records.get(key, LOST)["status"] in AGAIN]
+    done = len(jobs) - len(work)
+    if progress:
+        progress(done, len(jobs))
+    for key, record in execute(work) if work else ():
+        store.add(key, {"study": plan.name, "settings": dict(jobs[key][2]), **record})
+        done += 1
+        if progress:
+            progress(done, len(jobs))
+    return {key: store.records[key] for key in jobs}

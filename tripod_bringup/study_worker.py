@@ -1,0 +1,131 @@
+"""Points of a study in processes of their own: one thread for the numerics, a limit on time, and a crash is a record.
+
+Run as a program it measures what comes in: one JSON object a line, `{"module": ..., "settings": {...}}`, on standard
+input, one record a line on standard output. It ends when its input does, so it does not outlive whoever started it.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Set to 1: CPU times of a thread are comparable, and sums have the same order everywhere."""
+
+_local = threading.local()
+_all: set["Worker"] = set()
+_lock = threading.Lock()
+_stopped = threading.Event()
+
+
+class Worker:
+    """A process that measures points, started when it is needed and again after it was stopped."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[str] | None = None
+        with _lock:
+            _all.add(self)
+
+    def measure(self, module: str, settings: Mapping[str, Any], limit: float) -> dict[str, Any]:
+        """Return the record of a point; `time limit` or `crashed` if the process gave none within `limit` [s]."""
+        if _stopped.is_set():
+            return _lost("crashed", "stopped")
+        process = self._started()
+        assert process.stdin
+        assert process.stdout
+        late = threading.Event()
+
+        def give_up() -> None:
+            late.set()
+            process.kill()
+
+        timer = threading.Timer(limit, give_up)
+        timer.start()
+        try:
+            process.stdin.write(json.dumps({"module": module, "settings": dict(settings)}) + "\n")
+            process.stdin.flush()
+            line = process.stdout.readline()
+        except OSError:
+            line = ""
+        finally:
+            timer.cancel()
+        if line.endswith("\n"):
+            record: dict[str, Any] = json.loads(line)
+            return record
+        self.stop()
+        if late.is_set():
+            return _lost("time limit", f"given up after {limit:g} s")
+        return _lost("crashed", f"the process ended with code {process.returncode}")
+
+    def _started(self) -> "subprocess.Popen[str]":
+        if self._process is None or self._process.poll() is not None:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "tripod_bringup.study_worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+                env={**os.environ, **dict.fromkeys(SINGLE, "1")},
+                start_new_session=True,  # Ctrl-C is for whoever started it
+            )
+        return self._process
+
+    def stop(self) -> None:
+        """End the process; the next point starts a new one."""
+        if self._process is None:
+            return
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe:
+                try:
+                    pipe.close()
+                except OSError:  # what was still to be written has nowhere to go
+                    continue
+
+
+def measure_point(module: str, settings: Mapping[str, Any], limit: float) -> dict[str, Any]:
+    """Return the record of a point, measured in the process that belongs to this thread."""
+    worker = getattr(_local, "worker", None)
+    if worker is None:
+        worker = _local.worker = Worker()
+    return worker.measure(module, settings, limit)
+
+
+def allow_workers() -> None:
+    """Let processes be started again after `stop_workers`."""
+    _stopped.clear()
+
+
+def stop_workers() -> None:
+    """End all processes that this one started, and start none until `allow_workers`."""
+    _stopped.set()
+    with _lock:
+        workers = list(_all)
+    for worker in workers:
+        worker.stop()
+
+
+def _lost(status: str, message: str) -> dict[str, Any]:
+    return {"status": status, "message": message, "observed": {}, "cpu": [], "amount": 1.0}
+
+
+def main() -> None:
+    """Measure the points that come in, until there are no more."""
+    from tripod_sim.study.task import outcome  # noqa: PLC0415 - the parent needs none of it
+
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # whatever prints must not look like a record
+    for line in sys.stdin:
+        asked = json.loads(line)
+        record = outcome(import_module(asked["module"]).task, asked["settings"])
+        answers.write(json.dumps(record) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()

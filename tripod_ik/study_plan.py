@@ -1,0 +1,154 @@
+"""Study of inverse kinematics: mesh of the model, iterations and accuracy against the pose that a robot then takes.
+
+The robot is a model with a much finer mesh. For each target inverse kinematics finds angles on its own model, from the
+working pose; the robot takes them, and the error is how far its effector then is from the target.
+"""
+
+import time
+from functools import cache
+
+import numpy as np
+
+from tripod_ik.inverse import InverseSolver
+from tripod_ik.limits import AngleLimit
+from tripod_ik.model import StaticModel
+from tripod_ik.rotation import normal_of
+from tripod_ik.tracker import Goal, TrackerSettings
+from tripod_sim.scene import Scene
+from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.task import Measured, repeated, scene_of
+
+SCENE = "tripod"
+
+TARGETS = (
+    (0.0, 0.0, -0.012),
+    (0.0, 0.0, -0.004),
+    (0.003, 0.0, -0.008),
+    (-0.002, 0.003, -0.007),
+    (-0.002, -0.003, -0.009),
+    (0.001, 0.002, -0.010),
+)
+"""Of the effector [m], all within reach about the working pose."""
+
+HERE = "reference.targets"
+"""Not a field: the targets themselves, what a perfect model would reach."""
+
+ITERATIONS, ACCURACY = "ik.max_iterations", "ik.accuracy"
+"""Not fields of the scene, but arguments of `InverseSolver`."""
+
+DEFAULT: Settings = {
+    "mesh.element": "h8_modes",
+    "mesh.level": 2,
+    "material.law": "neo_hooke",
+    ITERATIONS: 200,
+    ACCURACY: 1e-7,
+}
+
+
+PLANT = ("h20", 4)
+"""Element and level of the robot."""
+
+
+def rungs(_: Settings) -> tuple[Settings, ...]:
+    """Return the targets, and before them what a model reaches whose mesh is nearly the robot's."""
+    return ({**DEFAULT, "mesh.element": "h20", "mesh.level": 3}, {HERE: 1})
+
+
+def quick_rungs(_: Settings) -> tuple[Settings, ...]:
+    """Return the same with a mesh that takes seconds."""
+    return ({**DEFAULT, "mesh.element": "h20", "mesh.level": 1}, {HERE: 1})
+
+
+def plan(*, quick: bool) -> Plan:
+    """Return the study; `quick`: few points."""
+    points = (
+        grid(DEFAULT, mesh__level=(1,), ik__max_iterations=(2, 3, 200))
+        if quick
+        else [
+            *grid(DEFAULT, mesh__level=(1, 2, 3, 4), ik__max_iterations=(2, 3, 4, 5, 200)),
+            *grid(DEFAULT, ik__accuracy=(1e-3, 1e-4, 1e-5)),
+            *grid(DEFAULT, mesh__element=("h20",), mesh__level=(1, 2), ik__max_iterations=(3, 4, 200)),
+            *grid(DEFAULT, mesh__element=("t4",), mesh__level=(5, 6)),
+            *grid(DEFAULT, material__law=("corotational",)),
+        ]
+    )
+    return Plan(
+        name="ik",
+        title="Inverse kinematics: six targets about the working pose, on a robot with a finer mesh",
+        scene=SCENE,
+        module=__name__,
+        version=1,
+        base={},
+        knobs=(
+            Knob("element", "mesh.element", "kind of element of the model"),
+            Knob("level", "mesh.level", "resolution of the model's mesh"),
+            Knob("law", "material.law", "elastic law of the model"),
+            Knob("iterations", ITERATIONS, "linearisations at most, the first included"),
+            Knob("accuracy", ACCURACY, "step below which the search ends [rad]"),
+        ),
+        default=DEFAULT,
+        points=unique([Point(DEFAULT, "tripod as shipped"), *points]),
+        quantities=(
+            Quantity("effector", "m", "pose that the robot takes, from the target, the worst of all targets"),
+        ),
+        references=(Reference("reference", quick_rungs if quick else rungs),),
+        group="mesh.level",
+        quick=quick,
+        solves=True,
+        limit=300.0,
+        note="The reference's own error is what a model reaches whose mesh is nearly the robot's: below it the robot's "
+        "mesh errs as much.",
+    )
+
+
+def model_scene(settings: Settings) -> Scene:
+    """Return the scene of a model with the settings that are the scene's."""
+    return scene_of(SCENE, {k: v for k, v in settings.items() if not k.startswith("ik.")})
+
+
+@cache
+def robot(element: str, level: int) -> StaticModel:
+    """Return the robot in its working pose."""
+    return StaticModel(model_scene({"mesh.element": element, "mesh.level": level}))
+
+
+def task(settings: Settings) -> Measured:
+    """Solve for all targets; cost: CPU time of one, from the working pose."""
+    if HERE in settings:
+        return Measured({"effector": [list(t) for t in TARGETS]}, [1.0])
+    model = StaticModel(model_scene(settings))
+    servos = model.simulation.scene.servos
+    assert servos
+    solver = InverseSolver(
+        model, AngleLimit(servos.angle_min, servos.angle_max), max_iterations=int(settings[ITERATIONS]),
+        accuracy=float(settings[ACCURACY]),
+    )  # fmt: skip
+    start = model.save()
+    angles: list[np.ndarray] = []
+
+    def run() -> float:
+        angles.clear()
+        cpu = 0.0
+        for target in TARGETS:
+            model.restore(start)
+            tasks = TrackerSettings(goal=Goal.POSITION).tasks(np.array(target), normal_of(0.0, 0.0))
+            begin = time.thread_time()
+            solver.solve(tasks)
+            cpu += time.thread_time() - begin
+            angles.append(model.angles)
+        return cpu
+
+    cpu = repeated(run)
+    reached = _taken(angles)
+    return Measured({"effector": reached}, cpu, len(TARGETS), model.simulation.unknowns)
+
+
+def _taken(angles: list[np.ndarray]) -> list[list[float]]:
+    """Return where the robot's effector is at each set of angles [m], each from the working pose."""
+    plant = robot(*PLANT)
+    start, found = plant.save(), []
+    for goal in angles:
+        plant.simulation.step(np.append(goal, plant.slide))
+        found.append(plant.simulation.state.centres[0].tolist())
+        plant.restore(start)
+    return found

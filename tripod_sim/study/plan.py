@@ -1,0 +1,201 @@
+"""What a study of accuracy is: knobs and their values, what is measured, and against what.
+
+A study runs a scene at points, each a full set of values of scene fields. A point gives observations, rows of numbers;
+its errors are those of its rows against a reference's rows, so points and references are measured alike, in any order.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from tripod_sim.errors import SceneError
+
+Value = str | float | int | bool
+Settings = Mapping[str, Value]
+"""Values by scene field, such as `{"mesh.level": 2}`; the value `off` switches an effect off."""
+
+Observed = dict[str, list[list[float]]]
+"""Rows of numbers by quantity, SI units; the same rows at every point of a study."""
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A scene field that a study varies.
+
+    Attributes:
+        name: For `--knobs`.
+        field: Of the scene.
+        what: In words, with the unit.
+    """
+
+    name: str
+    field: str
+    what: str
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a user cares about.
+
+    Attributes:
+        name: Also the name of its rows among the observations, unless `rows` names others.
+        unit: Of its absolute error.
+        what: One line.
+        reference: Name of the reference that it is held against.
+        measure: `distance`: the norm of a row's difference; `rms`: the root mean square over the points in a row, each
+            three numbers. The error is the largest over the rows.
+        scale: What an error is relative to: `travel`: the largest difference between two rows of the reference;
+            `largest`: the largest norm of a row of the reference.
+        rows: Name of its rows among the observations, if not its own.
+    """
+
+    name: str
+    unit: str
+    what: str
+    reference: str = "reference"
+    measure: str = "distance"
+    scale: str = "travel"
+    rows: str = ""
+
+    @property
+    def key(self) -> str:
+        """Name of its rows among the observations."""
+        return self.rows or self.name
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Settings that converge, coarse to fine, and what they tend to.
+
+    With `order` p and `sizes` h the reference is Richardson's limit of the two finest, r = f + (f - m) / ((hm/hf)^p -
+    1); its own error is how far that limit moves if the finest is left out (three rungs), or how far it is from the
+    finest (two). Without `order` the finest itself is the reference, and its distance from the next its own error.
+
+    Attributes:
+        name: As quantities name it.
+        rungs: Makes the settings, coarse to fine, for a point's settings; at least two.
+        order: p, or None.
+        sizes: h of each rung, of any unit.
+    """
+
+    name: str
+    rungs: Callable[[Settings], Sequence[Settings]]
+    order: float | None = None
+    sizes: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Point:
+    """One row of a study.
+
+    Attributes:
+        settings: Of all knobs.
+        label: Of a setting that people know by a name; such a point stays whatever `--knobs` leaves out.
+    """
+
+    settings: Settings
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study of accuracy, not yet run.
+
+    Attributes:
+        name, title: Of the study.
+        scene: That it varies.
+        module: Has the function `task`, which measures the settings of a point.
+        version: Raised whenever the task changes, so that points measured before it are not taken for new ones.
+        base: Settings of all points.
+        knobs: What is varied.
+        default: Values of the knobs in the shipped scene, or the nearest that the study can run.
+        points: What is run.
+        quantities: What is measured; the first is the error that the study is about.
+        references: What they are held against.
+        solves: Whether a point is a number of static solutions, not a motion.
+        group: Field by which a picture colours the points.
+        quick: Whether it is the short form of the study.
+        order_knob: Field whose order of convergence is fitted; empty for none.
+        order_quantity: Quantity of which it is fitted.
+        limit: CPU or wall time after which a point is given up [s].
+        note: What a reader must know.
+    """
+
+    name: str
+    title: str
+    scene: str
+    module: str
+    version: int
+    base: Settings
+    knobs: tuple[Knob, ...]
+    default: Settings
+    points: tuple[Point, ...]
+    quantities: tuple[Quantity, ...]
+    references: tuple[Reference, ...]
+    group: str
+    quick: bool
+    solves: bool = False
+    order_knob: str = ""
+    order_quantity: str = ""
+    limit: float = 300.0
+    note: str = ""
+
+    def full(self, settings: Settings) -> dict[str, Value]:
+        """Return all that is set at a point, the base too."""
+        return {**self.base, **settings}
+
+    def key(self, settings: Settings) -> str:
+        """Return what tells measured points apart: a digest of settings, study and its version."""
+        text = json.dumps([self.name, self.version, self.full(settings)], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+    def runs(self) -> tuple[list[Settings], list[Settings]]:
+        """Return all settings to measure, each once: those of references, which take longest, and the others."""
+        rungs = {
+            self.key(rung): rung
+            for reference in self.references
+            for point in self.points
+            for rung in reversed(list(reference.rungs(point.settings)))
+        }
+        others = {self.key(p.settings): p.settings for p in self.points}
+        return list(rungs.values()), [s for key, s in others.items() if key not in rungs]
+
+    def only(self, names: Sequence[str]) -> tuple[Point, ...]:
+        """Return the points that differ from the default in the knobs of these names alone. Raises SceneError."""
+        known = {knob.name: knob.field for knob in self.knobs}
+        for name in names:
+            if name not in known:
+                raise SceneError(f"knob {name!r} is unknown; knobs of {self.name}: {', '.join(known)}")
+        held = [field for name, field in known.items() if name not in names]
+        kept = [
+            p for p in self.points if p.label or all(p.settings.get(f) == self.default.get(f) for f in held)
+        ]
+        if not any(not p.label for p in kept):
+            more = ", ".join(known)
+            raise SceneError(
+                f"--knobs {','.join(names)}: no point of {self.name} varies these alone; add more of: {more}"
+            )
+        return tuple(kept)
+
+
+def grid(default: Settings, **values: Sequence[Value]) -> list[Point]:
+    """Return points of all combinations of values; the others as in `default`.
+
+    Args:
+        default: Values of all knobs.
+        values: By field, `__` for the dot.
+    """
+    fields = [name.replace("__", ".") for name in values]
+    return [Point({**default, **dict(zip(fields, row, strict=True))}) for row in product(*values.values())]
+
+
+def unique(points: Sequence[Point]) -> tuple[Point, ...]:
+    """Return the points without repetitions; a label stays."""
+    found: dict[str, Point] = {}
+    for point in points:
+        key = json.dumps(dict(point.settings), sort_keys=True)
+        if key not in found or (point.label and not found[key].label):
+            found[key] = point
+    return tuple(found.values())

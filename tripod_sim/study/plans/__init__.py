@@ -1,0 +1,1 @@
+"""Studies of accuracy: one module each, with `plan(quick=...)` and `task(settings)`."""

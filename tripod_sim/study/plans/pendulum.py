@@ -1,0 +1,162 @@
+"""The pendulum: time integrators and steps against DOP853 on equations written here."""
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from tripod_sim.scene import Springs
+from tripod_sim.simulation import Simulation
+from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.task import Measured, Watch, motion, scene_of
+
+FloatArray = NDArray[np.float64]
+
+SCENE = "pendulum"
+
+DURATION, INTERVAL = 1.0, 0.05
+"""Of the motion and between the instants at which it is looked at [s]: a swing through and up again; later the chain
+whips, and errors grow by themselves."""
+
+EXACT = "reference.dop853"
+"""Not a field of the scene: the relative and absolute tolerance of DOP853, which then takes the place of a scheme."""
+
+DEFAULT: Settings = {
+    "inertia.scheme": "semi_implicit_euler",
+    "inertia.substeps": "auto",
+    "dt": 0.005,
+    "solver.tolerance": 1e-8,
+}
+
+SCHEMES = ("semi_implicit_euler", "explicit_euler", "rk4", "implicit_euler", "bdf2", "tr_bdf2")
+
+STEPS = (0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001)
+
+
+def rungs(_: Settings) -> tuple[Settings, ...]:
+    """Return the reference: DOP853 with two tolerances."""
+    return ({EXACT: 1e-10}, {EXACT: 1e-12})
+
+
+def plan(*, quick: bool) -> Plan:
+    """Return the study; `quick`: few points."""
+    off = {**DEFAULT, "inertia.substeps": "off"}
+    points = (
+        grid(DEFAULT, inertia__scheme=("semi_implicit_euler", "rk4", "tr_bdf2"), dt=(0.005, 0.002, 0.001))
+        if quick
+        else [
+            *grid(DEFAULT, inertia__scheme=SCHEMES, dt=STEPS),
+            *grid(DEFAULT, inertia__scheme=("implicit_euler", "bdf2", "tr_bdf2"), dt=(2e-5, 5e-5)),
+            *grid(
+                DEFAULT, inertia__scheme=("tr_bdf2",), dt=(0.005, 0.001), solver__tolerance=(1e-6, 1e-4, 1e-2)
+            ),
+            *grid(off, inertia__scheme=("semi_implicit_euler",), dt=(0.05, 0.01, 0.001)),
+        ]
+    )
+    return Plan(
+        name="pendulum",
+        title="The pendulum, ten nodes, first second of its swing",
+        scene=SCENE,
+        module=__name__,
+        version=1,
+        base={},
+        knobs=(
+            Knob("scheme", "inertia.scheme", "time integrator"),
+            Knob("substeps", "inertia.substeps", "whether explicit schemes divide a step until it is stable"),
+            Knob("dt", "dt", "time step [s]"),
+            Knob("tolerance", "solver.tolerance", "unbalanced force of implicit schemes [N]"),
+        ),
+        default=DEFAULT,
+        points=unique([Point(DEFAULT, "pendulum as shipped"), *points]),
+        quantities=(
+            Quantity(
+                "nodes", "m", "positions of all nodes, root mean square, the worst instant", measure="rms"
+            ),
+            Quantity("end", "m", "position of the free end, the worst instant"),
+            Quantity("amplitude", "m", "largest distance of the free end from its start", scale="largest"),
+            Quantity("passage", "s", "when the free end is lowest", scale="largest"),
+        ),
+        references=(Reference("reference", rungs),),
+        group="inertia.scheme",
+        quick=quick,
+        order_knob="dt",
+        order_quantity="nodes",
+        limit=120.0,
+        note="Reference: DOP853 on the same springs. Explicit schemes divide their steps where substeps is auto: "
+        "their error follows the divided step.",
+    )
+
+
+def exact(springs: Springs, gravity: float, tolerance: float, times: FloatArray) -> FloatArray:
+    """Return the nodes of the chain at `times` by DOP853 [Hairer1993], shape (t, n, 3).
+
+    Node 0 is fixed; each spring pulls with k (|d| - L) d / |d|, both ways.
+
+    Args:
+        springs: The chain.
+        gravity: z component [m/s²].
+        tolerance: Relative and absolute (m, m/s).
+        times: Rising, from zero on [s].
+    """
+    n, rest = springs.nodes, springs.size / (springs.nodes - 1)
+
+    def rate(_: float, y: FloatArray) -> FloatArray:
+        x, v = y.reshape(2, n, 3)
+        d = x[1:] - x[:-1]
+        length = np.linalg.norm(d, axis=1, keepdims=True)
+        pull = springs.stiffness * (length - rest) * d / length
+        a = np.zeros((n, 3))
+        a[:-1] += pull / springs.node_mass
+        a[1:] -= pull / springs.node_mass
+        a[:, 2] += gravity
+        a[0] = 0.0
+        return np.concatenate([v.ravel(), a.ravel()])
+
+    start = np.zeros((2, n, 3))
+    start[0, :, 0] = np.linspace(0.0, springs.size, n)
+    done = solve_ivp(
+        rate, (0.0, times[-1]), start.ravel(), method="DOP853", rtol=tolerance, atol=tolerance, t_eval=times
+    )
+    return np.asarray(done.y.T[:, : 3 * n].reshape(len(times), n, 3))
+
+
+def _rows(positions: FloatArray) -> dict[str, list[list[float]]]:
+    """Return the observations of nodes at the instants, shape (t, n, 3)."""
+    scene = scene_of(SCENE, {})
+    assert scene.springs
+    end, start = positions[:, -1], np.array([scene.springs.size, 0.0, 0.0])
+    times: FloatArray = INTERVAL * np.arange(1.0, len(positions) + 1)
+    return {
+        "nodes": positions.reshape(len(positions), -1).tolist(),
+        "end": end.tolist(),
+        "amplitude": [[float(np.linalg.norm(end - start, axis=1).max())]],
+        "passage": [[_lowest(times, end[:, 2])]],
+    }
+
+
+def _lowest(times: FloatArray, heights: FloatArray) -> float:
+    """Return when heights are least, by the parabola through the lowest of them and its neighbours."""
+    i = int(np.clip(np.argmin(heights), 1, len(heights) - 2))
+    a, b, c = heights[i - 1 : i + 2]
+    return float(times[i] + (times[1] - times[0]) * 0.5 * (a - c) / (a - 2 * b + c))
+
+
+def task(settings: Settings) -> Measured:
+    """Run the motion; cost: CPU time of a simulated second."""
+    if EXACT in settings:
+        scene = scene_of(SCENE, {})
+        assert scene.springs
+        assert scene.gravity
+        times: FloatArray = INTERVAL * np.arange(1.0, round(DURATION / INTERVAL) + 1)
+        begin = time.thread_time()
+        found = exact(scene.springs, scene.gravity.acceleration[2], float(settings[EXACT]), times)
+        return Measured(_rows(found), [time.thread_time() - begin], DURATION)
+
+    def watch(simulation: Simulation) -> Watch:
+        return lambda: {"nodes": simulation.positions.ravel().tolist()}
+
+    measured = motion(scene_of(SCENE, settings), DURATION, INTERVAL, watch)
+    rows = np.array(measured.observed["nodes"])
+    measured.observed = _rows(rows.reshape(len(rows), -1, 3))
+    return measured
