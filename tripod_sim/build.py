@@ -175,8 +175,10 @@ def _ball(
         return loads, MazeBall(scene.ball, plate, gravity, loads, quasi_static=static)
     from tripod_sim.ball.body_ball import BodyBall
 
-    mass = scene.material.mass
-    return loads, BodyBall(scene.ball, surface, groups.driven, mass, gravity, loads, quasi_static=static)
+    mass, disc = scene.material.mass, groups.rigid[0] if groups.rigid else None
+    return loads, BodyBall(
+        scene.ball, surface, groups.driven, mass, gravity, loads, quasi_static=static, disc=disc
+    )
 
 
 def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, FloatArray]:

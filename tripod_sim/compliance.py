@@ -10,6 +10,7 @@ coupling to the angles and K_ss theirs, and H_e the rows of the effector,
 [Duriez2013], [CoevoetEtAl2017].
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ from tripod_sim.state import State
 from tripod_sim.system import System
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +51,16 @@ class Compliance:
     equilibrium_offset: FloatArray
 
 
-def compliance(system: System, state: State) -> Compliance:
+def compliance(
+    system: System, state: State, contacts: Sequence[tuple[IndexArray, FloatArray]] = ()
+) -> Compliance:
     """Return the compliance of `system` at `state`.
 
     Args:
         system: Without inertia and damping: the static potential. Its factorisation is overwritten.
         state: Where it is linearised; need not be an equilibrium.
+        contacts: What else resists: nodes of a side of an element, shape (k,), and the stiffness between them [N/m],
+            shape (3 k, 3 k).
 
     Raises:
         SceneError: the system has no effector.
@@ -66,6 +72,8 @@ def compliance(system: System, state: State) -> Compliance:
     for project in (False, True):
         if system.assemble(state, project=project) < 0:
             break
+    for nodes, stiffness in contacts:
+        system.solid.add_stiffness(nodes, stiffness)
     system.evaluate(state)
     torques = system.torques.copy()
     system.factor()

@@ -97,6 +97,7 @@ class Simulation:
         self.torques = np.zeros(count)
         self.report = StepReport()
         self._servos: ServoMotion | None = parts.servos
+        self._ball = parts.ball
         undeformed = self.state.copy()
         if scene.servos:
             self._pose(joints)
@@ -106,8 +107,8 @@ class Simulation:
             self._measure_reactions(self._servos, self.state.copy())
             self.state.servos = self._servos.start(self.state.joints[:-1])
             self._next = self.state.servos.copy()
-        self._ball = parts.ball
         if self._ball:
+            self._add_rest_load()
             self.state.ball = self._ball.start(self.state)
             trial = self.state.ball.copy()  # compiles what moves it
             self._ball.load(self.state, trial)
@@ -115,6 +116,14 @@ class Simulation:
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
         self._prepare()
+
+    def _add_rest_load(self) -> None:
+        """Let the static body feel the ball, too: only the compliance asks for that."""
+        from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415 - only with a ball
+
+        static = self._static.system
+        if isinstance(static, System) and static.loads is None:
+            static.loads = NodalLoads(static.rest)
 
     def _prepare(self) -> None:
         """Make the first step from the start state as fast as the others."""
@@ -342,8 +351,16 @@ class Simulation:
         return Energies(kinetic, strain, gravity)
 
     def compliance(self) -> Compliance:
-        """Return the linearised static response about the present state. Raises SceneError without an effector."""
+        """Return the linearised static response about the present state, the ball lying where it is.
+
+        Raises:
+            SceneError: the scene has no effector.
+            StepError: the static tangent is singular.
+        """
         system = self._static.system
         if not isinstance(system, System):
             raise SceneError("a body of springs has no effector, so it has no compliance")
-        return compliance(system, self.state)
+        if not (self._ball and self.state.ball and system.loads):
+            return compliance(system, self.state)
+        contacts = self._ball.rest_load(self.state, self.state.ball, system.loads.force)
+        return compliance(system, self.state, contacts)

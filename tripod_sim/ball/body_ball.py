@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.ball.ball import ABYSS, BallState, Place
-from tripod_sim.ball.plate_kernels import fall
+from tripod_sim.ball.obstacle_kernels import triangle_distance
+from tripod_sim.ball.plate_kernels import SKIN, fall
+from tripod_sim.ball.rest import carried, rolling_stiffness
 from tripod_sim.ball.surface_kernels import advance_on_surface, workspace
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import SceneError
@@ -31,6 +33,12 @@ LOST = 0.1
 SERVO = np.array([0.0225, 0.0118, 0.0227])
 """Length (along the axis), width and height of the body of an SG90 [m]; its axis lies in the middle of its top."""
 
+TOUCHES = 1e-6
+"""Gap up to which a ball that lies on something counts as touching it [m]."""
+
+SAME, INSIDE = 1 - 1e-9, 1e-9
+"""Cosine from which on two normals are one contact, and barycentric coordinate from which on a contact is inside."""
+
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
 
@@ -47,6 +55,7 @@ class BodyBall:
         loads: NodalLoads,
         *,
         quasi_static: bool,
+        disc: IndexArray | None = None,
     ) -> None:
         """Prepare the surfaces.
 
@@ -58,6 +67,7 @@ class BodyBall:
             gravity: [m/s²], shape (3,).
             loads: Of the system.
             quasi_static: Whether the body has no inertia.
+            disc: Nodes of the effector; None without one.
 
         Raises:
             SceneError: the ball is too heavy.
@@ -83,6 +93,8 @@ class BodyBall:
             for a, b, c in ((p, q, r), (p, r, s))
         ]
         self._triangles = np.concatenate([surface, np.array(tops, dtype=np.int64).reshape(-1, 3)])
+        self._disc = np.zeros(0, dtype=np.int64) if disc is None else disc
+        self._surface, self._weight = surface, description.mass * float(np.linalg.norm(gravity))
         self._before, self._after = np.zeros((2, n + len(self._servos), 3))
         self._reaction = np.zeros_like(self._before)
         self._scratch = workspace(len(self._triangles))
@@ -109,8 +121,6 @@ class BodyBall:
 
     def gap(self, ball: BallState) -> float:
         """Return the distance between the ball and the surfaces as they were at the start of the last step [m]."""
-        from tripod_sim.ball.obstacle_kernels import triangle_distance  # noqa: PLC0415
-
         normal, weights = np.zeros(3), np.zeros(3)
         corners = self._before[self._triangles].reshape(-1, 9)
         nearest = min(triangle_distance(t, ball.position, normal, weights) for t in corners)
@@ -142,6 +152,47 @@ class BodyBall:
             share = min(1.0, dt / AVERAGE) if self._quasi_static else 1.0
             ball.nodal *= 1 - share
             ball.nodal += (share / dt) * self._reaction[:n]
+
+    def rest_load(
+        self, state: State, ball: BallState, out: FloatArray
+    ) -> list[tuple[IndexArray, FloatArray]]:
+        """Write the static load of the ball on the nodes [N], shape (n, 3); return what stiffness of its own it has.
+
+        It is what the ball presses with, up to its weight: an impact is no state of rest. The corners of the triangles
+        that it touches carry it; where it lies on a single one, the contact moves as that tilts. Where the effector
+        holds the ball from three sides at least (it sits in the hole) it goes along, its weight acting at its centre.
+
+        Returns:
+            Nodes, shape (3,), and stiffness between them [N/m], shape (9, 9), of each contact that has one.
+        """
+        out[:] = 0.0
+        if ball.nodal is None or ball.place is not Place.PLAYING:
+            return []
+        found, most = float(np.linalg.norm(ball.nodal.sum(axis=0))), self._weight
+        out[:] = ball.nodal * (most / found if found > most else 1.0)
+        contacts = self._contacts(state, ball)
+        if len(contacts) >= 3 and all(np.isin(nodes, self._disc).all() for nodes, _, _ in contacts):
+            centre = state.centres[0]
+            arms, force = state.positions[self._disc] - centre, out[self._disc].sum(axis=0)
+            out[self._disc] = carried(arms, ball.position - centre, force)
+        if len(contacts) != 1 or contacts[0][2].min() < INSIDE:
+            return []
+        nodes, normal, _ = contacts[0]
+        corners, radius = state.positions[nodes], self.description.radius
+        return [(nodes, rolling_stiffness(corners, normal, radius, out[nodes].sum(axis=0)))]
+
+    def _contacts(self, state: State, ball: BallState) -> list[tuple[IndexArray, FloatArray, FloatArray]]:
+        """Return nodes, normal and barycentric coordinates of where the body touches the ball, each normal once."""
+        reach, triangles = self.description.radius + SKIN + TOUCHES, self._surface
+        corners, x = state.positions[triangles], ball.position
+        far = np.maximum(corners.min(axis=1) - x, x - corners.max(axis=1)).max(axis=1)
+        contacts: list[tuple[IndexArray, FloatArray, FloatArray]] = []
+        for k in np.flatnonzero(far <= reach):
+            normal, weights = np.zeros(3), np.zeros(3)
+            touches = triangle_distance(corners[k].reshape(9), x, normal, weights) <= reach
+            if touches and all(float(normal @ other) < SAME for _, other, _ in contacts):
+                contacts.append((triangles[k], normal, weights))
+        return contacts
 
     def energy(self, ball: BallState) -> float:
         """Return kinetic and potential energy of the ball [J], the latter zero at the origin."""

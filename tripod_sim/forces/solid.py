@@ -52,6 +52,20 @@ class Solid:
         self._X[:] = 0.0
         self._inverse[:] = 0.0
 
+    def add_stiffness(self, nodes: IndexArray, stiffness: FloatArray) -> None:
+        """Add a `stiffness` between `nodes` to the matrices until the next assembly.
+
+        Args:
+            nodes: All of one element, shape (k,); where no element that can deform has them, nothing is added.
+            stiffness: [N/m], shape (3 k, 3 k).
+        """
+        having = np.flatnonzero(np.isin(self.elements, nodes).sum(axis=1) == len(nodes))
+        if having.size:
+            e = having[0]
+            places = [int(np.flatnonzero(self.elements[e] == node)[0]) for node in nodes]
+            rows = (3 * np.array(places)[:, None] + np.arange(3)).ravel()
+            self.matrices[e][np.ix_(rows, rows)] += stiffness
+
     def rest_modes(self) -> FloatArray:
         """Return the mode amplitudes of the undeformed solid [m], shape (m, modes of an element, 3)."""
         return np.zeros((len(self.elements), self._modes, 3))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion
 from tripod_sim.ball.obstacle_kernels import MISSES, sweep
 from tripod_sim.ball.plate_kernels import SKIN
+from tripod_sim.ball.rest import carried
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.maze.plate import Plate
@@ -17,6 +18,7 @@ from tripod_sim.scene import Ball
 from tripod_sim.state import State
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 HEAVIEST = 1 / 16
 """Mass of the ball over that of the plate up to which the delayed load is stable, at the rim of the plate too."""
@@ -44,6 +46,7 @@ class MazeBall:
             )
         self.plate = plate
         self.ball = BallOnPlate(description, plate.board.obstacles, gravity)
+        self._weight = description.mass * gravity
         self._loads, self._quasi_static = loads, quasi_static
         self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
         self._up = np.array([0.0, 0.0, plate.offset])
@@ -100,6 +103,20 @@ class MazeBall:
         share = min(1.0, dt / AVERAGE) if self._quasi_static else 1.0
         ball.wrench += share * (wrench - ball.wrench)
         self._note_goal(ball, motion, state.time)
+
+    def rest_load(
+        self, state: State, ball: BallState, out: FloatArray
+    ) -> list[tuple[IndexArray, FloatArray]]:
+        """Write the static load of the ball on the nodes [N], shape (n, 3): while in play its weight, where it lies.
+
+        It goes along with the plate, as a ball does that friction and rolling resistance hold. Of a ball that rolls or
+        bounces it is the mean: impacts are no state of rest. It has no stiffness but that of the load.
+        """
+        out[:] = 0.0
+        if ball.place is Place.PLAYING:
+            nodes, centre = self.plate.nodes, state.centres[0]
+            out[nodes] = carried(state.positions[nodes] - centre, ball.position - centre, self._weight)
+        return []
 
     def energy(self, ball: BallState) -> float:
         """Return kinetic and potential energy of the ball [J], the latter zero at the origin."""
