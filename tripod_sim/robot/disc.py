@@ -1,0 +1,26 @@
+"""The effector: a rigid disc in the centre of the piece."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.errors import SceneError
+from tripod_sim.scene import Effector
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+def effector_disc(nodes: FloatArray, effector: Effector) -> IndexArray:
+    """Return the nodes within the effector's radius of the Z axis. Raises SceneError if there are none.
+
+    Args:
+        nodes: Undeformed positions [m], shape (n, 3).
+        effector: The disc.
+    """
+    radius = np.hypot(nodes[:, 0], nodes[:, 1])
+    held = np.flatnonzero(radius <= effector.radius + 1e-9)
+    if not held.size:
+        raise SceneError(
+            f"effector.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from Z"
+        )
+    return held
