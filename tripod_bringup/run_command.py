@@ -5,6 +5,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,14 +25,22 @@ def run_scene(
     slide: str | None,
     overrides: list[str],
     out: Path | None,
+    accuracy: str | None = None,
+    study: Path | None = None,
     as_json: bool,
     quiet: bool,
 ) -> int:
     """Simulate, print the result and return the exit code: 2 bad scene or option, 1 the motion broke off."""
-    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
+    from tripod_bringup.accuracy_option import chosen  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
     from tripod_sim.run import run  # noqa: PLC0415
 
     try:
+        choice = chosen(scene, accuracy, overrides, study)
+        if choice:
+            overrides = list(choice.overrides)
+            if not (quiet or as_json):
+                print(choice.sentence, file=sys.stderr)
         with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
             result = run(
                 scene,
@@ -48,6 +57,8 @@ def run_scene(
         return _complain(error, FAILED)
     except OSError as error:  # the file to write
         return _complain(error, BAD_ARGUMENTS)
+    if choice:
+        result["accuracy"] = asdict(choice)
     if as_json:
         print(json.dumps(plain(result)))
     elif not quiet:

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from tripod_bringup.accuracy_option import chosen
 from tripod_bringup.node_command import missing_import, unknown_name
 from tripod_bringup.node_values import RawYaml, split_word
 from tripod_bringup.screen import Screen
@@ -23,11 +24,15 @@ def up_command(
     duration: float | None,
     subnet: bool,
     verbose: bool,
+    accuracy: str | None = None,
+    study: Path | None = None,
 ) -> int:
     """Run the chain; return the exit code that `tripod_bringup.up` documents."""
     try:
         values = node_values(words)
         check_scene(scene)
+        if sentence := settle(scene, values, accuracy, study):
+            print(sentence, file=sys.stderr)
         if duration is not None and not math.isfinite(duration):
             raise ValueError(f"--duration is {duration}; it must be finite")
     except ValueError as error:
@@ -73,6 +78,28 @@ def node_values(words: Sequence[str]) -> dict[str, dict[str, object]]:
             raise ValueError(unknown_name("node", node, list(EXIT_CODES)))
         values.setdefault(node, {})[parameter] = RawYaml(value)
     return values
+
+
+def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | None, study: Path | None) -> str:
+    """Write the setting for an accuracy into the simulator's parameter `set`, in place; return what it is, in words.
+
+    Raises:
+        SceneError: there is none; it is a ValueError.
+    """
+    if accuracy is None and study is None:
+        return ""
+    import yaml  # noqa: PLC0415 - only with an accuracy
+
+    raw = str(values.get("sim", {}).get("set", ""))
+    try:
+        text = str(yaml.safe_load(raw) or "")
+    except yaml.YAMLError:
+        raise ValueError(f"sim.set:={raw} is not YAML; quote it") from None
+    choice = chosen(scene, accuracy, [w for w in text.split(";") if w.strip()], study)
+    if not choice:
+        return ""
+    values.setdefault("sim", {})["set"] = ";".join(choice.overrides)
+    return choice.sentence
 
 
 def check_scene(scene: str) -> None:

@@ -1,76 +1,243 @@
-"""A scene pays only for what it names: no import, no array, no term; adding and removing restores the same bits."""
+"""A scene pays only for what it names: no import, no array, no stage; adding and removing restores the same bits."""
 
+import json
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
-from tripod_sim.integrators.backward import ImplicitEuler
-from tripod_sim.integrators.quasi_static import QuasiStatic
+from tripod_sim.effects import TABLE, absent, meaning, named, words
+from tripod_sim.scene import EFFECTS
 
-MODULES = {
-    "gravity": "tripod_sim.forces.gravity",
-    "inertia": "tripod_sim.integrators.backward",
-    "damping": "tripod_sim.forces.rayleigh",
-    "servos": "tripod_sim.robot.arms",
-    "clamp": "tripod_sim.forces.foundation",
-    "maze": "tripod_sim.maze.plate",
-    "ball": "tripod_sim.maze.play",
-}
-
-
-def loaded(overrides: list[str]) -> set[str]:
-    """Modules of the simulator in a fresh interpreter after one step of a scene."""
-    code = (
-        "import sys; from tripod_sim import Simulation, load_scene;"
-        f"Simulation(load_scene('silicone', {['mesh.level=1', *overrides]!r})).step();"
-        "print(*[m for m in sys.modules if m.startswith('tripod_sim')])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    return set(done.stdout.split())
-
-
-def test_absent_effects_are_not_imported() -> None:
-    bare = loaded(["gravity=off", "inertia=off", "damping=off"])
-    full = loaded(["servos={}", "fixed=off", "effector={}", "clamp={}", "maze={}", "ball={}"])
-    for effect, module in MODULES.items():
-        assert module not in bare, effect
-        assert module in full, effect
-    assert "tripod_sim.integrators.quasi_static" in bare
-
-
-def test_absent_effects_have_no_term_and_no_array() -> None:
-    bare = Simulation(load_scene("silicone", ["mesh.level=1", "gravity=off", "inertia=off", "damping=off"]))
-    system = bare._system
-    assert (system.gravity, system.inertia, system.damping) == (None, None, None)
-    assert isinstance(bare._stepper, QuasiStatic)
-    assert system.drive is not None
-    assert system.reduction.drive.size == 0
-    assert bare.effector is None
-    full = Simulation(load_scene("tripod", ["mesh.level=1"]))
-    assert full._system.damping is not None
-    assert isinstance(full._stepper, ImplicitEuler)
-
-
-@pytest.mark.parametrize(
-    "effect", ["gravity={}", "damping={mass=1.0}", "fixed=[{low=[-1,-1,-1], high=[-0.02,1,1]}]"]
+SOLID = ("silicone", "mesh.level=1")
+ROBOT = ("tripod", "mesh.level=1")
+CLOTH = (
+    "drape",
+    "springs.source=grid",
+    "springs.nodes=4",
+    "springs.size=0.1",
+    "springs.position=[0.01, 0.005, 0.2045]",
 )
-def test_adding_and_removing_an_effect_restores_the_same_bits(effect: str) -> None:
-    def motion(overrides: list[str]) -> bytes:
-        base = ["mesh.level=1", "gravity=off", "damping=off", "fixed=[{low=[0.045,-1,-1], high=[1,1,1]}]"]
-        simulation = Simulation(load_scene("silicone", [*base, *overrides]))
-        simulation.state.velocities[:, 2] = np.where(simulation.state.positions[:, 0] < 0, -0.3, 0.0)
-        for _ in range(20):
-            simulation.step()
-        return simulation.state.positions.tobytes()
 
-    name = effect.partition("=")[0]
-    undo = f"{name}=off" if name != "fixed" else "fixed=[{low=[0.045,-1,-1], high=[1,1,1]}]"
-    without = motion([])
-    assert motion([effect]) != without
-    assert motion([effect, undo]) == without
+SCENES = {
+    "bare solid": (*SOLID, "gravity=off", "inertia=off", "damping=off"),
+    "free solid": ("silicone_free", "mesh.level=1", "gravity=off"),
+    "robot": (*ROBOT, "servo_dynamics={}", "clamp={}", "maze={}", "ball={}"),
+    "held solid": SOLID,
+    "bare springs": ("pendulum", "gravity=off", "inertia=off"),
+    "limited springs": ("pendulum", "inertia.scheme=implicit_euler", "strain_limit={}"),
+    "cloth on a sphere": CLOTH,
+    "stack": ("stack",),
+    "estimating robot": (*ROBOT, 'time_error={steps="auto"}'),
+    "reduced robot": (*ROBOT, "reduced={modes=4, samples=8}"),
+    "cloth alone": (*CLOTH, "obstacles=off", "contact.self_contact=true"),
+}
+"""Each is built in an interpreter of its own."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """How one effect is shown to cost nothing.
+
+    without, with_: Names of `SCENES`.
+    count: Of `simulation`: nothing without the effect, something with it; empty: arrays of the effect's own modules.
+    base: A scene without it; the effect changes its motion.
+    """
+
+    without: tuple[str, ...]
+    with_: str
+    base: tuple[str, ...]
+    count: str = ""
+    add: tuple[str, ...] = ()
+
+
+STATIC = ("bare solid", "bare springs")
+ROWS = {
+    "gravity": Row(STATIC, "robot", (*SOLID, "gravity=off")),
+    "inertia": Row(STATIC, "robot", (*SOLID, "inertia=off", "damping=off")),
+    "damping": Row(("bare solid", "free solid", "limited springs"), "robot", (*SOLID, "damping=off")),
+    "fixed": Row(
+        ("free solid", "robot"), "held solid", ("silicone_free", "mesh.level=1"),
+        "len(simulation._system.groups.fixed)", ("fixed=[{low=[0.045, -0.02, -0.01], high=[0.06, 0.02, 0.01]}]",),
+    ),
+    "servos": Row(
+        ("bare solid", "free solid"), "robot", ("silicone_free", "mesh.level=1"),
+        "sum(len(f.nodes) for f in simulation._system.groups.driven) + simulation._system.driven.size",
+    ),
+    "servo_dynamics": Row(("bare solid", "held solid"), "robot", ROBOT),
+    "clamp": Row(("bare solid", "held solid"), "robot", ROBOT),
+    "effector": Row(
+        ("bare solid", "free solid"), "robot", (*ROBOT, "effector=off"),
+        "sum(len(nodes) for nodes in simulation._system.groups.rigid) + simulation.state.centres.size",
+    ),
+    "strain_limit": Row(
+        ("bare springs", "cloth on a sphere", "robot"), "limited springs",
+        ("pendulum", "inertia.scheme=implicit_euler", "springs.stiffness=100.0"), add=("strain_limit={stretch=0.001}",),
+    ),
+    "maze": Row(("bare solid", "held solid", "free solid"), "robot", ROBOT),
+    "ball": Row(("bare solid", "held solid", "free solid"), "robot", (*ROBOT, "maze={}")),
+    "contact": Row(
+        ("bare springs", "limited springs", "robot"), "cloth on a sphere", (*CLOTH, "obstacles=off", "contact=off"),
+    ),
+    "obstacles": Row(
+        ("cloth alone",), "cloth on a sphere", (*CLOTH, "obstacles=off", "contact.self_contact=true"),
+        "len(simulation._stepper.world.positions) - len(simulation.mesh.nodes)",
+        ('obstacles=[{source="sphere.obj"}]',),
+    ),
+    "rigid": Row(
+        ("cloth on a sphere", "robot", "bare springs"), "stack", CLOTH,
+        add=('rigid=[{shape="ball", radius=0.02, mass=0.01, position=[0.0, 0.0, 0.2285], velocity=[0, 0, -0.5]}]',),
+    ),
+    "time_error": Row(
+        ("robot", "bare solid", "cloth on a sphere"), "estimating robot", ROBOT,
+        add=('time_error={steps="auto", tolerance=1e-6}',),
+    ),
+    "reduced": Row(
+        ("robot", "bare solid", "bare springs"), "reduced robot", ROBOT, add=("reduced={modes=4, samples=8}",)
+    ),
+}  # fmt: skip
+"""A row for every name of `EFFECTS`."""
+
+LOOK = """
+import json, sys
+from tripod_sim import Simulation, load_scene
+simulation = Simulation(load_scene({name!r}, {words!r}))
+simulation.step()
+loaded = [m for m in sys.modules if m.startswith("tripod_sim")]
+import numpy as np
+from tripod_sim.explain.objects import walk
+from tripod_sim.explain.stages import time_stages
+from tripod_sim.explain.stopwatch import Stopwatch
+arrays, objects = [], []
+for value, owner in walk(simulation):
+    (arrays if isinstance(value, np.ndarray) else objects).append(owner)
+counts = {{}}
+for name, text in {counts!r}.items():
+    try:
+        counts[name] = int(eval(text))
+    except AttributeError:  # of another kind of body
+        counts[name] = 0
+watch = Stopwatch("other")
+time_stages(simulation, watch)
+for k in range(10):
+    simulation.step(simulation.command - np.append(np.full(len(simulation.torques), 0.01), 0.0))
+stages = [name for name, calls in zip(watch.stages, watch.calls) if calls]
+print(json.dumps(dict(loaded=loaded, arrays=arrays, objects=objects, counts=counts, stages=stages)))
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What the reduced model learns is kept here, not where users keep it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def looks() -> dict[str, dict]:
+    """What a fresh interpreter finds in each of `SCENES` after one step."""
+    counts = {name: row.count for name, row in ROWS.items() if row.count}
+    running = {
+        name: subprocess.Popen(
+            [sys.executable, "-c", LOOK.format(name=scene[0], words=list(scene[1:]), counts=counts)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for name, scene in SCENES.items()
+    }
+    found = {}
+    for name, process in running.items():
+        out, _ = process.communicate(timeout=120)
+        assert process.returncode == 0, name
+        found[name] = json.loads(out)
+    return found
+
+
+def belongs(module: str, effect: str) -> bool:
+    """Whether a module is one of an effect's own."""
+    name = module.removeprefix("tripod_sim.")
+    return any(name == m or name.startswith(m + ".") for m in TABLE[effect].modules)
+
+
+def test_every_effect_has_a_row() -> None:
+    """Whoever adds an effect says which modules and stages are its own, and shows that it costs nothing when absent."""
+    assert set(TABLE) == set(EFFECTS)
+    assert set(ROWS) == set(EFFECTS)
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_absent_effect_is_not_imported_and_has_no_array_and_no_stage(effect: str, looks: dict) -> None:
+    row, info = ROWS[effect], TABLE[effect]
+    for name in row.without:
+        assert effect not in named(load_scene(SCENES[name][0], SCENES[name][1:])), name
+        look = looks[name]
+        for kind in ("loaded", "arrays", "objects"):
+            assert not [m for m in look[kind] if belongs(m, effect)], (name, kind)
+        assert not [s for s in look["stages"] if s.startswith(info.stages)] or not info.stages, name
+        assert look["counts"].get(effect, 0) == 0, name
+    assert effect in named(load_scene(SCENES[row.with_][0], SCENES[row.with_][1:]))
+    look = looks[row.with_]
+    for module in info.modules:
+        assert (
+            [m for m in look["loaded"] if m.removeprefix("tripod_sim.").startswith(module)]
+            or module.startswith("integrators.explicit")  # only with an explicit scheme
+        ), module
+    assert [s for s in look["stages"] if s.startswith(info.stages)] or not info.stages
+    if row.count:
+        assert look["counts"][effect] > 0
+    else:
+        assert [m for m in look["arrays"] if belongs(m, effect)], "no array would be missed"
+
+
+def test_a_solid_loads_nothing_of_springs_and_has_no_stage_of_them(looks: dict) -> None:
+    for name in ("bare solid", "free solid", "held solid", "robot"):
+        for kind in ("loaded", "arrays", "objects"):
+            assert not [m for m in looks[name][kind] if m.startswith("tripod_sim.springs")], name
+        assert "compiled loop" not in looks[name]["stages"]
+    assert [m for m in looks["bare springs"]["arrays"] if m.startswith("tripod_sim.springs")]
+    assert "compiled loop" in looks["bare springs"]["stages"]
+
+
+def motion(source: str, overrides: tuple[str, ...]) -> bytes:
+    """State after some steps from a kick, the servos turning if there are any."""
+    simulation = Simulation(load_scene(source, overrides))
+    state = simulation.state
+    if simulation.scene.inertia:
+        x = state.positions[:, 0]
+        state.velocities[:, 2] = np.where(x < x.mean(), -0.3, 0.0)
+        state.velocities[simulation._system.groups.fixed] = 0.0
+    for k in range(12):
+        joints = simulation.command
+        joints[0] = -0.01 * k if len(joints) > 1 else joints[0]
+        simulation.step(joints)
+    nodes = len(simulation.mesh.nodes)
+    return state.positions[:nodes].tobytes() + state.velocities[:nodes].tobytes() + state.joints.tobytes()
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_adding_and_removing_an_effect_restores_the_same_bits(effect: str) -> None:
+    row = ROWS[effect]
+    source, base = row.base[0], row.base[1:]
+    add = row.add or words(effect)
+    undo = (f"{effect}=off",)
+    without = motion(source, base)
+    assert motion(source, (*base, *add)) != without, "the effect shows"
+    assert load_scene(source, (*base, *add, *undo)) == load_scene(source, base)
+    assert motion(source, (*base, *add, *undo)) == without
+
+
+def test_what_effects_a_scene_names() -> None:
+    scene = load_scene("tripod")
+    assert named(scene) == ["gravity", "inertia", "damping", "servos", "effector"]
+    assert set(named(scene)) | set(absent(scene)) == set(EFFECTS)
+    for effect in EFFECTS:
+        assert meaning(effect).endswith("."), effect
+    assert meaning("effector") == "A rigid disc in the centre of the piece."
 
 
 def test_a_steady_step_allocates_no_growing_memory() -> None:

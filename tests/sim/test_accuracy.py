@@ -1,0 +1,295 @@
+"""The setting for an accuracy: what is picked from made-up studies, what is refused, what the command says."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from tripod_bringup.cli import app
+from tripod_sim import SceneError, load_scene
+from tripod_sim.accuracy.choice import LOAD, SAFETY, asked, choose, pick
+from tripod_sim.accuracy.machine import product_time
+from tripod_sim.accuracy.stored import read_study, stored_studies
+
+POINTS = [  # dt [s], relative bound, CPU time for a simulated second [s]
+    (0.01, 0.10, 0.1),
+    (0.005, 0.04, 0.2),
+    (0.002, 0.006, 0.5),
+    (0.001, 0.007, 1.1),  # not on the front
+    (0.0005, 0.0006, 3.0),
+]
+
+
+def made_up(**changes: Any) -> dict[str, Any]:
+    """A study of the pendulum's dt, in the format of `study/result.py`."""
+    points = [
+        {
+            "label": "", "settings": {"dt": dt, "inertia.scheme": "bdf2"}, "status": "ok", "message": "",
+            "unknowns": 27, "error": 0.9 * bound, "own_error": 0.1 * bound, "bound": bound, "cpu": cpu,
+        }
+        for dt, bound, cpu in POINTS
+    ]  # fmt: skip
+    diverged = {**points[0], "status": "diverged", "error": None, "bound": None, "cpu": None}
+    return {
+        "format": 1, "study": "pendulum", "scene": "pendulum", "base": {}, "cpu": "s per simulated second",
+        "versions": {"tripod": "0.1.0", "study": 1}, "machine": {"calibration": 0.03},
+        "quantities": [{"name": "end", "unit": "m", "what": "where the free end is", "scale": 1.0}],
+        "points": [diverged, *points], **changes,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "pendulum.json"
+    path.write_text(json.dumps(made_up()))
+    return path
+
+
+def same_speed() -> float:
+    return 0.03
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "dt"),
+    [
+        ("20%", 0.01),
+        (f"{100 * SAFETY * 0.10} %", 0.01),
+        ("14.9%", 0.005),
+        ("5%", 0.002),
+        ("1%", 0.002),
+        ("0.1%", 0.0005),
+        ("draft", 0.01),
+        ("real-time", 0.002),
+        ("reference", 0.0005),
+    ],
+)
+def test_the_cheapest_setting_within_the_accuracy_is_picked(accuracy: str, dt: float, study: Path) -> None:
+    choice = choose("pendulum", accuracy, study=study, speed=same_speed)
+    point = next(p for p in POINTS if p[0] == dt)
+    assert choice.settings == {"dt": dt, "inertia.scheme": "bdf2"}
+    assert choice.error == pytest.approx(SAFETY * point[1])
+    assert choice.seconds == pytest.approx(point[2])
+    scene = load_scene("pendulum", choice.overrides)
+    assert (scene.dt, scene.inertia.scheme) == (dt, "bdf2")
+    assert choice.outside == ()
+    assert choice.sentence.startswith(
+        f"accuracy {accuracy}: dt={dt!r}, inertia.scheme=bdf2 (study pendulum); expect"
+    )
+    assert "\n" not in choice.sentence
+
+
+def test_times_are_those_of_this_machine(study: Path) -> None:
+    """A machine of half the speed takes twice as long, and real time is another setting then."""
+    choice = choose("pendulum", "5%", study=study, speed=lambda: 0.06)
+    assert choice.seconds == pytest.approx(2 * 0.5)
+    assert choose("pendulum", "real-time", study=study, speed=lambda: 0.06).settings["dt"] == 0.005
+    with pytest.raises(SceneError, match=r"no setting of study 'pendulum' takes less than 0\.5 s .* takes 1 s"):
+        choose("pendulum", "real-time", study=study, speed=lambda: 0.3)
+    unknown = choose("pendulum", "5%", study=study, speed=lambda: None)
+    assert unknown.seconds is None
+    assert "time on this machine unknown" in unknown.sentence
+    with pytest.raises(SceneError, match="this machine's speed is not known"):
+        choose("pendulum", "real-time", study=study, speed=lambda: None)
+    assert POINTS[2][2] <= LOAD < POINTS[3][2]
+
+
+def test_what_no_setting_reaches_is_told_with_the_best(study: Path) -> None:
+    with pytest.raises(
+        SceneError,
+        match=r"--accuracy 0\.01 %: no setting of study 'pendulum' is so exact; the best promises 0\.09 %",
+    ):
+        choose("pendulum", "0.01%", study=study, speed=same_speed)
+
+
+def test_overrides_of_the_user_win_and_are_named(study: Path) -> None:
+    choice = choose(
+        "pendulum", "1%", ["dt=0.004", "gravity.acceleration=[0, 0, -3]"], study=study, speed=same_speed
+    )
+    scene = load_scene("pendulum", choice.overrides)
+    assert scene.dt == 0.004
+    assert scene.gravity.acceleration == (0, 0, -3)
+    assert scene.inertia.scheme == "bdf2"
+    assert choice.outside == ("dt=0.004", "gravity.acceleration=[0, 0, -3]")
+    assert choice.sentence.endswith("outside the study: dt=0.004; gravity.acceleration=[0, 0, -3]")
+    inside = choose("pendulum", "1%", ["dt=0.002", "duration=9.0"], study=study, speed=same_speed)
+    assert inside.outside == ()
+
+
+def test_what_the_study_shares_and_the_scene_lacks_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "s.json"
+    base = {"springs.node_mass": 2.0, "damping": "off", "servos.angles": "[-1.4965, -1.4965, -1.4965]"}
+    path.write_text(json.dumps(made_up(base=base)))
+    choice = choose("pendulum", "5%", study=path, speed=same_speed)
+    assert choice.outside == ("the study has springs.node_mass=2.0",)
+    assert load_scene("pendulum", choice.overrides).springs.node_mass == 1.0, "it is not applied"
+    choice = choose("pendulum", "5%", ["springs.node_mass=2.0"], study=path, speed=same_speed)
+    assert choice.outside == ()
+
+
+def test_a_scene_without_a_study_says_how_to_make_one(tmp_path: Path) -> None:
+    with pytest.raises(
+        SceneError, match="no study of scene 'silicone_free' where it moves; make one with `tripod study"
+    ):
+        choose("silicone_free", "5%", speed=same_speed)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scene": "cloth"}, "--study: it is of scene 'cloth', not of 'pendulum'"),
+        ({"cpu": "s per solve"}, "--study: it is of static solves, and the scene moves"),
+        ({"points": []}, "study 'pendulum' has no point that worked"),
+        ({"format": 2}, "format is 2; this version reads format 1"),
+        ({"format": True}, "format is True"),
+        ({"points": 7}, "points is 7; it must be a list"),
+        ({"points": [3]}, "points.0 is 3; it must be a table"),
+        ({"scene": "a\nb"}, "scene is 'a\\nb'; it must be a line of text"),
+        ({"quantities": []}, "quantities.0 is None"),
+        ({"machine": {"calibration": 0}}, "machine.calibration is 0; it must be a positive number"),
+        ({"cpu": "hours"}, "cpu is 'hours'; it must be"),
+    ],
+)
+def test_a_wrong_study_is_named(changes: dict, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "wrong.json"
+    path.write_text(json.dumps(made_up(**changes)))
+    with pytest.raises(SceneError) as caught:
+        choose("pendulum", "5%", study=path, speed=same_speed)
+    assert message in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"springs.source": "secret.obj"}, "'springs.source' is not a field that a study may set"),
+        ({"obstacles.0.source": "x"}, "is not a field that a study may set"),
+        ({"dt": [1]}, "points.0.settings.dt is [1]"),
+        ({"dt": float("nan")}, "points.0.settings.dt is nan"),
+        ({"dt": 10**30}, "points.0.settings.dt is 1000"),
+        ({"inertia.scheme": "../../etc/passwd"}, "points.0.settings.inertia.scheme is '../../etc"),
+        ({"inertia.scheme": "bdf2\n[springs]"}, "it must be a word"),
+        ("dt", "points.0.settings is 'dt'; it must be a table"),
+    ],
+)
+def test_a_study_sets_numbers_and_words_and_nothing_else(settings: Any, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "hostile.json"
+    point = {**made_up()["points"][1], "settings": settings}
+    path.write_text(json.dumps(made_up(points=[point])))
+    with pytest.raises(SceneError) as caught:
+        read_study(path)
+    assert message in str(caught.value)
+
+
+def test_settings_that_the_scene_refuses_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "other.json"
+    point = {**made_up()["points"][1], "settings": {"dt": -1.0}}
+    path.write_text(json.dumps(made_up(points=[point])))
+    with pytest.raises(SceneError, match=r"dt is -1\.0"):
+        choose("pendulum", "50%", study=path, speed=same_speed)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[", "[" * 100_000, '{"format": 1}', "nul", "\ufeff{}", "1" * 5000, '{"a": NaN}']
+)
+def test_a_file_that_is_no_study_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError, match=r"bad\.json"):
+        read_study(path)
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
+    for path, message in (
+        (tmp_path, "is not a file"),
+        (tmp_path / "none.json", "cannot be read"),
+        (Path("a\0b"), "read"),
+    ):
+        with pytest.raises(SceneError, match=message):
+            read_study(path)
+    large = tmp_path / "large.json"
+    large.write_bytes(b" " * 20_000_001)
+    with pytest.raises(SceneError, match="is larger than"):
+        read_study(large)
+    latin = tmp_path / "latin.json"
+    latin.write_bytes(b'{"study": "\xe9"}')
+    with pytest.raises(SceneError, match="not valid JSON"):
+        read_study(latin)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=150)
+@given(key=st.sampled_from(sorted(made_up())), value=JSON)
+def test_no_study_does_more_than_be_refused(
+    key: str, value: Any, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("fuzz") / "s.json"
+    path.write_text(json.dumps(made_up(**{key: value})))
+    try:
+        choose("pendulum", "5%", study=path, speed=same_speed)
+    except SceneError as error:
+        assert len(str(error).splitlines()) == 1
+
+
+@pytest.mark.parametrize("text", ["5", "-5%", "0%", "101%", "nan%", "1e1%", "fast", "", "5%%", "\u0665%", "5 % %"])
+def test_an_accuracy_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(
+        SceneError, match=r"--accuracy is .* such as 5%, or one of: draft, real-time, reference"
+    ):
+        asked(text)
+
+
+def test_accuracies() -> None:
+    assert [asked(t) for t in ("5%", "0.1 %", " 100% ", ".5%")] == [0.05, 0.001, 1.0, 0.005]
+
+
+def test_every_shipped_study_can_be_read_and_serves_its_scene() -> None:
+    for path in stored_studies():
+        found = read_study(path)
+        assert found.name == path.stem
+        load_scene(found.scene)
+        point = pick(found, "reference", None)
+        assert point.bound == min(p.bound for p in found.points)
+
+
+def test_this_machine_is_measured() -> None:
+    taken = product_time()
+    assert taken is not None
+    assert 1e-3 < taken < 60
+
+
+def test_run_takes_the_setting_and_says_so(study: Path) -> None:
+    words = ["run", "pendulum", "--accuracy", "5%", "--study", str(study), "--duration", "0.02"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.stderr
+    assert "accuracy 5%: dt=0.002, inertia.scheme=bdf2" in done.stderr
+    assert "10 steps of 2 ms" in done.stdout
+    done = CliRunner().invoke(app, [*words, "--set", "dt=0.004", "--json"])
+    result = json.loads(done.stdout)
+    assert result["dt"] == 0.004
+    assert result["accuracy"]["outside"] == ["dt=0.004"]
+    assert result["accuracy"]["settings"]["dt"] == 0.002
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--accuracy", "5"], "--accuracy is '5'"),
+        (["--accuracy", "5%", "--study", "/no/such.json"], "study '/no/such.json' cannot be read"),
+        (["--study", "x.json"], "--study needs --accuracy"),
+    ],
+)
+def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
+    done = CliRunner().invoke(app, ["run", "pendulum", *words])
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1

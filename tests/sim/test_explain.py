@@ -1,0 +1,288 @@
+"""What a scene costs: the stopwatch, the parts found, the report's sums, and the command."""
+
+import json
+from importlib import import_module
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tripod_bringup.cli import app
+from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.explain import sampling, stopwatch
+from tripod_sim.explain.costs import switched_on
+from tripod_sim.explain.memory import memory, size
+from tripod_sim.explain.objects import owned, walk
+from tripod_sim.explain.report import explain
+from tripod_sim.explain.sampling import Sampler, estimate, swing
+from tripod_sim.explain.stages import OTHER, STAGES, time_stages
+from tripod_sim.explain.stopwatch import Stopwatch
+from tripod_sim.scene_file import scene_names
+
+TRIPOD = ["mesh.level=1"]
+
+
+class Clock:
+    """A time that passes only where it is told to."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Worker:
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+
+    def outer(self) -> str:
+        self.clock.now += 1.0
+        self.inner()
+        self.inner()
+        self.clock.now += 2.0
+        return "done"
+
+    def inner(self) -> None:
+        self.clock.now += 10.0
+
+    def fails(self) -> None:
+        self.clock.now += 5.0
+        raise ValueError
+
+
+def test_each_stage_counts_without_the_stages_below_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr(stopwatch, "perf_counter", clock)
+    worker, watch = Worker(clock), Stopwatch("other")
+    watch.wrap(worker, "outer", "outer")
+    watch.wrap(worker, "inner", "inner")
+    watch.wrap(worker, "inner", "never: it is wrapped already")
+    watch.clear()
+    clock.now += 0.5
+    assert worker.outer() == "done"
+    assert watch.stages == ["other", "outer", "inner"]
+    assert watch.times == [0.5, 3.0, 20.0]
+    assert watch.calls == [0, 1, 2]
+    watch.clear()
+    watch.wrap(worker, "fails", "fails")
+    with pytest.raises(ValueError):
+        worker.fails()
+    clock.now += 1.0
+    worker.inner()
+    assert watch.times == [1.0, 0.0, 10.0, 5.0], "after an error the time belongs to the caller again"
+    watch.unwrap()
+    assert "outer" not in vars(worker)
+    worker.outer()
+    assert watch.calls == [0, 0, 1, 1]
+
+
+def test_what_timing_costs_is_taken_off() -> None:
+    watch = Stopwatch("other")
+    watch.measure_itself()
+    target = stopwatch._Empty()
+    watch.wrap(target, "call", "empty")
+    watch.clear()
+    for _ in range(1000):
+        target.call()
+    assert watch._within > 0
+    raw = watch._raw[1]
+    assert watch.times[1] == pytest.approx(raw - 1000 * watch._within)
+    assert watch.itself == pytest.approx(1000 * (watch._within + watch._around))
+
+
+def test_every_stage_names_a_method_that_exists() -> None:
+    for name, methods in STAGES.items():
+        module, _, kind = name.rpartition(".")
+        if module == "linear.cholmod" and not find_spec("cvxopt"):  # an optional extra
+            continue
+        found = getattr(import_module(f"tripod_sim.{module}"), kind)
+        for method in methods:
+            assert callable(getattr(found, method)), (name, method)
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_shipped_scene_has_stages(name: str) -> None:
+    quick = ["mesh.level=5"] if "sofa" in name else TRIPOD if load_scene(name).mesh else []
+    simulation = Simulation(load_scene(name, quick))
+    watch = Stopwatch(OTHER)
+    time_stages(simulation, watch)
+    simulation.step()
+    assert sum(watch.calls) > 0
+    watch.unwrap()
+    calls = list(watch.calls)
+    simulation.step()
+    assert watch.calls == calls, "nothing is timed afterwards"
+    assert size(simulation).unknowns == simulation.unknowns
+
+
+def test_timing_changes_no_bit() -> None:
+    def end(*, timed: bool) -> bytes:
+        simulation = Simulation(load_scene("maze", TRIPOD))
+        watch = Stopwatch(OTHER)
+        if timed:
+            time_stages(simulation, watch)
+        for k in range(8):
+            simulation.step(swing(simulation, k))
+        return simulation.state.positions.tobytes()
+
+    assert end(timed=True) == end(timed=False)
+
+
+def test_passes_repeat_the_same_steps() -> None:
+    simulation = Simulation(load_scene("tripod", TRIPOD))
+    sampler = Sampler(simulation, 5)
+    sampler.one_pass()
+    first = simulation.state.positions.tobytes(), simulation.state.step
+    sampler.one_pass()
+    assert (simulation.state.positions.tobytes(), simulation.state.step) == first
+    assert sampler.work().iterations >= 5
+    angles = np.array([swing(simulation, k) for k in range(400)])
+    assert np.ptp(angles[:, :3], axis=0) == pytest.approx([sampling.SWING] * 3, rel=1e-3)
+    assert (angles[:, 3] == 0).all()
+
+
+def test_the_least_of_all_passes_counts() -> None:
+    passes = [np.array([1.0, 5.0]), np.array([2.0, 2.0]), np.array([9.0, 3.0]), np.array([1.5, 9.0])]
+    found = estimate(passes)
+    assert found.mean == 1.5  # (1 + 2) / 2
+    assert found.noise == pytest.approx(abs((1.0 + 3.0) / 2 - (1.5 + 2.0) / 2))
+
+
+def test_arrays_are_found_once_and_by_their_owner() -> None:
+    simulation = Simulation(load_scene("tripod", TRIPOD))
+    arrays = [(a, owner) for a, owner in walk(simulation) if isinstance(a, np.ndarray)]
+    assert len({id(a) for a, _ in arrays}) == len(arrays)
+    owners = {id(a): owner for a, owner in arrays}
+    matrices = owned(simulation._system.solid.matrices)
+    assert owners[id(matrices)] == "tripod_sim.forces.solid"
+    parts = memory(simulation)
+    assert parts["solid"] >= matrices.nbytes
+    mine = {id(a): a.nbytes for a, _ in arrays}
+    assert sum(parts.values()) == sum(mine.values())
+    assert parts["statics: start pose and compliance"] > 0
+
+
+def test_sizes_are_those_of_the_matrices() -> None:
+    simulation = Simulation(load_scene("tripod", TRIPOD))
+    system, found = simulation._system, size(simulation)
+    assert found.nonzeros == system.reduction.pattern.nnz
+    assert found.factor_entries == system.linear.entries
+    assert found.nodes == len(simulation.mesh.nodes)
+    assert found.elements == len(simulation.mesh.elements)
+    springs = Simulation(load_scene("cloth", ["springs.nodes=5"]))
+    found = size(springs)
+    assert found.elements == len(springs.mesh.ends)
+    assert found.nonzeros == springs._system.pattern()[0].nnz
+    assert found.factor_entries > found.nonzeros / 2
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few steps, so that tests are quick; what they find is the same."""
+    monkeypatch.setattr(sampling, "AHEAD", 0.01)
+    monkeypatch.setattr(sampling, "MOST", 4)
+    monkeypatch.setattr(sampling, "FEWEST", 2)
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize(
+    ("source", "words", "stages"),
+    [
+        (
+            "tripod",
+            TRIPOD,
+            {"elastic forces", "reduction", "back-substitution", "inertia", "damping", "servo arms"},
+        ),
+        ("maze", TRIPOD, {"ball", "gravity"}),
+        ("tripod", [*TRIPOD, "inertia=off", "damping=off"], {"load increments", "factorisation"}),
+        (
+            "cloth",
+            ["springs.nodes=6"],
+            {"gradient", "factorisation", "back-substitution", "compiled loop: the rest"},
+        ),
+        ("cloth", ["springs.nodes=6", "solver.linear=cg"], {"conjugate gradients"}),
+        ("pendulum", [], {"spring forces", "watch over the energy", "compiled loop: its call for one step"}),
+        ("drape", ["springs.source=grid", "springs.nodes=5", "springs.size=0.3"], {"contact: near pairs"}),
+        ("pendulum", ["inertia.scheme=bdf2", "strain_limit={}"], {"strain limit", "gradient"}),
+        (
+            "silicone_free",
+            [*TRIPOD, "inertia.scheme=semi_implicit_euler"],
+            {"stability limit", "explicit parts"},
+        ),
+    ],
+)
+def test_stages_make_up_the_step(source: str, words: list[str], stages: set[str]) -> None:
+    found = explain(source, words, costs=False)
+    names = {s.name for s in found.stages}
+    assert stages <= names
+    assert found.stages[-1].name == OTHER
+    assert sum(s.seconds for s in found.stages) == pytest.approx(found.step.mean)
+    assert all(s.seconds > 0 for s in found.stages if s.calls)
+    assert found.step.mean > 0
+    assert found.absent == ()
+
+
+@pytest.mark.usefixtures("short")
+def test_what_is_absent_is_measured_or_says_why_not() -> None:
+    told: list[str] = []
+    found = explain("silicone", TRIPOD, progress=lambda done, text: told.append(text))
+    costs = {c.effect: c for c in found.absent}
+    assert set(costs).isdisjoint(found.named)
+    assert costs["effector"].seconds is not None
+    assert costs["effector"].why_not == ""
+    assert costs["clamp"].seconds is None
+    assert costs["clamp"].why_not.startswith("clamp needs servos")
+    assert costs["strain_limit"].why_not.startswith("strain_limit needs springs")
+    assert "switching on effector" in told
+
+
+def test_a_fixed_box_holds_one_end_of_the_body() -> None:
+    simulation = Simulation(load_scene("silicone_free", TRIPOD))
+    (word,) = switched_on("fixed", simulation)
+    fixed = Simulation(load_scene("silicone_free", [*TRIPOD, word]))
+    held = fixed._system.groups.fixed
+    assert 3 <= len(held) < len(simulation.mesh.nodes) / 2
+
+
+def test_bad_input_is_named() -> None:
+    with pytest.raises(SceneError, match="--at is -1 s; it must be 0 to"):
+        explain("tripod", TRIPOD, at=-1.0)
+    with pytest.raises(SceneError, match="--at is nan s"):
+        explain("tripod", TRIPOD, at=float("nan"))
+
+
+@pytest.mark.usefixtures("short")
+def test_the_command_prints_tables_or_json() -> None:
+    words = ["explain", "tripod", "--set", "mesh.level=1", "--no-costs", "--at", "0.02"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.stderr
+    for text in (
+        "elastic forces",
+        "unknowns",
+        "all arrays",
+        "effects: gravity, inertia, damping, servos, effector",
+    ):
+        assert text in done.stdout
+    done = CliRunner().invoke(app, [*words, "--json"])
+    table = json.loads(done.stdout)
+    assert table["scene"] == "tripod"
+    assert table["first"] == pytest.approx(0.025)
+    assert sum(s["share"] for s in table["stages"]) == pytest.approx(1.0)
+    assert table["memory"]["total"] == sum(table["memory"]["parts"].values())
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["trpod"], "scene 'trpod' is unknown"),
+        (["tripod", "--set", "dt=-1"], "dt is -1"),
+        (["tripod", "--at", "-1"], "--at is -1 s"),
+    ],
+)
+def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
+    done = CliRunner().invoke(app, ["explain", *words])
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1

@@ -1,0 +1,39 @@
+"""`--accuracy` and `--study`, options of the commands that load a scene."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from tripod_sim.accuracy.choice import Choice
+
+Accuracy = Annotated[
+    str | None,
+    typer.Option(
+        metavar="5%",
+        help="Take the cheapest setting with an error below this, by the scene's study: a percentage, draft, real-time "
+        "or reference. --set wins.",
+    ),
+]
+
+Study = Annotated[
+    Path | None,
+    typer.Option(
+        "--study", metavar="FILE", help="Study (JSON) that --accuracy looks into; the scene's own by default."
+    ),
+]
+
+
+def chosen(scene: str, accuracy: str | None, overrides: Sequence[str], study: Path | None) -> "Choice | None":
+    """Return the setting that the options ask for; None without `--accuracy`. Raises SceneError."""
+    from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
+
+    if accuracy is None:
+        if study is not None:
+            raise SceneError("--study needs --accuracy: it is where the setting for an accuracy is looked up")
+        return None
+    from tripod_sim.accuracy.choice import choose  # noqa: PLC0415
+
+    return choose(scene, accuracy, overrides, study=study)

@@ -1,0 +1,183 @@
+"""`tripod explain`: what a scene costs on this machine, as tables or JSON."""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from tripod_sim.explain.report import Explanation, Progress
+
+HELP = (
+    "Show what a scene costs here: the stages of a step, memory, and what is switched off and would cost.\n\n"
+    "The step is a typical one: half way through the scene, while its servos turn. Exit codes: 0, or 2 for a bad scene "
+    "or option, 1 where a step cannot be made."
+)
+
+
+def register(app: typer.Typer, examples: Callable[..., str]) -> None:
+    """Add the command to `app`; `examples` writes the end of its help."""
+
+    @app.command(
+        help=HELP,
+        epilog=examples(
+            "tripod explain tripod",
+            "tripod explain maze --set mesh.level=1",
+            "tripod explain drape --at 1.5 --no-costs",
+            "tripod explain pendulum --json",
+            "tripod explain tripod --error",
+        ),
+    )
+    def explain(
+        scene: Annotated[str, typer.Argument(help="Name of a shipped scene, or path of a scene file.")],
+        *,
+        set_: Annotated[
+            list[str] | None,
+            typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
+        ] = None,
+        at: Annotated[
+            float | None, typer.Option(help="Simulated time of the steps that are timed \\[s].")
+        ] = None,
+        costs: Annotated[
+            bool, typer.Option("--costs/--no-costs", help="Measure what absent effects would cost.")
+        ] = True,
+        error: Annotated[bool, typer.Option("--error", help="Estimate the error of the mesh, too.")] = False,
+        json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+        quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress note.")] = False,
+    ) -> None:
+        raise typer.Exit(
+            explain_command(
+                scene, overrides=set_ or [], at=at, costs=costs, error=error, as_json=json, quiet=quiet
+            )
+        )
+
+
+def explain_command(
+    scene: str,
+    *,
+    overrides: list[str],
+    at: float | None,
+    costs: bool,
+    error: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Measure, print and return the exit code: 0, 2 bad arguments, 1 a step cannot be made."""
+    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.explain.report import explain  # noqa: PLC0415
+
+    try:
+        with progress_note(shown=not quiet and sys.stderr.isatty()) as progress:
+            found = explain(scene, overrides, at=at, costs=costs, progress=progress)
+    except (SceneError, StepError) as problem:
+        print("tripod explain: " + " ".join(str(problem).split()), file=sys.stderr)
+        return BAD_ARGUMENTS if isinstance(problem, SceneError) else FAILED
+    if as_json:
+        print(json.dumps(plain(as_table(found))))
+    else:
+        show(found)
+    return 0
+
+
+@contextmanager
+def progress_note(*, shown: bool) -> "Iterator[Progress | None]":
+    """Yield what draws the fraction done and what comes next on standard error; None where nothing is shown."""
+    if not shown:
+        yield None
+        return
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn  # noqa: PLC0415
+
+    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda done, text: bar.update(task, completed=done, description=text)
+
+
+def as_table(found: "Explanation") -> dict[str, Any]:
+    """Return all that was measured as JSON has it: times in s, memory in bytes."""
+    table = asdict(found)
+    scene = found.scene
+    table["scene"] = scene.name
+    table["dt"] = scene.dt
+    for stage in table["stages"]:
+        stage["share"] = stage["seconds"] / found.step.mean
+    table["memory"] = {"parts": found.memory, "total": sum(found.memory.values())}
+    return table
+
+
+def show(found: "Explanation") -> None:
+    """Print everything for people."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    console = Console()
+    scene, step, size = found.scene, found.step, found.size
+    factor = scene.dt / step.mean if step.mean > 0 else math.inf
+    console.print(
+        f"[bold]{scene.name}[/]: a step of {1e3 * scene.dt:g} ms takes {_micro(step.mean)} µs (noise "
+        f"{_micro(step.noise)} µs), {factor:.3g} times real time; {found.count} steps from "
+        f"{found.first:.3g} s on",
+        highlight=False,
+    )
+    if found.looped is not None:
+        console.print(
+            f"many steps in one call: {_micro(found.looped)} µs each, {scene.dt / found.looped:.3g} times real time",
+            highlight=False,
+        )
+    table = _columns("stage", "µs", "%", "calls", table=Table)
+    for stage in found.stages:
+        calls = "" if stage.calls is None else f"{stage.calls:.3g}"
+        table.add_row(stage.name, _micro(stage.seconds), f"{100 * stage.seconds / step.mean:.1f}", calls)
+    table.add_row("[bold]step[/]", _micro(step.mean), "100.0", "")
+    console.print(table)
+    console.print(
+        f"{size.unknowns} unknowns, {size.nodes} nodes, {size.elements} elements"
+        + (f", {size.nonzeros} nonzeros of the Hessian's upper triangle" if size.nonzeros else "")
+        + (f", {size.factor_entries} of its factor" if size.factor_entries else "")
+        + f"; built in {found.build:.3g} s",
+        highlight=False,
+    )
+    table = _columns("memory", "kB", table=Table)
+    for part, count in found.memory.items():
+        table.add_row(part, f"{count / 1e3:.1f}")
+    table.add_row("[bold]all arrays[/]", f"{sum(found.memory.values()) / 1e3:.1f}")
+    console.print(table)
+    console.print(f"effects: {', '.join(found.named) or 'none'}", highlight=False)
+    _show_absent(found, console, Table)
+
+
+def _show_absent(found: "Explanation", console: "Console", kind: "type[Table]") -> None:
+    """Print what is switched off and what it would cost."""
+    if not found.absent:
+        return
+    table = _columns("switched off", "µs more", "switched on by --set", table=kind)
+    table.columns[2].justify, table.columns[2].overflow = "left", "fold"
+    for cost in found.absent:
+        if cost.seconds is None:
+            table.add_row(cost.effect, "-", cost.why_not)
+        else:
+            noise = " (noise)" if abs(cost.seconds) <= cost.noise else ""
+            table.add_row(cost.effect, _micro(cost.seconds) + noise, " ".join(cost.words).replace("[", "\\["))
+    console.print(table)
+
+
+def _columns(*heads: str, table: "type[Table]") -> "Table":
+    made = table(box=None, pad_edge=False)
+    for k, head in enumerate(heads):
+        made.add_column(head, justify="right" if k else "left", no_wrap=k < 2)
+    return made
+
+
+def _micro(seconds: float) -> str:
+    return f"{1e6 * seconds:.1f}" if abs(seconds) < 1e-3 else f"{1e6 * seconds:.0f}"

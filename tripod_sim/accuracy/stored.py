@@ -1,0 +1,191 @@
+"""Reading stored studies (see `study/result.py` for what they hold); files may come from anywhere."""
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from tripod_sim.errors import SceneError, shown
+
+MAX_BYTES = 20_000_000
+"""A study larger than this is refused unread."""
+
+MOST_POINTS = 100_000
+"""Of a study."""
+
+FORMAT = 1
+"""Meaning of the fields, as `study/result.py` writes it."""
+
+FIELD = re.compile(r"[a-z_]+(\.[a-z_]+)?")
+"""A field of a scene: a study sets no entries of lists."""
+
+WORD = re.compile(r"[A-Za-z0-9_+-]{1,40}")
+"""A word among the settings; it names no file."""
+
+FORBIDDEN = ("source", "name", "description")
+"""Last parts of fields that no study may set."""
+
+Value = str | float | int | bool
+
+
+@dataclass(frozen=True)
+class StoredPoint:
+    """A setting that worked.
+
+    Attributes:
+        settings: Values by field of the scene.
+        error: Relative, of the study's first quantity.
+        bound: The same with the reference's own error.
+        cpu: CPU time of a simulated second, or of a solve [s], on the study's machine.
+        unknowns: Of a step; None where the study does not say.
+    """
+
+    settings: Mapping[str, Value]
+    error: float
+    bound: float
+    cpu: float
+    unknowns: int | None
+
+
+@dataclass(frozen=True)
+class StoredStudy:
+    """What of a study the choice of a setting needs.
+
+    Attributes:
+        name: Of the study.
+        scene: That it varied.
+        quantity: What its errors are of, in words.
+        base: Values of fields that all points share.
+        points: Those that worked.
+        failed: How many did not.
+        solves: Whether costs are of a static solve, not of a simulated second.
+        calibration: CPU time of a 1000 x 1000 float64 product on the study's machine [s]; None if it was not timed.
+        version: Of tripod that made it.
+    """
+
+    name: str
+    scene: str
+    quantity: str
+    base: Mapping[str, Value]
+    points: tuple[StoredPoint, ...]
+    failed: int
+    solves: bool
+    calibration: float | None
+    version: str
+
+
+def stored_studies() -> list[Path]:
+    """Return the files of the studies that come with tripod."""
+    folder = Path(str(resources.files("tripod_sim"))) / "studies"
+    return sorted(folder.glob("*.json")) if folder.is_dir() else []
+
+
+def read_study(path: Path) -> StoredStudy:
+    """Return the study of a JSON file. Raises SceneError, naming the file and what is wrong with it."""
+    try:
+        if path.exists() and not path.is_file():
+            raise SceneError(f"study {str(path)!r} is not a file")
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise SceneError(f"study {str(path)!r} cannot be read: {error.strerror}") from None
+    except ValueError as error:  # a zero byte in the name
+        raise SceneError(f"study {str(path)!r} cannot be read: {error}") from None
+    if len(data) > MAX_BYTES:
+        raise SceneError(f"study {str(path)!r} is larger than {MAX_BYTES} bytes")
+    try:
+        table = json.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:  # JSON and UTF-8 errors are ValueErrors
+        raise SceneError(f"study {str(path)!r} is not valid JSON: {' '.join(str(error).split())}") from None
+    try:
+        return _study(table)
+    except SceneError as error:
+        raise SceneError(f"study {str(path)!r}: {error}") from None
+
+
+def _study(table: Any) -> StoredStudy:
+    top = _table(table, "the file")
+    if top.get("format") != FORMAT or isinstance(top.get("format"), bool):
+        raise SceneError(f"format is {shown(top.get('format'))}; this version reads format {FORMAT}")
+    rows = top.get("points")
+    if not isinstance(rows, list) or len(rows) > MOST_POINTS:
+        raise SceneError(f"points is {shown(rows)}; it must be a list of at most {MOST_POINTS}")
+    points, failed = list[StoredPoint](), 0
+    for i, row in enumerate(rows):
+        point = _table(row, f"points.{i}")
+        if point.get("status") != "ok" or point.get("bound") is None or point.get("cpu") is None:
+            failed += 1
+            continue
+        unknowns = point.get("unknowns")
+        points.append(
+            StoredPoint(
+                _settings(point.get("settings"), f"points.{i}.settings"),
+                _number(point.get("error"), f"points.{i}.error"),
+                _number(point.get("bound"), f"points.{i}.bound"),
+                _number(point.get("cpu"), f"points.{i}.cpu", positive=True),
+                None if unknowns is None else int(_number(unknowns, f"points.{i}.unknowns")),
+            )
+        )
+    cpu = _text(top.get("cpu"), "cpu")
+    if cpu not in ("s per solve", "s per simulated second"):
+        raise SceneError(f"cpu is {shown(cpu)}; it must be 's per solve' or 's per simulated second'")
+    quantities = top.get("quantities")
+    first = quantities[0] if isinstance(quantities, list) and quantities else None
+    speed = _table(top.get("machine", {}), "machine").get("calibration")
+    version = _table(top.get("versions", {}), "versions").get("tripod", "unknown")
+    return StoredStudy(
+        name=_text(top.get("study"), "study"),
+        scene=_text(top.get("scene"), "scene"),
+        quantity=_text(_table(first, "quantities.0").get("what"), "quantities.0.what"),
+        base=_settings(top.get("base", {}), "base"),
+        points=tuple(points),
+        failed=failed,
+        solves=cpu == "s per solve",
+        calibration=None if speed is None else _number(speed, "machine.calibration", positive=True),
+        version=_text(version, "versions.tripod"),
+    )
+
+
+def _table(value: Any, path: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise SceneError(f"{path} is {shown(value)}; it must be a table")
+    return value
+
+
+def _text(value: Any, path: str) -> str:
+    if not isinstance(value, str) or not value or len(value) > 1000 or not value.isprintable():
+        raise SceneError(f"{path} is {shown(value)}; it must be a line of text")
+    return value
+
+
+def _number(value: Any, path: str, *, positive: bool = False) -> float:
+    ok = isinstance(value, int | float) and not isinstance(value, bool)
+    if not ok or not (abs(value) < 2**63 and math.isfinite(value)) or value < 0 or (positive and value == 0):
+        raise SceneError(
+            f"{path} is {shown(value)}; it must be a {'positive' if positive else 'finite, not negative'} number"
+        )
+    return float(value)
+
+
+def _settings(value: Any, path: str) -> dict[str, Value]:
+    """Return values by field; no field is a list or names a file, so that a study changes nothing but settings."""
+    table = _table(value, path)
+    for field in table:
+        if not FIELD.fullmatch(field) or field.rpartition(".")[2] in FORBIDDEN:
+            raise SceneError(f"{path}: {shown(field)} is not a field that a study may set")
+    return {field: _value(v, f"{path}.{field}", applied=path != "base") for field, v in table.items()}
+
+
+def _value(value: Any, path: str, *, applied: bool) -> Value:
+    """Return a value of a setting; one that is not `applied` may be any line of text, such as a list of numbers."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, int | float) and abs(value) < 2**63 and math.isfinite(value):
+        return value
+    if isinstance(value, str) and (WORD.fullmatch(value) or (not applied and _text(value, path))):
+        return value
+    raise SceneError(f"{path} is {shown(value)}; it must be a word, a number, true or false")

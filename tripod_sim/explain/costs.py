@@ -1,0 +1,76 @@
+"""What the effects that a scene does not name would cost a step, measured by building the scene with each of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tripod_sim.effects import meaning, words
+from tripod_sim.errors import SceneError, StepError
+from tripod_sim.explain.sampling import Sampler, advance, estimate
+from tripod_sim.scene_file import load_scene
+from tripod_sim.simulation import Simulation
+
+ROUNDS = 5
+"""Passes over the scene without and with an effect, alternately."""
+
+HELD = 0.1
+"""Of the body's length along X that a fixed box holds where a scene has none."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What an effect would cost.
+
+    Attributes:
+        effect: Its name.
+        meaning: What it is, in one line.
+        words: Overrides that switch it on.
+        seconds: More time of a step [s]; None where the effect cannot be switched on with defaults.
+        noise: Of that [s].
+        why_not: Why it cannot be switched on, in one sentence; empty where it can.
+    """
+
+    effect: str
+    meaning: str
+    words: tuple[str, ...]
+    seconds: float | None = None
+    noise: float = 0.0
+    why_not: str = ""
+
+
+def cost(effect: str, source: str | Path, overrides: Sequence[str], base: Sampler, steps: int) -> Cost:
+    """Return what `effect` would cost a scene.
+
+    Args:
+        effect: A name that the scene does not have.
+        source: The scene's name or file.
+        overrides: Of the scene.
+        base: Of the scene as it is, after `steps` steps.
+        steps: Made before those that are timed.
+    """
+    added = switched_on(effect, base.simulation)
+    try:
+        simulation = Simulation(load_scene(source, [*overrides, *added]))
+        advance(simulation, steps)
+        other = Sampler(simulation, base.count)
+        without, with_ = [], []
+        for _ in range(ROUNDS):
+            without.append(base.one_pass())
+            with_.append(other.one_pass())
+    except (SceneError, StepError) as error:
+        return Cost(effect, meaning(effect), added, why_not=" ".join(str(error).split()))
+    a, b = estimate(without), estimate(with_)
+    return Cost(effect, meaning(effect), added, b.mean - a.mean, a.noise + b.noise)
+
+
+def switched_on(effect: str, simulation: Simulation) -> tuple[str, ...]:
+    """Return the overrides that switch `effect` on with defaults in the scene of `simulation`."""
+    if effect != "fixed":
+        return words(effect)
+    nodes = np.array(simulation.mesh.nodes)
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    high[0] = low[0] + HELD * (high[0] - low[0])
+    corners = [", ".join(f"{v:.6g}" for v in corner) for corner in (low - 1e-6, high + 1e-6)]
+    return (f"fixed=[{{low=[{corners[0]}], high=[{corners[1]}]}}]",)

@@ -1,0 +1,108 @@
+"""The stages of springs: their steps are compiled loops, so each kernel is timed apart and counted as often as it ran.
+
+What the kernels do not account for is the rest: copies, the scheme's own sums, and the call from Python, which steps
+made many at a time (`Simulation.advance`) share.
+"""
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from tripod_sim.explain.objects import walk
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.simulation import Simulation
+
+LONG, REPEATS = 1e-3, 5
+"""Time of one repetition of a kernel [s]; the least of so many counts."""
+
+IMPLICIT, STATIC, EXPLICIT = (
+    "tripod_sim.springs.implicit.ImplicitSprings",
+    "tripod_sim.springs.implicit.StaticSprings",
+    "tripod_sim.springs.explicit.ExplicitSprings",
+)
+
+
+def kernel_stages(simulation: Simulation, report: StepReport, steps: int) -> dict[str, float]:
+    """Return what the kernels of a compiled loop take in a step [s], by stage; empty where there is no loop.
+
+    Args:
+        simulation: In a typical state.
+        report: What `steps` steps took together.
+        steps: Their number.
+    """
+    for value, _ in walk(simulation):
+        kind = f"{type(value).__module__}.{type(value).__qualname__}"
+        if kind in (IMPLICIT, STATIC):
+            return _implicit(value, simulation, report, steps)
+        if kind == EXPLICIT:
+            return _explicit(value, simulation, report, steps)
+    return {}
+
+
+def _implicit(stepper: Any, simulation: Simulation, report: StepReport, steps: int) -> dict[str, float]:
+    from tripod_sim.explain import repeat_kernels as kernels  # noqa: PLC0415 - springs are an effect that may be absent
+
+    solver, state, dt = stepper._solver, simulation.state, simulation.scene.dt
+    body, work, factor, options = solver.problem, solver.work, solver.factor, solver.options
+    x, v, links = state.positions, state.velocities, body.links
+    scheme = simulation.scene.inertia.scheme if simulation.scene.inertia else ""
+    s = {"bdf2": 2 / 3, "tr_bdf2": 1 - np.sqrt(0.5)}.get(scheme, 1.0) * dt
+    stages = (2 if scheme == "tr_bdf2" else 1) * max(1, report.parts)
+    solves, renewals = report.iterations / steps, report.factorisations / steps
+    work.z[:], work.u[:] = x - s * v, v
+    rate = 1.0 / s if body.damped else 0.0
+    found = {
+        "gradient": (stages / steps + solves) * _least(lambda n: kernels.evaluate(n, x, v, s, body, work)),
+        "Hessian: springs": renewals
+        * _least(lambda n: kernels.tangents(n, x, links, rate, work.reference, work.blocks)),
+        "moving the nodes": solves * _least(lambda n: kernels.walk(n, v, 0.0, s, body, work)),
+    }
+    work.weight[body.free] = body.mass[body.free] / s**2
+    if not options.direct:
+        found["conjugate gradients"] = (report.linear_iterations / steps) * _least(
+            lambda n: kernels.product(n, links.ends, work.blocks, work.weight, body.free, work.p, work.q)
+        )
+        return found
+    found["Hessian assembly"] = renewals * _least(
+        lambda n: kernels.assemble(n, links.ends, work.blocks, work.weight, body.free, body.number, factor)
+    )
+    found["factorisation"] = renewals * _least(lambda n: kernels.factorise(n, factor))
+    found["back-substitution"] = solves * _least(
+        lambda n: kernels.solve(n, factor, work.g, body.free, work.p)
+    )
+    stepper.forget()
+    return found
+
+
+def _explicit(stepper: Any, simulation: Simulation, report: StepReport, steps: int) -> dict[str, float]:
+    from tripod_sim.explain import repeat_kernels as kernels  # noqa: PLC0415
+
+    state, system, load, scratch = simulation.state, stepper._system, stepper._load, stepper._scratch
+    x, v, links, origin = state.positions, state.velocities, system.links, system.body.nodes
+    scheme = simulation.scene.inertia.scheme if simulation.scene.inertia else ""
+    calls = (4 if scheme == "rk4" else 1) * report.parts / steps
+    return {
+        "spring forces": calls * _least(lambda n: kernels.accelerations(n, x, v, links, load, scratch[0])),
+        "watch over the energy": _least(lambda n: kernels.watch(n, x, v, origin, links, load, scratch[0])),
+    }
+
+
+def _least(run: Callable[[int], object]) -> float:
+    """Return the time of one of many calls made in one compiled loop [s]."""
+    run(1)  # compiles
+    count = 1
+    while True:
+        start = perf_counter()
+        run(count)
+        taken = perf_counter() - start
+        if taken > LONG / 4 or count > 1e7:
+            break
+        count *= 4
+    best = taken
+    for _ in range(REPEATS - 1):
+        start = perf_counter()
+        run(count)
+        best = min(best, perf_counter() - start)
+    return best / count
