@@ -1,4 +1,4 @@
-"""Writes the surfaces of the drape scenes: cloth.obj (quadrangles), sphere.obj and cube.obj, beside the scenes.
+"""Writes the surfaces of the scenes with contact: cloth.obj (quadrangles), sphere.obj, cube.obj and plate.obj.
 
 python tools/drape_shapes.py
 """
@@ -56,6 +56,12 @@ def cube(edge: float = 0.2) -> tuple[np.ndarray, Faces]:
     return vertices, [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
 
 
+def plate(edge: float = 2.0) -> tuple[np.ndarray, Faces]:
+    """Return a square in z = 0 about the origin that faces up, one quadrangle."""
+    corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * edge / 2
+    return corners, [[0, 1, 2, 3]]
+
+
 def write(name: str, vertices: np.ndarray, faces: Faces) -> None:
     """Write an OBJ file."""
     lines = ["# written by tools/drape_shapes.py; metres"]
@@ -69,6 +75,7 @@ def main() -> None:
     write("cloth.obj", *cloth())
     write("sphere.obj", *sphere())
     write("cube.obj", *cube())
+    write("plate.obj", *plate())
 
 
 if __name__ == "__main__":

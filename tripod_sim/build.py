@@ -1,5 +1,6 @@
 """Scene to simulation: each named effect becomes one term or stage; an absent one is not even imported."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -12,7 +13,7 @@ from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
@@ -22,8 +23,11 @@ from tripod_sim.system import System
 
 if TYPE_CHECKING:
     from tripod_sim.ball.body_ball import BodyBall
+    from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
+    from tripod_sim.contact.rigid_system import RigidSystem
     from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.loads import NodalLoads
+    from tripod_sim.integrators.time_error import ErrorTransport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion
@@ -58,16 +62,22 @@ class Parts:
         skin: What shows a body that has no surface of its own.
         plate: The maze on the disc; None without one.
         ball: How the ball moves; None without one.
+        errors: Carries the error of the time steps along; None where the scene does not ask for it.
+        rigid: The rigid bodies, which `mesh` shows behind the soft one; None without any.
+        check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None if it is known.
     """
 
-    mesh: "SolidMesh | SpringBody"
+    mesh: "SolidMesh | SpringBody | JoinedMesh"
     mass: FloatArray
-    system: "System | SpringSystem"
+    system: "System | SpringSystem | RigidSystem"
     stepper: Stepper
     servos: "ServoMotion | None" = None
-    skin: "ChainSkin | None" = None
+    skin: "ChainSkin | JoinedSkin | None" = None
     plate: "Plate | None" = None
     ball: "MazeBall | BodyBall | None" = None
+    errors: "ErrorTransport | None" = None
+    rigid: "RigidSet | None" = None
+    check_start: Callable[[FloatArray], None] | None = None
 
 
 def build(scene: Scene) -> Parts:
@@ -76,11 +86,24 @@ def build(scene: Scene) -> Parts:
         from tripod_sim.springs.build import build_springs
 
         return build_springs(scene, scene.springs)
+    if scene.rigid and not scene.mesh:
+        from tripod_sim.contact.rigid_build import build_rigid
+
+        return build_rigid(scene)
+    if scene.reduced:
+        from tripod_sim.reduced.build import reduced_parts
+        from tripod_sim.reduced.store import stored_basis
+
+        return reduced_parts(scene, build(replace(scene, reduced=None)), stored_basis, _stepper)
     from tripod_sim.forces.solid import Solid
 
     assert scene.mesh
     assert scene.material
     mesh = _mesh(scene.mesh)
+    if scene.contact:
+        from tripod_sim.contact.solid_build import placed_solid
+
+        mesh = placed_solid(mesh, scene, scene.contact)
     groups = _groups(scene, mesh.nodes)
     if not scene.inertia:
         held = np.concatenate([groups.fixed, *(frame.nodes for frame in groups.driven)])
@@ -117,13 +140,24 @@ def build(scene: Scene) -> Parts:
         loads=loads,
         linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
     )  # fmt: skip
-    stepper = _stepper(scene, system, inertia, inert)
-    servos = None
-    if scene.servo_dynamics:
-        from tripod_sim.robot.servo import ServoMotion
+    if scene.contact and inertia:
+        from tripod_sim.contact.solid_build import solid_parts
 
-        servos = ServoMotion(scene.servo_dynamics, len(groups.driven))
-    return Parts(mesh, inert, system, stepper, servos, plate=plate, ball=ball)
+        parts = solid_parts(mesh, system, inertia, inert, scene, scene.contact, plate)
+        return replace(parts, servos=_servos(scene, groups))
+    stepper = _stepper(scene, system, inertia, inert)
+    servos = _servos(scene, groups)
+    errors = stepper.errors if isinstance(stepper, Substeps) else None
+    return Parts(mesh, inert, system, stepper, servos, plate=plate, ball=ball, errors=errors)
+
+
+def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":
+    """Return how the servos turn; None where their angles are ideal."""
+    if not scene.servo_dynamics:
+        return None
+    from tripod_sim.robot.servo import ServoMotion
+
+    return ServoMotion(scene.servo_dynamics, len(groups.driven))
 
 
 def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray) -> Stepper:
@@ -143,7 +177,17 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
     if inertia:
         from tripod_sim.integrators.schemes import make_scheme
 
-        return make_scheme(scene.inertia.scheme, newton, inertia, mass, drag, scene.solver.max_halvings)
+        most = scene.solver.max_halvings
+        scheme = make_scheme(scene.inertia.scheme, newton, inertia, mass, drag, most)
+        if wanted := scene.time_error:
+            from tripod_sim.integrators.time_error import ErrorTransport
+
+            scheme.errors = ErrorTransport(system, inertia, mass, local=wanted.steps == "auto")
+            if wanted.steps == "auto":
+                from tripod_sim.integrators.auto_steps import AutoSteps
+
+                return AutoSteps(scheme, newton, most, wanted.tolerance, wanted.shortest)
+        return scheme
     from tripod_sim.integrators.explicit import ExplicitSolid
 
     rayleigh = scene.damping.stiffness if scene.damping else 0.0
@@ -193,19 +237,25 @@ def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, 
 
 def _mesh(description: Mesh) -> SolidMesh:
     if description.source == "y_piece":
-        from tripod_sim.mesh.y_piece import LEVELS, y_piece
+        from tripod_sim.mesh.y_piece import LEVELS, divided, y_piece
 
-        kind = ELEMENTS[description.element]
+        kind, level = ELEMENTS[description.element], LEVELS[description.level]
+        if description.refine:
+            level = divided(level, 2**description.refine)
         if kind.corners == 8:
-            mesh = y_piece(LEVELS[description.level], kind=kind)
+            mesh = y_piece(level, kind=kind)
         else:
             from tripod_sim.mesh.convert import convert_hexahedra
 
-            mesh = convert_hexahedra(y_piece(LEVELS[description.level]), kind.name)
+            mesh = convert_hexahedra(y_piece(level), kind.name)
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid
 
         mesh = read_solid(Path(description.source), description.scale, description.element)
+        for _ in range(description.refine):
+            from tripod_sim.mesh.refine import refine
+
+            mesh = refine(mesh)
     else:
         raise SceneError(
             f"mesh.source is {description.source!r}; allowed: y_piece, or the path of a mesh file"
@@ -218,7 +268,7 @@ def _groups(scene: Scene, nodes: FloatArray) -> Groups:
     rigid: tuple[IndexArray, ...] = ()
     driven: tuple[DrivenFrame, ...] = ()
     if scene.effector:
-        from tripod_sim.robot.arms import effector_disc
+        from tripod_sim.robot.disc import effector_disc
 
         rigid = (effector_disc(nodes, scene.effector),)
     if scene.servos:

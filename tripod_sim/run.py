@@ -53,12 +53,15 @@ def run(
 
     Returns:
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
-        time [s], steps, newton_iterations (linear solves in all), parts, increments (of the load in statics), halvings,
-        residual [N], dt_limit (longest stable step of an explicit scheme [s], else None), grew_at and instability
-        (since which step its energy has grown, 0 for never, and that in words), stalled (servos that stand against
-        their load at the end: servo, load and stall_torque [N m], short [rad]), stalled_time (of each servo [s]), with
-        a ball its position [m] and event (words), notes on the scene if there are any, and step_ms, the wall time of a
-        step [ms], median and 99th percentile.
+        time [s], steps, newton_iterations (linear solves in all), parts, rejected (parts taken back because they added
+        too much error), increments (of the load in statics), halvings, residual [N], dt_limit (longest stable step of
+        an explicit scheme [s], else None), grew_at and instability (since which step its energy has grown, 0 for never,
+        and that in words), stalled (servos that stand against their load at the end: servo, load and stall_torque
+        [N m], short [rad]), stalled_time (of each servo [s]), with the scene's `time_error` the estimate at the end
+        (effector, largest, node, added) and at its worst (worst_effector, worst) [m], with a ball its position [m] and
+        event (words), with contact what it took in the last step (contacts, those pressed, force [N], smallest_gap
+        beyond the contact distance [m], cut) and with rigid bodies their poses, notes on the scene if there are any,
+        and step_ms, the wall time of a step [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
@@ -79,7 +82,8 @@ def run(
     simulation = Simulation(description)
     recording = _Recording(simulation, steps, out) if out else None
     taken = array("d")
-    totals = dict.fromkeys(("iterations", "parts", "increments", "halvings"), 0)
+    totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
+    worst = {"worst_effector": np.nan, "worst": np.nan}
     stalled_steps = [0] * len(simulation.torques)
     try:
         for k in range(steps):
@@ -89,6 +93,9 @@ def run(
             taken.append(clock.perf_counter() - start)
             for name in totals:
                 totals[name] += getattr(report, name)
+            if estimate := report.time_error:
+                worst["worst_effector"] = float(np.fmax(worst["worst_effector"], estimate.effector))
+                worst["worst"] = float(np.fmax(worst["worst"], estimate.largest))
             for stall in report.stalled:
                 stalled_steps[stall.servo] += 1
             if recording:
@@ -113,6 +120,7 @@ def run(
         "steps": steps,
         "newton_iterations": totals["iterations"],
         "parts": totals["parts"],
+        "rejected": totals["rejected"],
         "increments": totals["increments"],
         "halvings": totals["halvings"],
         "residual": simulation.report.residual,
@@ -122,9 +130,31 @@ def run(
         "stalled": [asdict(stall) for stall in simulation.report.stalled],
         "stalled_time": [count * description.dt for count in stalled_steps],
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},
+        **({"time_error": asdict(estimate) | worst} if (estimate := simulation.report.time_error) else {}),
         **({"notes": list(simulation.notes)} if simulation.notes else {}),
         **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
+        **_contact_summary(simulation),
     }
+
+
+def _contact_summary(simulation: Simulation) -> dict[str, Any]:
+    """Return rigid bodies and contacts at the end; nothing in a scene without contact."""
+    contact = simulation.report.contact
+    if not contact:
+        return {}
+    found: dict[str, Any] = {
+        "contact": {
+            "contacts": contact.contacts,
+            "pressed": contact.pressed,
+            "force": contact.force,
+            "smallest_gap": contact.smallest_gap if contact.contacts else None,
+            "cut": contact.cut,
+        }
+    }
+    if simulation.rigid:
+        poses = simulation.rigid
+        found["rigid"] = [{"position": p.position.tolist(), "quaternion": p.quaternion.tolist()} for p in poses]
+    return found
 
 
 def _timelines(scene: Scene, servo: str | None, slide: str | None) -> tuple[Timeline | None, Timeline | None]:

@@ -71,6 +71,7 @@ class Mesh:
             `h20`, `h20_full`, `h27`, `t4`, `t10`; of a file those that its cells allow (linear hexahedra all, linear
             tetrahedra `t4` and `t10`).
         scale: Length unit of a file [m]: 0.001 for millimetres.
+        refine: How many times every edge is halved, so that each element becomes eight.
     """
 
     source: str = "y_piece"
@@ -79,6 +80,7 @@ class Mesh:
         "h8_modes", "h8_mean", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes"
     )
     scale: float = number(1.0, unit="m", above=0, high=1e3)
+    refine: int = number(0, low=0, high=3)
 
 
 @dataclass(frozen=True)
@@ -348,16 +350,47 @@ class Obstacle:
         source: Path of an OBJ or STL file (relative to the scene's file).
         scale: Length unit of the file [m]: 0.001 for millimetres.
         position: Where the file's origin lies [m].
+        orientation: Of the file's axes about that point: unit quaternion x, y, z, w.
     """
 
     source: str
     scale: float = number(1.0, unit="m", above=0, high=1e3)
     position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+    orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A body that moves as a whole. Needs contact.
+
+    Attributes:
+        shape: `box` (edges `size`), `ball` (`radius`) or `surface`, the inside of a closed surface from a file.
+        source: Path of the OBJ or STL file of a `surface` (relative to the scene's file).
+        scale: Length unit of the file [m]: 0.001 for millimetres.
+        size: Edges of a box [m].
+        radius: Of a ball [m].
+        mass: [kg], spread evenly.
+        position: Of the centre of mass at the start [m].
+        orientation: At the start: unit quaternion x, y, z, w.
+        velocity: Of the centre at the start [m/s].
+        spin: Angular velocity at the start, in world [rad/s].
+    """
+
+    shape: str = one_of("box", "ball", "surface", default="box")
+    source: str = ""
+    scale: float = number(1.0, unit="m", above=0, high=1e3)
+    size: tuple[float, float, float] = number((0.1, 0.1, 0.1), unit="m", above=0, high=1e3)
+    radius: float = number(0.05, unit="m", above=0, high=1e3)
+    mass: float = number(1.0, unit="kg", above=0, high=1e6)
+    position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+    orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)
+    velocity: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m/s", low=-1e4, high=1e4)
+    spin: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="rad/s", low=-1e5, high=1e5)
 
 
 @dataclass(frozen=True)
 class Contact:
-    """The body does not pass through obstacles, nor through itself if asked. Needs springs and implicit Euler.
+    """Bodies do not pass through obstacles and each other, nor through themselves if asked. Needs implicit Euler.
 
     Attributes:
         response: `lagrange`: multipliers, which hold the contact distance and Coulomb's law; `penalty`: springs, faster
@@ -367,9 +400,9 @@ class Contact:
         friction: Coulomb's coefficient.
         restitution: Normal speed after an impact over that before it.
         rest_speed: Impacts below it do not bounce [m/s].
-        self_contact: Whether the body touches itself.
-        start: Where the body passes through an obstacle at the start: `refuse` names the nodes, `lift` moves it against
-            gravity until it does not.
+        self_contact: Whether the soft body touches itself.
+        start: Where bodies pass through each other or through an obstacle at the start: `refuse` names them, `lift`
+            moves them against gravity until they do not.
         tolerance: Error of gaps and slips at which a step counts as solved, as a fraction of the contact distance.
         max_solves: Linear solves of a step after which its error, which the report tells, is let be.
     """
@@ -384,6 +417,48 @@ class Contact:
     start: str = one_of("refuse", "lift", default="refuse")
     tolerance: float = number(1e-3, low=1e-9, high=0.1)
     max_solves: int = number(30, low=1, high=10_000)
+
+
+@dataclass(frozen=True)
+class TimeError:
+    """The error of the time steps is estimated while the scene runs. Needs inertia with an implicit scheme.
+
+    Attributes:
+        steps: `fixed`: every step has the length dt; `auto`: it is divided, as coarsely as `tolerance` allows. A scene
+            file or override says `dt = "auto"` for short; dt stays the interval of commands and outputs.
+        tolerance: Error that a part of a step may add to the position of any node [m].
+        shortest: Length of a part that is accepted whatever its error [s].
+    """
+
+    steps: str = one_of("fixed", "auto", default="fixed")
+    tolerance: float = number(1e-6, unit="m", above=0, high=1.0)
+    shortest: float = number(1e-6, unit="s", low=1e-9, high=1.0)
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """The body moves in few coordinates, learned from the full model when the simulation is built (or before: what
+    was learned is kept in the user's cache directory). Needs servos and effector. Faster, and less accurate the further
+    the servos are from where it was trained: slides from 0 to `slide`, angles within `spread` of the line from 0 to
+    `angle`.
+
+    Attributes:
+        modes: Number of shapes beside the motion of disc and arms: more are more accurate and slower.
+        tolerance: Error of the forces, relative, at which elements stand for others (hyper-reduction); 0 evaluates all.
+        samples: Static poses of the training.
+        angle: Of all servos at the largest slide [rad].
+        slide: Largest slide [m].
+        spread: How far each angle may be from that line [rad].
+        seed: Of the choice of poses and motions.
+    """
+
+    modes: int = number(20, low=1, high=1000)
+    tolerance: float = number(0.0, low=0, high=0.5)
+    samples: int = number(60, low=8, high=10_000)
+    angle: float = number(-1.4965, unit="rad", low=-3.2, high=3.2)
+    slide: float = number(0.035, unit="m", low=0, high=10.0)
+    spread: float = number(0.4, unit="rad", low=0.01, high=3.2)
+    seed: int = number(0, low=0)
 
 
 @dataclass(frozen=True)
@@ -414,7 +489,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class Scene:
-    """A soft body, what holds it and what acts on it: a solid (`mesh` and `material`) or `springs`.
+    """A soft body, what holds it and what acts on it: a solid (`mesh` and `material`) or `springs`; or rigid bodies.
 
     Attributes:
         name: For people and file names.
@@ -425,6 +500,9 @@ class Scene:
         springs: The body of springs; None where it is a solid.
         gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector, strain_limit, maze, ball, contact,
             obstacles: Effects; None or empty is off.
+        rigid: Effect: rigid bodies, beside the soft body or instead of it; empty is none.
+        time_error: Effect: estimate of the error of the time steps; None is off.
+        reduced: Effect: the reduced-order model; None is the full one.
         solver: Of each step.
     """
 
@@ -448,6 +526,9 @@ class Scene:
     ball: Ball | None = None
     contact: Contact | None = None
     obstacles: tuple[Obstacle, ...] = ()
+    rigid: tuple[Rigid, ...] = ()
+    time_error: TimeError | None = None
+    reduced: Reduced | None = None
     solver: Solver = Solver()
 
     def __post_init__(self) -> None:
@@ -478,15 +559,18 @@ class Scene:
                 raise SceneError(f"fixed.{i}: low {box.low} must not exceed high {box.high} [m]")
         if self.servos:
             _check_start(self.servos)
+        _check_rigid(self)
         _check_contact(self)
+        _check_time_error(self)
+        _check_reduced(self)
 
 
 def _check_body(scene: Scene) -> None:
     """Raise SceneError if the body is neither a solid nor of springs, or names what its kind has not."""
     for name in ("mesh", "material"):
         given = getattr(scene, name)
-        if not scene.springs and given is None:
-            raise SceneError(f"field {name} is missing: a scene has mesh and material, or springs")
+        if not scene.springs and given is None and not (scene.rigid and not (scene.mesh or scene.material)):
+            raise SceneError(f"field {name} is missing: a scene has mesh and material, or springs, or rigid bodies")
         if scene.springs and given is not None:
             raise SceneError(
                 f"{name} and springs exclude each other: a scene has mesh and material, or springs"
@@ -500,11 +584,37 @@ def _check_body(scene: Scene) -> None:
             raise SceneError(
                 f"{name} needs a solid: springs are held by fixed_nodes, fixed_corners or fixed boxes"
             )
-        if scene.inertia and scene.inertia.scheme in EXPLICIT and getattr(scene, name):
+
+
+def _check_rigid(scene: Scene) -> None:
+    """Raise SceneError if rigid bodies or obstacles are described wrongly, or lack what they need."""
+    for i, body in enumerate(scene.rigid):
+        named = "." in body.source
+        if body.shape == "surface" and not named:
             raise SceneError(
-                f"inertia.scheme is {scene.inertia.scheme!r}, which moves single nodes; {name} needs one of: "
-                "implicit_euler, bdf2, tr_bdf2"
+                f"rigid.{i}.source is {shown(body.source)}; for shape 'surface' allowed: the path of an OBJ or STL file"
             )
+        if body.shape != "surface" and body.source:
+            raise SceneError(
+                f"rigid.{i}.source is {shown(body.source)}, but rigid.{i}.shape is {body.shape!r}; leave it out, or "
+                "choose shape 'surface'"
+            )
+    turned = [("rigid", i, body.orientation) for i, body in enumerate(scene.rigid)]
+    turned += [("obstacles", i, obstacle.orientation) for i, obstacle in enumerate(scene.obstacles)]
+    for name, i, orientation in turned:
+        size = sum(c * c for c in orientation) ** 0.5
+        if not abs(size - 1) <= 0.01:
+            raise SceneError(
+                f"{name}.{i}.orientation is {orientation}, of norm {size:.4g}; it must be a unit quaternion x, y, z, "
+                "w; divide it by its norm"
+            )
+    if scene.rigid and not scene.contact:
+        raise SceneError("rigid needs contact: without it nothing touches the bodies; add [contact]")
+    if scene.mesh or scene.springs:
+        return
+    for name in ("damping", "fixed", "servos", "effector"):
+        if getattr(scene, name):
+            raise SceneError(f"{name} needs a soft body (mesh and material, or springs): rigid bodies have none")
 
 
 def _check_contact(scene: Scene) -> None:
@@ -514,18 +624,69 @@ def _check_contact(scene: Scene) -> None:
         if scene.obstacles:
             raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
         return
-    if not (scene.springs and scene.inertia and scene.inertia.scheme == "implicit_euler"):
-        raise SceneError("contact needs springs and inertia.scheme = 'implicit_euler'")
-    if scene.strain_limit:
+    if not (scene.inertia and scene.inertia.scheme == "implicit_euler"):
+        has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is no inertia"
+        raise SceneError(f"contact needs inertia.scheme = 'implicit_euler'; {has}")
+    for name, why in (
+        ("strain_limit", "what the one moves the other would undo"),
+        ("ball", "the ball would pass through all but the soft body; make it a [[rigid]] with shape = 'ball'"),
+        ("time_error", "the estimate knows nothing of contacts"),
+        ("reduced", "the reduced model moves the surface in the shapes that it has learned"),
+    ):
+        if getattr(scene, name):
+            raise SceneError(f"contact and {name} exclude each other: {why}")
+    soft = bool(scene.mesh or scene.springs)
+    if contact.self_contact and not soft:
+        raise SceneError("contact.self_contact needs a soft body: a rigid one does not touch itself")
+    if not (scene.obstacles or contact.self_contact or len(scene.rigid) + soft > 1):
         raise SceneError(
-            "contact and strain_limit exclude each other: what the one moves the other would undo"
+            "contact has nothing to touch: add [[obstacles]], [[rigid]] or contact.self_contact = true"
         )
-    if not (scene.obstacles or contact.self_contact):
-        raise SceneError("contact has nothing to touch: add [[obstacles]] or contact.self_contact = true")
     if not contact.alarm_distance > contact.contact_distance:
         raise SceneError(
             f"contact.alarm_distance is {contact.alarm_distance:g} m; it must be above contact.contact_distance, "
             f"{contact.contact_distance:g} m"
+        )
+
+
+def _check_time_error(scene: Scene) -> None:
+    """Raise SceneError if the estimate of the error of the time steps lacks what it needs."""
+    wanted = scene.time_error
+    if not wanted:
+        return
+    if scene.springs:
+        raise SceneError("time_error needs a solid: for springs there is no estimate")
+    if scene.reduced:
+        raise SceneError("time_error and reduced exclude each other: the estimate is of the full model")
+    if not scene.inertia or scene.inertia.scheme in EXPLICIT:
+        has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is none"
+        raise SceneError(
+            f"time_error needs inertia with one of the schemes implicit_euler, bdf2, tr_bdf2; {has}"
+        )
+    if wanted.steps == "auto" and wanted.shortest > scene.dt:
+        raise SceneError(
+            f"time_error.shortest is {wanted.shortest:g} s; it must be at most dt, {scene.dt:g} s, which it divides"
+        )
+
+
+def _check_reduced(scene: Scene) -> None:
+    """Raise SceneError if the reduced model lacks what it needs, or meets what it cannot do."""
+    reduced = scene.reduced
+    if not reduced:
+        return
+    if not (scene.servos and scene.effector):
+        raise SceneError("reduced needs servos and effector: it learns from poses of the arms how the body moves")
+    for name in ("ball", "time_error"):
+        if getattr(scene, name):
+            raise SceneError(f"reduced and {name} exclude each other; choose the full model, reduced=off")
+    s = scene.servos
+    if not s.angle_min <= reduced.angle <= s.angle_max:
+        raise SceneError(
+            f"reduced.angle is {reduced.angle:g} rad; the servos allow {s.angle_min:g} to {s.angle_max:g} rad"
+        )
+    if not reduced.slide <= s.slide_max:
+        raise SceneError(
+            f"reduced.slide is {reduced.slide:g} m; it must be at most servos.slide_max, {s.slide_max:g} m"
         )
 
 
@@ -554,5 +715,8 @@ EFFECTS = (
     "ball",
     "contact",
     "obstacles",
+    "rigid",
+    "time_error",
+    "reduced",
 )
 """Tables of a scene that may be absent."""

@@ -19,6 +19,9 @@ MAX_BYTES = 100_000
 MOST_DOTS = 1000
 """In one line: the time and memory to parse a dotted key grow with the square of its length."""
 
+AUTO = "auto"
+"""As dt: the simulator divides the steps."""
+
 LONGEST_PATH = 100
 """Characters of the path of an override; no field is as deep."""
 
@@ -44,19 +47,34 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
         table = _parse(text)
     except ValueError as error:
         raise SceneError(f"scene {str(source)!r} is not valid TOML: {error}") from None
+    interval = table.get("dt")
     for word in overrides:
         override(table, word)
-    obstacles = table.get("obstacles")
+        interval = interval if table.get("dt") == AUTO else table.get("dt")
+    if table.get("dt") == AUTO:
+        _choose_steps(table, interval)
+    lists = [part for part in (table.get("obstacles"), table.get("rigid")) if isinstance(part, list)]
     for part in (
         table.get("mesh"),
         table.get("springs"),
-        *(obstacles if isinstance(obstacles, list) else ()),
+        *(part for parts in lists for part in parts),
     ):
         if isinstance(part, dict) and isinstance(part.get("source"), str) and "." in part["source"]:
             part["source"] = _located(part["source"], folder)
     scene = _build(Scene, table, "")
     assert isinstance(scene, Scene)
     return scene
+
+
+def _choose_steps(table: dict[str, Any], interval: Any) -> None:
+    """Write `dt = "auto"` of a parsed scene out, in place; `interval` is the dt [s] that was given before, if any."""
+    if interval == AUTO:
+        del table["dt"]
+    else:
+        table["dt"] = interval
+    wanted = table.setdefault("time_error", {})
+    if isinstance(wanted, dict) and wanted.setdefault("steps", AUTO) != AUTO:
+        raise SceneError(f"dt is 'auto', but time_error.steps is {shown(wanted['steps'])}; leave one out")
 
 
 def _located(name: str, folder: Path | None) -> str:
@@ -219,6 +237,8 @@ def _convert(kind: Any, value: Any, path: str) -> Any:
         return float(value)
     if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
         return value
+    if path == "dt":
+        raise SceneError(f"dt is {shown(value)}; it must be a number of seconds, or auto")
     words = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
     raise SceneError(f"{path} is {shown(value)}; it must be {words[kind]}")
 

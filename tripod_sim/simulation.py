@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from tripod_sim.build import Parts, build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame, quaternion
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.substeps import StepReport, Substeps
-from tripod_sim.scene import Scene
+from tripod_sim.scene import EXPLICIT, Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -81,8 +81,13 @@ class Simulation:
         parts = self._parts = build(scene)
         held = bool(scene.servos or scene.fixed)
         self._static = (
-            build(replace(scene, inertia=None, damping=None, servo_dynamics=None, ball=None))
-            if scene.inertia and held and not scene.springs
+            build(
+                replace(
+                    scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, contact=None,
+                    obstacles=(), rigid=(),
+                )
+            )
+            if scene.inertia and held and scene.mesh
             else parts
         )
         self.mesh, self._mass, self._system, self._stepper = (
@@ -94,6 +99,10 @@ class Simulation:
         count = len(self._system.groups.driven)
         joints = np.array([*scene.servos.angles, scene.servos.slide]) if scene.servos else np.zeros(count + 1)
         self.state = self._system.start_state(np.zeros(count + 1))
+        if parts.errors:
+            self.state.errors = parts.errors.start(self.state.velocities)
+        if parts.rigid:
+            self.state.rigid = parts.rigid.start.copy()
         self.torques = np.zeros(count)
         self.report = StepReport()
         self._servos: ServoMotion | None = parts.servos
@@ -101,6 +110,8 @@ class Simulation:
         undeformed = self.state.copy()
         if scene.servos:
             self._pose(joints)
+        if parts.check_start:
+            parts.check_start(self.state.positions)
         self._warm_up()
         if self._servos:
             self._measure_reactions(self._servos, undeformed)
@@ -137,11 +148,15 @@ class Simulation:
     def _warm_up(self) -> None:
         """Compile or load every kernel by one step of a copy."""
         keep = self.state.copy()
-        self._stepper.step(self.state, self.state.joints.copy(), self.scene.dt)
-        if len(self._system.groups.driven):
-            self._stepper.step(
-                self.state, self.state.joints + np.array([1e-4] * len(self.torques) + [0.0]), self.scene.dt
-            )
+        try:
+            self._stepper.step(self.state, self.state.joints.copy(), self.scene.dt)
+            if len(self._system.groups.driven):
+                turned = self.state.joints + np.array([1e-4] * len(self.torques) + [0.0])
+                self._stepper.step(self.state, turned, self.scene.dt)
+        except StepError:
+            if not (self.scene.inertia and self.scene.inertia.scheme in EXPLICIT):
+                raise  # an explicit scheme beyond its limit is told of by the step itself
+            keep.copy_to(self.state)
         if self._system.groups.rigid:
             self.compliance()
         keep.copy_to(self.state)
@@ -225,6 +240,7 @@ class Simulation:
                 "parts",
                 "increments",
                 "halvings",
+                "rejected",
                 "linear_iterations",
             ):
                 setattr(report, name, getattr(report, name) + getattr(total, name))
@@ -292,8 +308,23 @@ class Simulation:
 
     @property
     def positions(self) -> FloatArray:
-        """Positions of the mesh's nodes [m], shape (n, 3): a view that the next step overwrites."""
+        """Positions of the mesh's nodes [m], shape (n, 3): a view that the next step overwrites.
+
+        With rigid bodies their vertices come last, and it is a new array.
+        """
+        rigid, state = self._parts.rigid, self.state.rigid
+        if rigid and state:
+            soft = self.state.positions[: len(self.mesh.nodes) - rigid.count]
+            return np.concatenate([soft, rigid.vertices(state)])
         return self.state.positions[: len(self.mesh.nodes)]
+
+    @property
+    def rigid(self) -> tuple[Pose, ...]:
+        """Pose of each rigid body: centre of mass and rotation of its frame; empty in a scene without any."""
+        if not (state := self.state.rigid):
+            return ()
+        pairs = zip(state.centres, state.rotations, strict=True)
+        return tuple(Pose(centre.copy(), quaternion(R)) for centre, R in pairs)
 
     @property
     def skin(self) -> Skin:
@@ -348,6 +379,9 @@ class Simulation:
         s = self.state
         kinetic = 0.5 * float(self._mass @ (s.velocities**2).sum(axis=1))
         strain, gravity = self._system.potentials(s)
+        if (rigid := self._parts.rigid) and s.rigid:
+            moving, fallen = rigid.energies(s.rigid)
+            kinetic, gravity = kinetic + moving, gravity + fallen
         return Energies(kinetic, strain, gravity)
 
     def compliance(self) -> Compliance:
@@ -359,7 +393,7 @@ class Simulation:
         """
         system = self._static.system
         if not isinstance(system, System):
-            raise SceneError("a body of springs has no effector, so it has no compliance")
+            raise SceneError("springs and rigid bodies have no effector, so they have no compliance")
         if not (self._ball and self.state.ball and system.loads):
             return compliance(system, self.state)
         contacts = self._ball.rest_load(self.state, self.state.ball, system.loads.force)

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
+    from tripod_sim.contact.rigid_state import RigidState
+    from tripod_sim.integrators.time_error import ErrorState
+    from tripod_sim.reduced.state import ReducedState
     from tripod_sim.robot.servo import ServoState
 
 FloatArray = NDArray[np.float64]
@@ -28,6 +31,9 @@ class State:
         step: Completed steps since the last reset.
         servos: What the servos remember; None where their angles are ideal.
         ball: The ball; None in a scene without one.
+        errors: Those of the time steps, estimated; None where nobody asks for them.
+        rigid: Rigid bodies beside the soft one; None in a scene without any.
+        reduced: What a reduced model remembers, from which all of the above follows; None for the full one.
     """
 
     positions: FloatArray
@@ -40,6 +46,9 @@ class State:
     step: int = 0
     servos: "ServoState | None" = None
     ball: "BallState | None" = None
+    errors: "ErrorState | None" = None
+    rigid: "RigidState | None" = None
+    reduced: "ReducedState | None" = None
 
     def copy_to(self, other: "State") -> None:
         """Overwrite `other` with this state, without allocating."""
@@ -50,6 +59,12 @@ class State:
             self.servos.copy_to(other.servos)
         if self.ball and other.ball:
             self.ball.copy_to(other.ball)
+        if self.errors and other.errors:
+            self.errors.copy_to(other.errors)
+        if self.rigid and other.rigid:
+            self.rigid.copy_to(other.rigid)
+        if self.reduced and other.reduced:
+            self.reduced.copy_to(other.reduced)
 
     def copy(self) -> "State":
         """Return an independent copy."""
@@ -57,4 +72,9 @@ class State:
         x, v, modes, centres, rotations, joints = (a.copy() for a in arrays)
         servos = self.servos.copy() if self.servos else None
         ball = self.ball.copy() if self.ball else None
-        return State(x, v, modes, centres, rotations, joints, self.time, self.step, servos, ball)
+        errors = self.errors.copy() if self.errors else None
+        rigid = self.rigid.copy() if self.rigid else None
+        reduced = self.reduced.copy() if self.reduced else None
+        return State(
+            x, v, modes, centres, rotations, joints, self.time, self.step, servos, ball, errors, rigid, reduced
+        )

@@ -219,6 +219,12 @@ class System:
 
         `shift` [N/m] is added for each node: a matrix that is only semi-definite then has a descent direction.
         """
+        self.write_hessian(shift)
+        self.factored = self.linear.factor()
+        return self.factored and self.linear.is_positive()
+
+    def write_hessian(self, shift: float = 0.0) -> None:
+        """Write the reduced Hessian into `reduction.pattern`, with the assembled matrices; see `factor`."""
         weight = self.inertia.weight if self.inertia else self._no_weight
         if shift:
             weight = weight + shift
@@ -226,8 +232,6 @@ class System:
         if self.foundation:
             parts.append((1, self.foundation.matrices, 1.0))
         self.reduction.hessian(parts, weight, self.gradient, self.lever, self.axes)
-        self.factored = self.linear.factor()
-        return self.factored and self.linear.is_positive()
 
     def _tangents(self) -> list[tuple[FloatArray, float]]:
         """Return the solid's part of the Hessian: element matrices [N/m], each with its factor."""

@@ -6,10 +6,12 @@ import numpy as np
 from scipy import sparse
 
 from tripod_sim.constraints.groups import rotation_matrix
+from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.springs.linear_kernels import assemble
 from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
 from tripod_sim.springs.system import SpringSystem
+from tripod_sim.state import State
 
 
 class Body(Protocol):
@@ -17,10 +19,12 @@ class Body(Protocol):
 
     Attributes:
         unknowns: Their number.
+        yielding: How many of them are sought; those behind are given.
         pattern: Upper triangle of the Hessian, CSC, with full blocks of nodes or bodies; `hessian` writes its data.
     """
 
     unknowns: int
+    yielding: int
     pattern: Any
 
     def begin(self, h: float) -> None:
@@ -36,6 +40,46 @@ class Body(Protocol):
         """Write the Hessian at `u` into `pattern.data`; `project` makes it positive definite."""
 
 
+class Nodes(Body, Protocol):
+    """A deformable body, whose surface's vertices follow its unknowns.
+
+    Attributes:
+        base, width: First unknown of each vertex, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
+        held: Which vertices do not yield, whatever presses them, shape (k,).
+    """
+
+    base: Any
+    width: Any
+    held: Any
+
+    def load(self, state: State, joints: FloatArray, dt: float) -> None:
+        """Begin a step of `dt` [s] from `state`, in which driven frames move to `joints`."""
+
+    def store(self, state: State) -> None:
+        """Write where the body is now to `state`."""
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps."""
+
+    def place(self, positions: FloatArray, arm: FloatArray) -> None:
+        """Write the vertices and their arms from the centres of rigid groups [m], both of shape (k, 3)."""
+
+    def ends(self, u: FloatArray, out: FloatArray) -> None:
+        """Write where the vertices are after the moves `u` [m], shape (k, 3)."""
+
+    def velocity(self, out: FloatArray) -> None:
+        """Write the velocities of the unknowns at the start of the step [m/s, rad/s]."""
+
+    def give(self, out: FloatArray) -> None:
+        """Write 1 / mass of each unknown [1/kg, 1/(kg m²)], 0 of given ones."""
+
+    def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
+        """Let the moves `u`, which lead to `ends`, be made in `h` [s]; `v`: velocities of the unknowns afterwards."""
+
+    def add_torques(self, forces: FloatArray) -> None:
+        """Tell the servos what forces on the vertices [N], shape (k, 3), ask of them."""
+
+
 class _Slots(NamedTuple):
     data: Any
     diagonal: Any
@@ -49,7 +93,7 @@ class SpringNodes:
 
     Attributes:
         x, v: Positions [m] and velocities [m/s] of all nodes at the start of the step, shape (n, 3).
-        base: First unknown of each node, -1 if fixed.
+        base, width, held, yielding: See `Nodes`.
         weight: M/h² + a M/h of each node [N/m], shape (n,).
     """
 
@@ -61,11 +105,49 @@ class SpringNodes:
         self.pattern, diagonal, off = system.pattern()
         self._slots = _Slots(self.pattern.data, diagonal, off)
         self.base = np.where(system.number >= 0, 3 * system.number, -1)
+        self.width, self.held = np.full(len(self.base), 3), self.base < 0
+        self.yielding = self.unknowns
         n, m = len(body.nodes), len(body.ends)
         self.x, self.v, self._move, self._at, self._g = np.zeros((5, n, 3))
         self._blocks, self._lagged, self._reference = np.zeros((m, 6)), np.zeros((m, 6)), np.zeros(m)
         self.weight, self._inertia, self._h = np.zeros(n), np.zeros(n), 1.0
         self._rate = 0.0
+
+    def load(self, state: State, joints: FloatArray, dt: float) -> None:
+        """Begin a step from `state`."""
+        self.x[:], self.v[:] = state.positions, state.velocities
+
+    def store(self, state: State) -> None:
+        """Write where the nodes are now to `state`."""
+        state.positions[:], state.velocities[:] = self.x, self.v
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps: nothing."""
+
+    def place(self, positions: FloatArray, arm: FloatArray) -> None:
+        """Write where the nodes are."""
+        positions[:] = self.x
+
+    def ends(self, u: FloatArray, out: FloatArray) -> None:
+        """Write where the nodes are after the moves `u`."""
+        out[:] = self.x
+        out[self._free] += u.reshape(-1, 3)
+
+    def velocity(self, out: FloatArray) -> None:
+        """Write the velocities of free nodes."""
+        out[:] = self.v[self._free].ravel()
+
+    def give(self, out: FloatArray) -> None:
+        """Write 1 / mass of each unknown, with its damping."""
+        out[:] = np.repeat(1 / (self._h * self._h * self.weight[self._free]), 3)
+
+    def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
+        """Let the moves be made."""
+        self.x[:] = ends
+        self.v[self._free] = v.reshape(-1, 3)
+
+    def add_torques(self, forces: FloatArray) -> None:
+        """There are no servos."""
 
     def begin(self, h: float) -> None:
         """Prepare a step of `h` [s] from `x` and `v`."""
@@ -141,12 +223,23 @@ class RigidBodies:
         )
         self.velocity, self.spin = np.zeros((2, b, 3))
         self.rotation = np.tile(np.eye(3), (b, 1, 1))
-        self.unknowns, self._h = 6 * b, 1.0
+        self.unknowns = self.yielding = 6 * b
+        self._h = 1.0
         self._world, self._aim = np.zeros((b, 3, 3)), np.zeros((b, 6))
         rows = np.concatenate([np.arange(6 * k, 6 * k + j + 1) for k in range(b) for j in range(6)])
         indptr = np.concatenate([[0], np.cumsum(np.tile(np.arange(1, 7), b))])
         self.pattern = sparse.csc_matrix((np.ones(len(rows)), rows, indptr), shape=(6 * b, 6 * b))
         self._upper = np.array([(i, j) for j in range(6) for i in range(j + 1)]).T
+
+    def load(self, state: RigidState) -> None:
+        """Begin a step from `state`."""
+        self.centre[:], self.rotation[:] = state.centres, state.rotations
+        self.velocity[:], self.spin[:] = state.velocities, state.spins
+
+    def store(self, state: RigidState) -> None:
+        """Write where the bodies are now to `state`."""
+        state.centres[:], state.rotations[:] = self.centre, self.rotation
+        state.velocities[:], state.spins[:] = self.velocity, self.spin
 
     def begin(self, h: float) -> None:
         """Prepare a step of `h` [s]."""

@@ -1,11 +1,13 @@
-"""Scene to contact: obstacles from files, the body's start, the stepper."""
+"""Scene to contact: obstacles from files, the bodies' start, the stepper."""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tripod_sim.contact.bodies import SpringNodes
+from tripod_sim.build import Parts
+from tripod_sim.contact.bodies import Nodes, SpringNodes
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.start import check_start, lift
 from tripod_sim.contact.stepper import ContactStepper
@@ -13,9 +15,14 @@ from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
+from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.scene import Contact, Scene
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.system import SpringSystem
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.contact.rigid_set import RigidSet
+    from tripod_sim.springs.skin import ChainSkin
 
 
 def obstacle_parts(scene: Scene) -> list[Part]:
@@ -27,7 +34,12 @@ def obstacle_parts(scene: Scene) -> list[Part]:
                 f"obstacles.{i}.source is {obstacle.source!r}; allowed: the path of an OBJ or STL file"
             )
         surface = read_surface(Path(obstacle.source), obstacle.scale, f"obstacles.{i}.source")
-        parts.append(Part(surface.vertices + np.array(obstacle.position), surface.triangles, fixed=True))
+        vertices = surface.vertices
+        if obstacle.orientation != (0.0, 0.0, 0.0, 1.0):
+            from tripod_sim.contact.rigid_build import turned_by  # noqa: PLC0415 - only where one is turned
+
+            vertices = vertices @ turned_by(obstacle.orientation).T
+        parts.append(Part(vertices + np.array(obstacle.position), surface.triangles, fixed=True))
     return parts
 
 
@@ -37,28 +49,59 @@ def body_part(body: SpringBody, contact: Contact) -> Part:
     return Part(body.nodes, body.triangles, segments, self_contact=contact.self_contact)
 
 
+def upward(scene: Scene) -> FloatArray:
+    """Return the unit vector against gravity, Z without it."""
+    if scene.gravity and (g := -np.array(scene.gravity.acceleration)).any():
+        return np.asarray(g / np.linalg.norm(g))
+    return np.array([0.0, 0.0, 1.0])
+
+
 def placed(body: SpringBody, scene: Scene, contact: Contact) -> SpringBody:
     """Return the body where it can start: as it is, or lifted. Raises SceneError if it passes through an obstacle."""
     part, obstacles = body_part(body, contact), obstacle_parts(scene)
     if contact.start == "refuse" or not obstacles:
         check_start(part, obstacles)
         return body
-    up = np.array([0.0, 0.0, 1.0])
-    if scene.gravity and (g := -np.array(scene.gravity.acceleration)).any():
-        up = g / np.linalg.norm(g)
-    move = lift(part, obstacles, up, contact.contact_distance)
+    move = lift(part, obstacles, upward(scene), contact.contact_distance)
     return replace(body, nodes=body.nodes + move) if move.any() else body
 
 
-def contact_stepper(system: SpringSystem, scene: Scene, contact: Contact) -> ContactStepper:
-    """Return what advances `system` among the obstacles of `scene`."""
-    damping = scene.damping
-    nodes = SpringNodes(
-        system, drag=damping.mass if damping else 0.0, rayleigh=damping.stiffness if damping else 0.0
-    )
+def place_rigid(rigid: "RigidSet", scene: Scene, contact: Contact, soft: Part | None) -> None:
+    """Refuse or lift rigid bodies that pass through obstacles, the soft body or each other. Raises SceneError."""
+    from tripod_sim.contact.rigid_start import place_bodies  # noqa: PLC0415 - an effect that is absent
+
+    others = [(f"obstacles.{i}", part) for i, part in enumerate(obstacle_parts(scene))]
+    if soft:
+        others.append(("the soft body", soft))
+    place_bodies(rigid, others, upward(scene), contact.contact_distance, lifts=contact.start == "lift")
+
+
+def contact_stepper(
+    scene: Scene, contact: Contact, soft: tuple[Nodes, Part] | None, rigid: "RigidSet | None" = None
+) -> ContactStepper:
+    """Return what advances a soft body and rigid bodies, as far as there are any, among the obstacles of `scene`."""
     law = Law(
         contact.response, contact.friction, contact.restitution, contact.rest_speed, contact.contact_distance,
         contact.tolerance, max_solves=contact.max_solves,
     )  # fmt: skip
-    body = (nodes, body_part(system.body, contact))
-    return ContactStepper(World(law, contact.alarm_distance, obstacles=obstacle_parts(scene), nodes=body))
+    bodies = (rigid.bodies(), rigid.parts) if rigid else None
+    world = World(law, contact.alarm_distance, obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies)
+    return ContactStepper(world)
+
+
+def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "ChainSkin | None") -> Parts:
+    """Return the parts of a simulation of a spring body, and rigid ones if there are any, among obstacles."""
+    damping, body = scene.damping, system.body
+    nodes = SpringNodes(
+        system, drag=damping.mass if damping else 0.0, rayleigh=damping.stiffness if damping else 0.0
+    )
+    part = body_part(body, contact)
+    if not scene.rigid:
+        return Parts(body, system.mass, system, contact_stepper(scene, contact, (nodes, part)), skin=skin)
+    from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
+
+    rigid = rigid_set(scene)
+    place_rigid(rigid, scene, contact, part)
+    stepper = contact_stepper(scene, contact, (nodes, part), rigid)
+    mesh, both = shown_with(rigid, body, skin)
+    return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid)

@@ -13,6 +13,7 @@ from tripod_sim.contact.surfaces import Surfaces
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 LEAST = 0.1
 """Fraction of the contact distance that continuous detection never lets go of."""
@@ -45,7 +46,14 @@ class Detector:
         pairs: Pairs that the last broad phase left.
     """
 
-    def __init__(self, surfaces: Surfaces, vertices: FloatArray, distance: float, alarm: float) -> None:
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        vertices: FloatArray,
+        distance: float,
+        alarm: float,
+        held: BoolArray | None = None,
+    ) -> None:
         """Build the trees of what never moves.
 
         Args:
@@ -53,6 +61,7 @@ class Detector:
             vertices: Positions [m], shape (n, 3).
             distance: Contact distance [m].
             alarm: Alarm distance [m], larger.
+            held: Vertices that do not yield, shape (n,): shapes of such vertices alone do not touch what is fixed.
         """
         s = self._surfaces = surfaces
         self.distance, self.alarm, self.pairs = distance, alarm, 0
@@ -90,9 +99,12 @@ class Detector:
                 target.sweep(vertices, vertices, self._largest if name == "balls" else 0.0)
                 tree = Tree(target)
                 tree.update()
-                flipped = name == "faces"
+                flipped, query = name == "faces", boxes[name]
+                if held is not None and (yields := ~held[shapes[name]].all(axis=1)).sum() < len(mine):
+                    mine, query = mine[yields], Boxes(shapes[name][yields])
+                    self._boxes.append(query)
                 one, other = (theirs, mine) if flipped else (mine, theirs)
-                self._queries.append(_Query(boxes[name], tree, target, one, other, first, flipped))
+                self._queries.append(_Query(query, tree, target, one, other, first, flipped))
 
         against_fixed("points", points, s.triangles[s.fixed_triangles], s.fixed_triangles, 1)
         against_fixed("faces", faces, s.fixed_points[:, None], s.fixed_points, 1)

@@ -53,6 +53,9 @@ class StepProblem:
         self._bodies, self._contacts = bodies, contacts
         self.first = np.concatenate([[0], np.cumsum([b.unknowns for b in bodies])]).astype(int)
         self.unknowns = int(self.first[-1])
+        self._given = [
+            slice(k + b.yielding, k + b.unknowns) for b, k in zip(bodies, self.first, strict=False)
+        ]
         patterns = [b.pattern for b in bodies]
         self._pattern: Any = _join(patterns)
         ends = np.cumsum([0, *[p.nnz for p in patterns]])
@@ -180,6 +183,8 @@ class StepProblem:
             DescentError: no lower potential was found.
         """
         size = self._descend(u, tolerance, most)
+        for part in self._given:
+            self._r[part] = 0.0
         self.unbalanced = float(np.abs(self._r).max(initial=0.0))
         return size
 

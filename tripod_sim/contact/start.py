@@ -1,5 +1,7 @@
 """Bodies that pass through obstacles at the start: named, or lifted out."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from tripod_sim.contact import start_kernels as kernels
@@ -73,17 +75,26 @@ def lift(body: Part, obstacles: list[Part], up: FloatArray, distance: float) -> 
     def clear(height: float) -> bool:
         return not passing(Part(body.vertices + height * up, body.triangles, body.segments), obstacles).size
 
+    return height_that_frees(clear, distance, "the body from the obstacles") * up
+
+
+def height_that_frees(clear: Callable[[float], bool], distance: float, whom: str) -> float:
+    """Return a height [m] at which a body is `clear`, too high by at most `distance` [m]; 0 if it is where it is.
+
+    Raises:
+        SceneError: there is none; `whom` it should free.
+    """
     if clear(0.0):
-        return np.zeros(3)
+        return 0.0
     high = distance
     for _ in range(MOST_LIFTS):
         if clear(high):
             break
         high *= 2.0
     else:
-        raise SceneError("contact.start is 'lift', but no lift frees the body from the obstacles")
+        raise SceneError(f"contact.start is 'lift', but no lift frees {whom}; move one of them")
     low = 0.0 if high == distance else 0.5 * high
     while high - low > distance:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if clear(middle) else (middle, high)
-    return np.asarray((high + distance) * up)
+    return high + distance

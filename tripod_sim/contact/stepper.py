@@ -1,4 +1,4 @@
-"""Steps of a spring body in contact, by implicit Euler."""
+"""Steps of bodies in contact, by implicit Euler."""
 
 import numpy as np
 
@@ -11,36 +11,46 @@ from tripod_sim.state import State
 
 
 class ContactStepper:
-    """Advances a spring body among obstacles (see `World`).
+    """Advances the bodies of a scene among its obstacles (see `World`).
 
     Attributes:
-        world: The body, the obstacles and their contacts.
+        world: The bodies, the obstacles and their contacts.
     """
 
     def __init__(self, world: World) -> None:
-        assert world.nodes
-        self.world, self._nodes = world, world.nodes
+        self.world = world
 
     def forget(self) -> None:
         """Drop the contact forces of the step before."""
         self.world.forget()
+        if self.world.nodes:
+            self.world.nodes.forget()
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance `state` by `dt` [s], in place. Raises StepError and leaves it."""
-        nodes, effort = self._nodes, self.world.problem.effort
-        nodes.x[:], nodes.v[:] = state.positions, state.velocities
+        world = self.world
+        nodes, rigid, effort = world.nodes, world.rigid, world.problem.effort
+        if nodes:
+            nodes.load(state, joints, dt)
+        if rigid and state.rigid:
+            rigid.load(state.rigid)
         effort.iterations = effort.factorisations = effort.linear_iterations = 0
         try:
-            contact = self.world.step(dt)
+            contact = world.step(dt)
         except DescentError as error:
             self.forget()
             raise StepError(
                 f"step {state.step + 1} at {state.time:.4g} s cannot be saved, even in parts: {error}"
             ) from error
-        if not (np.isfinite(nodes.x).all() and np.isfinite(nodes.v).all()):
+        if not np.isfinite(world.positions_now()).all():
             self.forget()
             raise StepError(f"step {state.step + 1} at {state.time:.4g} s: a number is not finite")
-        state.positions[:], state.velocities[:] = nodes.x, nodes.v
+        if nodes:
+            nodes.store(state)
+            if nodes.yielding < nodes.unknowns:
+                nodes.add_torques(world.forces()[: len(nodes.base)])
+        if rigid and state.rigid:
+            rigid.store(state.rigid)
         state.time += dt
         state.step += 1
         return StepReport(
@@ -48,6 +58,6 @@ class ContactStepper:
             factorisations=effort.factorisations,
             linear_iterations=effort.linear_iterations,
             parts=contact.parts,
-            residual=self.world.problem.unbalanced,
+            residual=world.problem.unbalanced,
             contact=contact,
         )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_sim.contact import response_kernels as kernels
-from tripod_sim.contact.bodies import Body, RigidBodies, SpringNodes
+from tripod_sim.contact.bodies import Body, Nodes, RigidBodies
 from tripod_sim.contact.contact_set import ContactSet, inherit
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.problem import DescentError, StepProblem
@@ -53,7 +53,7 @@ class ContactReport:
 
 
 class World:
-    """Spring nodes, rigid bodies and fixed obstacles, and the contacts among them.
+    """A deformable body, rigid bodies and fixed obstacles, and the contacts among them.
 
     Attributes:
         nodes: The deformable body; None for none.
@@ -74,7 +74,7 @@ class World:
         alarm: float,
         *,
         obstacles: list[Part],
-        nodes: tuple[SpringNodes, Part] | None = None,
+        nodes: tuple[Nodes, Part] | None = None,
         rigid: tuple[RigidBodies, list[Part]] | None = None,
     ) -> None:
         """Join the surfaces.
@@ -83,7 +83,7 @@ class World:
             law: What contacts do.
             alarm: Distance below which contacts are made [m], larger than the contact distance.
             obstacles: Fixed bodies.
-            nodes: The deformable body and its surface, whose vertices are its nodes.
+            nodes: The deformable body and its surface, in the order of its vertices.
             rigid: The rigid bodies and their surfaces, vertices about the centre.
         """
         self.law, self._slow = law, min(0.5 * alarm, alarm - law.distance)
@@ -97,7 +97,7 @@ class World:
         self._node_range, self._rigid_ranges = slice(0, 0), list[slice]()
         if nodes:
             self._node_range = slice(0, int(first[1]))
-            base[: first[1]] = nodes[0].base
+            base[: first[1]], width[: first[1]] = nodes[0].base, nodes[0].width
             at = nodes[0].unknowns
             bodies.append(nodes[0])
         if rigid:
@@ -110,13 +110,17 @@ class World:
             bodies.append(rigid[0])
         self._shape_arm = self._arm.copy()
         self._free = kernels.Freedom(base, width, self._arm, self.surfaces.radius)
+        self._held = base < 0
+        if nodes:
+            self._held[: first[1]] |= nodes[0].held
+        self._some_held = bool(nodes and nodes[0].held.any())
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
         self.response = Response(law, self.problem, self.contacts)
         self._ends = np.zeros_like(self.positions)
         self._u = np.zeros(self.problem.unknowns)
         self._place()
-        self.detector = Detector(self.surfaces, self.positions, law.distance, alarm)
+        self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, self._held)
         self._impulse = np.zeros(64)
 
     def positions_now(self) -> FloatArray:
@@ -131,7 +135,7 @@ class World:
     def _place(self) -> None:
         """Write `positions` of moving vertices, from nodes and rigid bodies."""
         if self.nodes:
-            self.positions[self._node_range] = self.nodes.x
+            self.nodes.place(self.positions[self._node_range], self._arm[self._node_range])
         if self.rigid:
             for own, centre, R in zip(
                 self._rigid_ranges, self.rigid.centre, self.rigid.rotation, strict=True
@@ -144,13 +148,30 @@ class World:
         self._ends[:] = self.positions
         parts = self.problem.slices()
         if self.nodes:
-            base = self.nodes.base
-            free = base >= 0
-            self._ends[self._node_range][free] += u[parts[0]].reshape(-1, 3)
+            self.nodes.ends(u[parts[0]], self._ends[self._node_range])
         if self.rigid:
             centres, rotations = self.rigid.moved(u[parts[-1]])
             for own, centre, R in zip(self._rigid_ranges, centres, rotations, strict=True):
                 self._ends[own] = centre + self._shape_arm[own] @ R.T
+
+    def forces(self) -> FloatArray:
+        """Return what contacts pressed and pulled all surface vertices with in the last step [N], shape (n, 3)."""
+        c, out = self.contacts.arrays, np.zeros_like(self.positions)
+        of = slice(0, self.contacts.count)
+        total = c.pressure[of, None] * c.normal[of] + c.friction[of]
+        for m in range(4):
+            np.add.at(out, c.vertex[of, m], c.weight[of, m, None] * total)
+        return out
+
+    def _drop_held(self) -> None:
+        """Leave out contacts of which neither side yields."""
+        c, count = self.contacts.arrays, self.contacts.count
+        yields = ((c.weight[:count] != 0.0) & ~self._held[c.vertex[:count]]).any(axis=1)
+        left = int(yields.sum())
+        if left < count:
+            for array in c:
+                array[:left] = array[:count][yields]
+            self.contacts.count = left
 
     def step(self, h: float) -> ContactReport:
         """Advance all bodies by `h` [s]. Raises DescentError and leaves them."""
@@ -202,6 +223,8 @@ class World:
         """Move `u` to the end of the step; return 1, or the fraction of the moves until which nothing is passed."""
         c, share = self.contacts, 0.0
         for number in range(self.MOST_PASSES):
+            if self._some_held:
+                self._drop_held()
             kernels.prepare(c.arrays, c.count, self.positions, self._free, self.PART_SPEED * h)
             self.problem.renew()
             outcome = self.response.solve(u)
@@ -232,23 +255,20 @@ class World:
         c, law, v = self.contacts, self.law, u / h
         parts = self.problem.slices()
         if law.restitution > 0 and c.count:
-            self._bounce(v, h, parts)
+            self._bounce(v, parts)
         if self.nodes:
-            free = self.nodes.base >= 0
-            self.nodes.x[:] = self._ends[self._node_range]
-            self.nodes.v[free] = v[parts[0]].reshape(-1, 3)
+            self.nodes.finish(u[parts[0]], v[parts[0]], h, self._ends[self._node_range])
         if self.rigid:
             self.rigid.centre, self.rigid.rotation = self.rigid.moved(u[parts[-1]])
             moves = v[parts[-1]].reshape(-1, 6)
             self.rigid.velocity[:], self.rigid.spin[:] = moves[:, :3], moves[:, 3:]
 
-    def _bounce(self, v: FloatArray, h: float, parts: list[slice]) -> None:
+    def _bounce(self, v: FloatArray, parts: list[slice]) -> None:
         """Add restitution to the velocities `v` after the step."""
         before, give = np.zeros_like(v), np.zeros_like(v)
         if self.nodes:
-            free = self.nodes.base >= 0
-            before[parts[0]] = self.nodes.v[free].ravel()
-            give[parts[0]] = np.repeat(1 / (h * h * self.nodes.weight[free]), 3)
+            self.nodes.velocity(before[parts[0]])
+            self.nodes.give(give[parts[0]])
         if self.rigid:
             before[parts[-1]] = np.hstack([self.rigid.velocity, self.rigid.spin]).ravel()
             inverse = np.linalg.inv(self.rigid.inertia)

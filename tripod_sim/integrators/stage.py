@@ -48,6 +48,14 @@ class ImplicitStage:
         Raises:
             NewtonError: no solution; `state` is then in between.
         """
+        self.aim(s)
+        report = self.newton.solve(state, joints, keep=s)
+        np.subtract(state.positions, self.known[0], out=state.velocities)
+        state.velocities /= s
+        return report
+
+    def aim(self, s: float) -> None:
+        """Make the system's potential that of a stage of `s` [s] with what is `known`."""
         inertia, damping, (z, u) = self._inertia, self.newton.system.damping, self.known[:2]
         inertial, drag = self._mass / s**2, self._mass * (self._mass_damping / s)
         np.add(inertial, drag, out=inertia.weight)
@@ -57,7 +65,3 @@ class ImplicitStage:
         if damping:
             damping.factor = damping.coefficient / s
             damping.start[:], damping.elastic[:] = z, self.known[2]
-        report = self.newton.solve(state, joints, keep=s)
-        np.subtract(state.positions, z, out=state.velocities)
-        state.velocities /= s
-        return report

@@ -27,12 +27,11 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
     """Return the parts of a simulation of `scene`, whose body `description` describes. Raises SceneError."""
     body = spring_body(scene, description)
     if scene.contact:
-        from tripod_sim.contact.build import contact_stepper, placed  # noqa: PLC0415 - an effect that is absent
+        from tripod_sim.contact.build import placed, spring_parts  # noqa: PLC0415 - an effect that is absent
 
         body = placed(body, scene, scene.contact)
         system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
-        skin = None if len(body.triangles) else ChainSkin(body)
-        return Parts(body, system.mass, system, contact_stepper(system, scene, scene.contact), skin=skin)
+        return spring_parts(system, scene, scene.contact, None if len(body.triangles) else ChainSkin(body))
     system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
     skin = None if len(body.triangles) else ChainSkin(body)
     stepper = _stepper(scene, system)

@@ -1,0 +1,68 @@
+"""Scene to rigid bodies, beside a soft body or alone."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
+from tripod_sim.contact.rigid_shapes import Shape, ball, box, solid_of
+from tripod_sim.contact.rigid_state import RigidState
+from tripod_sim.mesh.read_surface import read_surface
+from tripod_sim.mesh.solid_mesh import FloatArray
+from tripod_sim.scene import Rigid, Scene
+
+if TYPE_CHECKING:
+    from tripod_sim.build import Parts
+
+
+def rigid_set(scene: Scene) -> RigidSet:
+    """Return the rigid bodies of `scene` where it places them. Raises SceneError."""
+    shapes = [_shape(body, f"rigid.{i}.source") for i, body in enumerate(scene.rigid)]
+    mass = np.array([body.mass for body in scene.rigid])
+    start = RigidState(
+        np.array([body.position for body in scene.rigid]),
+        np.array([turned_by(body.orientation) for body in scene.rigid]),
+        np.array([body.velocity for body in scene.rigid]),
+        np.array([body.spin for body in scene.rigid]),
+    )
+    gravity = np.array(scene.gravity.acceleration) if scene.gravity else np.zeros(3)
+    return RigidSet(shapes, mass, start, gravity)
+
+
+def _shape(body: Rigid, field: str) -> Shape:
+    if body.shape == "box":
+        return box(body.size)
+    if body.shape == "ball":
+        return ball(body.radius)
+    return solid_of(read_surface(Path(body.source), body.scale, field), f"{field} {body.source!r}")
+
+
+def turned_by(quaternion: tuple[float, float, float, float]) -> FloatArray:
+    """Return the rotation matrix of a quaternion x, y, z, w of norm about 1, shape (3, 3)."""
+    x, y, z, w = np.array(quaternion) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def build_rigid(scene: Scene) -> "Parts":
+    """Return the parts of a simulation of rigid bodies alone. Raises SceneError."""
+    from tripod_sim.build import Parts  # noqa: PLC0415 - it imports this module
+    from tripod_sim.contact.build import contact_stepper, place_rigid  # noqa: PLC0415
+    from tripod_sim.contact.rigid_system import RigidSystem  # noqa: PLC0415
+
+    assert scene.contact
+    rigid = rigid_set(scene)
+    place_rigid(rigid, scene, scene.contact, None)
+    stepper = contact_stepper(scene, scene.contact, None, rigid)
+    return Parts(JoinedMesh(None, rigid), np.zeros(0), RigidSystem(rigid), stepper, rigid=rigid)
+
+
+def shown_with(rigid: RigidSet, mesh: Any, skin: Any) -> tuple[JoinedMesh, "JoinedSkin | None"]:
+    """Return mesh and skin of a soft body with rigid bodies behind it; `skin` may be None."""
+    return JoinedMesh(mesh, rigid), JoinedSkin(skin, len(mesh.nodes), rigid) if skin else None

@@ -1,0 +1,116 @@
+"""The rigid bodies of a scene: what they are, where they begin, where their surfaces are."""
+
+import zlib
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tripod_sim.contact.bodies import RigidBodies
+from tripod_sim.contact.rigid_shapes import Shape
+from tripod_sim.contact.rigid_state import RigidState
+from tripod_sim.contact.surfaces import Part
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+
+
+class RigidSet:
+    """Rigid bodies as a simulation has them.
+
+    Attributes:
+        shapes: Of the bodies.
+        mass: [kg], shape (b,).
+        inertia: About the centre in each body's frame [kg m²], shape (b, 3, 3).
+        gravity: [m/s²], shape (3,).
+        start: Where they begin.
+    """
+
+    def __init__(self, shapes: list[Shape], mass: FloatArray, start: RigidState, gravity: FloatArray) -> None:
+        self.shapes, self.mass, self.start, self.gravity = shapes, mass, start, gravity
+        self.inertia = mass[:, None, None] * np.array([s.inertia for s in shapes])
+
+    def bodies(self) -> RigidBodies:
+        """Return what a step moves."""
+        return RigidBodies(self.mass, self.inertia, self.start.centres, self.gravity)
+
+    @property
+    def parts(self) -> list[Part]:
+        """The surfaces with which they touch, about their centres."""
+        return [s.part for s in self.shapes]
+
+    def vertices(self, state: RigidState) -> FloatArray:
+        """Return where the vertices that show the bodies are [m], shape (k, 3)."""
+        placed = [
+            c + s.vertices @ R.T for s, c, R in zip(self.shapes, state.centres, state.rotations, strict=True)
+        ]
+        return np.concatenate(placed)
+
+    @property
+    def count(self) -> int:
+        """Number of `vertices`."""
+        return sum(len(s.vertices) for s in self.shapes)
+
+    @cached_property
+    def triangles(self) -> IndexArray:
+        """Triangles of `vertices`, shape (t, 3)."""
+        first = np.cumsum([0, *[len(s.vertices) for s in self.shapes]])
+        return np.concatenate([s.triangles + k for s, k in zip(self.shapes, first, strict=False)])
+
+    def energies(self, state: RigidState) -> tuple[float, float]:
+        """Return kinetic energy and potential of gravity, zero at the start [J]."""
+        turned = np.einsum("kji,kj->ki", state.rotations, state.spins)  # in the body's frame
+        kinetic = 0.5 * float(self.mass @ (state.velocities**2).sum(axis=1))
+        kinetic += 0.5 * float(np.einsum("ki,kij,kj->", turned, self.inertia, turned))
+        fall = (state.centres - self.start.centres) @ self.gravity
+        return kinetic, -float(self.mass @ fall)
+
+
+class JoinedMesh:
+    """A soft body, if there is one, and rigid bodies behind it as one surface.
+
+    Attributes:
+        nodes: At the start [m], shape (n, 3): of the soft body, then vertices of the rigid ones.
+        elements: Of the soft body.
+        surface: Triangles, shape (t, 3).
+        topology_id: CRC-32 of the connectivity.
+        soft: The soft body; None for none.
+    """
+
+    def __init__(self, soft: Any, rigid: RigidSet) -> None:
+        """`soft`: a mesh with nodes, elements, surface and topology_id, or None."""
+        self.soft = soft
+        solid = rigid.vertices(rigid.start)
+        n = len(soft.nodes) if soft else 0
+        self.nodes: FloatArray = np.concatenate([soft.nodes, solid]) if soft else solid
+        self.elements: IndexArray = soft.elements if soft else np.zeros((0, 3), dtype=np.int64)
+        faces = rigid.triangles + n
+        self.surface: IndexArray = np.concatenate([soft.surface, faces]) if soft else faces
+        self.topology_id = zlib.crc32(
+            faces.astype("<i8").tobytes(), soft.topology_id if soft else zlib.crc32(bytes([0]))
+        )
+
+
+class JoinedSkin:
+    """A skin of the soft body with the rigid bodies behind it.
+
+    Attributes:
+        nodes, surface, topology_id: As of `JoinedMesh`.
+    """
+
+    def __init__(self, skin: Any, count: int, rigid: RigidSet) -> None:
+        """`skin`: of the soft body, which has `count` nodes."""
+        self._skin, self._count = skin, count
+        both = JoinedMesh(_Shown(skin), rigid)
+        self.nodes, self.surface, self.topology_id = both.nodes, both.surface, both.topology_id
+
+    def vertices(self, positions: FloatArray) -> FloatArray:
+        """Return the vertices for positions of nodes and rigid vertices [m], a new array."""
+        n = self._count
+        return np.concatenate([self._skin.vertices(positions[:n]), positions[n:]])
+
+
+class _Shown:
+    """A skin as a mesh without elements."""
+
+    def __init__(self, skin: Any) -> None:
+        self.nodes, self.surface, self.topology_id = skin.nodes, skin.surface, skin.topology_id
+        self.elements = np.zeros((0, 3), dtype=np.int64)

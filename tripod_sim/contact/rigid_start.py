@@ -1,0 +1,99 @@
+"""Rigid bodies that pass through something at the start: named, or lifted out."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from tripod_sim.contact.distance_kernels import point_triangle
+from tripod_sim.contact.rigid_set import RigidSet
+from tripod_sim.contact.start import height_that_frees, passing
+from tripod_sim.contact.start_kernels import winding
+from tripod_sim.contact.surfaces import Part, join
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import FloatArray
+
+Array = Any
+
+
+def overlaps(one: Part, other: Part) -> bool:
+    """Return whether two bodies where they are, at most one of them soft, pass through each other."""
+    if one.radius > 0 and other.radius > 0:
+        apart = float(np.linalg.norm(one.vertices[0] - other.vertices[0]))
+        return apart < one.radius + other.radius
+    if one.radius > 0 or other.radius > 0:
+        ball, body = (one, other) if one.radius > 0 else (other, one)
+        return _in_ball(ball, body)
+    return bool(passing(one, [other]).size or passing(other, [one]).size)
+
+
+def _in_ball(ball: Part, body: Part) -> bool:
+    """Return whether a surface comes into a ball, or holds its centre."""
+    shapes = [body.triangles, body.segments[:, [0, 1, 1]]]
+    nearest = float(_nearest(ball.vertices[0], body.vertices, np.concatenate(shapes)))
+    if nearest < ball.radius:
+        return True
+    if not len(body.triangles) or not (join([body])[0].faces[:, 1] >= 0).all():
+        return False
+    return bool(abs(winding(ball.vertices[0], body.vertices, body.triangles)) > 0.5)
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest(p: Array, x: Array, triangles: Array) -> float:
+    """Return the distance of point p from triangles [m]."""
+    least = np.inf
+    for t in range(triangles.shape[0]):
+        square = point_triangle(p, x[triangles[t, 0]], x[triangles[t, 1]], x[triangles[t, 2]])[3]
+        least = min(least, square)
+    return np.sqrt(least)
+
+
+def place_bodies(
+    rigid: RigidSet, others: list[tuple[str, Part]], up: FloatArray, distance: float, *, lifts: bool
+) -> None:
+    """Refuse rigid bodies that pass through something where they begin; or lift them, changing `rigid.start`.
+
+    Args:
+        rigid: The bodies.
+        others: What else there is, by name.
+        up: Unit vector.
+        distance: Contact distance [m].
+        lifts: Whether to lift, one body after the other.
+
+    Raises:
+        SceneError: naming both, or no lift suffices.
+    """
+    placed = list(others)
+    for k, (shape, turned) in enumerate(zip(rigid.parts, rigid.start.rotations, strict=True)):
+        centre = rigid.start.centres[k]
+        here = replace(shape, vertices=centre + shape.vertices @ turned.T)
+
+        def hit(part: Part) -> str:
+            return next((name for name, other in placed if overlaps(part, other)), "")
+
+        if not lifts and (name := hit(here)):
+            raise SceneError(
+                f"rigid.{k} passes through {name} at the start, rigid.{k}.position is "
+                f"{tuple(centre.round(6).tolist())} m; move one of them, or set contact.start = 'lift'"
+            )
+        if lifts:
+
+            def clear(height: float, part: Part = here) -> bool:
+                return not hit(replace(part, vertices=part.vertices + height * up))
+
+            height = height_that_frees(clear, distance, f"rigid.{k} from what it passes through")
+            centre += height * up
+            here = replace(here, vertices=here.vertices + height * up)
+        placed.append((f"rigid.{k}", here))
+
+
+def check_beside(rigid: RigidSet, soft: Part) -> None:
+    """Raise SceneError if a rigid body passes through the soft one, where both begin."""
+    start = rigid.start
+    for k, (shape, centre, R) in enumerate(zip(rigid.parts, start.centres, start.rotations, strict=True)):
+        if overlaps(replace(shape, vertices=centre + shape.vertices @ R.T), soft):
+            raise SceneError(
+                f"rigid.{k} passes through the soft body, which the servos bring there at the start; move rigid.{k}, "
+                "or change servos.angles"
+            )

@@ -1,0 +1,36 @@
+"""Where rigid bodies are and how they move: what changes each step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class RigidState:
+    """Poses and velocities of rigid bodies.
+
+    Attributes:
+        centres: Of mass, in world [m], shape (b, 3).
+        rotations: From each body's frame to world, shape (b, 3, 3).
+        velocities: Of the centres [m/s], shape (b, 3).
+        spins: Angular velocities in world [rad/s], shape (b, 3).
+    """
+
+    centres: FloatArray
+    rotations: FloatArray
+    velocities: FloatArray
+    spins: FloatArray
+
+    def copy_to(self, other: "RigidState") -> None:
+        """Overwrite `other` with this state, without allocating."""
+        for name in ("centres", "rotations", "velocities", "spins"):
+            getattr(other, name)[:] = getattr(self, name)
+
+    def copy(self) -> "RigidState":
+        """Return an independent copy."""
+        return RigidState(
+            self.centres.copy(), self.rotations.copy(), self.velocities.copy(), self.spins.copy()
+        )

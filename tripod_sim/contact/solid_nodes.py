@@ -1,0 +1,292 @@
+"""A finite-element solid among bodies in contact: the potential of an implicit step in the moves of its unknowns.
+
+The potential is that of `ImplicitStage`, with all that the scene fastens to the solid. Its unknowns are those of
+`Reduction` (free nodes, then rigid groups such as the disc, each with a rotation vector theta over the step) and, last,
+the nodes of driven frames on the surface: these move as the servos say, whatever presses them.
+
+Incompatible modes are no unknowns: at every move they are brought to the minimum of the energy, by chord steps with the
+condensation of the last Hessian.
+"""
+
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from tripod_sim.constraints.groups import Kind
+from tripod_sim.integrators.stage import ImplicitStage
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+from tripod_sim.state import State
+
+HELD = 1e18
+"""Stiffness with which driven nodes keep to the servos' way [N/m]: no force that a body bears moves them by an atom."""
+
+CHORDS = 12
+"""Of the modes at one move."""
+
+
+class SolidNodes:
+    """The solid as a body of a step with contact (see `bodies.Body`).
+
+    Attributes:
+        unknowns: Of the reduction and three for each driven node of the surface.
+        pattern: Upper triangle of the Hessian, CSC.
+        nodes: Nodes of the mesh that are vertices of the surface, shape (k,).
+        base, width: First unknown of each of them, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
+        held: Which of them do not yield: driven and fixed ones, shape (k,).
+        yielding: Unknowns that are not driven.
+    """
+
+    def __init__(self, stage: ImplicitStage, mass: FloatArray, nodes: IndexArray, tolerance: float) -> None:
+        """Take part in steps with contact.
+
+        Args:
+            stage: Of implicit Euler; its system is the solid's.
+            mass: Of nodes [kg].
+            nodes: Of the surface.
+            tolerance: Unbalanced force of modes that is let be [N].
+        """
+        self._stage, self._system, self._mass, self.nodes = stage, stage.newton.system, mass, nodes
+        system, r = self._system, self._system.reduction
+        self._tolerance = tolerance**2
+        kind = r.kind[nodes]
+        self._driven = np.flatnonzero(kind == Kind.DRIVEN)
+        self.base, self.width = r.base[nodes].copy(), np.where(kind == Kind.RIGID, 6, 3)
+        self.yielding = r.unknowns
+        self.base[self._driven] = r.unknowns + 3 * np.arange(len(self._driven))
+        self.unknowns = r.unknowns + 3 * len(self._driven)
+        self.held = (kind == Kind.DRIVEN) | (kind == Kind.FIXED)
+        own = sparse.csc_matrix(
+            (np.ones(r.pattern.nnz), r.pattern.indices, r.pattern.indptr), r.pattern.shape
+        )
+        held = [sparse.csc_matrix(np.triu(np.ones((3, 3)))) for _ in self._driven]
+        self.pattern: Any = sparse.block_diag([own, *held], format="csc")
+        self._diagonal = HELD * np.tile([1.0, 0.0, 1.0, 0.0, 0.0, 1.0], len(held))
+        self._rigid = np.flatnonzero(kind == Kind.RIGID)
+        n = len(system.rest)
+        self._dx, self._last = np.zeros((n, 3)), np.zeros((n, 3))
+        self._last_modes = system.solid.rest_modes()
+        self._none = np.zeros((n, 3))
+        self._start: State | None = None
+        self._trial: State | None = None
+        self._at, self._phi, self._given = np.full(self.unknowns, np.nan), 0.0, False
+        self._goal = self._rate = np.zeros(0)
+        self._left = self._h = 1.0
+        self._projected = self._hold = False
+        self._free = r.free
+
+    # what the stepper asks --------------------------------------------------------------------------------------------
+
+    def load(self, state: State, joints: FloatArray, dt: float) -> None:
+        """Begin a step of `dt` [s] from `state`, in which the driven frames move to `joints`, shape (s + 1,)."""
+        if self._start is None or self._trial is None:
+            self._start, self._trial = state.copy(), state.copy()
+        state.copy_to(self._start)
+        self._goal, self._rate, self._left = joints.copy(), (joints - state.joints) / dt, dt
+
+    def store(self, state: State) -> None:
+        """Write where the solid is now to `state`."""
+        start = self._now()
+        for name in ("positions", "velocities", "modes", "centres", "rotations", "joints"):
+            getattr(state, name)[:] = getattr(start, name)
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps."""
+        self._stage.newton.forget()
+        self._at[:] = np.nan
+        self._hold = self._projected = False
+
+    def add_torques(self, forces: FloatArray) -> None:
+        """Add to the system's torques what forces on the surface [N], shape (k, 3), ask of the servos."""
+        system = self._system
+        for k in self._driven.tolist():
+            frame, node = system.reduction.number[self.nodes[k]], self.nodes[k]
+            system.torques[frame] -= system.axes[frame] @ np.cross(system.lever[node], forces[k])
+
+    # what a step with contact asks ------------------------------------------------------------------------------------
+
+    def place(self, positions: FloatArray, arm: FloatArray) -> None:
+        """Write the surface's vertices and their arms from the centres of rigid groups [m], both of shape (k, 3)."""
+        if not (start := self._start):
+            return
+        positions[:] = start.positions[self.nodes]
+        group = self._system.reduction.number[self.nodes[self._rigid]]
+        arm[self._rigid] = positions[self._rigid] - start.centres[group]
+
+    def begin(self, h: float) -> None:
+        """Prepare a step of `h` [s] from the present state."""
+        start, trial, system = self._now(), self._trial, self._system
+        assert trial is not None
+        self._h, self._given = h, False
+        self._hold, self._projected = self._projected, False
+        system.assemble(start, project=True)  # the condensation of the modes is that of the start
+        if system.damping:
+            system.damping.held = False
+            if self._hold:
+                system.damping.hold(system.solid.matrices)
+        self._stage.read(start, self._stage.known)
+        self._stage.aim(h)
+        left = self._left - h
+        joints = self._goal if left < 1e-9 * h else start.joints + h * self._rate
+        start.copy_to(trial)
+        system.drive(trial, joints)
+        self._remember(start)
+        self._at[:] = np.nan
+
+    def guess(self, u: FloatArray) -> None:
+        """Write the moves with the velocities at the start, or what part of them turns no element inside out."""
+        self.velocity(u)
+        u *= self._h
+        for part in (0.5, 0.5, 0.5, 0.0):
+            if np.isfinite(self._place(u)):
+                return
+            u[: self.yielding] *= part
+
+    def add(self, u: FloatArray, out: FloatArray) -> float:
+        """Add the gradient at `u` to `out`; return the potential, infinite where there is none."""
+        phi = self._place(u)
+        if not np.isfinite(phi):
+            return np.inf
+        residual, first = self._system.residual, 3 * self._system.reduction.free_count
+        out[:first] += residual[:first]
+        for k in range(first, self.yielding, 6):
+            out[k : k + 3] += residual[k : k + 3]
+            out[k + 3 : k + 6] += left_jacobian(u[k + 3 : k + 6]).T @ residual[k + 3 : k + 6]
+        return phi
+
+    def hessian(self, u: FloatArray, *, project: bool) -> None:
+        """Write the Hessian at `u` into `pattern.data`; not a number where modes are unstable without `project`.
+
+        The first one of a step is that of its start.
+        """
+        system, trial = self._system, self._trial
+        assert trial is not None
+        count = system.reduction.pattern.nnz
+        if self._given:
+            if not np.isfinite(self._place(u)) or system.assemble(trial, project=project) >= 0:
+                self.pattern.data[:] = np.nan
+                return
+            self._projected |= project
+            self._at[:] = np.nan
+            self._place(u)
+        else:
+            system.evaluate(self._now())
+            self._remember(self._now())
+            self._at[:] = np.nan
+            self._given = True
+        system.write_hessian()
+        self.pattern.data[:count] = system.reduction.pattern.data
+        self.pattern.data[count:] = self._diagonal
+
+    def ends(self, u: FloatArray, out: FloatArray) -> None:
+        """Write where the surface's vertices are after the moves `u` [m], shape (k, 3)."""
+        assert self._trial is not None
+        if not np.array_equal(u, self._at):
+            self._move(u)
+            self._at[:] = np.nan
+        out[:] = self._trial.positions[self.nodes]
+
+    def velocity(self, out: FloatArray) -> None:
+        """Write the velocities of the unknowns at the start of the step [m/s, rad/s]."""
+        start, trial, system = self._now(), self._trial, self._system
+        assert trial is not None
+        first = 3 * system.reduction.free_count
+        out[:first] = start.velocities[self._free].ravel()
+        for b, nodes in enumerate(system.groups.rigid):
+            r, v = start.positions[nodes] - start.centres[b], start.velocities[nodes]
+            spread = (r**2).sum() * np.eye(3) - r.T @ r
+            arm, mean = r.mean(axis=0), v.mean(axis=0)
+            k = first + 6 * b
+            spin = np.linalg.lstsq(
+                spread - len(r) * (arm @ arm * np.eye(3) - np.outer(arm, arm)),
+                np.cross(r - arm, v - mean).sum(axis=0), rcond=1e-9,
+            )[0]  # fmt: skip
+            out[k : k + 3], out[k + 3 : k + 6] = mean - np.cross(spin, arm), spin
+        driven = self.nodes[self._driven]
+        out[self.yielding :] = ((trial.positions[driven] - start.positions[driven]) / self._h).ravel()
+
+    def give(self, out: FloatArray) -> None:
+        """Write 1 / mass of each unknown [1/kg, 1/(kg m²)]; 0 of driven nodes."""
+        system, mass = self._system, self._mass
+        first = 3 * system.reduction.free_count
+        out[:] = 0.0
+        out[:first] = np.repeat(1 / mass[self._free], 3)
+        for b, nodes in enumerate(system.groups.rigid):
+            m, r = mass[nodes], self._now().positions[nodes] - self._now().centres[b]
+            inertia = (m @ (r**2).sum(axis=1)) * np.eye(3) - (r * m[:, None]).T @ r
+            k = first + 6 * b
+            out[k : k + 3], out[k + 3 : k + 6] = 1 / m.sum(), np.trace(np.linalg.inv(inertia)) / 3
+
+    def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
+        """Let the moves `u` be made, with the velocities `v` of the unknowns, which restitution may have changed."""
+        start, trial, system = self._now(), self._trial, self._system
+        assert trial is not None
+        self._place(u)
+        np.subtract(trial.positions, start.positions, out=trial.velocities)
+        trial.velocities /= h
+        changed = v - u / h
+        if changed.any():
+            self._dx[:] = 0.0
+            system.reduction.moves(np.ascontiguousarray(changed[: self.yielding]), system.lever, self._dx)
+            trial.velocities += self._dx
+        trial.copy_to(start)
+        self._left -= h
+        self._at[:] = np.nan
+
+    # ------------------------------------------------------------------------------------------------------------------
+
+    def _now(self) -> State:
+        assert self._start is not None
+        return self._start
+
+    def _remember(self, state: State) -> None:
+        """Note where the last gradient was taken, whose modes are balanced."""
+        self._last[:], self._last_modes[:] = state.positions, state.modes
+
+    def _move(self, u: FloatArray) -> None:
+        """Put the trial state's nodes where the moves `u` bring them; driven ones are there."""
+        start, trial, system = self._now(), self._trial, self._system
+        assert trial is not None
+        first = 3 * system.reduction.free_count
+        self._dx[self._free] = u[:first].reshape(-1, 3)
+        system.move(start, u[: self.yielding], self._dx, 1.0, trial)
+
+    def _place(self, u: FloatArray) -> float:
+        """Put the trial state where `u` brings it, its modes at rest; return the potential, infinite for none."""
+        if np.array_equal(u, self._at):
+            return self._phi
+        system, trial, solid = self._system, self._trial, self._system.solid
+        assert trial is not None
+        self._move(u)
+        np.subtract(trial.positions, self._last, out=self._dx)
+        solid.advance_modes(self._last_modes, self._dx, 1.0, trial.modes)
+        phi = np.inf
+        for _ in range(CHORDS if solid.has_modes else 1):
+            phi = system.evaluate(trial)
+            if not np.isfinite(phi) or solid.mode_residual_squared <= self._tolerance:
+                break
+            solid.advance_modes(trial.modes, self._none, 1.0, trial.modes)
+        else:
+            phi = phi if not solid.has_modes else np.inf
+        if np.isfinite(phi):
+            self._remember(trial)
+        else:  # what the gradient left of the modes is spoilt: take it where it was good
+            there = trial.positions.copy()
+            trial.positions[:], trial.modes[:] = self._last, self._last_modes
+            system.evaluate(trial)
+            trial.positions[:] = there
+        self._at[:], self._phi = u, phi
+        return phi
+
+
+def left_jacobian(theta: FloatArray) -> FloatArray:
+    """Return J, shape (3, 3): exp(theta + d) is exp(J d) exp(theta) to first order in d.
+
+    J = 1 + (1 - cos t) / t² [theta]x + (t - sin t) / t³ [theta]x², t = |theta|.
+    """
+    t = float(np.sqrt(theta @ theta))
+    x, y, z = theta.tolist()
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    if t < 1e-4:
+        return np.asarray(np.eye(3) + 0.5 * cross + cross @ cross / 6)
+    return np.asarray(np.eye(3) + (1 - np.cos(t)) / t**2 * cross + (t - np.sin(t)) / t**3 * (cross @ cross))
