@@ -28,9 +28,13 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("stable up to", f"{result['dt_limit'] * 1e3:.4g} ms, {result['parts']} parts of steps"))
     else:
         rows.append(("residual", f"{result['residual']:.2g} N"))
+    if error := result.get("time_error"):
+        rows.append(("time error", _time_error(error)))
     if result.get("instability"):
         rows.append(("ATTENTION", result["instability"]))
     work = f"{result['newton_iterations']} Newton iterations"
+    if result.get("time_error") and (result["rejected"] or result["parts"] > result["steps"]):
+        work += f", {result['parts']} parts of steps, {result['rejected']} taken back"
     if result.get("increments"):
         work += f", load in {result['increments']} increments"
     if result["halvings"]:
@@ -46,6 +50,15 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         )
     )
     return rows
+
+
+def _time_error(error: Mapping[str, Any]) -> str:
+    """Return the estimated error of the time steps at the end, and at its worst."""
+    nodes = f"node {error['node']} {error['largest'] * 1e3:.3g} mm, at worst {error['worst'] * 1e3:.3g} mm"
+    if math.isnan(error["effector"]):
+        return f"{nodes} (estimated)"
+    end, worst = error["effector"] * 1e3, error["worst_effector"] * 1e3
+    return f"effector {end:.3g} mm, at worst {worst:.3g} mm; {nodes} (estimated)"
 
 
 def _millijoules(value: float) -> str:

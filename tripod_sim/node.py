@@ -245,7 +245,8 @@ class SimNode(Node):
             header=messages.header(time.time_ns()), state=self._state(), message=message, scene=self._scene.name, dt=dt,
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
             capacity=dt / speed.median if speed.median else 0.0, step_time_median=speed.median,
-            step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings,
+            step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings, parts=report.parts,
+            time_error=error.largest if error else nan, effector_time_error=error.effector if error else nan,
             residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
             gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
             last_rejection=self._last_refusal,
@@ -258,6 +259,7 @@ class SimNode(Node):
             "median step [s]": speed.median,
             "missed": speed.missed,
         }
+        error, nan = report.time_error, float("nan")
         if self._physics.failure:
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest

@@ -27,8 +27,12 @@ class ImplicitEuler(Substeps):
         self._stage = stage
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
-        self._stage.read(state, self._stage.known)
-        return self._stage.solve(state, joints, h)
+        stage = self._stage
+        stage.read(state, stage.known)
+        report = stage.solve(state, joints, h)
+        if self.errors and state.errors:
+            self.errors.euler(state.errors, stage.known[1], state.velocities, h)
+        return report
 
 
 class Bdf2(Substeps):
@@ -43,6 +47,14 @@ class Bdf2(Substeps):
     def _drop_history(self) -> None:
         self._h_before = None
 
+    def keep_history(self) -> None:
+        """Remember the history, for `recall_history`."""
+        self._kept = self._now, self._before, self._h_before
+
+    def recall_history(self) -> None:
+        """Take back what the last part has changed in the history."""
+        self._now, self._before, self._h_before = self._kept  # a step writes only what it swaps
+
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
         stage, now = self._stage, self._now
         stage.read(state, now)
@@ -55,5 +67,12 @@ class Bdf2(Substeps):
             np.multiply(now, b / a, out=stage.known)
             stage.known -= (c / a) * self._before
         report = stage.solve(state, joints, h / a)
+        if self.errors and state.errors:
+            if self._h_before is None:
+                self.errors.euler(state.errors, now[1], state.velocities, h)
+            else:
+                self.errors.bdf2(
+                    state.errors, now[1], state.velocities, stage.known[1], h, h / self._h_before
+                )
         self._now, self._before, self._h_before = self._before, now, h
         return report

@@ -13,6 +13,7 @@ from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.world import ContactReport
+    from tripod_sim.integrators.time_error import ErrorTransport, TimeErrorReport
     from tripod_sim.robot.servo import Stall
 
 FloatArray = NDArray[np.float64]
@@ -26,6 +27,7 @@ class StepReport:
         iterations: Linear solves, over all parts.
         factorisations: Hessians assembled and factored, over all parts.
         parts: Parts that the step was divided into; 1 is the whole.
+        rejected: Parts that were taken back because they added too much error (`dt = "auto"`).
         halvings: Times a part, or an increment of a static load, failed and was halved.
         residual: Unbalanced force at the end [N].
         stalled: Servos that stand against their load at the end.
@@ -35,6 +37,7 @@ class StepReport:
         dt_limit: Longest stable part of an explicit scheme [s]; infinite for the others.
         growth: Energy that came from nothing, by an unstable explicit scheme [J]; zero while there is none.
         grew_at: Step at whose end that was first found, zero for none.
+        time_error: Estimated error of the time steps; None where the scene does not ask for it.
     """
 
     iterations: int = 0
@@ -49,6 +52,8 @@ class StepReport:
     dt_limit: float = np.inf
     growth: float = 0.0
     grew_at: int = 0
+    time_error: "TimeErrorReport | None" = None
+    rejected: int = 0
 
     @property
     def instability(self) -> str:
@@ -62,12 +67,17 @@ class StepReport:
 
 
 class Substeps(ABC):
-    """Advances a state by steps, whole or in parts. A scheme says in `_part` how it advances over one part."""
+    """Advances a state by steps, whole or in parts. A scheme says in `_part` how it advances over one part.
+
+    Attributes:
+        errors: Carries the error of the time steps along; None where nobody asks for it.
+    """
 
     def __init__(self, newton: Newton, max_halvings: int) -> None:
         """`max_halvings`: the smallest part is 2^-max_halvings of the largest."""
         self._newton, self._max_halvings = newton, max_halvings
         self._backup: State | None = None
+        self.errors: ErrorTransport | None = None
 
     @abstractmethod
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
@@ -81,6 +91,12 @@ class Substeps(ABC):
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
         self._newton.forget()
         self._drop_history()
+
+    def keep_history(self) -> None:  # noqa: B027
+        """Remember what a scheme of several steps knows of earlier ones, for `recall_history`."""
+
+    def recall_history(self) -> None:  # noqa: B027
+        """Take back what the part after `keep_history` has changed in that."""
 
     def _drop_history(self) -> None:  # noqa: B027 - schemes of one step have none
         """Drop what a scheme of several steps knows of earlier ones."""
@@ -135,4 +151,6 @@ class Substeps(ABC):
             done, size = end, min(first, size * 2 if report.halvings else size)
         state.time += dt
         state.step += 1
+        if self.errors and state.errors:
+            report.time_error = self.errors.report(state.errors, np.nan)
         return report

@@ -45,6 +45,14 @@ class TrBdf2(Substeps):
     def _drop_history(self) -> None:
         self._rate = None
 
+    def keep_history(self) -> None:
+        """Remember the history, for `recall_history`."""
+        self._kept = None if self._rate is None else self._rate.copy()
+
+    def recall_history(self) -> None:
+        """Take back what the last part has changed in the history."""
+        self._rate = self._kept
+
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
         stage, k, start = self._stage, HALF * h, self._start
         stage.read(state, start)
@@ -53,15 +61,22 @@ class TrBdf2(Substeps):
             report = stage.solve(state, joints, h)
             self._rate = np.empty_like(start)
             self._measure_rate(state, h)
+            if self.errors and state.errors:
+                self.errors.euler(state.errors, start[1], state.velocities, h, rates=True)
             return report
         middle = state.joints + G * (joints - state.joints)
         np.multiply(self._rate, k, out=stage.known)
         stage.known += start
         first = stage.solve(state, middle, k)
+        if self.errors:
+            self.errors.keep_residual(0)
         stage.read(state, self._end)
         np.multiply(self._end, P, out=stage.known)
         stage.known -= Q * start
         second = stage.solve(state, joints, k)
+        if self.errors and state.errors:
+            self.errors.keep_residual(1)
+            self.errors.tr_bdf2(state.errors, start[1], state.velocities, stage.known[1], h, float(G))
         self._measure_rate(state, k)
         return NewtonReport(
             first.iterations + second.iterations,

@@ -93,6 +93,14 @@ more layers, since along the sheet alone no refinement cures the locking of line
 convergence needs."""
 
 
+def divided(level: YLevel, m: int) -> YLevel:
+    """Return the resolution with every element divided into m x m x m, at the same gradings over the whole."""
+    return YLevel(
+        m * level.across, m * level.inner, m * level.along, level.grading ** (1 / m), m * level.layers,
+        m * level.clamped, level.inner_grading ** (1 / m), level.clamped_grading ** (1 / m),
+    )  # fmt: skip
+
+
 def y_piece(level: YLevel, shape: YShape | None = None, kind: Element = H8_MODES) -> SolidMesh:
     """Return the mesh of the piece, mid-plane at z = 0, strip i along azimuth 2 pi i / 3.
 

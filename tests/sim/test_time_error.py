@@ -1,0 +1,184 @@
+"""The estimated error of the time steps: beside the true one, without a trace in the motion, remembered by resets."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.run import run
+
+SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")
+WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
+NEWTON = ("solver.mode=newton", "solver.tolerance=1e-8")
+FINE, END = 1e-4, 0.06  # [s]
+
+
+def tripod(scheme: str, dt: float, *words: str) -> Simulation:
+    pose = (f"servos.angles={WORKING[:3].tolist()}", f"servos.slide={WORKING[3]}", "mesh.level=1")
+    return Simulation(load_scene("tripod", [*pose, f"inertia.scheme={scheme}", f"dt={dt!r}", *words]))
+
+
+def turned(t: float) -> np.ndarray:
+    return WORKING + np.array([0.3 * min(t / 0.03, 1.0), 0.0, 0.0, 0.0])
+
+
+def motion(simulation: Simulation, steps: int) -> np.ndarray:
+    dt, found = simulation.scene.dt, []
+    for k in range(steps):
+        simulation.step(turned((k + 1) * dt))
+        found.append(simulation.state.positions.copy())
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def reference() -> np.ndarray:
+    return motion(tripod("tr_bdf2", FINE, *NEWTON), round(END / FINE))
+
+
+@pytest.mark.parametrize("dt", [0.005, 0.001])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_the_estimate_is_within_a_factor_three_of_the_true_error(
+    scheme: str, dt: float, reference: np.ndarray
+) -> None:
+    simulation = tripod(scheme, dt, *NEWTON, "time_error={}")
+    disc, every = simulation._system.groups.rigid[0], round(dt / FINE)
+    rows = []
+    for k in range(round(END / dt)):
+        report = simulation.step(turned((k + 1) * dt)).time_error
+        assert report
+        true = reference[(k + 1) * every - 1] - simulation.state.positions
+        largest = np.linalg.norm(true, axis=1).max()
+        rows.append((np.linalg.norm(true[disc].mean(axis=0)), report.effector, largest, report.largest))
+    found = np.array(rows)
+    worst = found.max(axis=0)
+    for true_error, estimate in (worst[:2], worst[2:]):
+        assert true_error / 3 < estimate < 3 * true_error
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_the_estimate_points_the_right_way(scheme: str, reference: np.ndarray) -> None:
+    """Added to the motion it takes most of the error away."""
+    dt = 0.0005
+    simulation, every = tripod(scheme, dt, *NEWTON, "time_error={}"), round(dt / FINE)
+    true = reference[80 * every - 1] - motion(simulation, 80)[-1]
+    assert simulation.state.errors
+    left = true - simulation.state.errors.error[0]
+    assert np.linalg.norm(left, axis=1).max() < 0.5 * np.linalg.norm(true, axis=1).max()
+    assert (simulation.state.errors.error[:, simulation._system.driven] == 0).all()
+
+
+@pytest.mark.parametrize("mode", ["newton", "one_solve"])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_the_estimate_leaves_no_trace_in_the_motion(scheme: str, mode: str) -> None:
+    ends = []
+    for words in ((), ("time_error={}",), ("time_error={}", "time_error=off")):
+        simulation = tripod(scheme, 0.005, f"solver.mode={mode}", *words)
+        motion(simulation, 12)
+        state = simulation.state
+        ends.append(state.positions.tobytes() + state.velocities.tobytes() + simulation.torques.tobytes())
+    assert ends[0] == ends[1] == ends[2]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_reset_and_restore_bring_the_estimate_back(scheme: str) -> None:
+    simulation = tripod(scheme, 0.005, "time_error={}")
+
+    def errors() -> bytes:
+        e = simulation.state.errors
+        assert e
+        return b"".join(a.tobytes() for a in (e.error, e.before, e.velocities, e.accelerations))
+
+    start, ends = errors(), []
+    for _ in range(2):
+        motion(simulation, 8)
+        ends.append(errors())
+        simulation.reset()
+        assert errors() == start
+    assert ends[0] == ends[1] != start
+    motion(simulation, 8)
+    saved, after = simulation.save(), []
+    for _ in range(2):
+        motion(simulation, 4)
+        after.append(errors())
+        simulation.restore(saved)
+        assert errors() == ends[0]
+    motion(simulation, 4)
+    assert after[0] != ends[0]
+    assert errors() == after[1]
+
+
+def test_a_failed_part_leaves_no_error_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step whose first try fails ends with the errors of its two halves."""
+    from tripod_sim.integrators.newton import NewtonError
+
+    simulation, halved = (tripod("bdf2", dt, "time_error={}", *NEWTON) for dt in (0.004, 0.002))
+    stepper = simulation._stepper
+    plain, calls = stepper._part, []
+
+    def failing(state, joints, h):
+        calls.append(h)
+        report = plain(state, joints, h)
+        if len(calls) == 1:
+            stepper._drop_history()  # as at the start
+            raise NewtonError("on purpose")
+        return report
+
+    monkeypatch.setattr(stepper, "_part", failing)
+    report = simulation.step(turned(0.004))
+    assert (report.halvings, report.parts) == (1, 2)
+    for t in (0.002, 0.004):
+        halved.step(turned(t))
+    assert simulation.state.errors and halved.state.errors
+    np.testing.assert_allclose(simulation.state.errors.error, halved.state.errors.error, rtol=1e-4, atol=1e-9)
+    assert np.abs(halved.state.errors.error[0]).max() > 1e-6
+
+
+FREE = ["servos=off", "effector=off", "mesh.level=1", "solver.tolerance=1e-10"]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_a_falling_body_s_estimate_is_its_error(scheme: str) -> None:
+    """v' = g - a v from rest, out of equilibrium: the exact solution is known."""
+    drag, fall, dt, steps = 8.0, -9.81, 0.002, 100
+    words = [*FREE, f"damping={{mass={drag}, stiffness=0.0}}", f"inertia.scheme={scheme}", f"dt={dt}"]
+    simulation = Simulation(load_scene("tripod", [*words, "time_error={}"]))
+    rest = simulation.state.positions.copy()
+    for _ in range(steps):
+        simulation.step()
+    t = dt * steps
+    exact = fall / drag * (t - (1 - np.exp(-drag * t)) / drag)
+    error = exact - (simulation.state.positions[:, 2] - rest[:, 2]).mean()
+    assert simulation.state.errors
+    np.testing.assert_allclose(simulation.state.errors.error[0][:, 2], error, rtol=0.25)
+    assert abs(error) > 1e-7
+
+
+def test_velocities_changed_from_outside_are_a_new_start() -> None:
+    simulation = Simulation(load_scene("tripod", [*FREE, "gravity=off", "damping=off", "time_error={}"]))
+    simulation.state.velocities[:] = [0.0, 0.5, 0.0]
+    for _ in range(5):
+        report = simulation.step()
+    assert report.time_error
+    assert report.time_error.largest < 1e-9  # uniform motion: no scheme errs
+    assert np.isnan(report.time_error.effector)
+
+
+def test_run_tells_the_estimate_and_its_worst() -> None:
+    words = ["mesh.level=1", "inertia.scheme=bdf2"]
+    found = run("tripod", servo="0:0,0,0; 0.1:-0.3,0,0", duration=0.3, overrides=[*words, "time_error={}"])
+    error = found["time_error"]
+    assert 0 < error["effector"] < error["worst_effector"]
+    assert error["effector"] <= error["largest"] <= error["worst"]
+    assert "time_error" not in run("tripod", duration=0.05, overrides=words)
+
+
+def test_absent_it_is_not_imported_and_allocates_nothing() -> None:
+    code = (
+        "import sys; from tripod_sim import Simulation, load_scene;"
+        "s = Simulation(load_scene('tripod', ['mesh.level=1'])); s.step(); assert s.state.errors is None;"
+        "assert s.report.time_error is None;"
+        "assert not {'tripod_sim.integrators.time_error', 'tripod_sim.integrators.auto_steps'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

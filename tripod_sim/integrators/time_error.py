@@ -1,0 +1,278 @@
+"""Embedded estimate of the error of time steps: the error itself is carried along, by the factorisation at hand.
+
+Every stage of the implicit schemes ends with x' = z + s v' and M (v' - u) / s = f(x', v'), z and u made of known
+values. The exact motion fulfils both but for the defects tau of the scheme,
+
+    X' = Z + s V' + tau_x,   V' = U + s M^-1 F(X', V') + tau_v,
+
+so that the error e, exact minus computed, of a body with stiffness K, damping a M + b K and a force r left over by the
+solver follows from one solve with the matrix A of the stage, w = M / s² + a M / s, c = b / s,
+
+    A e_x' = (w + c K) y + M (e_u + tau_v) / s - r,   A = w + (1 + c) K,   y = e_z + tau_x,   e_v' = (e_x' - y) / s,
+
+e_z and e_u made of the errors as z and u are made of the values. With c K y = c / (1 + c) (A - w) y no product with K
+is left. The defects are those of the Taylor series, a = (v' - u) / s and backward differences of it for j and dj/dt,
+
+    implicit Euler   -h² / 2 (a, j)
+    BDF2             -(1 + r) / (6 a_0 r) h³ (j, dj/dt),   r = h / h_before,  a_0 = (1 + 2 r) / (1 + r)
+    TR-BDF2          -(g h)³ / 12 (j, dj/dt),  then  -(1 - g)² / (6 (2 - g)) h³ (j, dj/dt)
+
+[HairerNorsettWanner1993, chapter III.2], [BankEtAl1985]. After a start j is not known, so the part of the first step
+that comes of it, a change of e_v by -h² / 2 j, waits for the second. Nodes that servos drive or that are fixed have no
+error.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.groups import Kind
+from tripod_sim.forces.anchor import Anchor
+from tripod_sim.linear.solver import LinearError
+from tripod_sim.system import System
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TimeErrorReport:
+    """How far the body is from where exact integration in time would have it, estimated.
+
+    Attributes:
+        effector: Distance of the effector's centre [m]; NaN in a scene without one.
+        largest: Largest distance of a node [m].
+        node: That node.
+        added: Largest distance of a node that the worst part of this step added [m]; NaN where steps have a fixed
+            length, which does not need it.
+    """
+
+    effector: float
+    largest: float
+    node: int
+    added: float
+
+
+@dataclass(eq=False)
+class ErrorState:
+    """What the estimate remembers from step to step.
+
+    Attributes:
+        error: e_x [m] and e_v [m/s], shape (2, n, 3).
+        before: Of BDF2 the errors a step earlier, of TR-BDF2 the rates of the errors, shape (2, n, 3).
+        velocities: At the end of the last step [m/s], shape (n, 3).
+        accelerations: At the ends of the last two steps [m/s²], the latest first, shape (2, n, 3).
+        length: Time between these [s].
+        known: How many of the accelerations are known.
+        missing: Length of a first step whose part of the error that comes of j waits for the next step [s], else 0.
+        proposed: Length of the next step, where the simulator chooses it [s]; 0 before the first.
+        last: Error that the last step added, in parts of the tolerance.
+    """
+
+    error: FloatArray
+    before: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    known: int = 0
+    length: float = 0.0
+    missing: float = 0.0
+    proposed: float = 0.0
+    last: float = 1.0
+
+    def copy_to(self, other: "ErrorState") -> None:
+        """Overwrite `other` with this state, without allocating."""
+        for name in ("error", "before", "velocities", "accelerations"):
+            getattr(other, name)[:] = getattr(self, name)
+        for name in ("known", "length", "missing", "proposed", "last"):
+            setattr(other, name, getattr(self, name))
+
+    def copy(self) -> "ErrorState":
+        """Return an independent copy."""
+        arrays = (self.error, self.before, self.velocities, self.accelerations)
+        error, before, velocities, accelerations = (a.copy() for a in arrays)
+        numbers = (self.known, self.length, self.missing, self.proposed, self.last)
+        return ErrorState(error, before, velocities, accelerations, *numbers)
+
+
+class ErrorTransport:
+    """Carries the errors of one system along, stage by stage, with scratch of its own.
+
+    Attributes:
+        added: The error that the last step added: e_x of a step that starts without error, shape (n, 3). Only with
+            `local`.
+        order: Of the last step in its length.
+    """
+
+    def __init__(self, system: System, inertia: Anchor, mass: FloatArray, *, local: bool) -> None:
+        """`inertia`: the system's; `mass`: of nodes [kg], shape (n,); `local`: whether `added` is asked for."""
+        self._system, self._inertia, self._mass, self.local = system, inertia, mass[:, None], local
+        n = len(mass)
+        self.order = 1
+        self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))[:, None]
+        self._known, self._middle, self._defect = (
+            np.zeros((2, n, 3)),
+            np.zeros((2, n, 3)),
+            np.zeros((2, n, 3)),
+        )
+        self._force, self._move, self.added = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        self._reduced, self._torques = np.zeros(system.unknowns), np.zeros(len(system.torques))
+        self._differences = np.zeros((3, n, 3))
+        self._left = np.zeros((2, system.unknowns))
+        self._effector = system.groups.rigid[0] if system.groups.rigid else None
+
+    def start(self, velocities: FloatArray) -> ErrorState:
+        """Return the state without error at the start; `velocities`: there [m/s], shape (n, 3)."""
+        none = np.zeros((2, *velocities.shape))
+        return ErrorState(none, none.copy(), velocities.copy(), none.copy())
+
+    def keep_residual(self, stage: int) -> None:
+        """Remember the force that the solver has left over in `stage`, 0 or 1, as long as it is at hand."""
+        self._left[stage] = self._system.residual
+
+    def euler(
+        self, state: ErrorState, start: FloatArray, end: FloatArray, h: float, *, rates: bool = False
+    ) -> None:
+        """Carry `state` over a step of implicit Euler.
+
+        Args:
+            state: Overwritten.
+            start, end: Velocities at start and end of the step [m/s], shape (n, 3).
+            h: [s].
+            rates: Whether `before` is to hold the rates of the errors at the end, else the errors at the start.
+        """
+        a, j, _ = self._differ(state, start, end, start, h, h)
+        if state.known == 1:  # after the first step: j is known after the second
+            state.missing = h
+        np.multiply(a, -(h**2) / 2, out=self._defect[0])
+        np.multiply(j, -(h**2) / 2, out=self._defect[1])
+        self.keep_residual(0)
+        state.before[:] = state.error
+        self._known[:] = state.error
+        self._stage(self._known, h, 0, state.error)
+        if rates:
+            self._measure_rates(state, h)
+        self.order = 1
+        self._measure_added(h)
+
+    def bdf2(
+        self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, ratio: float
+    ) -> None:
+        """Carry `state` over a step of BDF2 with its `u` [m/s], `ratio` times as long as the step before."""
+        a, b, c = (1 + 2 * ratio) / (1 + ratio), 1 + ratio, ratio**2 / (1 + ratio)
+        _, j, rate = self._differ(state, start, end, u, h, h / a)
+        self._third_order(-(h**3) * (1 + ratio) / (6 * a * ratio), j, rate)
+        self.keep_residual(0)
+        np.multiply(state.error, b / a, out=self._known)
+        self._known -= (c / a) * state.before
+        state.before[:] = state.error
+        self._stage(self._known, h / a, 0, state.error)
+        self.order = 2
+        self._measure_added(h / a)
+
+    def tr_bdf2(
+        self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, g: float
+    ) -> None:
+        """Carry `state` over a step of TR-BDF2, whose first stage ends at `g` h and whose second has the `u` [m/s].
+
+        The residuals of both have been kept.
+        """
+        _, j, rate = self._differ(state, start, end, u, h, g * h / 2)
+        k, p = g * h / 2, 1 / (g * (2 - g))
+        q, known, middle = (1 - g) ** 2 * p, self._known, self._middle
+        self._third_order(-((g * h) ** 3) / 12, j, rate)
+        np.multiply(state.before, k, out=known)
+        known += state.error
+        self._stage(known, k, 0, middle)
+        self._third_order(-((1 - g) ** 2) / (6 * (2 - g)) * h**3, j, rate)
+        np.multiply(middle, p, out=known)
+        known -= q * state.error
+        self._stage(known, k, 1, state.error)
+        self._measure_rates(state, k)
+        self.order = 2
+        if self.local:
+            whole = (-3 * g**2 + 4 * g - 2) / (12 * (2 - g))
+            self._third_order(whole * h**3, j, rate)
+            self._measure_added(k)
+
+    def report(self, state: ErrorState, added: float) -> TimeErrorReport:
+        """Return the distances of `state`; `added`: as in the report [m]."""
+        distance = np.sqrt((state.error[0] ** 2).sum(axis=1))
+        node = int(np.argmax(distance))
+        of_effector = np.nan
+        if self._effector is not None:
+            of_effector = float(np.linalg.norm(state.error[0][self._effector].mean(axis=0)))
+        return TimeErrorReport(of_effector, float(distance[node]), node, added)
+
+    @property
+    def largest_added(self) -> float:
+        """Largest distance of a node in `added` [m]."""
+        return float(np.sqrt((self.added**2).sum(axis=1).max()))
+
+    def _third_order(self, factor: float, j: FloatArray, rate: FloatArray) -> None:
+        """Write the defect `factor` (j, dj/dt)."""
+        np.multiply(j, factor, out=self._defect[0])
+        np.multiply(rate, factor, out=self._defect[1])
+
+    def _measure_rates(self, state: ErrorState, s: float) -> None:
+        """Write the rates of the errors at the end of a stage to `before`."""
+        np.subtract(state.error, self._known, out=state.before)
+        state.before -= self._defect
+        state.before /= s
+
+    def _differ(
+        self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, s: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return a, j and dj/dt of a step that ends with a stage of `u` and `s`, and remember what the next one needs.
+
+        What is not known is zero. Velocities at the start that somebody has changed are a new start.
+        """
+        before, (a, j, rate) = state.accelerations, self._differences
+        if not np.array_equal(start, state.velocities):
+            state.known, state.missing = 0, 0.0
+        np.subtract(end, u, out=a)
+        a /= s
+        a *= self._moving
+        j[:] = rate[:] = 0.0
+        if state.known >= 1:
+            np.subtract(a, before[0], out=j)
+            j /= h
+            state.error[1] -= state.missing**2 / 2 * j
+            state.missing = 0.0
+            if state.known >= 2:
+                np.subtract(j, (before[0] - before[1]) / state.length, out=rate)
+                rate *= 2 / (h + state.length)
+        before[1], before[0], state.velocities[:] = before[0], a, end
+        state.length, state.known = h, min(state.known + 1, 2)
+        return a, j, rate
+
+    def _stage(self, known: FloatArray, s: float, stage: int, out: FloatArray) -> None:
+        """Write the errors at the end of a stage to `out`, which may not be `known`."""
+        np.add(known[0], self._defect[0], out=out[1])  # y
+        np.add(known[1], self._defect[1], out=self._force)
+        self._solve(out[1], s, self._left[stage], out[0])
+        np.subtract(out[0], out[1], out=out[1])
+        out[1] /= s
+
+    def _measure_added(self, s: float) -> None:
+        """Write `added` for the defect at hand."""
+        if self.local:
+            self._force[:] = self._defect[1]
+            self._solve(self._defect[0], s, None, self.added)
+
+    def _solve(self, y: FloatArray, s: float, left: FloatArray | None, out: FloatArray) -> None:
+        """Write e_x' to `out`; `_force` holds e_u + tau_v."""
+        system, force = self._system, self._force
+        c = system.damping.factor if system.damping else 0.0
+        share = c / (1 + c)
+        force *= self._mass / s
+        force += ((1 - share) * self._inertia.weight)[:, None] * y
+        system.reduction.gradient(force, system.lever, system.axes, self._reduced, self._torques)
+        if left is not None:
+            self._reduced -= left
+        try:
+            solution = system.linear.solve(self._reduced)
+        except LinearError:
+            solution = np.full_like(self._reduced, np.nan)
+        system.reduction.moves(solution, system.lever, self._move)
+        np.multiply(y, share, out=out)
+        out += self._move
