@@ -1,9 +1,9 @@
-"""Explicit schemes on solids: recurrence, order, agreement with an implicit scheme, division, flag, refusals."""
+"""Explicit schemes on solids: recurrence, order, agreement with an implicit scheme, division, flag."""
 
 import numpy as np
 import pytest
 
-from tripod_sim import SceneError, Simulation, StepError, load_scene
+from tripod_sim import Simulation, StepError, load_scene
 
 ORDERS = {"explicit_euler": 1, "semi_implicit_euler": 1, "rk4": 4}
 DRAG, FALL = 8.0, -9.81
@@ -102,12 +102,3 @@ def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
             flagged = flagged or (step if report.growth > 0 else 0)
     assert np.isfinite(simulation.positions).all()
     assert 0 < flagged <= simulation.state.step
-
-
-@pytest.mark.parametrize("name", ["servos", "effector"])
-def test_rigid_groups_are_refused(name: str) -> None:
-    other = "effector" if name == "servos" else "servos"
-    with pytest.raises(
-        SceneError, match=rf"inertia.scheme is 'rk4', which moves single nodes; {name} needs one of"
-    ):
-        load_scene("tripod", ["inertia.scheme=rk4", f"{other}=off"])

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
+from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.materials.laws import LAWS
 
 FloatArray = NDArray[np.float64]
@@ -46,6 +47,13 @@ class Solid:
     def has_modes(self) -> bool:
         """Whether the elements have incompatible modes."""
         return self._modes > 0
+
+    def arrays(self) -> SolidArrays:
+        """Return what compiled loops need; the arrays are the solid's own."""
+        return SolidArrays(
+            self.elements, np.arange(len(self.elements)), self._G, self._weight, self._law, self._lam, self._mu,
+            self._mean, self.matrices, self._X, self._inverse, self._y, self._work,
+        )  # fmt: skip
 
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""

@@ -1,11 +1,20 @@
-"""Explicit schemes for solids with lumped masses.
+"""Explicit schemes for solids with lumped masses, whatever holds them.
 
     explicit Euler        x' = x + h v,   v' = v + h a      unstable: undamped modes grow by w² h² / 2 a step
     semi-implicit Euler   v' = v + h a,   x' = x + h v'     first order, keeps the energy of long motions
     RK4                   the classical scheme, fourth order, for reference
 
-with a = M^-1 f(x, v), f = -dE/dx + weight - (a M + b K) v, K the tangent at the start of the step, and a = v = 0 of
-fixed nodes [HairerLubichWanner2006]. Incompatible modes, which have no mass, follow the nodes in equilibrium.
+with a = M^-1 f(x, v), f = -dE/dx + weight - (a M + b K) v [HairerLubichWanner2006]; incompatible modes, which have no
+mass, follow the nodes in equilibrium. K is the tangent of the moment for RK4, else that at the start of the step.
+
+Constraints are exact, as for the implicit schemes:
+
+- A rigid body moves by its momentum and its angular momentum about the mass centre, p' = sum_i f_i and
+  S' = sum_i (x_i - C) x f_i (see `rigid_kernels`).
+- Driven nodes are, at each instant, where the joints put them, which move evenly from the start of a step to its end;
+  they have the velocity of that motion. Ghosts of a compliant clamp are driven, so their lack of mass does not matter.
+- The torque of a servo is what holds its frame at the end of the step against all forces on it, and what changed its
+  speed from that of the step before, I (w - w_before) / dt: in all steps together the whole angular impulse.
 """
 
 import math
@@ -13,17 +22,24 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.errors import StepError
-from tripod_sim.forces.solid_kernels import add_element_products
-from tripod_sim.integrators.stability import largest_eigenvalue, longest_part, longest_step
+from tripod_sim.constraints.groups import Kind
+from tripod_sim.constraints.rigid_kernels import Bodies
+from tripod_sim.errors import SceneError, StepError
+from tripod_sim.integrators import explicit_kernels as kernels
+from tripod_sim.integrators.force_kernels import ForceScratch, Load
+from tripod_sim.integrators.frequency import LargestFrequency
+from tripod_sim.integrators.stability import longest_part, longest_step
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.state import State
 from tripod_sim.system import System
 
 FloatArray = NDArray[np.float64]
 
-FIRST, LATER = 500, 10
-"""Products of the power iteration at the first step and at those after, which begin where the last one ended."""
+SCHEMES = {
+    "explicit_euler": kernels.EXPLICIT_EULER,
+    "semi_implicit_euler": kernels.SEMI_IMPLICIT_EULER,
+    "rk4": kernels.RK4,
+}
 
 MARGIN = 1.05
 """The largest frequency is that much above its estimate, which comes from below and belongs to the step's start."""
@@ -31,8 +47,8 @@ MARGIN = 1.05
 MOST_PARTS = 1_000_000
 """Of one step."""
 
-MODES = 1e-9
-"""Unbalanced force of incompatible modes, as a share of the nodes', at which they are in equilibrium."""
+THIN = 1e-9
+"""Smallest principal moment of inertia of a rigid body, as a share of its largest."""
 
 
 class ExplicitSolid:
@@ -44,54 +60,76 @@ class ExplicitSolid:
         """Prepare.
 
         Args:
-            system: Without inertia and damping of its own, rigid bodies or driven frames.
-            mass: Of nodes [kg], shape (n,), positive.
-            scheme: `semi_implicit_euler`, `explicit_euler` or `rk4`.
+            system: Without inertia and damping of its own.
+            mass: Of nodes [kg], shape (n,); positive of free nodes.
+            scheme: A name of `SCHEMES`.
             drag: a of the force -a M v [1/s].
             rayleigh: b of the force -b K v [s].
             divide: Whether a step is divided into stable parts; if not, instability shows.
+
+        Raises:
+            SceneError: the masses of a rigid body lie in a line.
         """
-        self._system, self._scheme, self._divide = system, scheme, divide
+        self._system, self._scheme, self._divide, self._mass = system, scheme, divide, mass
         self._drag, self._rayleigh = drag, rayleigh
-        self._mass = mass
-        self._inverse = 1.0 / mass[:, None]
-        self._inverse[system.groups.fixed] = 0.0
-        n = len(mass)
-        self._all = np.arange(len(system.solid.elements))
-        self._still = np.zeros((n, 3))
-        self._a, self._dx, self._dv, self._drag_force = np.zeros((4, n, 3))
-        self._vector: FloatArray | None = None
-        self._stage: State | None = None
+        self._frequency = LargestFrequency(system, mass)
+        self._solid = system.solid.arrays()
+        self._bodies, self._offset = _bodies(system, mass)
+        self._frames = _frames(system)
+        self._load = self._make_load()
+        n, s, b = len(mass), len(system.groups.driven), len(system.groups.rigid)
+        modes = system.solid.rest_modes()
+        rest = [modes, np.zeros((len(modes), 3 * modes.shape[1]))]
+        self._scratch = ForceScratch._make([*np.zeros((6, n, 3)), *rest])
+        turns = [np.zeros((b, 3)), np.zeros((b, 3, 3)), *np.zeros((3, b, 3)), np.zeros((4, b, 3))]
+        self._begin = kernels.Start._make([*np.zeros((4, n, 3)), *turns])
+        self._jerked, self._reduced = np.zeros(s), np.zeros(system.unknowns)
+        self._moving = mass.copy()  # of nodes whose motion is not prescribed
+        self._moving[system.driven] = 0.0
+        self._fall = 0.0
+        if system.gravity:
+            weight = (system.gravity.force**2).sum(axis=1)
+            self._fall = float(np.divide(weight, mass, out=np.zeros(n), where=mass > 0).sum())
         self._keep: State | None = None
         self._start_energy: float | None = None
-        self._largest = self._grew = 0.0
+        self._given = self._largest = 0.0
+        self._grew = 0
+
+    def _make_load(self) -> Load:
+        system, mass = self._system, self._mass
+        n, bed = len(mass), system.foundation
+        free = system.reduction.kind == Kind.FREE
+        inverse = np.divide(1.0, mass, out=np.zeros(n), where=free & (mass > 0))
+        none, indices = np.zeros((0, 6, 6)), np.zeros((0, 2), dtype=np.int64)
+        return Load(
+            np.zeros((n, 3)), mass, inverse, self._drag, self._rayleigh, self._scheme != "rk4",
+            bed.matrices if bed else none, bed.elements if bed else indices,
+            np.arange(len(bed.elements) if bed else 0), 0.0,
+        )  # fmt: skip
 
     def forget(self) -> None:
         """Measure growth and frequency anew from the next step on."""
-        self._vector = self._start_energy = None
+        self._start_energy = None
+        self._frequency.forget()
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
-        """Advance by `dt` [s], in place.
+        """Advance by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.
 
         Raises:
             StepError: an element turned inside out or a number overflowed; `state` is unchanged.
         """
-        if self._keep is None or self._stage is None:
-            self._keep, self._stage = state.copy(), state.copy()
+        if self._keep is None:
+            self._keep = state.copy()
         if self._start_energy is None:
-            start, live = self._energy(state)
-            self._start_energy, self._largest, self._grew = start, live, 0.0
+            self._start_energy, self._largest = self._energy(state, self._system.potentials(state)[0])
+            self._given, self._grew = 0.0, 0
         state.copy_to(self._keep)
         limit, part = self._limits(state)
         parts = max(1, math.ceil(dt / part)) if self._divide and part < np.inf else 1
         try:
             if parts > MOST_PARTS:
                 raise FloatingPointError(f"it would take {parts} parts of {part:.2g} s")
-            for _ in range(parts):
-                self._advance(state, self._stage, dt / parts)
-            total, live = self._energy(state)
-            if not math.isfinite(total):
-                raise FloatingPointError(self._culprit(state))
+            strain = self._advance(state, joints, dt, parts)
         except FloatingPointError as error:
             self._keep.copy_to(state)
             raise StepError(
@@ -100,15 +138,13 @@ class ExplicitSolid:
             ) from None
         state.time += dt
         state.step += 1
+        total, live = self._energy(state, strain)
         self._largest = max(self._largest, live)
-        growth = total - self._start_energy
-        fall = 0.0
-        if self._system.gravity:
-            fall = float((self._inverse * self._system.gravity.force**2).sum()) * dt**2
-        if self._grew or growth > 0.5 * self._largest + 2 * fall:
+        growth = total - self._start_energy - self._given
+        if self._grew or growth > 0.5 * self._largest + 2 * self._fall * dt**2:
             self._grew = self._grew or state.step
         return StepReport(
-            parts=parts, dt_limit=limit, growth=growth if self._grew else 0.0, grew_at=int(self._grew)
+            parts=parts, dt_limit=limit, growth=growth if self._grew else 0.0, grew_at=self._grew
         )
 
     def _limits(self, state: State) -> tuple[float, float]:
@@ -116,72 +152,62 @@ class ExplicitSolid:
         system = self._system
         if system.assemble(state, project=False) >= 0:
             system.assemble(state, project=True)
-        root = np.sqrt(self._inverse)
-        out = np.zeros_like(self._a)
-
-        def product(p: FloatArray) -> FloatArray:
-            out[:] = 0.0
-            add_element_products(system.solid.matrices, system.solid.elements, self._all, root * p, 1.0, out)
-            return root * out
-
-        first = self._vector is None
-        start = np.random.default_rng(0).standard_normal(out.shape) if self._vector is None else self._vector
-        value, self._vector = largest_eigenvalue(product, start, FIRST if first else LATER)
-        square = max(0.0, value) * MARGIN**2
+        square = self._frequency.squared(state) * MARGIN**2
         rate = self._drag + self._rayleigh * square
         omega = math.sqrt(square)
         return longest_step(self._scheme, omega, rate), longest_part(self._scheme, omega, rate)
 
-    def _accelerations(self, state: State) -> None:
-        """Write M^-1 f at `state`, its modes in equilibrium. Raises FloatingPointError where there is no force."""
-        system, solid = self._system, self._system.solid
-        phi = system.evaluate(state)
-        for _ in range(30):
-            g = system.gradient
-            if not math.isfinite(phi) or solid.mode_residual_squared <= MODES**2 * float(np.vdot(g, g)):
-                break
-            solid.advance_modes(state.modes, self._still, 1.0, state.modes)
-            phi = system.evaluate(state)
-        if not math.isfinite(phi):
+    def _advance(self, state: State, joints: FloatArray, dt: float, parts: int) -> float:
+        """Move `state`, write torques and the work done; return the strain energy [J], or raise FloatingPointError."""
+        system, bodies, frames, scratch = self._system, self._bodies, self._frames, self._scratch
+        bodies.turn[:] = state.rotations
+        bodies.centre[:] = state.centres + np.einsum("bij,bj->bi", state.rotations, self._offset)
+        frames.joints[:] = state.joints
+        np.subtract(joints, state.joints, out=frames.rates)
+        frames.rates[:] /= dt
+        constant = self._load.constant
+        constant[:] = 0.0
+        if system.gravity:
+            constant -= system.gravity.force
+        if system.loads:
+            constant -= system.loads.force
+        self._measure_jerk(state, dt)
+        largest = float(np.abs(self._solid.matrices).max(initial=0.0) * np.abs(state.positions).max())
+        load = self._load._replace(floor=(1e-6 * largest) ** 2)
+        done, strain, work = kernels.explicit_parts(
+            SCHEMES[self._scheme], parts, dt / parts, state.positions, state.velocities, state.modes, self._solid,
+            load, frames, bodies, scratch, self._begin,
+        )  # fmt: skip
+        if done < parts:
             raise FloatingPointError(self._culprit(state))
-        np.multiply(system.gradient, -self._inverse, out=self._a)
-        if self._rayleigh > 0.0:
-            self._drag_force[:] = 0.0
-            add_element_products(
-                solid.matrices, solid.elements, self._all, state.velocities, self._rayleigh, self._drag_force
-            )
-            self._a -= self._inverse * self._drag_force
-        if self._drag > 0.0:
-            self._a -= self._drag * state.velocities
+        R = bodies.turn
+        state.rotations[:] = 1.5 * R - 0.5 * np.einsum("bij,bkj,bkl->bil", R, R, R)  # the nearest rotation
+        state.centres[:] = bodies.centre - np.einsum("bij,bj->bi", state.rotations, self._offset)
+        system.drive(state, joints)
+        system.update_levers(state)
+        system.reduction.gradient(scratch.gradient, system.lever, system.axes, self._reduced, system.torques)
+        system.torques += self._jerked
+        self._given += work
+        if system.loads:
+            moved = state.positions - self._keep.positions if self._keep else 0.0
+            self._given += float(np.vdot(system.loads.force, moved))
+        return strain
 
-    def _advance(self, state: State, stage: State, h: float) -> None:
-        x, v = state.positions, state.velocities
-        self._accelerations(state)
-        if self._scheme == "semi_implicit_euler":
-            v += h * self._a
-            x += h * v
+    def _measure_jerk(self, state: State, dt: float) -> None:
+        """Write the torques that change the speed of the frames from that of the last step to that of this one."""
+        frames = self._frames
+        if not len(frames.nodes):
             return
-        if self._scheme == "explicit_euler":
-            x += h * v
-            v += h * self._a
-            return
-        self._dx[:], self._dv[:] = v, self._a
-        stage.modes[:] = state.modes
-        stage.positions[:], stage.velocities[:] = x + 0.5 * h * v, v + 0.5 * h * self._a
-        for weight, reach in ((2.0, 0.5 * h), (2.0, h), (1.0, 0.0)):
-            self._accelerations(stage)
-            self._dx += weight * stage.velocities
-            self._dv += weight * self._a
-            stage.positions[:] = x + reach * stage.velocities
-            stage.velocities[:] = v + reach * self._a
-        state.modes[:] = stage.modes
-        x += h / 6 * self._dx
-        v += h / 6 * self._dv
+        angle, rate = frames.joints[frames.frame, None], frames.rates[frames.frame, None]
+        turning = np.cos(angle) * frames.sine - np.sin(angle) * frames.cosine
+        change = rate * turning + frames.rates[-1] * frames.inward - state.velocities[frames.nodes]
+        torque = self._mass[frames.nodes] * (turning * change).sum(axis=1) / dt
+        self._jerked[:] = np.bincount(frames.frame, torque, minlength=len(self._jerked))
 
-    def _energy(self, state: State) -> tuple[float, float]:
-        """Return the whole energy and that of motion and strain [J]."""
-        kinetic = 0.5 * float(self._mass @ (state.velocities**2).sum(axis=1))
-        strain, gravity = self._system.potentials(state)
+    def _energy(self, state: State, strain: float) -> tuple[float, float]:
+        """Return the whole energy and that of motion and strain [J]; nodes of driven frames have no part in motion."""
+        kinetic = 0.5 * float(self._moving @ (state.velocities**2).sum(axis=1))
+        gravity = self._system.gravity.energy(state.positions) if self._system.gravity else 0.0
         return kinetic + strain + gravity, kinetic + strain
 
     def _culprit(self, state: State) -> str:
@@ -189,3 +215,43 @@ class ExplicitSolid:
             return "a number is not finite"
         element, ratio = self._system.solid.worst_element(state.positions, state.modes)
         return f"element {element} is turned inside out or crushed (volume ratio {ratio:.3g})"
+
+
+def _bodies(system: System, mass: FloatArray) -> tuple[Bodies, FloatArray]:
+    """Return the rigid bodies, and C - c of each, undeformed, c the mean of its nodes [m], shape (b, 3)."""
+    rest, rigid = system.rest, system.groups.rigid
+    b = len(rigid)
+    masses, inverses, offsets, arms = np.zeros(b), np.zeros((b, 3, 3)), np.zeros((b, 3)), []
+    for i, nodes in enumerate(rigid):
+        m = mass[nodes]
+        masses[i] = m.sum()
+        centre = m @ rest[nodes] / masses[i]
+        offsets[i] = centre - rest[nodes].mean(axis=0)
+        arm = rest[nodes] - centre
+        inertia = (m @ (arm**2).sum(axis=1)) * np.eye(3) - (arm * m[:, None]).T @ arm
+        moments = np.linalg.eigvalsh(inertia)
+        if not moments[0] > THIN * moments[-1]:
+            raise SceneError(
+                f"the masses of rigid body {i} ({len(nodes)} nodes) lie in a line, about which they have no inertia; "
+                "an explicit inertia.scheme needs it: enlarge effector.radius or choose one of: implicit_euler, bdf2, "
+                "tr_bdf2"
+            )
+        inverses[i] = np.linalg.inv(inertia)
+        arms.append(arm)
+    members = np.concatenate([*rigid, np.zeros(0, dtype=np.int64)])
+    owner = np.repeat(np.arange(b), [len(nodes) for nodes in rigid])
+    arm = np.concatenate([*arms, np.zeros((0, 3))])
+    moving = np.zeros((6, b, 3))
+    parts = [members, owner, arm, masses, inverses, moving[0], np.zeros((b, 3, 3)), *moving[1:]]
+    return Bodies._make(parts), offsets
+
+
+def _frames(system: System) -> kernels.Frames:
+    """Return the driven frames."""
+    driven = system.groups.driven
+    s = len(driven)
+    nodes = np.concatenate([*(f.nodes for f in driven), np.zeros(0, dtype=np.int64)])
+    frame = np.repeat(np.arange(s), [len(f.nodes) for f in driven])
+    swings = [(*f.swing(system.rest[f.nodes]), np.tile(f.inward, (len(f.nodes), 1))) for f in driven]
+    swing = [np.concatenate([*(part[k] for part in swings), np.zeros((0, 3))]) for k in range(4)]
+    return kernels.Frames._make([nodes, frame, *swing, np.zeros(s + 1), np.zeros(s + 1)])

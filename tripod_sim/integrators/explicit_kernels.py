@@ -1,0 +1,217 @@
+"""Compiled parts of an explicit step of a solid: forces, driven frames, rigid bodies, the three schemes.
+
+The unknowns are the free nodes and the bodies (mass centre, rotation, momentum, angular momentum); the nodes of driven
+frames are where the joints put them at each instant and move with their velocity.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from tripod_sim.constraints.rigid_kernels import (
+    Bodies,
+    add_up,
+    carry,
+    drift,
+    read_bodies,
+    rotation_rate,
+    spin,
+    turned,
+)
+from tripod_sim.forces.solid_arrays import SolidArrays
+from tripod_sim.integrators.force_kernels import ForceScratch, Load, begin, evaluate, power
+
+Array = Any
+
+EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
+
+
+class Frames(NamedTuple):
+    """Driven frames: x = centre + cos(angle) cosine + sin(angle) sine + slide inward.
+
+    nodes (k,): driven nodes; frame (k,): whose; centre, cosine, sine, inward (k, 3) [m]; joints (s + 1,): angles [rad]
+    and slide [m] at the start of the step; rates (s + 1,): theirs over the step [rad/s, m/s].
+    """
+
+    nodes: Array
+    frame: Array
+    centre: Array
+    cosine: Array
+    sine: Array
+    inward: Array
+    joints: Array
+    rates: Array
+
+
+class Start(NamedTuple):
+    """Of RK4: nodes and bodies at the start of a part, and sums of rates over its stages.
+
+    x, v, sum_x, sum_v (n, 3); centre (b, 3), turn (b, 3, 3), velocity, angular (b, 3); way (b, 3): rotation since the
+    start; sums (4, b, 3): of the rates of centre, velocity, angular momentum and `way`.
+    """
+
+    x: Array
+    v: Array
+    sum_x: Array
+    sum_v: Array
+    centre: Array
+    turn: Array
+    velocity: Array
+    angular: Array
+    way: Array
+    sums: Array
+
+
+@njit(cache=True, error_model="numpy")
+def drive(frames: Frames, time: float, x: Array, v: Array) -> None:
+    """Write positions and velocities (n, 3) of the driven nodes `time` [s] after the start of the step."""
+    slide, slide_rate = frames.joints[-1] + time * frames.rates[-1], frames.rates[-1]
+    for k in range(frames.nodes.shape[0]):
+        n, s = frames.nodes[k], frames.frame[k]
+        angle, rate = frames.joints[s] + time * frames.rates[s], frames.rates[s]
+        c, d = np.cos(angle), np.sin(angle)
+        for i in range(3):
+            u, w, inward = frames.cosine[k, i], frames.sine[k, i], frames.inward[k, i]
+            x[n, i] = frames.centre[k, i] + c * u + d * w + slide * inward
+            v[n, i] = rate * (c * w - d * u) + slide_rate * inward
+
+
+@njit(cache=True, error_model="numpy")
+def _euler(
+    semi_implicit: bool,
+    h: float,
+    time: float,
+    x: Array,
+    v: Array,
+    load: Load,
+    frames: Frames,
+    bodies: Bodies,
+    g: Array,
+) -> None:
+    """Make one part from forces -g; `time` [s] is its end."""
+    add_up(g, x, bodies)
+    for n in range(x.shape[0]):
+        inverse = load.inverse[n]
+        if inverse > 0.0:
+            for i in range(3):
+                old = v[n, i]
+                v[n, i] = old - h * inverse * g[n, i]
+                x[n, i] += h * (v[n, i] if semi_implicit else old)
+    if not semi_implicit:
+        _follow(bodies, h)
+    for b in range(bodies.mass.shape[0]):
+        for i in range(3):
+            bodies.velocity[b, i] += h / bodies.mass[b] * bodies.force[b, i]
+            bodies.angular[b, i] += h * bodies.moment[b, i]
+    if semi_implicit:
+        drift(bodies, h)
+    else:
+        for b in range(bodies.mass.shape[0]):
+            spin(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
+    drive(frames, time, x, v)
+    carry(bodies, x, v)
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(bodies: Bodies, h: float) -> None:
+    """Move the bodies with the velocity and spin that they have: C' = C + h V, R' = exp(h w) R."""
+    after = np.empty((3, 3))
+    for b in range(bodies.mass.shape[0]):
+        for i in range(3):
+            bodies.centre[b, i] += h * bodies.velocity[b, i]
+        turned(h * bodies.spin[b], bodies.turn[b], after)
+        bodies.turn[b] = after
+
+
+@njit(cache=True, error_model="numpy")
+def _runge_kutta(
+    h: float, time: float, x: Array, v: Array, modes: Array, solid: SolidArrays, load: Load, frames: Frames,
+    bodies: Bodies, scratch: ForceScratch, s: Start,
+) -> float:  # fmt: skip
+    """Make one part from `time` [s] by the classical scheme; return the work of the frames [J], not finite if it fails.
+
+    Bodies turn by R = exp([p]x) R_0, and p is integrated as x is [HairerLubichWanner2006, chapter IV.8].
+    """
+    g, rate, step = scratch.gradient, np.empty(3), np.empty(4)
+    s.x[:], s.v[:], s.sum_x[:], s.sum_v[:], s.sums[:], s.way[:] = x, v, 0.0, 0.0, 0.0, 0.0
+    s.centre[:], s.turn[:] = bodies.centre, bodies.turn
+    s.velocity[:], s.angular[:] = bodies.velocity, bodies.angular
+    count, work = bodies.mass.shape[0], 0.0
+    for stage in range(5):
+        weight = 2.0 if stage in (1, 2) else 1.0
+        reach = 0.5 * h if stage < 2 else h
+        if stage < 4:
+            if not np.isfinite(evaluate(x, v, modes, solid, load, scratch)):
+                return np.inf
+            work += h / 6.0 * weight * power(g, v, frames.nodes)
+            add_up(g, x, bodies)
+        for n in range(x.shape[0]):
+            inverse = load.inverse[n]
+            if inverse > 0.0:
+                for i in range(3):
+                    if stage < 4:
+                        dx, dv = v[n, i], -inverse * g[n, i]
+                        s.sum_x[n, i] += weight * dx
+                        s.sum_v[n, i] += weight * dv
+                        x[n, i], v[n, i] = s.x[n, i] + reach * dx, s.v[n, i] + reach * dv
+                    else:
+                        x[n, i] = s.x[n, i] + h / 6.0 * s.sum_x[n, i]
+                        v[n, i] = s.v[n, i] + h / 6.0 * s.sum_v[n, i]
+        for b in range(count):
+            far = reach if stage < 4 else h / 6.0
+            if stage < 4:
+                rotation_rate(s.way[b], bodies.spin[b], rate)
+            for i in range(3):
+                if stage < 4:
+                    step[0], step[1] = bodies.velocity[b, i], bodies.force[b, i] / bodies.mass[b]
+                    step[2], step[3] = bodies.moment[b, i], rate[i]
+                    for k in range(4):
+                        s.sums[k, b, i] += weight * step[k]
+                else:
+                    step[:] = s.sums[:, b, i]
+                bodies.centre[b, i] = s.centre[b, i] + far * step[0]
+                bodies.velocity[b, i] = s.velocity[b, i] + far * step[1]
+                bodies.angular[b, i] = s.angular[b, i] + far * step[2]
+                s.way[b, i] = far * step[3]
+            turned(s.way[b], s.turn[b], bodies.turn[b])
+            spin(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
+        if stage != 3:
+            drive(frames, time + reach, x, v)
+            carry(bodies, x, v)
+    return work
+
+
+@njit(cache=True, error_model="numpy")
+def explicit_parts(
+    scheme: int, parts: int, h: float, x: Array, v: Array, modes: Array, solid: SolidArrays, load: Load, frames: Frames,
+    bodies: Bodies, scratch: ForceScratch, start: Start,
+) -> tuple[int, float, float]:  # fmt: skip
+    """Advance a body by `parts` parts of `h` [s], in place; the modes' X and K_aa^-1 are those of the start.
+
+    Returns:
+        Parts made, all unless a force or a number ceased to exist; strain energy at the end [J]; work of the frames on
+        the body [J], to second order in h for the schemes of Euler. `scratch.gradient` is minus the force at the end.
+    """
+    begin(x, solid, scratch)
+    read_bodies(x, v, load.mass, bodies)
+    drive(frames, 0.0, x, v)
+    carry(bodies, x, v)
+    g, work, first = scratch.gradient, 0.0, 0.0
+    for part in range(parts):
+        if scheme == RK4:
+            done = _runge_kutta(h, part * h, x, v, modes, solid, load, frames, bodies, scratch, start)
+            if not np.isfinite(done):
+                return part, np.inf, work
+            work += done
+            continue
+        if not np.isfinite(evaluate(x, v, modes, solid, load, scratch)):
+            return part, np.inf, work
+        now = power(g, v, frames.nodes)
+        first = now if part == 0 else first
+        work += h * now
+        _euler(scheme == SEMI_IMPLICIT_EULER, h, (part + 1) * h, x, v, load, frames, bodies, g)
+    strain = evaluate(x, v, modes, solid, load, scratch)
+    if scheme != RK4:
+        work += 0.5 * h * (power(g, v, frames.nodes) - first)
+    return (parts if np.isfinite(strain) else parts - 1), strain, work
