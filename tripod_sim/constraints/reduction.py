@@ -140,6 +140,12 @@ class Reduction:
         """Write the first-order move of free and rigid nodes for a step of the unknowns; others stay."""
         _moves(solution, lever, self.kind, self.base, out)
 
+    def unknown_name(self, index: int) -> str:
+        """Return in words what the unknown `index` belongs to."""
+        if index < 3 * self.free_count:
+            return f"node {self.free[index // 3]}"
+        return f"rigid body {(index - 3 * self.free_count) // 6}"
+
 
 @njit(cache=True, error_model="numpy")
 def _gradient(

@@ -209,8 +209,4 @@ class Newton:
         return f"element {element} is turned inside out or crushed (volume ratio {ratio:.3g})"
 
     def _largest(self) -> str:
-        reduction = self.system.reduction
-        index = int(np.argmax(np.abs(self.system.residual)))
-        if index < 3 * reduction.free_count:
-            return f"node {reduction.free[index // 3]}"
-        return f"rigid body {(index - 3 * reduction.free_count) // 6}"
+        return self.system.reduction.unknown_name(int(np.argmax(np.abs(self.system.residual))))
