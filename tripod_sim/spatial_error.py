@@ -1,0 +1,134 @@
+"""Estimate of the error that the mesh makes: the same static state on a mesh twice as fine.
+
+A quantity Q that a mesh of element length h gets wrong by C h^p, to leading order, is wrong by 2^-p of that on the mesh
+with every edge halved, so that
+
+    Q_exact - Q_h = (Q_h/2 - Q_h) / (1 - 2^-p)
+
+[Richardson1911]. Where strips are clamped the stress is singular, at the edge of a sharp clamp and, weaker, at that of
+a bedding; quantities of the whole body then converge with p = 1 whatever the element, which is what is assumed. That
+says nothing about the law of the material, the clamp, or the time steps (`time_error`).
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from tripod_sim.errors import SceneError
+from tripod_sim.scene import Scene
+from tripod_sim.simulation import Simulation
+
+FloatArray = NDArray[np.float64]
+
+ORDER = 1
+"""p."""
+
+OF_MOTION = (
+    "inertia",
+    "damping",
+    "servo_dynamics",
+    "ball",
+    "sleep",
+    "time_error",
+    "contact",
+    "obstacles",
+    "rigid",
+    "reduced",
+)
+"""Effects that a static state has not, or that would not be the same on two meshes."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialError:
+    """How far a mesh is from the exact solution of its equations, in one static state; each value estimated.
+
+    Attributes:
+        effector: Exact minus computed position of the effector's centre [m], shape (3,); None without an effector.
+        largest: Largest distance of a node from where it should be [m].
+        node: That node.
+        strain: Exact minus computed strain energy [J].
+        torques: Exact minus computed torques of the servos [N m], shape (s,).
+        position: Computed position of the effector [m], shape (3,), or None.
+        strain_computed: Computed strain energy [J].
+        torques_computed: Computed torques [N m], shape (s,).
+        unknowns: Of the mesh, and of that with every edge halved.
+    """
+
+    effector: FloatArray | None
+    largest: float
+    node: int
+    strain: float
+    torques: FloatArray
+    position: FloatArray | None
+    strain_computed: float
+    torques_computed: FloatArray
+    unknowns: tuple[int, int]
+
+
+def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialError:
+    """Return the estimated error of a scene's mesh in the static equilibrium at given joints.
+
+    Both states are computed from the undeformed shape; the finer one has about eight times as many elements and takes
+    ten to a hundred times as long as the scene's own.
+
+    Args:
+        scene: Its effects of motion, balls and contact are left out.
+        joints: Angles [rad] and slide [m], shape (s + 1,); None takes those at which the scene starts.
+
+    Raises:
+        SceneError: the scene is of springs, nothing holds it, its mesh cannot be halved once more, or `joints` do not
+            fit.
+        StepError: one of the two meshes has no equilibrium there.
+    """
+    if scene.springs or not scene.mesh:
+        raise SceneError("springs have no mesh that could be finer: a scene of springs has no spatial error")
+    if not (scene.servos or scene.fixed):
+        raise SceneError(
+            "nothing holds the body (no servos, no fixed box), so it has no static state to estimate"
+        )
+    if joints is not None:
+        scene = _posed(scene, np.asarray(joints, dtype=float))
+    present = {f.name for f in fields(scene)}
+    empty = {name: () if name in ("obstacles", "rigid") else None for name in OF_MOTION if name in present}
+    still = replace(scene, **empty)
+    halved = replace(still, mesh=replace(scene.mesh, refine=scene.mesh.refine + 1))
+    coarse, fine = _settled(still), _settled(halved)
+    share = 1 / (1 - 0.5**ORDER)
+    apart, same = cKDTree(fine.mesh.nodes).query(coarse.mesh.nodes)
+    size = float(np.ptp(coarse.mesh.nodes, axis=0).max())
+    moved = np.where((apart < 1e-6 * size)[:, None], fine.positions[same] - coarse.positions, 0.0)
+    distance = share * np.sqrt((moved**2).sum(axis=1))
+    node = int(np.argmax(distance))
+    ends = [s.effector.position if s.effector else None for s in (coarse, fine)]
+    energies = [s.energies().strain for s in (coarse, fine)]
+    return SpatialError(
+        effector=share * (ends[1] - ends[0]) if ends[0] is not None and ends[1] is not None else None,
+        largest=float(distance[node]),
+        node=node,
+        strain=share * (energies[1] - energies[0]),
+        torques=share * (fine.torques - coarse.torques),
+        position=ends[0],
+        strain_computed=energies[0],
+        torques_computed=coarse.torques.copy(),
+        unknowns=(coarse.unknowns, fine.unknowns),
+    )
+
+
+def _posed(scene: Scene, joints: FloatArray) -> Scene:
+    """Return the scene with its servos at `joints`."""
+    count = 4 if scene.servos else 1
+    if joints.shape != (count,) or not np.isfinite(joints).all():
+        raise SceneError(f"joints are {joints.tolist()}; the scene needs {count} finite values")
+    if not scene.servos:
+        return scene
+    a, b, c, slide = joints.tolist()
+    return replace(scene, servos=replace(scene.servos, angles=(a, b, c), slide=slide))
+
+
+def _settled(scene: Scene) -> Simulation:
+    """Return the scene in static equilibrium."""
+    simulation = Simulation(scene)
+    simulation.step()
+    return simulation
