@@ -12,7 +12,7 @@ from tripod_sim import Simulation, load_scene
 from tripod_sim.build import build
 from tripod_sim.reduced import store
 from tripod_sim.reduced.basis import Basis, free_rows
-from tripod_sim.reduced.fit import static_lift
+from tripod_sim.reduced.fit import rest_stiffness, static_lift
 from tripod_sim.scene import Scene
 from tripod_sim.system import System
 
@@ -54,8 +54,9 @@ def whole_basis(scene: Scene, parts: object) -> Basis:
     found = build(replace(scene, reduced=None, inertia=None, damping=None))
     assert isinstance(found.system, System)
     free = free_rows(found.system.groups)
+    lift = static_lift(found.system, rest_stiffness(found.system))
     shapes = np.diag(np.repeat(found.mass, 3)[free] ** -0.5)
-    return Basis(static_lift(found.system), shapes, np.ones(len(found.system.solid.elements)), 1.0)
+    return Basis(lift, shapes, np.ones(len(found.system.solid.elements)), 1.0)
 
 
 CASES = {

@@ -40,24 +40,3 @@ def free_rows(groups: Groups) -> NDArray[np.int64]:
     """Return the rows of free nodes in arrays of shape (3 n,)."""
     free = np.flatnonzero(groups.kinds()[0] == Kind.FREE)
     return (3 * free[:, None] + np.arange(3)).ravel()
-
-
-def orthonormal(snapshots: FloatArray, mass: FloatArray, most: int) -> FloatArray:
-    """Return the shapes that represent `snapshots` best: proper orthogonal decomposition, greatest first.
-
-    They minimise the sum of the squared errors in the norm of the mass [Sirovich1987].
-
-    Args:
-        snapshots: Columns, shape (3 f, k).
-        mass: Of each row [kg], positive, shape (3 f,).
-        most: Number of shapes.
-
-    Returns:
-        Shape (3 f, at most `most`), orthonormal with respect to the mass [kg^-1/2].
-    """
-    root = np.sqrt(mass)[:, None]
-    left, values, _ = np.linalg.svd(root * snapshots, full_matrices=False)
-    rank = int((values > 1e-10 * values[0]).sum()) if len(values) else 0
-    shapes = left[:, : min(most, rank)] / root
-    largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    return np.ascontiguousarray(shapes * np.where(largest < 0, -1.0, 1.0))

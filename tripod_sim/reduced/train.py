@@ -1,6 +1,7 @@
 """Trains a basis: snapshots of the full model, lift and shapes, sampled elements."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,15 +23,23 @@ def train(scene: Scene, progress: Callable[[float], None] = lambda _: None) -> B
     Raises:
         SceneError: the training cannot be made as the scene asks.
     """
-    return basis_of(scene, take(scene, progress))
+    return basis_of(
+        scene, take(scene, lambda part: progress(0.8 * part)), lambda part: progress(0.8 + 0.2 * part)
+    )
 
 
-def basis_of(scene: Scene, snapshots: Snapshots) -> Basis:
+def basis_of(scene: Scene, snapshots: Snapshots, progress: Callable[[float], None] = lambda _: None) -> Basis:
     """Return a basis for `scene`, with `reduced`, from its snapshots. Raises SceneError if they have too few shapes."""
     assert scene.reduced
     parts = build(training_scene(scene))
-    system = parts.system
+    system, tolerance = parts.system, scene.reduced.tolerance
     assert isinstance(system, System)
     lift, shapes = fit(system, parts.mass, snapshots, scene.reduced.modes)
-    weights = np.ones(len(system.solid.elements))
-    return Basis(lift, shapes, weights, len(snapshots.poses) / scene.reduced.samples)
+    share = len(snapshots.poses) / scene.reduced.samples
+    basis = Basis(lift, shapes, np.ones(len(system.solid.elements)), share)
+    if tolerance > 0:
+        from tripod_sim.reduced.sampling import sampled_weights  # noqa: PLC0415 - only with hyper-reduction
+
+        weights = sampled_weights(system, parts.mass, basis, snapshots.poses, tolerance, progress)
+        basis = replace(basis, weights=weights)
+    return basis

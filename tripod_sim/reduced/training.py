@@ -22,7 +22,7 @@ from tripod_sim.system import System
 
 FloatArray = NDArray[np.float64]
 
-FORCE, TURN = 0.1, 0.05
+FORCE, TURN = 0.01, 0.005
 """Of the loads on the effector [N] (the moments have the disc's radius as lever) and of the servos' turns [rad] whose
 first-order responses are learned."""
 
