@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tripod_sim import Simulation, load_scene
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.materials.lame import lame_constants
-from tripod_sim.robot.arms import effector_disc
+from tripod_sim.robot.disc import effector_disc
 from tripod_sim.scene import Scene
 
 FloatArray = NDArray[np.float64]

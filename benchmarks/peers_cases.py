@@ -19,7 +19,8 @@ from tripod_sim import load_scene
 from tripod_sim.mesh.convert import convert_hexahedra
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
-from tripod_sim.robot.arms import effector_disc, servo_arms
+from tripod_sim.robot.arms import servo_arms
+from tripod_sim.robot.disc import effector_disc
 from tripod_sim.scene import Effector, Servos
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.build import spring_body

@@ -23,7 +23,7 @@ from numpy.typing import NDArray  # noqa: E402
 from benchmarks.blocks import Block, block, brick  # noqa: E402
 from tripod_sim import Simulation, StepError, load_scene  # noqa: E402
 from tripod_sim.integrators.substeps import StepReport  # noqa: E402
-from tripod_sim.robot.arms import effector_disc  # noqa: E402
+from tripod_sim.robot.disc import effector_disc  # noqa: E402
 
 FloatArray = NDArray[np.float64]
 

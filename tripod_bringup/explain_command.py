@@ -3,7 +3,7 @@
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from tripod_sim.explain.report import Explanation, Progress
+    from tripod_sim.spatial_error import SpatialError
 
 HELP = (
     "Show what a scene costs here: the stages of a step, memory, and what is switched off and would cost.\n\n"
@@ -75,17 +76,31 @@ def explain_command(
     """Measure, print and return the exit code: 0, 2 bad arguments, 1 a step cannot be made."""
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415 - not needed for the help
     from tripod_sim.explain.report import explain  # noqa: PLC0415
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
+    estimated: SpatialError | None = None
     try:
         with progress_note(shown=not quiet and sys.stderr.isatty()) as progress:
+            if error:  # first: what has no static state is told at once
+                from tripod_sim.spatial_error import spatial_error  # noqa: PLC0415 - only where it is asked for
+
+                if progress:
+                    progress(0.0, "solving on a finer mesh")
+                estimated = spatial_error(load_scene(scene, overrides))
             found = explain(scene, overrides, at=at, costs=costs, progress=progress)
     except (SceneError, StepError) as problem:
         print("tripod explain: " + " ".join(str(problem).split()), file=sys.stderr)
         return BAD_ARGUMENTS if isinstance(problem, SceneError) else FAILED
     if as_json:
-        print(json.dumps(plain(as_table(found))))
-    else:
-        show(found)
+        table = as_table(found)
+        if estimated:
+            table["spatial_error"] = asdict(estimated)
+        print(json.dumps(plain(table)))
+        return 0
+    show(found)
+    if estimated:
+        for line in error_lines(estimated):
+            print(line)
     return 0
 
 
@@ -119,21 +134,24 @@ def as_table(found: "Explanation") -> dict[str, Any]:
 def show(found: "Explanation") -> None:
     """Print everything for people."""
     from rich.console import Console  # noqa: PLC0415
+    from rich.markup import escape  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
 
-    console = Console()
+    console = Console(highlight=False)
+
+    def say(text: str) -> None:
+        console.print(text, soft_wrap=True)
+
     scene, step, size = found.scene, found.step, found.size
     factor = scene.dt / step.mean if step.mean > 0 else math.inf
-    console.print(
-        f"[bold]{scene.name}[/]: a step of {1e3 * scene.dt:g} ms takes {_micro(step.mean)} µs (noise "
+    say(
+        f"[bold]{escape(scene.name)}[/]: a step of {1e3 * scene.dt:g} ms takes {_micro(step.mean)} µs (noise "
         f"{_micro(step.noise)} µs), {factor:.3g} times real time; {found.count} steps from "
-        f"{found.first:.3g} s on",
-        highlight=False,
+        f"{found.first:.3g} s on"
     )
     if found.looped is not None:
-        console.print(
-            f"many steps in one call: {_micro(found.looped)} µs each, {scene.dt / found.looped:.3g} times real time",
-            highlight=False,
+        say(
+            f"many steps in one call: {_micro(found.looped)} µs each, {scene.dt / found.looped:.3g} times real time"
         )
     table = _columns("stage", "µs", "%", "calls", table=Table)
     for stage in found.stages:
@@ -141,34 +159,60 @@ def show(found: "Explanation") -> None:
         table.add_row(stage.name, _micro(stage.seconds), f"{100 * stage.seconds / step.mean:.1f}", calls)
     table.add_row("[bold]step[/]", _micro(step.mean), "100.0", "")
     console.print(table)
-    console.print(
+    say(
         f"{size.unknowns} unknowns, {size.nodes} nodes, {size.elements} elements"
         + (f", {size.nonzeros} nonzeros of the Hessian's upper triangle" if size.nonzeros else "")
         + (f", {size.factor_entries} of its factor" if size.factor_entries else "")
-        + f"; built in {found.build:.3g} s",
-        highlight=False,
+        + f"; built in {found.build:.3g} s"
     )
     table = _columns("memory", "kB", table=Table)
     for part, count in found.memory.items():
         table.add_row(part, f"{count / 1e3:.1f}")
     table.add_row("[bold]all arrays[/]", f"{sum(found.memory.values()) / 1e3:.1f}")
     console.print(table)
-    console.print(f"effects: {', '.join(found.named) or 'none'}", highlight=False)
+    say(f"effects: {', '.join(found.named) or 'none'}")
     _show_absent(found, console, Table)
+
+
+def error_lines(found: "SpatialError") -> list[str]:
+    """Return the estimated error of a mesh for people: exact minus computed, in the static state at the start."""
+    lines = [
+        f"error of the mesh, estimated by one twice as fine ({found.unknowns[0]} and {found.unknowns[1]} unknowns), "
+        "in the static state at the start:"
+    ]
+    if found.effector is not None and found.position is not None:
+        lines.append(
+            f"  effector  {_three(found.effector, 1e3)} mm, computed {_three(found.position, 1e3)} mm"
+        )
+    lines.append(f"  largest   {1e3 * found.largest:.3g} mm, at node {found.node}")
+    lines.append(
+        f"  strain energy  {1e3 * found.strain:.3g} mJ, computed {1e3 * found.strain_computed:.4g} mJ"
+    )
+    if len(found.torques):
+        lines.append(
+            f"  torques   {_three(found.torques, 1)} N m, computed {_three(found.torques_computed, 1)} N m"
+        )
+    return lines
+
+
+def _three(values: Iterable[float], scale: float) -> str:
+    return ", ".join(f"{scale * v:.3g}" for v in values)
 
 
 def _show_absent(found: "Explanation", console: "Console", kind: "type[Table]") -> None:
     """Print what is switched off and what it would cost."""
+    from rich.markup import escape  # noqa: PLC0415
+
     if not found.absent:
         return
     table = _columns("switched off", "µs more", "switched on by --set", table=kind)
     table.columns[2].justify, table.columns[2].overflow = "left", "fold"
     for cost in found.absent:
         if cost.seconds is None:
-            table.add_row(cost.effect, "-", cost.why_not)
+            table.add_row(cost.effect, "-", escape(cost.why_not))
         else:
             noise = " (noise)" if abs(cost.seconds) <= cost.noise else ""
-            table.add_row(cost.effect, _micro(cost.seconds) + noise, " ".join(cost.words).replace("[", "\\["))
+            table.add_row(cost.effect, _micro(cost.seconds) + noise, escape(" ".join(cost.words)))
     console.print(table)
 
 

@@ -37,6 +37,8 @@ TABLE: dict[str, Effect] = {
             "integrators.stage",
             "integrators.explicit",
             "integrators.explicit_kernels",
+            "integrators.force_kernels",
+            "integrators.frequency",
         ),
         ("inertia", "stability limit", "explicit parts"),
     ),
@@ -58,7 +60,8 @@ TABLE: dict[str, Effect] = {
             "contact.rigid_shapes",
             "contact.rigid_start",
             "contact.rigid_system",
-        )
+        ),
+        words=("rigid=[{position=[0.0, 0.0, 1.0]}]",),
     ),
     "time_error": Effect(("integrators.time_error", "integrators.auto_steps"), ("time error",)),
     "reduced": Effect(("reduced", "linear.dense"), ("reduced",)),

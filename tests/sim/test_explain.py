@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.explain import sampling, stopwatch
+from tripod_sim.explain import sampling
 from tripod_sim.explain.costs import switched_on
 from tripod_sim.explain.memory import memory, size
 from tripod_sim.explain.objects import owned, walk
-from tripod_sim.explain.report import explain
+from tripod_sim.explain.report import _in_place, explain
 from tripod_sim.explain.sampling import Sampler, estimate, swing
 from tripod_sim.explain.stages import OTHER, STAGES, time_stages
 from tripod_sim.explain.stopwatch import Stopwatch
@@ -52,10 +52,9 @@ class Worker:
         raise ValueError
 
 
-def test_each_stage_counts_without_the_stages_below_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_stage_counts_without_the_stages_below_it() -> None:
     clock = Clock()
-    monkeypatch.setattr(stopwatch, "perf_counter", clock)
-    worker, watch = Worker(clock), Stopwatch("other")
+    worker, watch = Worker(clock), Stopwatch("other", clock)
     watch.wrap(worker, "outer", "outer")
     watch.wrap(worker, "inner", "inner")
     watch.wrap(worker, "inner", "never: it is wrapped already")
@@ -78,18 +77,22 @@ def test_each_stage_counts_without_the_stages_below_it(monkeypatch: pytest.Monke
     assert watch.calls == [0, 0, 1, 1]
 
 
-def test_what_timing_costs_is_taken_off() -> None:
-    watch = Stopwatch("other")
+def test_what_timing_costs_is_counted_by_stage() -> None:
+    watch, worker = Stopwatch("other"), Worker(Clock())
     watch.measure_itself()
-    target = stopwatch._Empty()
-    watch.wrap(target, "call", "empty")
+    within, around = watch._within, watch._around
+    assert within > 0
+    watch.wrap(worker, "outer", "outer")
+    watch.wrap(worker, "inner", "inner")
     watch.clear()
-    for _ in range(1000):
-        target.call()
-    assert watch._within > 0
-    raw = watch._raw[1]
-    assert watch.times[1] == pytest.approx(raw - 1000 * watch._within)
-    assert watch.itself == pytest.approx(1000 * (watch._within + watch._around))
+    for _ in range(5):
+        worker.outer()
+    assert watch.costs == pytest.approx([5 * around, 5 * within + 10 * around, 10 * within])
+
+
+def test_timing_costs_more_among_others_but_not_without_bound() -> None:
+    assert [_in_place(added, 2.0) for added in (3.0, 1.0, -1.0, 100.0)] == [1.5, 1.0, 1.0, 3.0]
+    assert _in_place(1.0, 0.0) == 1.0
 
 
 def test_every_stage_names_a_method_that_exists() -> None:

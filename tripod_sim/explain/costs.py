@@ -15,6 +15,14 @@ from tripod_sim.simulation import Simulation
 ROUNDS = 5
 """Passes over the scene without and with an effect, alternately."""
 
+LONGEST = 2.0
+"""Time that is spent on reaching typical steps with an effect [s]."""
+
+NEEDS = {
+    "obstacles": 'it needs the file of a surface: obstacles=[{source="my.obj"}]; and contact',
+}
+"""What an effect without defaults needs."""
+
 HELD = 0.1
 """Of the body's length along X that a fixed box holds where a scene has none."""
 
@@ -51,13 +59,16 @@ def cost(effect: str, source: str | Path, overrides: Sequence[str], base: Sample
         steps: Made before those that are timed.
     """
     added = switched_on(effect, base.simulation)
+    if effect in NEEDS:
+        return Cost(effect, meaning(effect), (), why_not=NEEDS[effect])
     try:
         simulation = Simulation(load_scene(source, [*overrides, *added]))
-        advance(simulation, steps)
-        other = Sampler(simulation, base.count)
+        advance(simulation, steps, LONGEST)
+        other = Sampler(simulation)
+        count = other.count = min(other.count, base.count)
         without, with_ = [], []
         for _ in range(ROUNDS):
-            without.append(base.one_pass())
+            without.append(base.one_pass()[:count])
             with_.append(other.one_pass())
     except (SceneError, StepError) as error:
         return Cost(effect, meaning(effect), added, why_not=" ".join(str(error).split()))

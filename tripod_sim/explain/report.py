@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
+from time import thread_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ class Explanation:
         count: Number of timed steps.
         step: What one of them takes, without stopwatch.
         stages: Of one step, the most expensive first; their sum is `step.mean`.
-        timed: The same step with a stopwatch, what that costs taken off [s]: agrees with `step.mean` but for noise.
+        timed: The same step with a stopwatch [s]; what that costs is taken off the stages.
         looped: What a step takes when many are made in one call [s]; None where they cannot be.
         memory: Bytes of the arrays of each part.
         size: Unknowns, nodes, elements, nonzeros.
@@ -105,9 +105,9 @@ def explain(
         raise SceneError(f"--at is {at:g} s; it must be 0 to {LATEST * scene.dt:g} s, {LATEST} steps of dt")
     tell(0.0, "building")
     Simulation(scene)  # compiles or loads the kernels
-    start = perf_counter()
+    start = thread_time()
     simulation = Simulation(scene)
-    build = perf_counter() - start
+    build = thread_time() - start
     tell(0.1, "reaching typical steps")
     steps = steps_ahead(simulation, at)
     sampler = Sampler(simulation)
@@ -127,21 +127,27 @@ def explain(
 
 def _stages(sampler: Sampler) -> tuple[StepTimes, tuple[Stage, ...], float, float | None]:
     """Return what a step takes, its stages, what it takes with a stopwatch, and in a loop [s]."""
-    watch = Stopwatch(OTHER)
+    watch = Stopwatch(OTHER, sampler.clock)
     watch.measure_itself()
-    untouched, whole, parts = list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    untouched, whole = list[FloatArray](), list[FloatArray]()
+    parts, costs = list[FloatArray](), list[FloatArray]()
     for _ in range(ROUNDS):
         untouched.append(sampler.one_pass())
         time_stages(sampler.simulation, watch)
         try:
-            taken, stages, calls = sampler.staged_pass(watch)
+            taken, stages, own, calls = sampler.staged_pass(watch)
         finally:
             watch.unwrap()
         whole.append(taken)
         parts.append(stages)
-    step = estimate(untouched)
-    best = np.array(whole).argmin(axis=0)  # the pass that was disturbed least, for each step
-    seconds = np.array(parts)[best, np.arange(sampler.count)].mean(axis=0)
+        costs.append(own)
+    step, timed = estimate(untouched), estimate(whole).mean
+    at = (
+        np.array(whole).argmin(axis=0),
+        np.arange(sampler.count),
+    )  # for each step the pass that was disturbed least
+    spent = np.array(costs)[at].mean(axis=0)
+    seconds = np.array(parts)[at].mean(axis=0) - _in_place(timed - step.mean, float(spent.sum())) * spent
     found = [
         Stage(name, float(t), n / sampler.count)
         for name, t, n in zip(watch.stages, seconds, calls, strict=True)
@@ -153,7 +159,15 @@ def _stages(sampler: Sampler) -> tuple[StepTimes, tuple[Stage, ...], float, floa
         found += _kernels(sampler, float(seconds[watch.stages.index(LOOP)]), looped)
     found.sort(key=lambda s: -s.seconds)
     found.append(Stage(OTHER, step.mean - sum(s.seconds for s in found)))
-    return step, tuple(found), float(np.min(whole, axis=0).mean()), looped
+    return step, tuple(found), timed, looped
+
+
+def _in_place(added: float, alone: float) -> float:
+    """Return how much more the timing of a call costs among others than alone; `added` and `alone` are of a step [s].
+
+    Alone, everything it touches is at hand; more than three times as much is no cost of timing.
+    """
+    return float(np.clip(added / alone, 1.0, 3.0)) if alone > 0 else 1.0
 
 
 def _kernels(sampler: Sampler, loop: float, looped: float | None) -> list[Stage]:

@@ -1,12 +1,14 @@
 """Times of typical steps: the same steps again and again from one saved state, the least time of each counts.
 
-What a machine shared with others adds to a time is never negative, so the least of several is the best estimate. The
-typical step of a scene with servos is one during which they turn.
+What a machine shared with others adds to a time is never negative, so the least of several is the best estimate. Long
+steps are timed by the CPU time of this thread, which stands still while another process runs; short ones, which are
+seldom interrupted, by the wall clock, which is read several times faster. The typical step of a scene with servos is
+one during which they turn.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
+from time import perf_counter, thread_time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,9 @@ AHEAD = 1.0
 
 FEWEST_AHEAD = 5
 """Steps made before those that are timed."""
+
+SHORT = 2e-3
+"""Steps that take less are timed by the wall clock [s]."""
 
 LENGTH, FEWEST, MOST = 0.05, 4, 200
 """Of one pass over the timed steps [s], and in steps."""
@@ -64,16 +69,18 @@ class Sampler:
     Attributes:
         simulation: Each pass begins where it stood when the sampler was made.
         count: Steps of a pass.
+        clock: What times them [s].
     """
 
     def __init__(self, simulation: Simulation, count: int = 0) -> None:
         """`count`: steps of a pass; 0: by the time that they take."""
         self.simulation = simulation
         self._saved = simulation.save()
-        self._step()  # renews what is not saved
-        start = perf_counter()
-        self._step()
-        taken = perf_counter() - start
+        self.count, self.clock, self._reading = 3, thread_time, 0.0
+        taken = float(self.one_pass().min())
+        if taken < SHORT:
+            self.clock = perf_counter
+        self._reading = _reading(self.clock)
         self.count = count or int(np.clip(LENGTH / max(taken, 1e-9), FEWEST, MOST))
 
     def _begin(self) -> None:
@@ -92,32 +99,32 @@ class Sampler:
             between()
         for k in range(self.count):
             joints = swing(self.simulation, self.simulation.state.step)
-            start = perf_counter()
+            start = self.clock()
             self.simulation.step(joints)
-            taken[k] = perf_counter() - start
+            taken[k] = self.clock() - start - self._reading
             if between:
                 between()
         return taken
 
-    def staged_pass(self, watch: Stopwatch) -> tuple[FloatArray, FloatArray, list[int]]:
+    def staged_pass(self, watch: Stopwatch) -> tuple[FloatArray, FloatArray, FloatArray, list[int]]:
         """Make a pass with the methods wrapped.
 
         Returns:
-            What each step took without the stopwatch's own time [s], shape (count,); that of each stage, shape (count,
-            stages); calls of each stage in all.
+            What each step took [s], shape (count,); that of each stage, and what timing cost there (see `Stopwatch`),
+            shape (count, stages); calls of each stage in all.
         """
-        times, itself, calls = list[list[float]](), list[float](), [0] * len(watch.stages)
+        times, costs, calls = list[list[float]](), list[list[float]](), [0] * len(watch.stages)
 
         def between() -> None:
             times.append(watch.times)
-            itself.append(watch.itself)
+            costs.append(watch.costs)
             if len(times) > 1:
                 calls[:] = [a + b for a, b in zip(calls, watch.calls, strict=True)]
             watch.clear()
 
         watch.clear()
         taken = self.one_pass(between)
-        return taken - np.array(itself[1:]), np.array(times[1:]), calls  # the first is of the step before
+        return taken, np.array(times[1:]), np.array(costs[1:]), calls  # the first is of the step before
 
     def work(self) -> StepReport:
         """Return what the steps of a pass take together."""
@@ -136,9 +143,9 @@ class Sampler:
         best = np.inf
         for _ in range(ROUNDS):
             self._begin()
-            start = perf_counter()
+            start = self.clock()
             self.simulation.advance(self.count)
-            best = min(best, perf_counter() - start)
+            best = min(best, self.clock() - start)
         return best / self.count
 
 
@@ -151,19 +158,31 @@ def steps_ahead(simulation: Simulation, at: float | None) -> int:
     """
     scene = simulation.scene
     wanted = (0.5 * scene.duration if at is None else at) / scene.dt
-    start, done = perf_counter(), 0
+    start, done = thread_time(), 0
     while done < wanted or done < FEWEST_AHEAD:
-        if at is None and done >= FEWEST_AHEAD and perf_counter() - start > AHEAD:
+        if at is None and done >= FEWEST_AHEAD and thread_time() - start > AHEAD:
             break
         simulation.step(swing(simulation, simulation.state.step))
         done += 1
     return done
 
 
-def advance(simulation: Simulation, steps: int) -> None:
-    """Make `steps` steps as `steps_ahead` makes them."""
+def advance(simulation: Simulation, steps: int, longest: float = np.inf) -> None:
+    """Make `steps` steps as `steps_ahead` does; fewer if they take more than `longest` of the machine's time [s]."""
+    start = thread_time()
     for _ in range(steps):
         simulation.step(swing(simulation, simulation.state.step))
+        if thread_time() - start > longest:
+            return
+
+
+def _reading(clock: Callable[[], float]) -> float:
+    """Return what reading a clock takes [s]."""
+    best = np.inf
+    for _ in range(1000):
+        start = clock()
+        best = min(best, clock() - start)
+    return best
 
 
 def estimate(passes: list[FloatArray]) -> StepTimes:

@@ -40,10 +40,11 @@ STAGES: dict[str, dict[str, str]] = {
     "integrators.substeps.Substeps": {"step": SCHEME},
     "integrators.explicit.ExplicitSolid": {
         "step": SCHEME,
-        "_limits": "stability limit",
+        "_longest_part": "stability limit",
         "_advance": "explicit parts",
         "_energy": "watch over the energy",
     },
+    "integrators.frequency.LargestFrequency": {"squared": "stability limit"},
     "integrators.time_error.ErrorTransport": {
         "keep_residual": "time error",
         "euler": "time error",

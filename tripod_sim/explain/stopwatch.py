@@ -16,12 +16,11 @@ class Stopwatch:
 
     Attributes:
         stages: Their names.
-        times: Of each stage since `clear` [s], what timing itself cost taken off.
         calls: Of each stage since `clear`.
     """
 
-    def __init__(self, outside: str) -> None:
-        self.stages = [outside]
+    def __init__(self, outside: str, clock: Callable[[], float] = perf_counter) -> None:
+        self.stages, self._clock = [outside], clock
         self._raw, self.calls, self._made = [0.0], [0], [0]
         self._stack, self._mark = [0], 0.0
         self._wrapped: list[tuple[object, str]] = []
@@ -43,22 +42,22 @@ class Stopwatch:
 
     def measure_itself(self) -> None:
         """Find what the timing of a call costs, within the stage that is called and in the one that calls."""
-        trial = Stopwatch("outside")
+        trial = Stopwatch("outside", self._clock)
         empty = _Empty()
         for _ in range(CALLS):
             empty.call()
-        start = perf_counter()
+        start = self._clock()
         for _ in range(CALLS):
             empty.call()
-        bare = perf_counter() - start
+        bare = self._clock() - start
         trial.wrap(empty, "call", "inside")
         best = [float("inf"), float("inf")]
         for _ in range(5):
             trial.clear()
-            start = perf_counter()
+            start = self._clock()
             for _ in range(CALLS):
                 empty.call()
-            whole = perf_counter() - start
+            whole = self._clock() - start
             within = trial._raw[1]
             best = [min(best[0], within), min(best[1], whole - within - bare)]
         self._within, self._around = max(0.0, best[0] / CALLS), max(0.0, best[1] / CALLS)
@@ -67,20 +66,20 @@ class Stopwatch:
         """Begin anew."""
         n = len(self.stages)
         self._raw[:], self.calls[:], self._made[:] = [0.0] * n, [0] * n, [0] * n
-        self._stack[:], self._mark = [0], perf_counter()
+        self._stack[:], self._mark = [0], self._clock()
 
     @property
     def times(self) -> list[float]:
-        """Of each stage since `clear` [s]; of stage 0 that before the last timed call ended."""
-        return [
-            raw - self._within * calls - self._around * made
-            for raw, calls, made in zip(self._raw, self.calls, self._made, strict=True)
-        ]
+        """Of each stage since `clear` [s], with what timing costs; of stage 0 that before the last timed call ended."""
+        return list(self._raw)
 
     @property
-    def itself(self) -> float:
-        """What timing cost since `clear` [s]."""
-        return (self._within + self._around) * sum(self.calls)
+    def costs(self) -> list[float]:
+        """What timing cost in each stage since `clear` [s], as far as an empty method tells."""
+        return [
+            self._within * calls + self._around * made
+            for calls, made in zip(self.calls, self._made, strict=True)
+        ]
 
     def _number(self, stage: str) -> int:
         if stage not in self.stages:
@@ -91,10 +90,10 @@ class Stopwatch:
         return self.stages.index(stage)
 
     def _timed(self, function: Callable[..., Any], stage: int) -> Callable[..., Any]:
-        raw, calls, made, stack = self._raw, self.calls, self._made, self._stack
+        raw, calls, made, stack, clock = self._raw, self.calls, self._made, self._stack, self._clock
 
         def timed(*args: Any, **keywords: Any) -> Any:
-            now = perf_counter()
+            now = clock()
             outer = stack[-1]
             raw[outer] += now - self._mark
             made[outer] += 1
@@ -104,7 +103,7 @@ class Stopwatch:
             try:
                 return function(*args, **keywords)
             finally:
-                now = perf_counter()
+                now = clock()
                 raw[stage] += now - self._mark
                 stack.pop()
                 self._mark = now

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import SceneError
-from tripod_sim.scene import Effector, Servos
+from tripod_sim.scene import Servos
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -42,14 +42,3 @@ def servo_arms(nodes: FloatArray, servos: Servos) -> tuple[DrivenFrame, ...]:
             )
         )
     return tuple(frames)
-
-
-def effector_disc(nodes: FloatArray, effector: Effector) -> IndexArray:
-    """Return the nodes within the effector's radius of the Z axis. Raises SceneError if there are none."""
-    radius = np.hypot(nodes[:, 0], nodes[:, 1])
-    held = np.flatnonzero(radius <= effector.radius + 1e-9)
-    if not held.size:
-        raise SceneError(
-            f"effector.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from Z"
-        )
-    return held
