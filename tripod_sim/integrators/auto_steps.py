@@ -2,12 +2,13 @@
 
 The interval of commands and outputs stays fixed; it is divided into parts of 2^-k of it, which nest, so that lengths
 recur and a factorisation serves many parts. A part that adds more than the tolerance to the position of a node is taken
-back. With r the error added in parts of the tolerance, q the order of the scheme, the length h is followed by
+back. The controller, of a proportional and an integral part [HairerWanner1996, chapter IV.2], follows a length H of its
+own, of which the parts are the next 2^-k below: with q the order of the scheme and r the error, in parts of the
+tolerance, that a part of H would have added,
 
-    after an accepted part    h' = 0.9 h r^(-0.7 / (q + 1)) r_before^(0.4 / (q + 1)),
-    after a rejected one      h' = 0.9 h r^(-1 / (q + 1)),
+    after an accepted part    H' = 0.9 H r^(-0.7 / (q + 1)) r_before^(0.4 / (q + 1)),
+    after a rejected one      H' = 0.9 h r^(-1 / (q + 1)).
 
-a controller with a proportional and an integral part [HairerWanner1996, chapter IV.2], rounded down to the next 2^-k.
 The error is bounded for each part and not for each unit of time: equal errors of all parts are what reaches a given
 error at the end with the fewest of them.
 """
@@ -99,14 +100,17 @@ class AutoSteps(Substeps):
                 continue
             report.iterations += result.iterations
             report.factorisations += result.factorisations
-            ratio = max(errors.largest_added / self._tolerance, LEAST)
+            ratio = errors.largest_added / self._tolerance
             if not ratio <= 1 and size > least:  # so that NaN counts as too much
                 backup.copy_to(state)
                 scheme.recall_history()
                 report.rejected += 1
-                size, again = self._rung(size * self._shrink(ratio, errors.order)), True
+                estimate.proposed, again = h * self._shrink(ratio, errors.order), True
+                size = self._rung(estimate.proposed / dt * units)
                 continue
-            size, again = self._rung(self._propose(estimate, ratio, h, again) / dt * units), False
+            self._follow(estimate, ratio, h, 1.0 if again else GROW)
+            estimate.proposed = min(max(estimate.proposed, dt * least / units), dt)
+            size, again = self._rung(estimate.proposed / dt * units), False
             report.residual, report.parts = result.residual, report.parts + 1
             done, worst = end, max(worst, ratio * self._tolerance)
         state.time += dt
@@ -114,14 +118,13 @@ class AutoSteps(Substeps):
         report.time_error = errors.report(estimate, worst)
         return report
 
-    def _propose(self, estimate: ErrorState, ratio: float, h: float, after_rejection: bool) -> float:
-        """Remember and return the length [s] of the part after an accepted one of `h`."""
+    def _follow(self, estimate: ErrorState, ratio: float, h: float, most: float) -> None:
+        """Write what follows an accepted part of `h` [s], at `most` so many times as long, to `proposed`."""
         assert self.errors
-        k = self.errors.order + 1
+        k, length = self.errors.order + 1, estimate.proposed or h
+        ratio = max(ratio * (length / h) ** k, LEAST) if math.isfinite(ratio) else 1.0
         factor = SAFETY * ratio ** (-0.7 / k) * estimate.last ** (0.4 / k)
-        factor = min(max(factor, SHRINK), 1.0 if after_rejection else GROW)
-        estimate.last, estimate.proposed = ratio, h * factor
-        return estimate.proposed
+        estimate.last, estimate.proposed = ratio, length * min(max(factor, SHRINK), most)
 
     @staticmethod
     def _shrink(ratio: float, order: int) -> float:
