@@ -95,7 +95,7 @@ def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | Non
         text = str(yaml.safe_load(raw) or "")
     except yaml.YAMLError:
         raise ValueError(f"sim.set:={raw} is not YAML; quote it") from None
-    choice = chosen(scene, accuracy, [w for w in text.split(";") if w.strip()], study)
+    choice = chosen(scene, accuracy, [w.strip() for w in text.split(";") if w.strip()], study)
     if not choice:
         return ""
     values.setdefault("sim", {})["set"] = ";".join(choice.overrides)
