@@ -3,9 +3,11 @@
     python benchmarks/ik.py [--steps 2000]
 
 The loop is closed over the simulated Tripod in its working pose. The target runs through the workspace and now and
-then far out of it, so that limits come and go as in use. "QP" is the update of OSQP's data, its solve, the polish and
-the certificate; "step" is all that happens between compliance and command, checks and the building of the QP included;
-"relinearised" is that and the compliance of the present state. Times are CPU times of the one thread that computes.
+then far out of it, so that limits come and go as in use. "QP" is all of the solver: the limits active last time tried
+again, where they do not do the update of OSQP's data, its solve and the polish, and the certificate; "QP by OSQP" is
+the same program without the first of these, solved beside it. "step" is all that happens between compliance and
+command, checks and the building of the QP included; "relinearised" is that and the compliance of the present state.
+Times are CPU times of the one thread that computes.
 """
 
 import argparse
@@ -19,7 +21,7 @@ import numpy as np
 from tripod_graph.names import SERVOS, WORKING_POSE
 from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import build_ik
-from tripod_ik.row_limits import TorqueLimit
+from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.solver import IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask
@@ -44,13 +46,31 @@ def target(k: int, home: np.ndarray) -> np.ndarray:
     return home + reach * np.array([np.cos(phase), np.sin(phase), 0.6 * np.sin(1.7 * phase)])
 
 
-def run(steps: int, torque: TorqueLimit | None) -> dict[str, np.ndarray]:
-    """Return times [s], iterations and whether a limit was active of `steps` steps in closed loop."""
+def limits_of(name: str, home: np.ndarray) -> list[RowLimit]:
+    torque = {"none": [], "soft": [TorqueLimit(0.15)], "hard": [TorqueLimit(0.15, hard=True)]}[name]
+    box = EffectorBox(home - 0.006, home + 0.006, hard=True)
+    return [*torque, box] if name == "hard" else [*torque]
+
+
+def run(steps: int, name: str) -> dict[str, np.ndarray]:
+    """Return times [s], iterations, whether OSQP was asked and whether a limit was active, of `steps` steps."""
     limits = (AngleLimit(-2.1, 0.6), StepLimit(0.5), SpeedLimit(3.0))
-    simulation, solver = in_working_pose(), IkSolver(3, rows=3 if torque else 0)
+    simulation = in_working_pose()
     home, command = simulation.compliance().position, simulation.state.joints[:3]
+    rules = limits_of(name, home)
+    solver, by_osqp = (IkSolver(3, rows=sum(rule.size(3) for rule in rules), reuse=r) for r in (True, False))
     found: dict[str, list[float]] = {
-        name: [] for name in ("compliance", "relinearised", "step", "QP", "iterations", "limited")
+        what: []
+        for what in (
+            "compliance",
+            "relinearised",
+            "step",
+            "QP",
+            "QP by OSQP",
+            "iterations",
+            "asked",
+            "limited",
+        )
     }
     for k in range(steps + WARM_UP):
         before = time.thread_time()
@@ -58,25 +78,31 @@ def run(steps: int, torque: TorqueLimit | None) -> dict[str, np.ndarray]:
         begin = time.thread_time()
         state = LinearState(SERVOS, c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w)
         task = PositionTask(target(k, home))
-        problem = build_ik(state, [task], limits, [torque] if torque else [], previous=command, dt=DT)
+        problem = build_ik(state, [task], limits, rules, previous=command, dt=DT)
         built = time.thread_time()
         result = solver.solve(problem)
         end = time.thread_time()
-        if not result.ok:
-            raise RuntimeError(f"step {k} was not solved: {result.status}")
+        other = by_osqp.solve(problem)
+        last = time.thread_time()
+        if not (result.ok and other.ok):
+            raise RuntimeError(f"step {k} was not solved: {result.status}, {other.status}")
+        if np.abs(result.command - other.command).max() > 1e-6:
+            raise RuntimeError(f"step {k}: the two solvers differ")
         if k >= WARM_UP:
             found["compliance"].append(begin - before)
             found["relinearised"].append(end - before)
             found["step"].append(end - begin)
             found["QP"].append(end - built)
-            found["iterations"].append(result.iterations)
+            found["QP by OSQP"].append(last - end)
+            found["iterations"].append(other.iterations)
+            found["asked"].append(result.iterations > 0)
             found["limited"].append(bool(result.active_limits))
         command = result.command
         joints = simulation.state.joints.copy()
         after = np.append(command, joints[3])
         for part in (0.5, 1.0):  # two steps of 5 ms
             simulation.step(joints + part * (after - joints))
-    return {name: np.array(values) for name, values in found.items()}
+    return {what: np.array(values) for what, values in found.items()}
 
 
 def main() -> None:
@@ -84,18 +110,23 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=2000)
     steps = parser.parse_args().steps
     print(f"calibration: 1000 x 1000 float64 product {1e3 * calibration():.1f} ms")
-    print(
-        f"{'limits':24s}              median [ms]  p99 [ms]  max [ms]   iterations median, max   limit active"
-    )
-    for name, torque in (("angle, step, speed", None), ("and torque 0.15 N m", TorqueLimit(0.15))):
-        found = run(steps, torque)
-        for what in ("QP", "step", "compliance", "relinearised"):
+    for title, name in (
+        ("angle, step, speed", "none"),
+        ("and torque 0.15 N m, soft", "soft"),
+        ("torque and box of 12 mm, hard", "hard"),
+    ):
+        found = run(steps, name)
+        print(
+            f"limits: {title}; active in {100 * found['limited'].mean():.0f} %; OSQP asked in "
+            f"{100 * found['asked'].mean():.1f} %, its iterations: median {np.median(found['iterations']):.0f}, "
+            f"most {found['iterations'].max():.0f}"
+        )
+        for what in ("QP", "QP by OSQP", "step", "compliance", "relinearised"):
             times = 1e3 * found[what]
-            line = f"{name:24s} {what:12s} {np.median(times):11.3f} {np.percentile(times, 99):9.3f} {times.max():9.3f}"
-            if what == "QP":
-                line += f"{np.median(found['iterations']):20.0f}, {found['iterations'].max():3.0f}"
-                line += f"{100 * found['limited'].mean():13.0f} %"
-            print(line)
+            print(
+                f"  {what:14s} median {np.median(times):7.3f} ms   p99 {np.percentile(times, 99):7.3f} ms   "
+                f"max {times.max():7.3f} ms"
+            )
 
 
 if __name__ == "__main__":

@@ -101,6 +101,7 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("residual", ", ".join(missing)),
         ("torques", ", ".join(f"{t:.4f}" for t in result["torques"]) + " N m"),
         ("active limits", ", ".join(result["active_limits"]) or "none"),
+        *([] if result["straight_way"] else [("way", "the straight one from the start passes a hard limit")]),
         ("optimality", f"{result['kkt']:.1e} rad"),
         ("solved by", f"{result['iterations']} linearisations in {1e3 * result['seconds']:.0f} ms"),
     ]

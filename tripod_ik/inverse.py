@@ -6,24 +6,30 @@ the branch that the start is on.
 """
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
+from tripod_ik.arrays import FloatArray
 from tripod_ik.branch import branch, is_beyond
-from tripod_ik.limits import AngleLimit, IntervalLimit, StepLimit
-from tripod_ik.model import StaticModel
+from tripod_ik.limits import AngleLimit, IntervalLimit, Motion, StepLimit
+from tripod_ik.merit import corrected, hard_limits_passed, merit
+from tripod_ik.model import Saved, StaticModel
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import RowLimit
 from tripod_ik.solver import IkResult, IkSolver
+from tripod_ik.starts import StartPool
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 from tripod_sim.errors import SceneError, StepError
 
 LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
 """Step limits [rad]: the first one tried, and the one below which no step helps any more."""
+
+PASSED = 1e-6
+"""A solution keeps its hard limits if it passes none by more than this [rad]: 15 nm of the effector, 2e-7 N m."""
 
 
 class Outcome(StrEnum):
@@ -50,6 +56,8 @@ class Solution:
         kkt: Residual of the optimality conditions of the last quadratic program [rad].
         step: Largest change of an angle that the program at the solution still asks for [rad].
         iterations: Programs solved.
+        passed: How far the pose is beyond the hard limits of torques and effector, as an angle [rad]: above 1e-6 where
+            no pose that keeps to them was found.
     """
 
     outcome: Outcome
@@ -61,6 +69,7 @@ class Solution:
     kkt: float
     step: float
     iterations: int
+    passed: float
 
 
 class InverseSolver:
@@ -95,25 +104,57 @@ class InverseSolver:
             any_branch: Whether a pose on another branch than that of the start will do too.
         """
         self.model = model
-        self._limits, self._row_limits = (angles, *limits), tuple(row_limits)
+        self._angles, self._others, self._row_limits = angles, tuple(limits), tuple(row_limits)
         self._tolerance, self._accuracy = tolerance, accuracy
         self._max_iterations, self._any_branch = max_iterations, any_branch
         n = len(model.angles)
         self._solver = IkSolver(n, rows=sum(limit.size(n) for limit in row_limits))
+        self._pool: StartPool | None = None
 
-    def solve(self, tasks: Sequence[Task], *, time_limit: float = np.inf) -> Solution:
+    def solve(
+        self, tasks: Sequence[Task], *, time_limit: float = np.inf, everywhere: bool = False
+    ) -> Solution:
         """Return the pose that meets `tasks` best, on the branch of the present pose.
+
+        Limits of torques and effector leave a set of poses that need not be convex, nor of one piece: the pose that no
+        step betters need not be the best one. Where such a limit is active, `everywhere` begins again from poses
+        all over the angles allowed, and from where the target would be met without the limit.
 
         Args:
             tasks: What to do.
             time_limit: After which no further iteration begins [s].
+            everywhere: Whether to look further where a limit of torques or effector is active.
         """
-        model, end = self.model, time.perf_counter() + time_limit
-        state, longest = model.state(), LONGEST_STEP
-        side = branch(state, tasks)
+        end = time.perf_counter() + time_limit
+        start, side = self.model.save(), branch(self.model.state(), tasks)
+        found = self._descend(tasks, side, end, time_limit)
+        rows = {name for limit in self._row_limits for name in limit.rows(found.state).names}
+        if not (
+            everywhere and self._row_limits and (rows & set(found.active_limits) or found.passed > PASSED)
+        ):
+            return found
+        best, here = found, self.model.save()
+        count = found.iterations
+        self.model.restore(start)
+        for pose in self._starts(tasks, side, end):
+            if time.perf_counter() >= end:
+                break
+            self.model.restore(pose)
+            other = self._descend(tasks, side, end, time_limit)
+            count += other.iterations
+            if _is_better(other, best):
+                best, here = other, self.model.save()
+        self.model.restore(here)
+        return replace(best, iterations=count)
+
+    def _descend(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
+        """Solve from where the model stands, on the branch of `side`, until `end` on the clock [s]."""
+        state, longest = self.model.state(), LONGEST_STEP
         iterations, outcome, reason = 0, Outcome.UNFINISHED, ""
         while True:
-            problem = build_ik(state, tasks, [*self._limits, StepLimit(longest)], self._row_limits)
+            problem = build_ik(
+                state, tasks, [self._angles, *self._others, StepLimit(longest)], self._row_limits
+            )
             result = self._solver.solve(problem)
             iterations += 1
             step = float(np.abs(result.command - state.angles).max())
@@ -133,35 +174,55 @@ class InverseSolver:
             return Solution(
                 outcome, reason, state, result.error, _now(problem),
                 tuple(n for n in result.active_limits if not n.endswith(" step")), result.kkt, step, iterations,
+                hard_limits_passed(state, self._row_limits),
             )  # fmt: skip
 
     def _advance(self, problem: IkProblem, result: IkResult, side: float) -> LinearState | None:
         """Move the model to the command; return the state there, or None where that is no progress, and go back."""
-        before = self.model.save()
-        try:
-            state = self.model.move(result.command)
-        except (StepError, SceneError):
-            self.model.restore(before)
-            return None
-        same = self._any_branch or not is_beyond(branch(state, problem.tasks), side)
-        gain = self._merit(problem, problem.state) - self._merit(problem, state)
-        if same and gain >= -1e-12:
+        before, present = self.model.save(), merit(problem, problem.state, self._row_limits)
+        state = self._moved(result.command)
+        if state and self._is_progress(problem, present, state, side):
             return state
+        if state and set(result.active_limits) & set(problem.names):
+            step = state.angles - problem.state.angles
+            mended = self._solver.solve(corrected(problem, step, state, self._row_limits))
+            state = self._moved(mended.command) if mended.ok else None
+            if state and self._is_progress(problem, present, state, side):
+                return state
         self.model.restore(before)
         return None
 
-    def _merit(self, problem: IkProblem, state: LinearState) -> float:
-        """Return what `problem` minimises, at `state`, with the scales of the problem's own state [rad²]."""
-        Se = [r.weights * r.error for r in (task.rows(state) for task in problem.tasks)]
-        SJ = np.concatenate([r.weights[:, None] * r.jacobian for r in problem.rows])
-        n = len(state.angles)
-        mu = sum(r.curvature * float(np.linalg.norm(r.weights**2 * r.error)) for r in problem.rows)
-        value = sum(float(e @ e) for e in Se) / (2 * max(float(np.sum(SJ**2)) / n + mu, 1e-18))
-        for limit in self._row_limits:
-            there, scale = limit.rows(state), np.linalg.norm(limit.rows(problem.state).matrix, axis=1)
-            beyond = np.maximum(np.maximum(there.low, -there.high), 0.0)
-            value += limit.weight / 2 * float(np.sum((beyond / np.maximum(scale, 1e-9)) ** 2))
-        return value
+    def _moved(self, command: FloatArray) -> LinearState | None:
+        """Return the state of the model at `command` [rad], or None where it does not get there."""
+        try:
+            return self.model.move(command)
+        except (StepError, SceneError):
+            return None
+
+    def _is_progress(self, problem: IkProblem, present: float, state: LinearState, side: float) -> bool:
+        same = self._any_branch or not is_beyond(branch(state, problem.tasks), side)
+        return same and present - merit(problem, state, self._row_limits) >= -1e-12
+
+    def _starts(self, tasks: Sequence[Task], side: float, end: float) -> Iterator[Saved]:
+        """Yield poses to begin at: where the target is met without row limits, then the most promising of the pool."""
+        start = self.model.save()
+        free = InverseSolver(self.model, self._angles, self._others, any_branch=self._any_branch)
+        free._descend(tasks, side, end, np.inf)
+        yield self.model.save()
+        self.model.restore(start)
+        if self._pool is None:
+            low, high = self._angles.interval(Motion(self.model.state(), self.model.angles, 0.0))
+            self._pool = StartPool(self.model, low, high)
+        yield from self._pool.promising(
+            tasks, self._row_limits, lambda s: self._any_branch or branch(s, tasks) * side >= 0, end
+        )
+
+
+def _is_better(solution: Solution, other: Solution) -> bool:
+    """Return whether a solution keeps the limits where the other does not, or comes closer; never if it failed."""
+    kept, before = solution.passed <= PASSED, other.passed <= PASSED
+    closer = solution.residual < other.residual - 1e-9
+    return solution.outcome is not Outcome.FAILED and (kept > before or (kept == before and closer))
 
 
 def _now(problem: IkProblem) -> dict[str, float]:

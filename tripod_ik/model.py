@@ -34,7 +34,7 @@ class StaticModel:
     """A robot at rest: each set of angles has an equilibrium, reached along the way from the one before.
 
     Attributes:
-        simulation: Of the scene without inertia, damping and servo dynamics.
+        simulation: Of the scene without inertia, damping, servo dynamics and ball: where a ball lies nobody tells it.
         slide: Inward shift of the servo bodies [m].
     """
 
@@ -59,7 +59,7 @@ class StaticModel:
             raise IkError(f"slide is {slide:g} m; allowed is 0 to {scene.servos.slide_max:g} m")
         solver = replace(scene.solver, tolerance=min(TOLERANCE, scene.solver.tolerance))
         self.simulation = Simulation(
-            replace(scene, inertia=None, damping=None, servo_dynamics=None, solver=solver)
+            replace(scene, inertia=None, damping=None, servo_dynamics=None, ball=None, solver=solver)
         )
         self.slide = slide
         self._state: LinearState | None = None

@@ -9,14 +9,18 @@ import numpy as np
 from tripod_graph.names import SERVOS
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
-from tripod_ik.inverse import InverseSolver, Outcome
+from tripod_ik.inverse import PASSED, InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
+from tripod_ik.merit import hard_limits_passed
 from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of, roll_pitch
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.tracker import Goal, TrackerSettings
-from tripod_sim.errors import StepError
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
+
+WAY = 12
+"""Poses on the way from the start that are looked at."""
 
 
 def solve_once(
@@ -50,7 +54,8 @@ def solve_once(
 
     Returns:
         outcome and reason (words), reached (bool), angles [rad], torques [N m], position [m], roll and pitch [rad],
-        error [m], residuals (by task, with unit), active_limits, kkt [rad], iterations, seconds.
+        error [m], residuals (by task, with unit), active_limits, kkt [rad], iterations, seconds, straight_way (whether
+        the servos can go there in a straight line from the start without passing a hard limit).
 
     Raises:
         IkError, SceneError: the input is refused.
@@ -73,8 +78,10 @@ def solve_once(
     angles = AngleLimit(scene.servos.angle_min, scene.servos.angle_max)
     solver = InverseSolver(model, angles, row_limits=limits, any_branch=any_branch, tolerance=tolerance)
     began = clock.perf_counter()
-    solution = solver.solve(tasks)
-    state = solution.state
+    begun = model.angles
+    solution = solver.solve(tasks, everywhere=True)
+    state, seconds = solution.state, clock.perf_counter() - began
+    straight = not (hard and limits) or _keeps_to(limits, model, begun)
     found = roll_pitch(state.equilibrium_rotation[:, 2])
     return {
         "outcome": str(solution.outcome),
@@ -90,5 +97,16 @@ def solve_once(
         "active_limits": list(solution.active_limits),
         "kkt": solution.kkt,
         "iterations": solution.iterations,
-        "seconds": clock.perf_counter() - began,
+        "straight_way": straight,
+        "seconds": seconds,
     }
+
+
+def _keeps_to(limits: Sequence[RowLimit], model: StaticModel, begun: FloatArray) -> bool:
+    """Return whether the servos can go straight from the angles `begun` [rad] to where `model` stands."""
+    way = np.linspace(model.angles, begun, WAY + 1)[1:]
+    try:
+        passed = [hard_limits_passed(model.move(angles), limits) for angles in way]
+    except (StepError, SceneError):
+        return False
+    return max(passed) <= max(PASSED, passed[-1])  # a start beyond a limit only has to come back

@@ -45,6 +45,11 @@ REACH = 0.03
 reach pulls there, and no harder than one that is just out of reach.
 """
 
+PRICE = 1.0
+"""What a radian of the slack of a hard limit costs beside s²/2 [rad]. A cost in proportion to |s| is exact: as long as
+the limit's multiplier stays below √weight · PRICE, there is no slack wherever the limit can be kept.
+"""
+
 BLIND = 1e-9
 """Rows of limits smaller than this [unit/rad] count as zero: no angle changes what they limit."""
 
@@ -59,6 +64,8 @@ class IkProblem:
         A: The identity for the bounds of δ and of the slacks, then the limit rows, shape (2 m - n, m).
         l: Lower bounds [rad], shape (2 m - n,).
         u: Upper bounds [rad], shape (2 m - n,).
+        push: By what a multiplier counts beside the distance from its bound, where it is guessed which rows are
+            active: 1 / weight for the rows of soft limits, whose multiplier is weight times distance; else 1.
         state: The state it is about.
         tasks: The tasks it was built for.
         rows: Their rows.
@@ -72,6 +79,7 @@ class IkProblem:
     A: FloatArray
     l: FloatArray  # noqa: E741 - its name in every text on quadratic programs
     u: FloatArray
+    push: FloatArray
     state: LinearState
     tasks: tuple[Task, ...]
     rows: tuple[TaskRows, ...]
@@ -88,6 +96,7 @@ def build_ik(
     *,
     previous: FloatArray | None = None,
     dt: float = 0.0,
+    ahead: float = 0.0,
 ) -> IkProblem:
     """Return the quadratic program of one step.
 
@@ -97,7 +106,7 @@ def build_ik(
 
     and δ_hold the step to the allowed command nearest to the previous one, it is
 
-        minimise  (Σ |S (J δ - e)|² + μ |δ|²) / 2σ + ε |δ - δ_hold|² / 2 + |s|² / 2
+        minimise  (Σ |S (J δ - e)|² + μ |δ|²) / 2σ + ε |δ - δ_hold|² / 2 + |s|² / 2 + Σ PRICE |s_hard|
         with      low ≤ angles + δ ≤ high
                   row limits, see `row_limits`, each divided by k = |G|.
 
@@ -115,6 +124,8 @@ def build_ik(
         row_limits: Limits of torques, of the effector and the like, soft or hard.
         previous: The command sent before this one [rad], shape (n,); None means the present angles.
         dt: Time since then [s].
+        ahead: Length |δ| of a step [rad] over which hard limits are to be kept by the robot itself, not only by the
+            linear model: they are tightened by curvature |δ|²/2. Zero where steps are corrected afterwards.
 
     Raises:
         IkError: there is no task, or `previous` or `dt` is not finite, or has the wrong shape or sign.
@@ -142,7 +153,7 @@ def build_ik(
     P[:n, :n] = (SJ.T @ SJ + mu * np.eye(n)) / sigma + REGULARISATION * np.eye(n)
     q[:n] = -SJ.T @ Se / sigma - REGULARISATION * keep
     A[:m] = np.eye(m)
-    low, high = np.full(m + extra, -np.inf), np.full(m + extra, np.inf)
+    low, high, push = np.full(m + extra, -np.inf), np.full(m + extra, np.inf), np.ones(m + extra)
     low[:n], high[:n] = box.low - state.angles, box.high - state.angles
     first = 0
     for limit, found in zip(row_limits, limited, strict=True):
@@ -150,19 +161,22 @@ def build_ik(
         here = slice(m + first, m + first + len(found.names))
         k = np.linalg.norm(found.matrix, axis=1)
         k = np.where(k > BLIND, k, np.inf)  # what no angle changes gets a row of zeros without bounds
+        room = (found.high - found.low) / 2
+        off = np.minimum(limit.curvature * ahead**2 / 2, room) if limit.hard else 0.0
         A[here, :n] = G = found.matrix / k[:, None]
         least, most = _reach(G, low[:n], high[:n])
-        low[here] = np.where(np.isinf(k), -ROW_BOUND, np.clip(found.low / k, least, most))
-        high[here] = np.where(np.isinf(k), ROW_BOUND, np.clip(found.high / k, least, most))
+        low[here] = np.where(np.isinf(k), -ROW_BOUND, np.clip((found.low + off) / k, least, most))
+        high[here] = np.where(np.isinf(k), ROW_BOUND, np.clip((found.high - off) / k, least, most))
         A[here, slack] = np.eye(len(found.names)) / np.sqrt(limit.weight)
-        if limit.hard:  # no more slack than holding needs
+        push[here] = 1.0 if limit.hard else 1.0 / limit.weight
+        if limit.hard:  # no more slack than holding needs, and on that side only
             held = A[here, :n] @ keep
-            beyond = np.maximum(np.maximum(low[here] - held, held - high[here]), 0.0)
-            high[slack] = np.sqrt(limit.weight) * beyond
-            low[slack] = -high[slack]
+            high[slack] = np.sqrt(limit.weight) * np.maximum(low[here] - held, 0.0)
+            low[slack] = -np.sqrt(limit.weight) * np.maximum(held - high[here], 0.0)
+            q[slack] = PRICE * (np.sign(high[slack]) + np.sign(low[slack]))
         first += len(found.names)
     names = tuple(name for found in limited for name in found.names)
-    return IkProblem(P, q, A, low, high, state, tuple(tasks), rows, box, hold, names)
+    return IkProblem(P, q, A, low, high, push, state, tuple(tasks), rows, box, hold, names)
 
 
 def _reach(G: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:

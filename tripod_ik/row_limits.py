@@ -6,9 +6,9 @@ Each gives rows G of the quadratic program, low ≤ G δ ≤ high, linear in the
 
 that costs s²/2 beside the task: going beyond by an angle's worth of s costs weight · s²/2. A soft limit leaves s free;
 it is passed by about (remaining distance in angle) / weight. A hard limit leaves s only what holding the previous
-command needs. Where holding keeps to the limit, so does every solution, as exactly as the linear model; where the
-robot is found beyond, it may not go farther and is pulled back. So no limit, hard or soft, can make the program
-infeasible.
+command needs, and has |s| cost besides. Where holding keeps to the limit, so does every solution, as exactly as the
+linear model; where the robot is found beyond, it may not go farther and comes back as far as the limits of the command
+and the other hard limits let it, whatever the task says. So no limit, hard or soft, can make the program infeasible.
 """
 
 from abc import ABC, abstractmethod
@@ -22,6 +22,9 @@ from tripod_ik.state import LinearState
 
 WEIGHT = 1e3
 """Weight of a limit against the task: passed by a thousandth of what is missing."""
+
+POSITION_CURVATURE, TORQUE_CURVATURE = 0.1, 1.1
+"""How fast the Jacobians of effector and torques turn at most, where the strips are stretched [m/rad², N m/rad²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +51,20 @@ class RowLimit(ABC):
     Attributes:
         weight: How much passing it costs, see above.
         hard: Whether it may not be passed at all.
+        curvature: How fast its rows turn, at most [unit/rad²]: a hard limit keeps off by what a step may miss.
     """
 
     weight: float = field(default=WEIGHT, kw_only=True)
     hard: bool = field(default=False, kw_only=True)
+    curvature: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         if not 0 < self.weight < np.inf:
             raise IkError(f"weight of the {self.what} limit is {self.weight}; it must be positive and finite")
+        if not 0 <= self.curvature < np.inf:
+            raise IkError(
+                f"curvature of the {self.what} limit is {self.curvature}; it must be finite and not negative"
+            )
 
     @property
     @abstractmethod
@@ -79,6 +88,7 @@ class TorqueLimit(RowLimit):
     """
 
     maximum: float | FloatArray
+    curvature: float = field(default=TORQUE_CURVATURE, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -107,6 +117,7 @@ class EffectorBox(RowLimit):
 
     low: FloatArray
     high: FloatArray
+    curvature: float = field(default=POSITION_CURVATURE, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()

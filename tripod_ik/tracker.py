@@ -237,8 +237,15 @@ class Tracker:
             self._trust = max(SMALLEST_STEP, self._trust / 2)
             tasks = (PostureTask(self._inside, weight=1.0),)
         limits = (self._limits[0], StepLimit(self.settings.step if beyond else self._trust), self._limits[1])
-        problem = build_ik(state, tasks, limits, self._row_limits(state), previous=self._previous, dt=dt)
+        row_limits = self._row_limits(state)
+        problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
+        if (
+            self.settings.hard and result.ok
+        ):  # again, off the limits by what the linear model may miss in such a step
+            step = float(np.linalg.norm(result.command - state.angles))
+            problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt, ahead=step)
+            result = self._solver.solve(problem)
         if beyond or self._trust < self.settings.step:  # what is left of the step is no way to go
             kept = [name for name in result.active_limits if not name.endswith(" step")]
             held = beyond or len(kept) < len(result.active_limits)

@@ -276,7 +276,7 @@ def test_without_time_the_result_is_used_only_if_it_is_certified(monkeypatch, se
     assert rescued.status == status
     assert rescued.ok  # the active limits were guessed right, and the residual proves it
     assert rescued.command == pytest.approx(solve_ik(problem).command, abs=1e-9)
-    monkeypatch.setattr(solver, "polish", lambda problem, x, y: (x, y, kkt_residual(problem, x, y)))
+    monkeypatch.setattr(solver, "polish", lambda problem, x, y, *_: (x, y, kkt_residual(problem, x, y)))
     held = IkSolver(3, **settings).solve(problem)
     assert held.status == status
     assert not held.ok
@@ -295,6 +295,37 @@ def test_without_polishing_osqp_finds_the_same_by_itself():
                 assert a.command == pytest.approx(b.command, abs=1e-5)
                 assert a.iterations >= b.iterations
         assert a.ok
+
+
+def moving_targets(*, torque, count=200):
+    """The robot follows a target that runs about and now and then jumps: limits come and go."""
+    robot, angles = SpringRobot(slide=0.035), WORKING
+    limit = [TorqueLimit(0.0175, hard=torque == "hard")] if torque else []
+    for k in range(count):
+        state = robot.state(angles)
+        reach = 0.1 if k % 50 > 40 else 0.004
+        target = robot.rest(WORKING) + reach * np.array([np.cos(0.1 * k), np.sin(0.1 * k), np.sin(0.17 * k)])
+        problem = build_ik(state, [PositionTask(target)], LIMITS, limit, previous=angles, dt=0.02)
+        yield problem
+        angles = solve_ik(problem).command
+
+
+@pytest.mark.parametrize("torque", ["", "soft", "hard"])
+def test_the_limits_active_last_time_spare_osqp_and_change_nothing(torque):
+    rows = 3 if torque else 0
+    reusing, asking = IkSolver(3, rows=rows), IkSolver(3, rows=rows, reuse=False)
+    spared = limited = 0
+    for problem in moving_targets(torque=torque):
+        a, b = reusing.solve(problem), asking.solve(problem)
+        assert a.ok
+        assert a.kkt < 1e-9
+        assert a.command == pytest.approx(b.command, abs=1e-8)
+        assert a.active_limits == b.active_limits
+        assert b.iterations > 0
+        spared += a.iterations == 0
+        limited += bool(a.active_limits)
+    assert spared > 80
+    assert limited > 40
 
 
 def test_equal_sequences_give_equal_bits():

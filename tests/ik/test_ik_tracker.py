@@ -334,7 +334,7 @@ def test_a_solver_that_fails_holds_and_recovers(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(
             "tripod_ik.solver.polish",
-            lambda problem, x, y: (x * np.nan, y, kkt_residual(problem, x * np.nan, y)),
+            lambda problem, x, y, *_: (x * np.nan, y, kkt_residual(problem, x * np.nan, y)),
         )
         failed = one.update(state, 0.02)
     assert failed.activity is Activity.SOLVER_FAILED
