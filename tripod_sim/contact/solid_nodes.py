@@ -21,8 +21,11 @@ from tripod_sim.state import State
 HELD = 1e18
 """Stiffness with which driven nodes keep to the servos' way [N/m]: no force that a body bears moves them by an atom."""
 
-CHORDS = 12
-"""Of the modes at one move."""
+CHORDS, RENEWALS = 12, (3, 6, 9)
+"""Of the modes at one move, and after how many their condensation is renewed."""
+
+ROOM = 1e6
+"""Square of how much more unbalanced than the tolerance modes may be at last."""
 
 
 class SolidNodes:
@@ -134,9 +137,14 @@ class SolidNodes:
         self._at[:] = np.nan
 
     def guess(self, u: FloatArray) -> None:
-        """Write the moves with the velocities at the start, or what part of them turns no element inside out."""
+        """Write the moves with the velocities at the start, or what part of them turns no element inside out.
+
+        Where driven nodes move, the others go along as the linearised system answers.
+        """
         self.velocity(u)
         u *= self._h
+        if u[self.yielding :].any():
+            self._go_along(u)
         for part in (0.5, 0.5, 0.5, 0.0):
             if np.isfinite(self._place(u)):
                 return
@@ -239,6 +247,20 @@ class SolidNodes:
         assert self._start is not None
         return self._start
 
+    def _go_along(self, u: FloatArray) -> None:
+        """Write the step that Newton's method makes from the start, its driven nodes moved, if there is one."""
+        start, trial, system = self._now(), self._trial, self._system
+        assert trial is not None
+        driven = system.driven
+        system.evaluate(start)
+        self._remember(start)
+        if system.factor():
+            self._dx[:] = 0.0
+            self._dx[driven] = trial.positions[driven] - start.positions[driven]
+            system.add_driven(self._dx)
+            self._dx[driven] = 0.0
+            u[: self.yielding] = -system.linear.solve(system.residual)
+
     def _remember(self, state: State) -> None:
         """Note where the last gradient was taken, whose modes are balanced."""
         self._last[:], self._last_modes[:] = state.positions, state.modes
@@ -260,14 +282,21 @@ class SolidNodes:
         self._move(u)
         np.subtract(trial.positions, self._last, out=self._dx)
         solid.advance_modes(self._last_modes, self._dx, 1.0, trial.modes)
-        phi = np.inf
-        for _ in range(CHORDS if solid.has_modes else 1):
-            phi = system.evaluate(trial)
-            if not np.isfinite(phi) or solid.mode_residual_squared <= self._tolerance:
+        phi, before = system.evaluate(trial), np.inf
+        for k in range(CHORDS):
+            left = solid.mode_residual_squared
+            if not np.isfinite(phi) or left <= self._tolerance:
                 break
+            if k in RENEWALS:
+                if left > 0.25 * before:  # they find no rest
+                    break
+                before = left
+                system.assemble(trial, project=True)
+                phi = system.evaluate(trial)
             solid.advance_modes(trial.modes, self._none, 1.0, trial.modes)
-        else:
-            phi = phi if not solid.has_modes else np.inf
+            phi = system.evaluate(trial)
+        if solid.mode_residual_squared > ROOM * self._tolerance:
+            phi = np.inf
         if np.isfinite(phi):
             self._remember(trial)
         else:  # what the gradient left of the modes is spoilt: take it where it was good

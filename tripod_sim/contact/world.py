@@ -190,7 +190,7 @@ class World:
         self._detect(u)
         share = 1.0
         try:
-            share = self._respond(u, h, report)
+            share = self._respond(u, h, report, depth)
         except DescentError:
             if depth >= self.MOST_HALVINGS:
                 raise
@@ -219,7 +219,7 @@ class World:
             self.detector.met(self.positions, self._ends, c, share=1.0)
         inherit(kept.arrays, kept.count, c.arrays, c.count)
 
-    def _respond(self, u: FloatArray, h: float, report: ContactReport) -> float:
+    def _respond(self, u: FloatArray, h: float, report: ContactReport, depth: int) -> float:
         """Move `u` to the end of the step; return 1, or the fraction of the moves until which nothing is passed."""
         c, share = self.contacts, 0.0
         for number in range(self.MOST_PASSES):
@@ -236,6 +236,8 @@ class World:
             share = self.detector.met(self.positions, self._ends, c, take_all=number > 2)
             if share >= 1.0:
                 return 1.0
+            if outcome.smallest < -self.law.distance and depth < self.MOST_HALVINGS:
+                return share  # not solved: once more would not help, a shorter step does
             report.met += c.count - before
         return share
 
