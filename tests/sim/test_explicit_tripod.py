@@ -1,5 +1,7 @@
 """Explicit schemes on bodies with servos, disc, clamps, plate and ball: recurrence, order, momentum, torque, limit."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -277,8 +279,11 @@ def test_the_limit_is_the_largest_frequency_of_the_constrained_body() -> None:
     for k in range(n):
         system.reduction.moves(np.eye(n)[k], system.lever, jacobian[k])
     masses = np.einsum("jni,n,kni->jk", jacobian, mass, jacobian)
-    exact = scipy.linalg.eigh(stiffness, masses, eigvals_only=True)[-1]
+    squares = scipy.linalg.eigh(stiffness, masses, eigvals_only=True)
+    exact = squares[-1]
     assert isinstance(stepper, ExplicitSolid)
+    operator = np.array([stepper._frequency._product(row) for row in np.eye(n)])
+    np.testing.assert_allclose(np.linalg.eigvalsh(operator), squares, atol=1e-9 * exact)
     assert stepper._frequency.squared(simulation.state) == pytest.approx(exact, rel=2e-3)
     assert report.dt_limit == pytest.approx(2 / np.sqrt(exact) / 1.05, rel=5e-3)
 
@@ -297,6 +302,31 @@ def test_a_long_step_is_divided_and_what_servos_do_is_not_taken_for_growth() -> 
     grown = (e.kinetic + e.strain + e.gravity) - (start.kinetic + start.strain + start.gravity)
     assert stepper._given > 20 * start.strain
     assert stepper._given == pytest.approx(grown, rel=0.1)  # the damping took the rest
+
+
+def test_a_long_step_renews_what_lags_behind_while_servos_move_fast() -> None:
+    def end(dt: float) -> np.ndarray:
+        words = ["mesh.level=1", "inertia.scheme=rk4", "damping={mass=20.0, stiffness=2e-5}", f"dt={dt}"]
+        simulation = Simulation(load_scene("tripod", words))
+        for t in dt * np.arange(1, round(0.02 / dt) + 1):
+            simulation.step(np.array([-10.0, -5.0, 5.0, 0.5]) * t)
+        return simulation.positions.copy()
+
+    np.testing.assert_allclose(end(0.005), end(0.001), atol=1e-7)
+
+
+def test_a_steady_step_allocates_no_growing_memory() -> None:
+    simulation = Simulation(load_scene("tripod", [*SMALL, "inertia.scheme=semi_implicit_euler", "dt=1e-4"]))
+    joints = [np.array([-1e-4 * k, 0, 0, 0]) for k in range(60)]
+    for j in joints[:20]:
+        simulation.step(j)
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for j in joints[20:]:
+        simulation.step(j)
+    after = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert after - before < 4_000  # a report and a few numbers, no array of the mesh
 
 
 def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:

@@ -5,7 +5,7 @@
     RK4                   the classical scheme, fourth order, for reference
 
 with a = M^-1 f(x, v), f = -dE/dx + weight - (a M + b K) v [HairerLubichWanner2006]; incompatible modes, which have no
-mass, follow the nodes in equilibrium. K is the tangent of the moment for RK4, else that at the start of the step.
+mass, follow the nodes in equilibrium. K is the tangent of the moment for RK4, else that of at most `RUN` parts before.
 
 Constraints are exact, as for the implicit schemes:
 
@@ -44,6 +44,9 @@ SCHEMES = {
 MARGIN = 1.05
 """The largest frequency is that much above its estimate, which comes from below and belongs to the step's start."""
 
+RUN = 100
+"""Parts after which tangent, condensation of the modes and limit are renewed; earlier where the modes ask for it."""
+
 MOST_PARTS = 1_000_000
 """Of one step."""
 
@@ -79,7 +82,7 @@ class ExplicitSolid:
         self._load = self._make_load()
         n, s, b = len(mass), len(system.groups.driven), len(system.groups.rigid)
         modes = system.solid.rest_modes()
-        rest = [modes, np.zeros((len(modes), 3 * modes.shape[1]))]
+        rest = [modes, np.zeros((len(modes), 3 * modes.shape[1])), np.zeros(1)]
         self._scratch = ForceScratch._make([*np.zeros((6, n, 3)), *rest])
         turns = [np.zeros((b, 3)), np.zeros((b, 3, 3)), *np.zeros((3, b, 3)), np.zeros((4, b, 3))]
         self._begin = kernels.Start._make([*np.zeros((4, n, 3)), *turns])
@@ -93,6 +96,7 @@ class ExplicitSolid:
         self._keep: State | None = None
         self._start_energy: float | None = None
         self._given = self._largest = 0.0
+        self._limit = np.inf
         self._grew = 0
 
     def _make_load(self) -> Load:
@@ -124,17 +128,15 @@ class ExplicitSolid:
             self._start_energy, self._largest = self._energy(state, self._system.potentials(state)[0])
             self._given, self._grew = 0.0, 0
         state.copy_to(self._keep)
-        limit, part = self._limits(state)
-        parts = max(1, math.ceil(dt / part)) if self._divide and part < np.inf else 1
+        self._limit = np.inf
         try:
-            if parts > MOST_PARTS:
-                raise FloatingPointError(f"it would take {parts} parts of {part:.2g} s")
-            strain = self._advance(state, joints, dt, parts)
+            parts, strain = self._advance(state, joints, dt)
         except FloatingPointError as error:
             self._keep.copy_to(state)
             raise StepError(
                 f"step {state.step + 1} at {state.time:.4g} s fails: {error}; the explicit scheme's limit is "
-                f"{limit:.3g} s, dt {dt:g} s; substeps = 'auto' divides the step, an implicit scheme needs no limit"
+                f"{self._limit:.3g} s, dt {dt:g} s; substeps = 'auto' divides the step, an implicit scheme "
+                "needs no limit"
             ) from None
         state.time += dt
         state.step += 1
@@ -144,54 +146,85 @@ class ExplicitSolid:
         if self._grew or growth > 0.5 * self._largest + 2 * self._fall * dt**2:
             self._grew = self._grew or state.step
         return StepReport(
-            parts=parts, dt_limit=limit, growth=growth if self._grew else 0.0, grew_at=self._grew
+            parts=parts, dt_limit=self._limit, growth=growth if self._grew else 0.0, grew_at=self._grew
         )
 
-    def _limits(self, state: State) -> tuple[float, float]:
-        """Assemble at `state`; return the stability limit and the length of a part [s]."""
+    def _longest_part(self, state: State) -> float:
+        """Assemble at `state`; note the stability limit, return the length of a part [s]."""
         system = self._system
         if system.assemble(state, project=False) >= 0:
             system.assemble(state, project=True)
         square = self._frequency.squared(state) * MARGIN**2
         rate = self._drag + self._rayleigh * square
         omega = math.sqrt(square)
-        return longest_step(self._scheme, omega, rate), longest_part(self._scheme, omega, rate)
+        self._limit = min(self._limit, longest_step(self._scheme, omega, rate))
+        return longest_part(self._scheme, omega, rate) if self._divide else np.inf
 
-    def _advance(self, state: State, joints: FloatArray, dt: float, parts: int) -> float:
-        """Move `state`, write torques and the work done; return the strain energy [J], or raise FloatingPointError."""
-        system, bodies, frames, scratch = self._system, self._bodies, self._frames, self._scratch
+    def _advance(self, state: State, joints: FloatArray, dt: float) -> tuple[int, float]:
+        """Move `state`, write torques and work; return parts and strain energy [J], or raise FloatingPointError."""
+        bodies, frames, scratch, scheme = self._bodies, self._frames, self._scratch, SCHEMES[self._scheme]
+        load, nodes = self._prepare(state, joints, dt), (state.positions, state.velocities)
+        kernels.start_step(*nodes, load, frames, bodies)
+        count, time, h, work = 0, 0.0, 0.0, 0.0
+        while time < dt:
+            part = self._longest_part(state)
+            left = max(1, math.ceil((dt - time) / part)) if part < np.inf else 1
+            if count + left > MOST_PARTS:
+                raise FloatingPointError(f"it would take {count + left} parts of {part:.2g} s")
+            largest = float(np.abs(self._solid.matrices).max(initial=0.0) * np.abs(state.positions).max())
+            load = load._replace(floor=(1e-6 * largest) ** 2)
+            before, h = h, (dt - time) / left
+            done, given = kernels.explicit_parts(
+                scheme, min(left, RUN), h, before, time, *nodes, state.modes, self._solid, load, frames, bodies,
+                scratch, self._begin,
+            )  # fmt: skip
+            self._place_bodies(state)
+            if not math.isfinite(given):
+                raise FloatingPointError(self._culprit(state))
+            count, work, time = count + done, work + given, dt if done == left else time + done * h
+        strain, given = kernels.finish_step(
+            scheme, h, *nodes, state.modes, self._solid, load, frames, scratch
+        )
+        if not math.isfinite(strain):
+            raise FloatingPointError(self._culprit(state))
+        self._finish(state, joints, work + given)
+        return count, strain
+
+    def _prepare(self, state: State, joints: FloatArray, dt: float) -> Load:
+        """Set bodies and frames for a step from `state`; return the load."""
+        system, bodies, frames, load = self._system, self._bodies, self._frames, self._load
         bodies.turn[:] = state.rotations
         bodies.centre[:] = state.centres + np.einsum("bij,bj->bi", state.rotations, self._offset)
         frames.joints[:] = state.joints
         np.subtract(joints, state.joints, out=frames.rates)
         frames.rates[:] /= dt
-        constant = self._load.constant
-        constant[:] = 0.0
+        load.constant[:] = 0.0
         if system.gravity:
-            constant -= system.gravity.force
+            load.constant[:] -= system.gravity.force
         if system.loads:
-            constant -= system.loads.force
+            load.constant[:] -= system.loads.force
         self._measure_jerk(state, dt)
-        largest = float(np.abs(self._solid.matrices).max(initial=0.0) * np.abs(state.positions).max())
-        load = self._load._replace(floor=(1e-6 * largest) ** 2)
-        done, strain, work = kernels.explicit_parts(
-            SCHEMES[self._scheme], parts, dt / parts, state.positions, state.velocities, state.modes, self._solid,
-            load, frames, bodies, scratch, self._begin,
-        )  # fmt: skip
-        if done < parts:
-            raise FloatingPointError(self._culprit(state))
-        R = bodies.turn
-        state.rotations[:] = 1.5 * R - 0.5 * np.einsum("bij,bkj,bkl->bil", R, R, R)  # the nearest rotation
-        state.centres[:] = bodies.centre - np.einsum("bij,bj->bi", state.rotations, self._offset)
+        return load
+
+    def _place_bodies(self, state: State) -> None:
+        """Write the poses of the bodies to `state`, their rotations orthonormal."""
+        R = self._bodies.turn
+        R[:] = 1.5 * R - 0.5 * np.einsum("bij,bkj,bkl->bil", R, R, R)
+        state.rotations[:] = R
+        state.centres[:] = self._bodies.centre - np.einsum("bij,bj->bi", R, self._offset)
+
+    def _finish(self, state: State, joints: FloatArray, work: float) -> None:
+        """Write torques, and the work done to the body by frames and loads, at the end of a step."""
+        system = self._system
         system.drive(state, joints)
         system.update_levers(state)
-        system.reduction.gradient(scratch.gradient, system.lever, system.axes, self._reduced, system.torques)
+        system.reduction.gradient(
+            self._scratch.gradient, system.lever, system.axes, self._reduced, system.torques
+        )
         system.torques += self._jerked
         self._given += work
-        if system.loads:
-            moved = state.positions - self._keep.positions if self._keep else 0.0
-            self._given += float(np.vdot(system.loads.force, moved))
-        return strain
+        if system.loads and self._keep:
+            self._given += float(np.vdot(system.loads.force, state.positions - self._keep.positions))
 
     def _measure_jerk(self, state: State, dt: float) -> None:
         """Write the torques that change the speed of the frames from that of the last step to that of this one."""

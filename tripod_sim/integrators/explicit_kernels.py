@@ -26,6 +26,9 @@ Array = Any
 
 EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
 
+FEW = 3
+"""Corrections of the modes, for one evaluation, with which a condensation serves on."""
+
 
 class Frames(NamedTuple):
     """Driven frames: x = centre + cos(angle) cosine + sin(angle) sine + slide inward.
@@ -183,35 +186,51 @@ def _runge_kutta(
 
 
 @njit(cache=True, error_model="numpy")
-def explicit_parts(
-    scheme: int, parts: int, h: float, x: Array, v: Array, modes: Array, solid: SolidArrays, load: Load, frames: Frames,
-    bodies: Bodies, scratch: ForceScratch, start: Start,
-) -> tuple[int, float, float]:  # fmt: skip
-    """Advance a body by `parts` parts of `h` [s], in place; the modes' X and K_aa^-1 are those of the start.
-
-    Returns:
-        Parts made, all unless a force or a number ceased to exist; strain energy at the end [J]; work of the frames on
-        the body [J], to second order in h for the schemes of Euler. `scratch.gradient` is minus the force at the end.
-    """
-    begin(x, solid, scratch)
+def start_step(x: Array, v: Array, load: Load, frames: Frames, bodies: Bodies) -> None:
+    """Give the nodes of frames and bodies the velocities with which the step begins, in place."""
     read_bodies(x, v, load.mass, bodies)
     drive(frames, 0.0, x, v)
     carry(bodies, x, v)
-    g, work, first = scratch.gradient, 0.0, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def explicit_parts(
+    scheme: int, parts: int, h: float, h_before: float, time: float, x: Array, v: Array, modes: Array,
+    solid: SolidArrays, load: Load, frames: Frames, bodies: Bodies, scratch: ForceScratch, start: Start,
+) -> tuple[int, float]:  # fmt: skip
+    """Advance a body by up to `parts` parts of `h` [s] from `time` [s] of the step, in place, the condensation fresh.
+
+    Ends early once a correction of the modes took more than `FEW` evaluations: the condensation is to be renewed.
+
+    Returns:
+        Parts made; work of the frames on the body [J], not finite where a force or a number ceased to exist. For the
+        schemes of Euler it is that of the trapezoidal rule, without its last half: `h_before` [s] is the length of the
+        part before, zero at the start of the step.
+    """
+    begin(x, solid, scratch)
+    g, work = scratch.gradient, 0.0
     for part in range(parts):
         if scheme == RK4:
-            done = _runge_kutta(h, part * h, x, v, modes, solid, load, frames, bodies, scratch, start)
-            if not np.isfinite(done):
-                return part, np.inf, work
-            work += done
-            continue
-        if not np.isfinite(evaluate(x, v, modes, solid, load, scratch)):
-            return part, np.inf, work
-        now = power(g, v, frames.nodes)
-        first = now if part == 0 else first
-        work += h * now
-        _euler(scheme == SEMI_IMPLICIT_EULER, h, (part + 1) * h, x, v, load, frames, bodies, g)
+            work += _runge_kutta(h, time + part * h, x, v, modes, solid, load, frames, bodies, scratch, start)
+        elif np.isfinite(evaluate(x, v, modes, solid, load, scratch)):
+            work += 0.5 * ((h if part else h_before) + h) * power(g, v, frames.nodes)
+            _euler(scheme == SEMI_IMPLICIT_EULER, h, time + (part + 1) * h, x, v, load, frames, bodies, g)
+        else:
+            work = np.inf
+        if not np.isfinite(work) or scratch.corrections[0] > FEW:
+            return part + 1, work
+    return parts, work
+
+
+@njit(cache=True, error_model="numpy")
+def finish_step(
+    scheme: int, h: float, x: Array, v: Array, modes: Array, solid: SolidArrays, load: Load, frames: Frames,
+    scratch: ForceScratch,
+) -> tuple[float, float]:  # fmt: skip
+    """Evaluate the forces at the end of a step, minus them in `scratch.gradient`.
+
+    Returns:
+        Strain energy [J], infinite where there is none; the half of the work that `explicit_parts` left out [J].
+    """
     strain = evaluate(x, v, modes, solid, load, scratch)
-    if scheme != RK4:
-        work += 0.5 * h * (power(g, v, frames.nodes) - first)
-    return (parts if np.isfinite(strain) else parts - 1), strain, work
+    return strain, 0.0 if scheme == RK4 else 0.5 * h * power(scratch.gradient, v, frames.nodes)

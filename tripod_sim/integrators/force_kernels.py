@@ -11,8 +11,9 @@ from tripod_sim.forces.solid_kernels import add_element_products, solid_gradient
 
 Array = Any
 
-BALANCED = 1e-9
-"""Unbalanced force of incompatible modes, as a share of the nodes', at which they are in equilibrium."""
+BALANCED = 1e-6
+"""Unbalanced force of incompatible modes, as a share of the nodes', at which they are in equilibrium: the condensed
+force is then wrong by that times the share by which the condensation lags behind."""
 
 MOST_CORRECTIONS = 30
 """Of the modes, for one evaluation of forces."""
@@ -43,7 +44,8 @@ class ForceScratch(NamedTuple):
     """Of one solid with n nodes, m elements of k modes.
 
     gradient (n, 3): minus the forces of the last `evaluate` [N]; damping, still, move (n, 3): `still` stays zero;
-    last_x, last_v (n, 3): of the nodes at that evaluation; rates (m, k, 3), rate_y (m, 3 k): of the modes.
+    last_x, last_v (n, 3): of the nodes at that evaluation; rates (m, k, 3), rate_y (m, 3 k): of the modes; corrections
+    (1,): most that an evaluation has taken since `begin`.
     """
 
     gradient: Array
@@ -54,6 +56,7 @@ class ForceScratch(NamedTuple):
     last_v: Array
     rates: Array
     rate_y: Array
+    corrections: Array
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,6 +67,7 @@ def begin(x: Array, solid: SolidArrays, scratch: ForceScratch) -> None:
     scratch.last_v[:] = 0.0
     scratch.rates[:] = 0.0
     scratch.rate_y[:] = 0.0
+    scratch.corrections[0] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -106,7 +110,8 @@ def _evaluate_elastic(x: Array, modes: Array, solid: SolidArrays, load: Load, sc
         update_modes(modes, solid.elements, solid.X, solid.y, move, 1.0, modes)
         scratch.last_x[:] = x
     energy = np.inf
-    for _ in range(MOST_CORRECTIONS):
+    for correction in range(MOST_CORRECTIONS):
+        scratch.corrections[0] = max(scratch.corrections[0], correction)
         g[:] = load.constant
         energy, unbalanced = solid_gradient(
             x, modes, solid.elements, solid.G, solid.weight, solid.law, solid.lam, solid.mu, solid.mean, solid.X,
@@ -131,7 +136,8 @@ def _add_rates(
                 move[n, i] = v[n, i] - scratch.last_v[n, i]
         update_modes(rates, solid.elements, solid.X, y, move, 1.0, rates)
         scratch.last_v[:] = v
-    for _ in range(MOST_CORRECTIONS):
+    for correction in range(MOST_CORRECTIONS):
+        scratch.corrections[0] = max(scratch.corrections[0], correction)
         d[:] = 0.0
         unbalanced = add_solid_rates(
             x, v, modes, rates, solid.elements, solid.G, solid.weight, solid.law, solid.lam, solid.mu, solid.mean,
