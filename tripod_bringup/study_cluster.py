@@ -34,7 +34,7 @@ def cluster(address: str) -> Executor:
         with client:
             futures = {client.submit(measure_point, *job[1:], pure=False, retries=1): job[0] for job in work}
             try:
-                for future in as_completed(futures):
+                for future in as_completed(futures, loop=client.loop):
                     yield futures[future], _record(future)
             finally:
                 client.cancel(list(futures))

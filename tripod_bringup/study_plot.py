@@ -49,10 +49,10 @@ def _work_precision(axes: Any, result: Result) -> None:
     best = [result["points"][i] for i in result["front"]]
     axes.loglog([p["cpu"] for p in best], [_height(p) for p in best], "-", color="0.2", lw=1.2, label="front")
     chosen = {i for i in result["cheapest"].values() if i is not None}
-    for n, i in enumerate(i for i in result["front"] if i in chosen):
+    for i in sorted(chosen):
         p = result["points"][i]
         names = [level for level, j in result["cheapest"].items() if j == i]
-        _note(axes, p, f"{', '.join(names)}: {short(p['settings'], result)}", above=n % 2 == 0, bold=True)
+        _note(axes, p, f"{', '.join(names)}: {short(p['settings'], result)}", above=False, bold=True)
     for p in points:
         if p["label"] and not (p["on_front"] and result["points"].index(p) in chosen):
             _note(axes, p, p["label"], above=True, bold=False)

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.study_store import Store
-from tripod_bringup.study_worker import allow_workers, measure_point, stop_workers
+from tripod_bringup.study_worker import Workers
 
 if TYPE_CHECKING:
     from tripod_sim.study.plan import Plan, Settings
@@ -26,15 +26,14 @@ def local(jobs: int) -> Executor:
     """Return what runs points on this machine, `jobs` at a time, each in a process of its own."""
 
     def run(work: Sequence[Job]) -> Iterator[tuple[str, dict[str, Any]]]:
-        allow_workers()
-        pool = ThreadPoolExecutor(jobs)
+        workers, pool = Workers(), ThreadPoolExecutor(jobs)
         try:
-            futures = {pool.submit(measure_point, *job[1:]): job[0] for job in work}
+            futures = {pool.submit(workers.measure, *job[1:]): job[0] for job in work}
             for future in as_completed(futures):
                 yield futures[future], future.result()
         finally:  # whatever ends this: no process stays behind, no thread waits for one
             pool.shutdown(wait=False, cancel_futures=True)
-            stop_workers()
+            workers.stop()
 
     return run
 

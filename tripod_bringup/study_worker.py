@@ -10,16 +10,12 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping
+from functools import partial
 from importlib import import_module
 from typing import Any
 
 SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Set to 1: CPU times of a thread are comparable, and sums have the same order everywhere."""
-
-_local = threading.local()
-_all: set["Worker"] = set()
-_lock = threading.Lock()
-_stopped = threading.Event()
 
 
 class Worker:
@@ -27,13 +23,9 @@ class Worker:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[str] | None = None
-        with _lock:
-            _all.add(self)
 
     def measure(self, module: str, settings: Mapping[str, Any], limit: float) -> dict[str, Any]:
         """Return the record of a point; `time limit` or `crashed` if the process gave none within `limit` [s]."""
-        if _stopped.is_set():
-            return _lost("crashed", "stopped")
         process = self._started()
         assert process.stdin
         assert process.stdout
@@ -88,30 +80,46 @@ class Worker:
                     continue
 
 
+class Workers:
+    """One worker for each thread that asks."""
+
+    def __init__(self) -> None:
+        self._local = threading.local()
+        self._all: list[Worker] = []
+        self._stopped = threading.Event()
+
+    def measure(self, module: str, settings: Mapping[str, Any], limit: float) -> dict[str, Any]:
+        """Return the record of a point, measured in the process that belongs to this thread."""
+        worker: Worker | None = getattr(self._local, "worker", None)
+        if worker is None:
+            worker = self._local.worker = Worker()
+            self._all.append(worker)
+        if self._stopped.is_set():
+            return _lost("crashed", "stopped")
+        return worker.measure(module, settings, limit)
+
+    def stop(self) -> None:
+        """End all processes, for good."""
+        self._stopped.set()
+        for worker in list(self._all):
+            worker.stop()
+
+
+_here = Workers()
+
+
 def measure_point(module: str, settings: Mapping[str, Any], limit: float) -> dict[str, Any]:
-    """Return the record of a point, measured in the process that belongs to this thread."""
-    worker = getattr(_local, "worker", None)
-    if worker is None:
-        worker = _local.worker = Worker()
-    return worker.measure(module, settings, limit)
-
-
-def allow_workers() -> None:
-    """Let processes be started again after `stop_workers`."""
-    _stopped.clear()
-
-
-def stop_workers() -> None:
-    """End all processes that this one started, and start none until `allow_workers`."""
-    _stopped.set()
-    with _lock:
-        workers = list(_all)
-    for worker in workers:
-        worker.stop()
+    """Return the record of a point: what a cluster calls on its machines."""
+    return _here.measure(module, settings, limit)
 
 
 def _lost(status: str, message: str) -> dict[str, Any]:
     return {"status": status, "message": message, "observed": {}, "cpu": [], "amount": 1.0}
+
+
+def _task(module: str, settings: Mapping[str, Any]) -> Any:
+    """Measure a point; importing the module is part of it, so that what goes wrong there is a record, too."""
+    return import_module(module).task(settings)
 
 
 def main() -> None:
@@ -122,7 +130,7 @@ def main() -> None:
     os.dup2(2, 1)  # whatever prints must not look like a record
     for line in sys.stdin:
         asked = json.loads(line)
-        record = outcome(import_module(asked["module"]).task, asked["settings"])
+        record = outcome(partial(_task, asked["module"]), asked["settings"])
         answers.write(json.dumps(record) + "\n")
         answers.flush()
 

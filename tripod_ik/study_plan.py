@@ -15,8 +15,9 @@ from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of
 from tripod_ik.tracker import Goal, TrackerSettings
 from tripod_sim.scene import Scene
+from tripod_sim.study.motion import scene_of
 from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
-from tripod_sim.study.task import Measured, repeated, scene_of
+from tripod_sim.study.task import Measured, repeated
 
 SCENE = "tripod"
 
@@ -87,7 +88,7 @@ def plan(*, quick: bool) -> Plan:
             Knob("accuracy", ACCURACY, "step below which the search ends [rad]"),
         ),
         default=DEFAULT,
-        points=unique([Point(DEFAULT, "tripod as shipped"), *points]),
+        points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(
             Quantity("effector", "m", "pose that the robot takes, from the target, the worst of all targets"),
         ),

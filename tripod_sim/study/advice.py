@@ -7,7 +7,7 @@ from tripod_sim.study.front import LEVELS
 
 
 def advice(result: Mapping[str, Any]) -> list[str]:
-    """Return sentences: the cheapest setting for each accuracy, and the knob that costs most if it is set wrongly."""
+    """Return sentences: the cheapest setting for each accuracy, and which knob pays against its default."""
     points, cost = result["points"], _unit(result["cpu"])
     named: dict[int, list[str]] = {}
     for level, i in result["cheapest"].items():
@@ -15,43 +15,50 @@ def advice(result: Mapping[str, Any]) -> list[str]:
             named.setdefault(i, []).append(level)
     missing = [level for level, i in result["cheapest"].items() if i is None]
     parts = [
-        f"{' and '.join(_percent(x) for x in levels)}: {short(points[i]['settings'], result)} "
+        f"within {' and '.join(_percent(x) for x in levels)}: {short(points[i]['settings'], result)} "
         f"({points[i]['cpu']:.2g} {cost})"
         for i, levels in named.items()
     ]
-    sentences = [f"Cheapest within {'; within '.join(parts)}."] if parts else []
     if missing:
-        sentences.append(f"No point is surely within {_percent(missing[0])}.")
+        parts.append(f"no setting is surely within {_percent(missing[0])}")
+    first = "; ".join(parts)
+    sentences = [f"Cheapest {first}." if named else f"{first[:1].upper()}{first[1:]}."]
     if text := knob_that_pays(result):
         sentences.append(text)
     return sentences
 
 
 def knob_that_pays(result: Mapping[str, Any]) -> str:
-    """Return in a sentence which knob matters most, at the tightest accuracy that two of its values reach.
+    """Return in a sentence which knobs to turn, at the tightest accuracy that any setting reaches.
 
-    For a knob and an accuracy, each value has its cheapest point within; the knob's worth is the ratio of the most to
-    the least of these. A value that reaches the accuracy at no price is named instead, if no ratio is 1.5.
+    Those whose default reaches it at no price; if there are none, the one whose best value saves most against its
+    default, if that is a factor of 1.2 or more.
     """
-    best: tuple[float, str] = (1.5, "")
-    for level in reversed(LEVELS):
-        for knob in result["knobs"]:
-            prices = _prices(result["points"], knob["field"], LEVELS[level])
-            if len(prices) < 2:
-                continue
-            least, most = min(prices, key=prices.__getitem__), max(prices, key=prices.__getitem__)
-            ratio = prices[most] / prices[least]
-            if ratio > best[0]:
-                never = [v for v in knob["values"] if v not in prices]
-                tail = f"; {_values(never)} never gets there" if never and len(never) <= 3 else ""
-                best = (
-                    ratio,
-                    f"The knob that pays most is {knob['name']}: within {_percent(level)}, {_value(least)} is "
-                    f"{ratio:.2g} times as cheap as {_value(most)}{tail}.",
-                )
-        if best[1]:
-            break
-    return best[1]
+    level = next((x for x in reversed(LEVELS) if result["cheapest"][x] is not None), None)
+    if level is None:
+        return ""
+    best = result["points"][result["cheapest"][level]]["settings"]
+    needed, gains = [], []
+    for knob in result["knobs"]:
+        prices = _prices(result["points"], knob["field"], LEVELS[level])
+        value, default = best[knob["field"]], result["default"][knob["field"]]
+        if value == default:
+            continue
+        if default not in prices:
+            needed.append(
+                f"{knob['name']} {_value(value)} (the default, {_value(default)}, never gets there)"
+            )
+        else:
+            gains.append((prices[default] / prices[value], knob["name"], value, default))
+    if needed:
+        return f"Within {_percent(level)} it takes {' and '.join(needed)}."
+    if gains and max(g[0] for g in gains) >= 1.2:
+        ratio, name, value, default = max(gains, key=lambda g: g[0])
+        return (
+            f"The knob that pays most is {name}: within {_percent(level)}, {_value(value)} is {ratio:.2g} times as "
+            f"cheap as the default, {_value(default)}."
+        )
+    return ""
 
 
 def _prices(points: Sequence[Mapping[str, Any]], field: str, allowed: float) -> dict[Any, float]:
@@ -65,11 +72,14 @@ def _prices(points: Sequence[Mapping[str, Any]], field: str, allowed: float) -> 
 
 
 def short(settings: Mapping[str, Any], result: Mapping[str, Any]) -> str:
-    """Return a point's settings in few words: knobs that all points share are left out."""
-    words = []
-    for knob in result["knobs"]:
-        if len(knob["values"]) > 1:
-            words.append(_word(knob, settings[knob["field"]]))
+    """Return a point's settings in few words: what the study is about, and what is not as by default."""
+    always = {result["group"], result["order_knob"], "mesh.level"}
+    words = [
+        _word(knob, settings[knob["field"]])
+        for knob in result["knobs"]
+        if len(knob["values"]) > 1
+        and (knob["field"] in always or settings[knob["field"]] != result["default"][knob["field"]])
+    ]
     return ", ".join(words)
 
 
@@ -80,10 +90,6 @@ def _word(knob: Mapping[str, Any], value: Any) -> str:
 
 def _value(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _values(values: Sequence[Any]) -> str:
-    return " or ".join(_value(v) for v in values)
 
 
 def _percent(level: str) -> str:

@@ -48,8 +48,12 @@ def standard(quantity: Quantity, reference: Reference, rungs: Sequence[FloatArra
     if p is None:
         rows, other = fine, rungs[-2]
     else:
-        rows = limit(rungs[-2], fine, h[-2] / h[-1], p)
-        other = limit(rungs[-3], rungs[-2], h[-3] / h[-2], p) if len(rungs) > 2 else fine
+        ratio = h[-2] / h[-1]
+        rows = limit(rungs[-2], fine, ratio, p)
+        other = fine
+        if len(rungs) > 2:
+            before = limit(rungs[-3], rungs[-2], h[-3] / h[-2], p)
+            other = rows + (before - rows) / (ratio**p - 1)
     own = deviation(other, rows, quantity.measure)
     return Standard(rows, _scale(rows, quantity), own)
 

@@ -69,9 +69,10 @@ class Quantity:
 class Reference:
     """Settings that converge, coarse to fine, and what they tend to.
 
-    With `order` p and `sizes` h the reference is Richardson's limit of the two finest, r = f + (f - m) / ((hm/hf)^p -
-    1); its own error is how far that limit moves if the finest is left out (three rungs), or how far it is from the
-    finest (two). Without `order` the finest itself is the reference, and its distance from the next its own error.
+    With `order` p and `sizes` h the reference is Richardson's limit of the two finest, r = f + (f - m) / (q - 1) with
+    q = (hm/hf)^p. Its own error is, of three rungs, how far that limit moves if the finest is left out, over q - 1:
+    what the limit lacks falls at least as fast as what its rungs lack. Of two rungs it is how far the limit is from the
+    finest. Without `order` the finest itself is the reference, and its distance from the next its own error.
 
     Attributes:
         name: As quantities name it.

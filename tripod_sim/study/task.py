@@ -1,25 +1,12 @@
-"""Measuring a point: static poses or a motion, what they show and what they cost."""
+"""A point's record: what it shows, what it costs, or how it ended."""
 
-import math
-import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
-from tripod_sim.simulation import Simulation
 from tripod_sim.study.calibration import calibration
 from tripod_sim.study.plan import Observed, Settings
-
-FloatArray = NDArray[np.float64]
-
-Watch = Callable[[], Mapping[str, Iterable[float]]]
-"""Gives one row for each quantity."""
 
 SHORT, LONG, MOST = 0.5, 5.0, 5
 """Runs are repeated until they have taken SHORT [s] of CPU time in all and three times, unless they would pass LONG
@@ -43,17 +30,6 @@ class Measured:
     unknowns: int = 0
 
 
-def scene_of(name: str, settings: Settings) -> Scene:
-    """Return a shipped scene with a point's settings. Raises SceneError."""
-    return load_scene(name, [f"{path}={_word(value)}" for path, value in settings.items()])
-
-
-def _word(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, float | int) else str(value)
-
-
 def repeated(run: Callable[[], float]) -> list[float]:
     """Return the CPU times [s] that `run` gives, as often as it takes to trust them."""
     taken: list[float] = []
@@ -63,56 +39,6 @@ def repeated(run: Callable[[], float]) -> list[float]:
         if enough or sum(taken) + taken[-1] > LONG:
             break
     return taken
-
-
-def motion(
-    scene: Scene,
-    duration: float,
-    interval: float,
-    watch: Callable[[Simulation], Watch],
-    command: Callable[[float], FloatArray] | None = None,
-) -> Measured:
-    """Run a motion and observe it every `interval` [s].
-
-    Args:
-        scene: Its dt must divide `interval`.
-        duration: Of the motion [s], a multiple of `interval`.
-        interval: Between observations [s].
-        watch: Called at the start, returns what gives one row for each quantity whenever it is called.
-        command: Joints at a time [s]; None leaves them.
-
-    Raises:
-        SceneError: dt does not divide `interval`.
-        StepError: the motion broke off, grew without cause or is not finite.
-    """
-    steps, samples = round(interval / scene.dt), round(duration / interval)
-    if steps < 1 or abs(steps * scene.dt - interval) > 1e-9 * interval:
-        raise SceneError(f"dt is {scene.dt:g} s; in this study it must divide {interval:g} s")
-    simulation = Simulation(scene)
-    found: list[Mapping[str, list[float]]] = []
-
-    def run() -> float:
-        simulation.reset()
-        observe = watch(simulation)
-        rows, cpu = [], 0.0
-        for k in range(samples):
-            start = time.thread_time()
-            if command is None:
-                reports = [simulation.advance(steps)]
-            else:
-                reports = [simulation.step(command((k * steps + i + 1) * scene.dt)) for i in range(steps)]
-            cpu += time.thread_time() - start
-            if unstable := next((r.instability for r in reports if r.grew_at), ""):
-                raise StepError(unstable)
-            rows.append({name: [float(v) for v in row] for name, row in observe().items()})
-        if not all(math.isfinite(v) for row in rows for values in row.values() for v in values):
-            raise StepError("the motion is not finite")
-        found[:] = rows
-        return cpu
-
-    cpu = repeated(run)
-    observed = {name: [row[name] for row in found] for name in found[0]}
-    return Measured(observed, cpu, duration, simulation.unknowns)
 
 
 def outcome(task: Callable[[Settings], Measured], settings: Settings) -> dict[str, Any]:

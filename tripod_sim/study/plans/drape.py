@@ -1,8 +1,9 @@
 """The cloth that falls on a sphere: response to contact, contact distance and step against its resting shape."""
 
 from tripod_sim.simulation import Simulation
+from tripod_sim.study.motion import Watch, motion, scene_of
 from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
-from tripod_sim.study.task import Measured, Watch, motion, scene_of
+from tripod_sim.study.task import Measured
 
 SCENE = "drape"
 
@@ -76,7 +77,7 @@ def plan(*, quick: bool) -> Plan:
             Knob("dt", "dt", "time step [s]"),
         ),
         default=DEFAULT,
-        points=unique([Point(DEFAULT, "drape as shipped, coarser cloth"), *points]),
+        points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(
             Quantity(
                 "nodes", "m", "positions of all nodes, root mean square, the worst instant", measure="rms"

@@ -8,8 +8,9 @@ from scipy.integrate import solve_ivp
 
 from tripod_sim.scene import Springs
 from tripod_sim.simulation import Simulation
+from tripod_sim.study.motion import Watch, motion, scene_of
 from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
-from tripod_sim.study.task import Measured, Watch, motion, scene_of
+from tripod_sim.study.task import Measured
 
 FloatArray = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ def plan(*, quick: bool) -> Plan:
             Knob("tolerance", "solver.tolerance", "unbalanced force of implicit schemes [N]"),
         ),
         default=DEFAULT,
-        points=unique([Point(DEFAULT, "pendulum as shipped"), *points]),
+        points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(
             Quantity(
                 "nodes", "m", "positions of all nodes, root mean square, the worst instant", measure="rms"

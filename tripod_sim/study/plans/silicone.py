@@ -3,8 +3,9 @@
 import numpy as np
 
 from tripod_sim.simulation import Simulation
+from tripod_sim.study.motion import Watch, motion, scene_of
 from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
-from tripod_sim.study.task import Measured, Watch, motion, scene_of
+from tripod_sim.study.task import Measured
 
 SCENE = "silicone"
 
@@ -75,7 +76,7 @@ def plan(*, quick: bool) -> Plan:
             Knob("dt", "dt", "time step [s]"),
         ),
         default=DEFAULT,
-        points=unique([Point(DEFAULT, "silicone as shipped"), *points]),
+        points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(
             Quantity("tips", "m", "ends of the two free strips, the worst instant"),
             Quantity("sag", "m", "the lower of them at the end of the motion", scale="largest"),

@@ -3,8 +3,9 @@
 import numpy as np
 
 from tripod_sim.simulation import Simulation
+from tripod_sim.study.motion import Watch, motion, scene_of
 from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
-from tripod_sim.study.task import Measured, Watch, motion, scene_of
+from tripod_sim.study.task import Measured
 
 SCENE = "tripod"
 
@@ -34,12 +35,9 @@ def same_mesh(settings: Settings) -> tuple[Settings, ...]:
 
 
 def finest(_: Settings) -> tuple[Settings, ...]:
-    """Return the reference of the whole error: fine meshes of quadratic elements, and small steps."""
-    fine = {**DEFAULT, **FINE, "solver.tolerance": 1e-5, "dt": 5e-4}
-    return (
-        {**fine, "mesh.element": "h20", "mesh.level": 9},
-        {**fine, "mesh.element": "h27", "mesh.level": 9},
-    )
+    """Return the reference of the whole error: H27 on fine meshes, edges as 1/2 to 1/3, and small steps."""
+    fine = {**DEFAULT, **FINE, "mesh.element": "h27", "solver.tolerance": 1e-5}
+    return ({**fine, "mesh.level": 9, "dt": 5e-4}, {**fine, "mesh.level": 10, "dt": 2.5e-4})
 
 
 def quick_finest(_: Settings) -> tuple[Settings, ...]:
@@ -50,7 +48,7 @@ def quick_finest(_: Settings) -> tuple[Settings, ...]:
 
 def plan(*, quick: bool) -> Plan:
     """Return the study; `quick`: few points, against a coarser reference."""
-    shipped = Point(DEFAULT, "tripod as shipped")
+    shipped = Point(DEFAULT, "the default")
     if quick:
         newton = {**DEFAULT, "solver.mode": "newton"}
         points = [
@@ -65,6 +63,12 @@ def plan(*, quick: bool) -> Plan:
             *grid(DEFAULT, mesh__level=(1,), dt=(0.01, 0.005, 0.002, 0.001), **some),
             *grid(DEFAULT, mesh__level=(4,), dt=(0.005, 0.002, 0.001, 0.0005), **some),
             *grid({**DEFAULT, "mesh.element": "h20"}, mesh__level=(1, 2), dt=(0.002, 0.001, 0.0005), **some),
+            *grid(
+                {**DEFAULT, "mesh.element": "h27", "solver.mode": "newton"},
+                mesh__level=(1, 9),
+                dt=(0.001, 0.0005),
+                inertia__scheme=("tr_bdf2",),
+            ),
         ]
     return Plan(
         name="tripod_dynamic",

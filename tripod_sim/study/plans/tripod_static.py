@@ -5,8 +5,9 @@ import time
 import numpy as np
 
 from tripod_sim.simulation import Simulation
+from tripod_sim.study.motion import scene_of
 from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
-from tripod_sim.study.task import Measured, repeated, scene_of
+from tripod_sim.study.task import Measured, repeated
 
 SCENE = "tripod"
 
@@ -59,7 +60,7 @@ def plan(*, quick: bool) -> Plan:
         {**DEFAULT, "mesh.element": "t4", "mesh.level": 5, "material.law": "corotational"},
         "sofa (coarse)",
     )
-    shipped = Point(DEFAULT, "tripod as shipped")
+    shipped = Point(DEFAULT, "the default")
     if quick:
         points = [
             *grid({**DEFAULT, "solver.max_turn": 0.3}, mesh__element=("h8_modes",), mesh__level=(1, 8)),
@@ -75,7 +76,7 @@ def plan(*, quick: bool) -> Plan:
             *grid(turn, mesh__element=("h8_modes",), mesh__level=(4, 9)),
             *grid(turn, mesh__element=("h8_mean", "h8", "t10"), mesh__level=(1, 2)),
             *grid(turn, mesh__element=("h8_mean",), mesh__level=(8, 9)),
-            *grid(turn, mesh__element=("h20",), mesh__level=(1, 2, 8, 9)),
+            *grid(turn, mesh__element=("h20",), mesh__level=(1, 2, 8, 9, 10)),
             *grid(turn, mesh__element=("h27",), mesh__level=(1, 8, 9)),
             *grid(turn, mesh__element=("t4",), mesh__level=(1, 5, 6, 7)),
             *grid(turn, mesh__element=("t4",), mesh__level=(5, 6), material__law=("corotational",)),

@@ -1,0 +1,157 @@
+"""docs/accuracy.md from the studies: for each one picture, one table, its advice.
+
+The studies are those that come with tripod, tripod_sim/studies/*.json; what stands outside the marks in the document is
+left as it is.
+
+    tripod study --all --out studies                      # measures: half an hour on two processors, a quiet machine
+    python benchmarks/accuracy_docs.py --from studies     # takes them into the package, then renews the document
+    python benchmarks/accuracy_docs.py                    # only the document and its pictures
+    python benchmarks/accuracy_docs.py --check            # exit code 1 if the document is not of these studies
+"""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
+
+from tripod_bringup.study_files import error_text, seconds
+from tripod_bringup.study_plans import PLANS
+from tripod_bringup.study_plot import draw
+from tripod_sim.study.advice import short
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCUMENT, IMAGES = ROOT / "docs" / "accuracy.md", ROOT / "docs" / "images"
+STUDIES = ROOT / "tripod_sim" / "studies"
+
+BEGIN, END = "<!-- studies -->", "<!-- end studies -->"
+
+
+def studies() -> list[dict[str, Any]]:
+    """Return the studies that come with tripod, in the order of `tripod study --all`."""
+    paths = [STUDIES / f"{name}.json" for name in PLANS]
+    return [json.loads(path.read_text(encoding="utf-8")) for path in paths if path.exists()]
+
+
+def take(folder: Path) -> list[str]:
+    """Copy the studies of a folder into the package; return their names. Short forms are left where they are."""
+    taken = []
+    for name in PLANS:
+        path = folder / f"{name}.json"
+        if not path.exists():
+            continue
+        if json.loads(path.read_text(encoding="utf-8"))["quick"]:
+            print(f"{path}: the short form of the study, left out", file=sys.stderr)
+            continue
+        STUDIES.mkdir(exist_ok=True)
+        (STUDIES / path.name).write_bytes(path.read_bytes())
+        taken.append(name)
+    return taken
+
+
+def section(result: dict[str, Any]) -> str:
+    """Return a study as Markdown."""
+    first, reference = result["quantities"][0], result["reference"]
+    lines = [
+        f"### {result['title']}",
+        "",
+        f"![error over CPU time, {result['study']}](images/accuracy_{result['study']}.png)",
+        "",
+        f"`tripod study {result['study']}`; error: {first['what']}. {own_error(reference, first)}",
+        *([result["note"]] if result["note"] else []),
+        "",
+        *[f"- {sentence}" for sentence in result["advice"]],
+        "",
+        *table(result),
+    ]
+    if result["orders"]:
+        lines += ["", orders(result)]
+    failed = [p for p in result["points"] if p["status"] != "ok"]
+    if failed:
+        first_message = failed[0]["message"]
+        lines += [
+            "",
+            f"Of {len(result['points'])} settings {len(failed)} gave no result, such as "
+            f"{short(failed[0]['settings'], result)}: {failed[0]['status']}, {first_message}.",
+        ]
+    return "\n".join(lines)
+
+
+def own_error(reference: dict[str, Any] | None, quantity: dict[str, Any]) -> str:
+    """Return in a sentence what the reference is worth."""
+    if not reference or reference["own_error"] is None:
+        return "There is no reference."
+    size = f"{reference['scale']:.3g} {quantity['unit']}"
+    return f"In percent of {size}; the reference's own error is estimated at {100 * reference['own_error']:.2g} %."
+
+
+def table(result: dict[str, Any]) -> list[str]:
+    """Return the front and the settings that have a name as a Markdown table, cheapest first."""
+    rows = [p for p in result["points"] if p["on_front"] or (p["label"] and p["cpu"] is not None)]
+    rows.sort(key=lambda p: p["cpu"])
+    lines = [f"| setting | unknowns | error [%] | CPU [{result['cpu']}] | |", "|---|---|---|---|---|"]
+    for p in rows:
+        marks = [*(["front"] if p["on_front"] else []), *([p["label"]] if p["label"] else [])]
+        lines.append(
+            f"| {short(p['settings'], result)} | {p['unknowns']} | {error_text(p)} | {seconds(p['cpu'])} "
+            f"| {', '.join(marks)} |"
+        )
+    return lines
+
+
+def orders(result: dict[str, Any]) -> str:
+    """Return the fitted orders in a sentence, one for each value of the field that groups the points."""
+    found: dict[str, list[float]] = {}
+    for family in result["orders"]:
+        newton = family["settings"].get("solver.mode", "newton") == "newton"
+        if newton:
+            found.setdefault(str(family["settings"][result["group"]]), []).append(family["order"])
+    words = [f"{name} {sum(p) / len(p):.1f}" for name, p in found.items()]
+    return (
+        f"Fitted order in {result['order_knob']} (error of {result['order_quantity']}): {', '.join(words)}."
+    )
+
+
+def document(found: list[dict[str, Any]], text: str) -> str:
+    """Return the document with its studies renewed."""
+    calibrations = [r["machine"]["calibration"] for r in found if r["machine"]["calibration"]]
+    speed = (
+        f"{1e3 * min(calibrations):.0f} to {1e3 * max(calibrations):.0f} ms" if calibrations else "unknown"
+    )
+    head = (
+        "Generated by `python benchmarks/accuracy_docs.py`. CPU time of one thread, the least of the repetitions; a\n"
+        f"1000 x 1000 float64 product took {speed} beside the points."
+    )
+    body = "\n\n".join([head, *(section(result) for result in found)])
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise SystemExit(f"{DOCUMENT}: the marks {BEGIN} and {END} are missing")
+    return f"{before}{BEGIN}\n\n{body}\n\n{END}{after}"
+
+
+def main() -> None:
+    """Renew the document."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--from", dest="source", type=Path, metavar="DIR", help="take the studies of this folder"
+    )
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    options = parser.parse_args()
+    if options.source and not options.check:
+        print("taken:", ", ".join(take(options.source)) or "nothing")
+    found, text = studies(), DOCUMENT.read_text(encoding="utf-8")
+    made = document(found, text)
+    if options.check:
+        sys.exit(made != text)
+    DOCUMENT.write_text(made, encoding="utf-8")
+    for result in found:
+        draw(result, IMAGES / f"accuracy_{result['study']}.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,273 @@
+"""Studies on this machine: points in processes, the store, what ends badly, kill -9, Ctrl-C, a cluster, the command."""
+
+import csv
+import importlib.util
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.bringup import toy_study
+from tripod_bringup import study_command
+from tripod_bringup.cli import app
+from tripod_bringup.study_run import local, run_plan
+from tripod_bringup.study_store import Store
+from tripod_bringup.study_worker import Worker
+
+ROOT = Path(__file__).parents[2]
+
+
+def lines(path: Path) -> list[str]:
+    return path.read_text().splitlines() if path.exists() else []
+
+
+def test_a_store_keeps_what_was_added_and_cuts_a_torn_line_off(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "points.jsonl"
+    with Store(path) as store:
+        store.add("a", {"cpu": [0.1, 1e-300, 0.1 + 0.2]})
+        store.add("b", {"status": "diverged"})
+    with path.open("ab") as file:
+        file.write(b'{"key": "c", "cpu": [0.')
+    with Store(path) as store:
+        assert store.records["a"]["cpu"] == [0.1, 1e-300, 0.1 + 0.2]
+        assert list(store.records) == ["a", "b"]
+        store.add("d", {"status": "ok"})
+    assert [json.loads(line)["key"] for line in lines(path)] == ["a", "b", "d"]
+    with path.open("ab") as file:
+        file.write(b"\0\0\0\n[1]\n")
+    with Store(path) as store:
+        assert list(store.records) == ["a", "b", "d"]
+    with Store(path, fresh=True) as store:
+        assert not store.records
+
+
+def test_every_bad_end_is_a_row_and_the_others_go_on(tmp_path: Path) -> None:
+    made = toy_study.make(ends=toy_study.ENDS, steps=(0.4, 0.2), limit=4.0)
+    with Store(tmp_path / "toy.jsonl") as store:
+        records = run_plan(made, store, local(2))
+    found = {p.settings["end"]: records[made.key(p.settings)] for p in made.points if p.settings["dt"] == 0.4}
+    assert {end: record["status"] for end, record in found.items()} == {
+        "ok": "ok",
+        "diverge": "diverged",
+        "refuse": "refused",
+        "bug": "failed",
+        "exit": "crashed",
+        "kill": "crashed",
+        "hang": "time limit",
+    }
+    assert found["exit"]["message"] == "the process ended with code 3"
+    assert found["kill"]["message"] == "the process ended with code -9"
+    assert found["hang"]["message"] == "given up after 4 s"
+    assert found["diverge"]["message"] == "element 7 is inverted"
+    assert found["ok"]["calibration"] > 0
+
+
+def test_a_finished_point_is_not_run_again_and_a_crashed_one_is(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    made = toy_study.make(ends=("ok", "exit"), steps=(0.4, 0.2), log=str(log))
+    for expected in (4 + 2, 2):  # two rungs and two points, and two that crash; then these again
+        before = len(lines(log))
+        with Store(tmp_path / "toy.jsonl") as store:
+            run_plan(made, store, local(1))
+        assert len(lines(log)) - before == expected
+
+
+def test_the_seed_orders_the_points_and_changes_nothing_else(tmp_path: Path) -> None:
+    found, orders = [], []
+    for seed in (0, 0, 5):
+        log = tmp_path / "log"
+        log.unlink(missing_ok=True)
+        made = toy_study.make(steps=(0.4, 0.3, 0.2, 0.15, 0.1, 0.05), log=str(log))
+        with Store(tmp_path / "toy.jsonl", fresh=True) as store:
+            records = run_plan(made, store, local(1), seed=seed)
+        found.append({key: record["observed"] for key, record in records.items()})
+        orders.append(lines(log))
+    assert found[0] == found[1] == found[2]
+    assert orders[0] == orders[1] != orders[2]
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from tests.bringup import toy_study
+from tripod_bringup.study_run import local, run_plan
+from tripod_bringup.study_store import Store
+made = toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), pause=0.15, log=sys.argv[2])
+with Store(Path(sys.argv[1])) as store:
+    run_plan(made, store, local(2))
+"""
+
+
+def test_kill_9_loses_no_finished_point(tmp_path: Path) -> None:
+    path, log = tmp_path / "toy.jsonl", tmp_path / "log"
+    child = subprocess.Popen([sys.executable, "-c", KILLED, str(path), str(log)], cwd=ROOT)
+    end = time.monotonic() + 60
+    while len(lines(path)) < 5 and time.monotonic() < end:
+        time.sleep(0.01)
+    child.kill()
+    child.wait()
+    kept = [json.loads(line) for line in path.read_bytes().splitlines(keepends=True) if line.endswith(b"\n")]
+    made = toy_study.make(steps=tuple(0.01 * k for k in range(3, 15)), pause=0.15, log=str(log))
+    assert 5 <= len(kept) < 14
+    time.sleep(1.0)  # its workers end with their input
+    before = len(lines(log))
+    with Store(path) as store:
+        assert len(store.records) == len(kept)
+        records = run_plan(made, store, local(2))
+    assert len(lines(log)) - before == 14 - len(kept)
+    for record in kept:
+        assert records[record["key"]] == record
+    assert {record["status"] for record in records.values()} == {"ok"}
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("distributed") is None, reason="the extra `cluster` is not installed"
+)
+def test_a_cluster_gives_the_same_bits(tmp_path: Path) -> None:
+    from distributed import LocalCluster
+
+    from tripod_bringup.study_cluster import cluster
+
+    made = toy_study.make(ends=("ok", "diverge", "kill"), steps=(0.4, 0.3))
+    with Store(tmp_path / "here.jsonl") as store:
+        here = run_plan(made, store, local(1))
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=2, host="127.0.0.1", dashboard_address=None) as machines,
+        Store(tmp_path / "there.jsonl") as store,
+    ):
+        there = run_plan(made, store, cluster(machines.scheduler_address))
+    for key, record in here.items():
+        assert {k: there[key][k] for k in ("status", "message", "observed")} == {
+            k: record[k] for k in ("status", "message", "observed")
+        }
+
+
+def test_a_worker_is_started_again_after_it_was_stopped() -> None:
+    worker = Worker()
+    settings = dict(toy_study.DEFAULT)
+    try:
+        first = worker.measure("tests.bringup.toy_study", settings, 20.0)
+        worker.stop()
+        assert worker.measure("tests.bringup.toy_study", settings, 20.0)["observed"] == first["observed"]
+    finally:
+        worker.stop()
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    from tripod_bringup import study_plans
+
+    monkeypatch.setitem(study_plans.PLANS, "toy", "tests.bringup.toy_study")
+    yield
+
+
+@pytest.mark.usefixtures("toy")
+def test_the_command_prints_a_table_and_writes_files(tmp_path: Path) -> None:
+    words = ["study", "toy", "--out", str(tmp_path / "out"), "--jobs", "2"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.stderr
+    assert "order in dt: 2.00" in done.stdout
+    assert "its own error, estimated: 0.01 %" in done.stdout
+    table = list(csv.DictReader((tmp_path / "out" / "toy.csv").open(newline="")))
+    result = json.loads((tmp_path / "out" / "toy.json").read_text())
+    assert [float(row["error"]) for row in table] == [p["error"] for p in result["points"]]
+    assert (tmp_path / "out" / "toy.png").read_bytes()[:4] == b"\x89PNG"
+    again = CliRunner().invoke(app, [*words, "--json"])
+    assert json.loads(again.stdout)["accuracy"]["toy"] == result
+
+
+@pytest.mark.usefixtures("toy")
+def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        toy_study, "rungs", lambda s: tuple({**s, "dt": h, "end": "diverge"} for h in (0.02, 0.01))
+    )
+    done = CliRunner().invoke(app, ["study", "toy", "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert "the reference 'reference' is missing: diverged" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nonsense"], "study 'nonsense' is unknown; studies: pendulum, cloth"),
+        ([], "give one scene or --all"),
+        (["pendulum", "--all"], "give one scene or --all"),
+        (["cloth", "--part", "report"], "there is no report of 'cloth'; reports: pendulum, drape"),
+        (["cloth", "--part", "some"], "--part is 'some'; allowed: both, accuracy, report"),
+        (["cloth", "--quick", "--knobs", "dt,speed"], "knob 'speed' is unknown; knobs: dt, linear"),
+        (["cloth", "--quick", "--knobs", "tolerance"], "varies these alone; add more of: scheme, dt"),
+        (["cloth", "--scheduler", "here"], "--scheduler is 'here'; it must be tcp://HOST:PORT"),
+        (["cloth", "--out", "/proc/no/such"], "cannot be written"),
+    ],
+)
+def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
+    done = CliRunner().invoke(app, ["study", *words])
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_without_dask_a_scheduler_is_refused_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    words = ["study", "cloth", "--quick", "--scheduler", "tcp://127.0.0.1:1", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 2
+    assert done.stderr.strip() == "tripod study: --scheduler needs Dask: pip install 'tripod[cluster]'"
+
+
+INTERRUPTED = """
+import sys
+from tests.bringup import toy_study
+from tripod_bringup import study_plans
+study_plans.PLANS["toy"] = "tests.bringup.toy_study"
+toy_study.plan = lambda quick: toy_study.make(steps=tuple(0.01 * k for k in range(3, 60)), pause=0.15)
+from tripod_bringup.cli import main
+sys.argv = ["tripod", "study", "toy", "--jobs", "2", "--out", sys.argv[1]]
+main()
+"""
+
+
+def test_ctrl_c_ends_with_130_and_one_line(tmp_path: Path) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, str(tmp_path)], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    )
+    end = time.monotonic() + 60
+    while len(lines(tmp_path / "toy.jsonl")) < 3 and time.monotonic() < end:
+        time.sleep(0.01)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=20)
+    assert child.returncode == 130
+    assert said.splitlines() == [
+        f"tripod study: interrupted; what is done is kept in {tmp_path}, the same command goes on"
+    ]
+    assert len(lines(tmp_path / "toy.jsonl")) >= 3
+
+
+def test_the_report_and_the_accuracy_of_one_scene_come_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(study_command, "report", lambda name, *_, **__: asked.append(name) or {"rows": []})
+    monkeypatch.setattr(
+        study_command, "accuracy", lambda made, *_, **__: asked.append(made.name) or {"front": [0]}
+    )
+    for words, expected in (
+        (["pendulum"], ["pendulum", "pendulum"]),
+        (["pendulum", "--part", "report"], ["pendulum"]),
+        (["pendulum", "--quick"], ["pendulum"]),
+        (["tripod"], ["tripod_static", "tripod_dynamic"]),
+        (["--all"], list(study_command.PLANS)),
+        (["--all", "--part", "report"], ["pendulum", "drape"]),
+    ):
+        asked.clear()
+        done = CliRunner().invoke(app, ["study", *words, "--json", "--out", str(tmp_path)])
+        assert done.exit_code == 0, done.stderr
+        assert asked == expected
