@@ -15,6 +15,7 @@ from tripod_sim.constraints.reduction import Reduction, move_nodes, write_levers
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.linear.choice import LinearFactory, linear_factory
+from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
@@ -63,7 +64,8 @@ class System:
         self.reduction = Reduction(blocks, groups)
         free, bodies = self.reduction.free_count, self.reduction.bodies
         diagonal_blocks = np.append(3 * np.arange(free), 3 * free + 6 * np.arange(bodies + 1))
-        self.linear = linear(self.reduction.pattern, diagonal_blocks)
+        self._new_linear = lambda: linear(self.reduction.pattern, diagonal_blocks)
+        self.linear = self._new_linear()
         n, s = len(rest), len(groups.driven)
         self.gradient, self.lever = np.zeros((n, 3)), np.zeros((n, 3))
         self.residual, self.torques = np.zeros(self.reduction.unknowns), np.zeros(s)
@@ -96,6 +98,11 @@ class System:
             radius = np.sqrt(((rest[nodes] - self._rest_centres[b]) ** 2).sum(axis=1).mean())
             first = 3 * self.reduction.free_count + 6 * b
             self._scale[first + 3 : first + 6] = 1 / radius
+
+    def another_linear(self) -> LinearSolver:
+        """Return one more linear solver for the Hessian, which has factored nothing yet."""
+        sibling = getattr(self.linear, "sibling", None)
+        return sibling() if sibling else self._new_linear()
 
     @property
     def unknowns(self) -> int:

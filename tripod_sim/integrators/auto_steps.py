@@ -1,10 +1,10 @@
 """Steps as long as the error that they add allows: what `dt = "auto"` asks for.
 
 The interval of commands and outputs stays fixed; it is divided into parts of 2^-k of it, which nest, so that lengths
-recur and a factorisation serves many parts. A part that adds more than the tolerance to the position of a node is taken
-back. The controller, of a proportional and an integral part [HairerWanner1996, chapter IV.2], follows a length H of its
-own, of which the parts are the next 2^-k below: with q the order of the scheme and r the error, in parts of the
-tolerance, that a part of H would have added,
+recur and their factorisations, which are kept, serve many parts. A part that adds more than the tolerance to the
+position of a node is taken back. The controller, of a proportional and an integral part [HairerWanner1996, chapter
+IV.2], follows a length H of its own, of which the parts are the next 2^-k below: with q the order of the scheme and r
+the error, in parts of the tolerance, that a part of H would have added,
 
     after an accepted part    H' = 0.9 H r^(-0.7 / (q + 1)) r_before^(0.4 / (q + 1)),
     after a rejected one      H' = 0.9 h r^(-1 / (q + 1)).
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.errors import StepError
+from tripod_sim.integrators.factor_store import FactorStore
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.integrators.time_error import ErrorState
@@ -53,6 +54,7 @@ class AutoSteps(Substeps):
         super().__init__(newton, max_halvings)
         self._scheme, self._tolerance, self._shortest = scheme, tolerance, shortest
         self.errors = scheme.errors
+        newton.store = FactorStore(newton.system)
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
         return self._scheme._part(state, joints, h)

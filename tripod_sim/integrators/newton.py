@@ -8,6 +8,7 @@ leaves more, Newton's method goes on to the tolerance.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
+
+if TYPE_CHECKING:  # only steps of changing length need it
+    from tripod_sim.integrators.factor_store import FactorStore
 
 FloatArray = NDArray[np.float64]
 
@@ -43,7 +47,11 @@ class NewtonReport:
 
 
 class Newton:
-    """Moves a state to the minimum of its system's potential, with scratch of its own."""
+    """Moves a state to the minimum of its system's potential, with scratch of its own.
+
+    Attributes:
+        store: Keeps factorisations of several time steps; None keeps the last one only.
+    """
 
     SHORTEST = 1e-4
     """Smallest fraction of a Newton step that is tried."""
@@ -66,10 +74,13 @@ class Newton:
         self._dx = np.zeros_like(system.rest)
         self._trial: State | None = None
         self._kept: float | None = None
+        self.store: FactorStore | None = None
 
     def forget(self) -> None:
         """Drop the factorisation kept from earlier solves, so that the next one depends on its state alone."""
         self._kept = None
+        if self.store:
+            self.store.forget()
         self.system.forget()
 
     def solve(self, state: State, joints: FloatArray, *, keep: float | None = None) -> NewtonReport:
@@ -92,7 +103,7 @@ class Newton:
         trial, report = self._trial, NewtonReport()
         state.copy_to(trial)
         self._dx[:] = 0.0
-        kept = keep is not None and keep == self._kept
+        kept = self.store.use(keep) if self.store and keep else keep is not None and keep == self._kept
         self._kept = None
         phi = self.system.evaluate(state) if kept else self._renew(state, report, start=True)
         driven = not np.array_equal(joints, state.joints)
@@ -105,6 +116,8 @@ class Newton:
         self._descend(state, trial, phi, report, enough)
         if report.iterations <= self.FEW:
             self._kept = keep
+            if self.store and keep:
+                self.store.keep(keep)
         return report
 
     def _add_drive(self, state: State, trial: State) -> None:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.forces.anchor import Anchor
+from tripod_sim.integrators import time_error_kernels as kernels
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.system import System
 
@@ -98,39 +99,50 @@ class ErrorTransport:
     """Carries the errors of one system along, stage by stage, with scratch of its own.
 
     Attributes:
-        added: The error that the last step added: e_x of a step that starts without error, shape (n, 3). Only with
-            `local`.
+        local: Whether it measures `added`, too.
         order: Of the last step in its length.
     """
 
     def __init__(self, system: System, inertia: Anchor, mass: FloatArray, *, local: bool) -> None:
         """`inertia`: the system's; `mass`: of nodes [kg], shape (n,); `local`: whether `added` is asked for."""
-        self._system, self._inertia, self._mass, self.local = system, inertia, mass[:, None], local
+        self._system, self._inertia, self._mass, self.local = system, inertia, mass, local
         n = len(mass)
         self.order = 1
-        self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))[:, None]
-        self._known, self._middle, self._defect = (
-            np.zeros((2, n, 3)),
-            np.zeros((2, n, 3)),
-            np.zeros((2, n, 3)),
-        )
-        self._force, self._move, self.added = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))
+        self._known, self._middle, self._alone = np.zeros((2, n, 3)), np.zeros((2, n, 3)), np.zeros((2, n, 3))
+        self._y, self._force, self._move = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
         self._reduced, self._torques = np.zeros(system.unknowns), np.zeros(len(system.torques))
         self._differences = np.zeros((3, n, 3))
         self._left = np.zeros((2, system.unknowns))
+        self._none = np.zeros(system.unknowns)
         self._effector = system.groups.rigid[0] if system.groups.rigid else None
 
     def start(self, velocities: FloatArray) -> ErrorState:
-        """Return the state without error at the start; `velocities`: there [m/s], shape (n, 3)."""
+        """Return the state without error at the start; `velocities`: there [m/s], shape (n, 3).
+
+        The kernels compile here.
+        """
         none = np.zeros((2, *velocities.shape))
-        return ErrorState(none, none.copy(), velocities.copy(), none.copy())
+        state = ErrorState(none, none.copy(), velocities.copy(), none.copy())
+        trial, v = state.copy(), velocities
+        self._differ(trial, v, v, v, 1.0, 1.0)
+        self._load(trial.error, 1.0, trial.before, 0.0, 0, 0.0, 1.0, 0.0)
+        kernels.finish(self._move, self._y, 0.0, 1.0, self._alone)
+        self._measure_rates(trial, 0, 0.0, 1.0)
+        kernels.furthest(self.added)
+        return state
+
+    @property
+    def added(self) -> FloatArray:
+        """e_x of the last step if it had started without error [m], shape (n, 3)."""
+        return self._alone[0]
 
     def keep_residual(self, stage: int) -> None:
         """Remember the force that the solver has left over in `stage`, 0 or 1, as long as it is at hand."""
         self._left[stage] = self._system.residual
 
     def euler(
-        self, state: ErrorState, start: FloatArray, end: FloatArray, h: float, *, rates: bool = False
+        self, state: ErrorState, start: FloatArray, end: FloatArray, h: float, *, keep_rates: bool = False
     ) -> None:
         """Carry `state` over a step of implicit Euler.
 
@@ -138,36 +150,33 @@ class ErrorTransport:
             state: Overwritten.
             start, end: Velocities at start and end of the step [m/s], shape (n, 3).
             h: [s].
-            rates: Whether `before` is to hold the rates of the errors at the end, else the errors at the start.
+            keep_rates: Whether `before` is to hold the rates of the errors at the end, else the errors at the start.
         """
-        a, j, _ = self._differ(state, start, end, start, h, h)
-        if state.known == 1:  # after the first step: j is known after the second
+        self._differ(state, start, end, start, h, h)
+        if state.known == 1:  # the first step: j is known after the second
             state.missing = h
-        np.multiply(a, -(h**2) / 2, out=self._defect[0])
-        np.multiply(j, -(h**2) / 2, out=self._defect[1])
         self.keep_residual(0)
         state.before[:] = state.error
-        self._known[:] = state.error
-        self._stage(self._known, h, 0, state.error)
-        if rates:
-            self._measure_rates(state, h)
+        factor = -(h**2) / 2
+        self._stage(state.error, 1.0, state.error, 0.0, 0, factor, h, self._left[0], state.error)
+        if keep_rates:
+            self._measure_rates(state, 0, factor, h)
         self.order = 1
-        self._measure_added(h)
+        self._measure_added(0, factor, h)
 
     def bdf2(
         self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, ratio: float
     ) -> None:
         """Carry `state` over a step of BDF2 with its `u` [m/s], `ratio` times as long as the step before."""
         a, b, c = (1 + 2 * ratio) / (1 + ratio), 1 + ratio, ratio**2 / (1 + ratio)
-        _, j, rate = self._differ(state, start, end, u, h, h / a)
-        self._third_order(-(h**3) * (1 + ratio) / (6 * a * ratio), j, rate)
+        self._differ(state, start, end, u, h, h / a)
         self.keep_residual(0)
-        np.multiply(state.error, b / a, out=self._known)
-        self._known -= (c / a) * state.before
-        state.before[:] = state.error
-        self._stage(self._known, h / a, 0, state.error)
+        factor = -(h**3) * (1 + ratio) / (6 * a * ratio)
+        self._middle[:] = state.error
+        self._stage(state.error, b / a, state.before, -c / a, 1, factor, h / a, self._left[0], state.error)
+        state.before[:] = self._middle
         self.order = 2
-        self._measure_added(h / a)
+        self._measure_added(1, factor, h / a)
 
     def tr_bdf2(
         self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, g: float
@@ -176,103 +185,84 @@ class ErrorTransport:
 
         The residuals of both have been kept.
         """
-        _, j, rate = self._differ(state, start, end, u, h, g * h / 2)
         k, p = g * h / 2, 1 / (g * (2 - g))
-        q, known, middle = (1 - g) ** 2 * p, self._known, self._middle
-        self._third_order(-((g * h) ** 3) / 12, j, rate)
-        np.multiply(state.before, k, out=known)
-        known += state.error
-        self._stage(known, k, 0, middle)
-        self._third_order(-((1 - g) ** 2) / (6 * (2 - g)) * h**3, j, rate)
-        np.multiply(middle, p, out=known)
-        known -= q * state.error
-        self._stage(known, k, 1, state.error)
-        self._measure_rates(state, k)
+        self._differ(state, start, end, u, h, k)
+        first, second = -((g * h) ** 3) / 12, -((1 - g) ** 2) / (6 * (2 - g)) * h**3
+        middle, q = self._middle, (1 - g) ** 2 * p
+        self._stage(state.error, 1.0, state.before, k, 1, first, k, self._left[0], middle)
+        self._stage(middle, p, state.error, -q, 1, second, k, self._left[1], state.error)
+        self._measure_rates(state, 1, second, k)
         self.order = 2
-        if self.local:
-            whole = (-3 * g**2 + 4 * g - 2) / (12 * (2 - g))
-            self._third_order(whole * h**3, j, rate)
-            self._measure_added(k)
+        self._measure_added(1, (-3 * g**2 + 4 * g - 2) / (12 * (2 - g)) * h**3, k)
 
     def report(self, state: ErrorState, added: float) -> TimeErrorReport:
         """Return the distances of `state`; `added`: as in the report [m]."""
-        distance = np.sqrt((state.error[0] ** 2).sum(axis=1))
-        node = int(np.argmax(distance))
+        largest, node = kernels.furthest(state.error[0])
         of_effector = np.nan
         if self._effector is not None:
             of_effector = float(np.linalg.norm(state.error[0][self._effector].mean(axis=0)))
-        return TimeErrorReport(of_effector, float(distance[node]), node, added)
+        return TimeErrorReport(of_effector, float(largest), int(node), added)
 
     @property
     def largest_added(self) -> float:
         """Largest distance of a node in `added` [m]."""
-        return float(np.sqrt((self.added**2).sum(axis=1).max()))
-
-    def _third_order(self, factor: float, j: FloatArray, rate: FloatArray) -> None:
-        """Write the defect `factor` (j, dj/dt)."""
-        np.multiply(j, factor, out=self._defect[0])
-        np.multiply(rate, factor, out=self._defect[1])
-
-    def _measure_rates(self, state: ErrorState, s: float) -> None:
-        """Write the rates of the errors at the end of a stage to `before`."""
-        np.subtract(state.error, self._known, out=state.before)
-        state.before -= self._defect
-        state.before /= s
+        return float(kernels.furthest(self.added)[0])
 
     def _differ(
         self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, s: float
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return a, j and dj/dt of a step that ends with a stage of `u` and `s`, and remember what the next one needs.
+    ) -> None:
+        """Find a, j and dj/dt of a step that ends with a stage of `u` and `s`, and remember what the next one needs.
 
-        What is not known is zero. Velocities at the start that somebody has changed are a new start.
+        Velocities at the start that somebody has changed are a new start.
         """
-        before, (a, j, rate) = state.accelerations, self._differences
         if not np.array_equal(start, state.velocities):
             state.known, state.missing = 0, 0.0
-        np.subtract(end, u, out=a)
-        a /= s
-        a *= self._moving
-        j[:] = rate[:] = 0.0
-        if state.known >= 1:
-            np.subtract(a, before[0], out=j)
-            j /= h
-            state.error[1] -= state.missing**2 / 2 * j
+        kernels.differences(
+            end, u, s, h, state.accelerations, state.length, state.known, self._moving, self._differences,
+            state.velocities,
+        )  # fmt: skip
+        if state.missing and state.known:
+            state.error[1] -= state.missing**2 / 2 * self._differences[1]
             state.missing = 0.0
-            if state.known >= 2:
-                np.subtract(j, (before[0] - before[1]) / state.length, out=rate)
-                rate *= 2 / (h + state.length)
-        before[1], before[0], state.velocities[:] = before[0], a, end
         state.length, state.known = h, min(state.known + 1, 2)
-        return a, j, rate
 
-    def _stage(self, known: FloatArray, s: float, stage: int, out: FloatArray) -> None:
-        """Write the errors at the end of a stage to `out`, which may not be `known`."""
-        np.add(known[0], self._defect[0], out=out[1])  # y
-        np.add(known[1], self._defect[1], out=self._force)
-        self._solve(out[1], s, self._left[stage], out[0])
-        np.subtract(out[0], out[1], out=out[1])
-        out[1] /= s
+    def _stage(
+        self, first: FloatArray, c1: float, second: FloatArray, c2: float, derivative: int, factor: float, s: float,
+        left: FloatArray, out: FloatArray,
+    ) -> None:  # fmt: skip
+        """Write the errors at the end of a stage that starts from c1 `first` + c2 `second` to `out`.
 
-    def _measure_added(self, s: float) -> None:
-        """Write `added` for the defect at hand."""
-        if self.local:
-            self._force[:] = self._defect[1]
-            self._solve(self._defect[0], s, None, self.added)
-
-    def _solve(self, y: FloatArray, s: float, left: FloatArray | None, out: FloatArray) -> None:
-        """Write e_x' to `out`; `_force` holds e_u + tau_v."""
-        system, force = self._system, self._force
-        c = system.damping.factor if system.damping else 0.0
-        share = c / (1 + c)
-        force *= self._mass / s
-        force += ((1 - share) * self._inertia.weight)[:, None] * y
-        system.reduction.gradient(force, system.lever, system.axes, self._reduced, self._torques)
-        if left is not None:
-            self._reduced -= left
+        Its defects are `factor` times the derivatives of the acceleration from number `derivative` on.
+        """
+        damping, system = self._system.damping, self._system
+        share = damping.factor / (1 + damping.factor) if damping else 0.0
+        self._load(first, c1, second, c2, derivative, factor, s, share)
+        system.reduction.gradient(self._force, system.lever, system.axes, self._reduced, self._torques)
+        self._reduced -= left
         try:
             solution = system.linear.solve(self._reduced)
         except LinearError:
             solution = np.full_like(self._reduced, np.nan)
         system.reduction.moves(solution, system.lever, self._move)
-        np.multiply(y, share, out=out)
-        out += self._move
+        kernels.finish(self._move, self._y, share, s, out)
+
+    def _load(
+        self, first: FloatArray, c1: float, second: FloatArray, c2: float, derivative: int, factor: float, s: float,
+        share: float,
+    ) -> None:  # fmt: skip
+        """Write known errors, y and forces of a stage (see `_stage`)."""
+        p, q = self._differences[derivative], self._differences[derivative + 1]
+        kernels.load(
+            first, c1, second, c2, p, q, factor, self._mass, self._inertia.weight, s, share, self._known, self._y,
+            self._force,
+        )  # fmt: skip
+
+    def _measure_rates(self, state: ErrorState, derivative: int, factor: float, s: float) -> None:
+        """Write the rates of the errors at the end of a stage to `before`."""
+        p, q = self._differences[derivative], self._differences[derivative + 1]
+        kernels.rates(state.error, self._known, p, q, factor, s, state.before)
+
+    def _measure_added(self, derivative: int, factor: float, s: float) -> None:
+        """Write `added` of a step with these defects."""
+        if self.local:
+            self._stage(self._alone, 0.0, self._alone, 0.0, derivative, factor, s, self._none, self._alone)

@@ -62,7 +62,7 @@ class TrBdf2(Substeps):
             self._rate = np.empty_like(start)
             self._measure_rate(state, h)
             if self.errors and state.errors:
-                self.errors.euler(state.errors, start[1], state.velocities, h, rates=True)
+                self.errors.euler(state.errors, start[1], state.velocities, h, keep_rates=True)
             return report
         middle = state.joints + G * (joints - state.joints)
         np.multiply(self._rate, k, out=stage.known)

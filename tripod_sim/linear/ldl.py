@@ -4,6 +4,8 @@ The order of elimination is AMD's [AmestoyEtAl1996], found once. Without pivotin
 and for almost all indefinite ones; what is asked of those here is only the signs of D and a rough answer.
 """
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +31,12 @@ class Ldl:
         self._data, self._plan = pattern.data, analyse(pattern)
         self.entries, self.negative = int(self._plan.panel[-1]), -1
         self._allocated = False
+
+    def sibling(self) -> "Ldl":
+        """Return another solver of the same pattern and values, with a factor of its own and the same analysis."""
+        other = copy(self)
+        other.negative, other._allocated = -1, False
+        return other
 
     def _allocate(self) -> None:
         """Allocate factor and scratch: not before they are needed, for whoever only asks how many entries there are."""
