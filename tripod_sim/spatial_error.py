@@ -11,6 +11,7 @@ says nothing about the law of the material, the clamp, or the time steps (`time_
 """
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +83,8 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
             fit.
         StepError: one of the two meshes has no equilibrium there.
     """
-    if scene.springs or not scene.mesh:
+    mesh = scene.mesh
+    if scene.springs or not mesh:
         raise SceneError("springs have no mesh that could be finer: a scene of springs has no spatial error")
     if not (scene.servos or scene.fixed):
         raise SceneError(
@@ -91,9 +93,11 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
     if joints is not None:
         scene = _posed(scene, np.asarray(joints, dtype=float))
     present = {f.name for f in fields(scene)}
-    empty = {name: () if name in ("obstacles", "rigid") else None for name in OF_MOTION if name in present}
-    still = replace(scene, **empty)
-    halved = replace(still, mesh=replace(scene.mesh, refine=scene.mesh.refine + 1))
+    empty: dict[str, Any] = {
+        name: () if name in ("obstacles", "rigid") else None for name in OF_MOTION if name in present
+    }
+    still: Scene = replace(scene, **empty)
+    halved = replace(still, mesh=replace(mesh, refine=mesh.refine + 1))
     coarse, fine = _settled(still), _settled(halved)
     share = 1 / (1 - 0.5**ORDER)
     apart, same = cKDTree(fine.mesh.nodes).query(coarse.mesh.nodes)

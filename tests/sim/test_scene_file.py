@@ -57,7 +57,7 @@ for _effect in OF_SOLIDS:
 
 NEEDED_BY = {
     "gravity": ["ball"],
-    "inertia": ["damping"],
+    "inertia": ["damping", "time_error"],
     "servos": ["servo_dynamics", "clamp"],
     "effector": ["maze"],
 }
