@@ -76,9 +76,9 @@ def test_the_cheapest_setting_within_the_accuracy_is_picked(accuracy: str, dt: f
     scene = load_scene("pendulum", choice.overrides)
     assert (scene.dt, scene.inertia.scheme) == (dt, "bdf2")
     assert choice.outside == ()
-    assert choice.sentence.startswith(
-        f"accuracy {accuracy}: dt={dt!r}, inertia.scheme=bdf2 (study pendulum); expect"
-    )
+    changed = "" if dt == load_scene("pendulum").dt else f"dt={dt!r}, "
+    text = f"accuracy {accuracy}: {changed}inertia.scheme=bdf2 (study pendulum); expect an error below"
+    assert choice.sentence.startswith(text)
     assert "\n" not in choice.sentence
 
 
@@ -87,7 +87,9 @@ def test_times_are_those_of_this_machine(study: Path) -> None:
     choice = choose("pendulum", "5%", study=study, speed=lambda: 0.06)
     assert choice.seconds == pytest.approx(2 * 0.5)
     assert choose("pendulum", "real-time", study=study, speed=lambda: 0.06).settings["dt"] == 0.005
-    with pytest.raises(SceneError, match=r"no setting of study 'pendulum' takes less than 0\.5 s .* takes 1 s"):
+    with pytest.raises(
+        SceneError, match=r"no setting of study 'pendulum' takes less than 0\.5 s .* takes 1 s"
+    ):
         choose("pendulum", "real-time", study=study, speed=lambda: 0.3)
     unknown = choose("pendulum", "5%", study=study, speed=lambda: None)
     assert unknown.seconds is None
@@ -130,9 +132,34 @@ def test_what_the_study_shares_and_the_scene_lacks_is_named(tmp_path: Path) -> N
     assert choice.outside == ()
 
 
+def test_static_solves_are_for_scenes_without_inertia(tmp_path: Path) -> None:
+    path = tmp_path / "s.json"
+    point = {**made_up()["points"][1], "settings": {"mesh.level": 1, "solver.tolerance": 1e-4}}
+    static = made_up(
+        scene="tripod",
+        cpu="s per solve",
+        base={"inertia": "off", "damping": "off"},
+        points=[point],
+        quick=True,
+    )
+    path.write_text(json.dumps(static))
+    still = ["inertia=off", "damping=off"]  # each alone is no scene
+    choice = choose("tripod", "20%", still, study=path, speed=same_speed)
+    assert choice.outside == ()
+    assert load_scene("tripod", choice.overrides).inertia is None
+    assert choice.sentence.startswith("accuracy 20%: mesh.level=1 (quick study pendulum)"), (
+        "what is as it was is left out"
+    )
+    assert "for each solve" in choice.sentence
+    with pytest.raises(SceneError, match="is of static solves, and the scene moves"):
+        choose("tripod", "20%", study=path, speed=same_speed)
+    with pytest.raises(SceneError, match="real-time needs a study of a motion"):
+        choose("tripod", "real-time", still, study=path, speed=same_speed)
+
+
 def test_a_scene_without_a_study_says_how_to_make_one(tmp_path: Path) -> None:
     with pytest.raises(
-        SceneError, match="no study of scene 'silicone_free' where it moves; make one with `tripod study"
+        SceneError, match="no study of scene 'silicone_free' where it moves; make one with `tripod study` "
     ):
         choose("silicone_free", "5%", speed=same_speed)
 
@@ -240,7 +267,9 @@ def test_no_study_does_more_than_be_refused(
         assert len(str(error).splitlines()) == 1
 
 
-@pytest.mark.parametrize("text", ["5", "-5%", "0%", "101%", "nan%", "1e1%", "fast", "", "5%%", "\u0665%", "5 % %"])
+@pytest.mark.parametrize(
+    "text", ["5", "-5%", "0%", "101%", "nan%", "1e1%", "fast", "", "5%%", "\u0665%", "5 % %"]
+)
 def test_an_accuracy_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(
         SceneError, match=r"--accuracy is .* such as 5%, or one of: draft, real-time, reference"

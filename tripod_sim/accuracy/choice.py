@@ -116,7 +116,7 @@ def choose(
     outside = _outside(scene, found, picked, overrides)
     return Choice(
         accuracy, found.name, words, dict(point.settings), error, found.quantity, seconds, outside,
-        _sentence(accuracy, found, point, error, seconds, outside),
+        _sentence(accuracy, found, _changes(scene, point), error, seconds, outside),
     )  # fmt: skip
 
 
@@ -177,8 +177,8 @@ def _shipped(made: Scene, scene: str) -> StoredStudy:
                 return found
     kind = "moves" if moves else "is static"
     raise SceneError(
-        f"--accuracy: there is no study of scene {scene!r} where it {kind}; make one with `tripod study {scene}` and "
-        "name its file by --study, or leave --accuracy out"
+        f"--accuracy: there is no study of scene {scene!r} where it {kind}; make one with `tripod study` (--help lists "
+        "the scenes) and name its file by --study, or leave --accuracy out"
     )
 
 
@@ -196,16 +196,19 @@ def _outside(
 ) -> tuple[str, ...]:
     """Return the overrides of the user that change what was studied, and what was studied and is not in the scene."""
     found, named = [], {word.partition("=")[0].strip() for word in overrides}
-    before = load_scene(scene, picked)
+    made = load_scene(scene, [*picked, *overrides])
     for k, word in enumerate(overrides):
-        after = load_scene(scene, [*picked, *overrides[: k + 1]])
         field = word.partition("=")[0].strip()
-        studied = field in study.base and _holds(after, field, study.base[field])
-        if after != before and not studied and field not in INSIDE:
+        if field in INSIDE or (field in study.base and _holds(made, field, study.base[field])):
+            continue
+        try:
+            other = load_scene(scene, [*picked, *overrides[:k], *overrides[k + 1 :]])
+        except SceneError:  # the scene needs it
+            other = None
+        if other != made:
             found.append(word)
-        before = after
     for field, value in study.base.items():
-        if field not in INSIDE and field not in named and not _holds(before, field, value):
+        if field not in INSIDE and field not in named and not _holds(made, field, value):
             found.append(f"the study has {field}={_literal(value)}")
     return tuple(found)
 
@@ -229,10 +232,17 @@ def _settings_text(point: StoredPoint) -> str:
     return ", ".join(f"{field}={_literal(value)}" for field, value in point.settings.items())
 
 
+def _changes(scene: str, point: StoredPoint) -> str:
+    """Return in words which settings of a point are not those of the scene as it is."""
+    made = load_scene(scene)
+    changed = {f: v for f, v in point.settings.items() if not _holds(made, f, v)}
+    return ", ".join(f"{f}={_literal(v)}" for f, v in changed.items()) or "the scene as it is"
+
+
 def _sentence(
     accuracy: str,
     study: StoredStudy,
-    point: StoredPoint,
+    changes: str,
     error: float,
     seconds: float | None,
     outside: Sequence[str],
@@ -244,8 +254,9 @@ def _sentence(
         if seconds is not None
         else "time on this machine unknown"
     )
+    made = f"{'quick ' if study.quick else ''}study {study.name}"
     text = (
-        f"accuracy {accuracy.strip()}: {_settings_text(point)} (study {study.name}); expect an error below "
-        f"{percent(error)} of: {study.quantity}; {time}"
+        f"accuracy {accuracy.strip()}: {changes} ({made}); expect an error below {percent(error)} of: "
+        f"{study.quantity}; {time}"
     )
     return f"{text}; outside the study: {'; '.join(outside)}" if outside else text

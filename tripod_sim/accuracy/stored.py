@@ -65,6 +65,7 @@ class StoredStudy:
         solves: Whether costs are of a static solve, not of a simulated second.
         calibration: CPU time of a 1000 x 1000 float64 product on the study's machine [s]; None if it was not timed.
         version: Of tripod that made it.
+        quick: Whether it was made of few points against a coarse reference.
     """
 
     name: str
@@ -76,6 +77,7 @@ class StoredStudy:
     solves: bool
     calibration: float | None
     version: str
+    quick: bool
 
 
 def stored_studies() -> list[Path]:
@@ -147,6 +149,7 @@ def _study(table: Any) -> StoredStudy:
         solves=cpu == "s per solve",
         calibration=None if speed is None else _number(speed, "machine.calibration", positive=True),
         version=_text(version, "versions.tripod"),
+        quick=top.get("quick") is True,
     )
 
 
