@@ -1,5 +1,6 @@
 """The simulator as a node: parameters, conversions, one call; the physics runs in its own thread."""
 
+import math
 import os
 import sys
 import threading
@@ -246,7 +247,7 @@ class SimNode(Node):
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
             capacity=dt / speed.median if speed.median else 0.0, step_time_median=speed.median,
             step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings, parts=report.parts,
-            time_error=error.largest if error else nan, effector_time_error=error.effector if error else nan,
+            time_error=known(error and error.largest), effector_time_error=known(error and error.effector),
             residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
             gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
             last_rejection=self._last_refusal,
@@ -258,6 +259,7 @@ class SimNode(Node):
             "real-time factor": speed.real_time_factor,
             "median step [s]": speed.median,
             "missed": speed.missed,
+        error = report.time_error
         }
         error, nan = report.time_error, float("nan")
         if self._physics.failure:
@@ -288,6 +290,11 @@ def _within_scene(limits: CommandLimits, scene: Scene) -> CommandLimits:
     low, high = max(limits.angle_min, s.angle_min), min(limits.angle_max, s.angle_max)
     if not low < high:
         raise ParameterError(
+def known(value: float | None) -> float:
+    """Return `value` as messages tell it: -1 where it is not known."""
+    return -1.0 if value is None or math.isnan(value) else value
+
+
             f"parameters angle_min {limits.angle_min} and angle_max {limits.angle_max} rad leave nothing of the "
             f"scene's {s.angle_min} to {s.angle_max} rad"
         )

@@ -556,6 +556,18 @@ def test_an_unstable_scheme_is_told_in_the_status_and_stops_at_the_last_good_sta
         graph.next(names.SIM_STATUS, lambda s: s.message.startswith("unstable: since step"))
 
 
+def test_the_estimated_error_of_the_steps_and_their_parts_are_in_the_status(make) -> None:
+    graph = make(set="inertia.scheme=bdf2;dt=auto;time_error.tolerance=1e-7").start()
+    status = graph.next(names.SIM_STATUS, lambda s: s.step > 5)
+    assert status.parts >= 1
+    assert 0 <= status.effector_time_error <= status.time_error < 1e-3
+
+
+def test_an_estimate_that_nobody_asks_for_is_told_as_unknown(make) -> None:
+    status = make().start().next(names.SIM_STATUS, lambda s: s.step > 5)
+    assert (status.time_error, status.effector_time_error, status.parts) == (-1.0, -1.0, 1)
+
+
 def test_an_effector_without_servos_has_a_compliance_of_its_own(make) -> None:
     graph = make(scene="silicone", set="mesh.level=1;effector={}").start()
     graph.listen(names.COMPLIANCE)
