@@ -48,7 +48,7 @@ def test_a_store_keeps_what_was_added_and_cuts_a_torn_line_off(tmp_path: Path) -
 
 
 def test_every_bad_end_is_a_row_and_the_others_go_on(tmp_path: Path) -> None:
-    made = toy_study.make(ends=toy_study.ENDS, steps=(0.4, 0.2), limit=4.0)
+    made = toy_study.make(ends=toy_study.ENDS, steps=(0.4,), limit=4.0)
     with Store(tmp_path / "toy.jsonl") as store:
         records = run_plan(made, store, local(2))
     found = {p.settings["end"]: records[made.key(p.settings)] for p in made.points if p.settings["dt"] == 0.4}
@@ -80,16 +80,17 @@ def test_a_finished_point_is_not_run_again_and_a_crashed_one_is(tmp_path: Path) 
 
 def test_the_seed_orders_the_points_and_changes_nothing_else(tmp_path: Path) -> None:
     found, orders = [], []
-    for seed in (0, 0, 5):
+    for seed in (0, 5):
         log = tmp_path / "log"
         log.unlink(missing_ok=True)
-        made = toy_study.make(steps=(0.4, 0.3, 0.2, 0.15, 0.1, 0.05), log=str(log))
+        made = toy_study.make(steps=(0.4, 0.3, 0.2, 0.15, 0.1), log=str(log))
         with Store(tmp_path / "toy.jsonl", fresh=True) as store:
             records = run_plan(made, store, local(1), seed=seed)
         found.append({key: record["observed"] for key, record in records.items()})
         orders.append(lines(log))
-    assert found[0] == found[1] == found[2]
-    assert orders[0] == orders[1] != orders[2]
+    assert found[0] == found[1]
+    assert orders[0] != orders[1]
+    assert sorted(orders[0]) == sorted(orders[1])
 
 
 KILLED = """

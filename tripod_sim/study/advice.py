@@ -15,8 +15,7 @@ def advice(result: Mapping[str, Any]) -> list[str]:
             named.setdefault(i, []).append(level)
     missing = [level for level, i in result["cheapest"].items() if i is None]
     parts = [
-        f"within {' and '.join(_percent(x) for x in levels)}: {short(points[i]['settings'], result)} "
-        f"({points[i]['cpu']:.2g} {cost})"
+        f"within {_levels(levels)}: {short(points[i]['settings'], result)} ({points[i]['cpu']:.2g} {cost})"
         for i, levels in named.items()
     ]
     if missing:
@@ -31,44 +30,39 @@ def advice(result: Mapping[str, Any]) -> list[str]:
 def knob_that_pays(result: Mapping[str, Any]) -> str:
     """Return in a sentence which knobs to turn, at the tightest accuracy that any setting reaches.
 
-    Those whose default reaches it at no price; if there are none, the one whose best value saves most against its
-    default, if that is a factor of 1.2 or more.
+    The cheapest setting within it is held against its twins, which have one knob at its default: those that miss the
+    accuracy say which knobs it takes; if there are none, the dearest says which knob saves most, if by a factor of 1.2
+    or more. The knob that groups the points counts as taken, too, if no point with its default gets there.
     """
     level = next((x for x in reversed(LEVELS) if result["cheapest"][x] is not None), None)
     if level is None:
         return ""
-    best = result["points"][result["cheapest"][level]]["settings"]
+    points, allowed = result["points"], LEVELS[level]
+    best = points[result["cheapest"][level]]
     needed, gains = [], []
     for knob in result["knobs"]:
-        prices = _prices(result["points"], knob["field"], LEVELS[level])
-        value, default = best[knob["field"]], result["default"][knob["field"]]
+        field, name = knob["field"], knob["name"]
+        value, default = best["settings"][field], result["default"][field]
         if value == default:
             continue
-        if default not in prices:
-            needed.append(
-                f"{knob['name']} {_value(value)} (the default, {_value(default)}, never gets there)"
-            )
-        else:
-            gains.append((prices[default] / prices[value], knob["name"], value, default))
+        twin = next((p for p in points if p["settings"] == {**best["settings"], field: default}), None)
+        others = [p for p in points if p["settings"][field] == default]
+        if twin and twin["bound"] is not None:
+            if twin["bound"] > allowed:
+                needed.append(f"{name} {_value(value)} (with {_value(default)} {100 * twin['error']:.2g} %)")
+            else:
+                gains.append((twin["cpu"] / best["cpu"], name, value, default))
+        elif field == result["group"] and all(p["bound"] is None or p["bound"] > allowed for p in others):
+            needed.append(f"{name} {_value(value)} (none with {_value(default)} gets there)")
     if needed:
         return f"Within {_percent(level)} it takes {' and '.join(needed)}."
     if gains and max(g[0] for g in gains) >= 1.2:
         ratio, name, value, default = max(gains, key=lambda g: g[0])
         return (
             f"The knob that pays most is {name}: within {_percent(level)}, {_value(value)} is {ratio:.2g} times as "
-            f"cheap as the default, {_value(default)}."
+            f"cheap as {_value(default)}."
         )
     return ""
-
-
-def _prices(points: Sequence[Mapping[str, Any]], field: str, allowed: float) -> dict[Any, float]:
-    """Return the least cost within `allowed` for each value of a field that reaches it."""
-    prices: dict[Any, float] = {}
-    for p in points:
-        if p["bound"] is not None and p["bound"] <= allowed:
-            value = p["settings"][field]
-            prices[value] = min(p["cpu"], prices.get(value, p["cpu"]))
-    return prices
 
 
 def short(settings: Mapping[str, Any], result: Mapping[str, Any]) -> str:
@@ -90,6 +84,12 @@ def _word(knob: Mapping[str, Any], value: Any) -> str:
 
 def _value(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _levels(levels: Sequence[str]) -> str:
+    """Return accuracies in words, such as `10, 5 and 1 %`."""
+    *first, last = [level.rstrip("%") for level in levels]
+    return f"{', '.join(first)} and {last} %" if first else f"{last} %"
 
 
 def _percent(level: str) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.study.calibration import calibration
+from tripod_sim.study.calibration import lately
 from tripod_sim.study.plan import Observed, Settings
 
 SHORT, LONG, MOST = 0.5, 5.0, 5
@@ -64,7 +64,7 @@ def outcome(task: Callable[[Settings], Measured], settings: Settings) -> dict[st
             amount=measured.amount,
             unknowns=measured.unknowns,
         )
-    record["calibration"] = calibration()
+    record["calibration"] = lately()
     return record
 
 
