@@ -116,7 +116,8 @@ def test_overrides_of_the_user_win_and_are_named(study: Path) -> None:
     assert scene.gravity.acceleration == (0, 0, -3)
     assert scene.inertia.scheme == "bdf2"
     assert choice.outside == ("dt=0.004", "gravity.acceleration=[0, 0, -3]")
-    assert choice.sentence.endswith("outside the study: dt=0.004; gravity.acceleration=[0, 0, -3]")
+    told = "outside the study, which promises nothing then: dt=0.004; gravity.acceleration=[0, 0, -3]"
+    assert choice.sentence.endswith(told)
     inside = choose("pendulum", "1%", ["dt=0.002", "duration=9.0"], study=study, speed=same_speed)
     assert inside.outside == ()
 

@@ -259,4 +259,6 @@ def _sentence(
         f"accuracy {accuracy.strip()}: {changes} ({made}); expect an error below {percent(error)} of: "
         f"{study.quantity}; {time}"
     )
-    return f"{text}; outside the study: {'; '.join(outside)}" if outside else text
+    return (
+        f"{text}; outside the study, which promises nothing then: {'; '.join(outside)}" if outside else text
+    )
