@@ -1,13 +1,15 @@
 """The cloth: time of an implicit step by direct L D L^T and by conjugate gradients, and whether their results agree.
 
-Scene `cloth` (structural and shear springs, slack when compressed, dt 5 ms); CPU time of one thread. Unless asked, a
-step is one linear solve (`solver.mode = "one_solve"`, more where that leaves over half of the unbalanced force), as the
-simulators do that these times are compared with; `--newton` solves every step to `solver.tolerance`.
+Scene `cloth` (structural and shear springs, slack when compressed), CPU time of one thread, at several time steps: the
+longer, the more iterations. Which one the other simulator's times belong to is not known; 10 ms is its default. Unless
+asked, a step is one linear solve (`solver.mode = "one_solve"`, more where that leaves over half of the unbalanced
+force), as there; `--newton` solves every step to `solver.tolerance`.
 `python benchmarks/cloth.py --help` lists the options.
 """
 
 import argparse
 import time
+from itertools import product
 
 from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
@@ -68,7 +70,11 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--sizes", type=int, nargs="+", default=[16, 32, 64], help="nodes along an edge")
-    parser.add_argument("--steps", type=int, default=200, help="steps of each row (default 200: 1 s)")
+    parser.add_argument("--dt", type=float, nargs="+", default=[0.002, 0.005, 0.01], help="time steps [s]")
+    parser.add_argument(
+        "--solvers", nargs="+", default=["ldl", "cg"], choices=["ldl", "cg"], help="which to measure"
+    )
+    parser.add_argument("--time", type=float, default=1.0, help="simulated time of each row (default 1 s)")
     parser.add_argument("--newton", action="store_true", help="solve every step to solver.tolerance")
     parser.add_argument(
         "--agree",
@@ -82,14 +88,20 @@ def main() -> None:
     options = parser.parse_args()
     print(f"1000 x 1000 float64 product, one thread: {1e3 * calibration():.1f} ms")
     columns = ("unknowns", "median", "mean", "p99", "build", "solves", "renewed", "iterations")
-    print(f"{'solver':>8}{'n':>5}" + "".join(f"{c:>12}" for c in columns) + f"{'elsewhere':>12}")
-    for linear in ("ldl", "cg"):
+    print(
+        f"{'solver':>8}{'dt [ms]':>8}{'n':>5}" + "".join(f"{c:>12}" for c in columns) + f"{'elsewhere':>12}"
+    )
+    for linear, dt in product(options.solvers, options.dt):
         found = []
         for n in options.sizes:
-            row = measure(n, linear, options.newton, options.set, options.steps)
+            words = [f"dt={dt}", *options.set]
+            row = measure(n, linear, options.newton, words, round(options.time / dt))
             found.append(row["median"])
             cells = "".join(f"{row[c]:12.3f}" if c != "unknowns" else f"{row[c]:12d}" for c in columns)
-            print(f"{linear:>8}{n:>5}{cells}{ELSEWHERE.get((linear, n), float('nan')):12.1f}")
+            print(
+                f"{linear:>8}{1e3 * dt:8.3g}{n:>5}{cells}{ELSEWHERE.get((linear, n), float('nan')):12.1f}",
+                flush=True,
+            )
         if len(found) > 1:
             exponent = np.polyfit(np.log(np.square(options.sizes)), np.log(found), 1)[0]
             print(f"{linear:>8}  median grows with the nodes to the power {exponent:.2f}")

@@ -9,6 +9,7 @@ from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.linear.ldl_symbolic import analyse
 from tripod_sim.springs import implicit_kernels as kernels
 from tripod_sim.springs.body import FloatArray
+from tripod_sim.springs.cg_kernels import sweep
 from tripod_sim.springs.linear_kernels import Factor
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
@@ -52,8 +53,15 @@ class SpringSolver:
             damped,
         )
         self.factor = _factor(system) if options.direct else _no_factor()
-        scratch = [*np.zeros((10, n, 3)), *np.zeros((2, m, 6)), np.zeros((n, 6)), np.zeros(n), np.zeros(m)]
-        self.work = kernels.Work._make([*scratch, np.zeros(1)])
+        scratch: list[Any] = [
+            *np.zeros((7, n, 3)),
+            *np.zeros((2, m, 6)),
+            np.zeros(n),
+            np.zeros(m),
+            np.zeros(1),
+        ]
+        ends, count = (body.ends[:0], 0) if options.direct else (body.ends, len(body.free))
+        self.work = kernels.Work._make([*scratch, sweep(ends, system.number, count)])
         self.counts = np.zeros(4)
 
     def report(self, parts: int) -> StepReport:

@@ -14,14 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from tripod_sim.springs.linear_kernels import (
-    Factor,
-    assemble,
-    conjugate_gradients,
-    factorise,
-    invert_diagonal,
-    solve_direct,
-)
+from tripod_sim.springs.cg_kernels import Sweep, conjugate_gradients, prepare
+from tripod_sim.springs.linear_kernels import Factor, assemble, factorise, solve_direct
 from tripod_sim.springs.spring_kernels import (
     Links,
     add_gradient,
@@ -78,10 +72,10 @@ class Options(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch: (n, 3) each, then blocks and lagged (m, 6), jacobi (n, 6), weight (n,), reference (m,).
+    """Scratch: (n, 3) each, then blocks and lagged (m, 6), weight (n,), reference (m,).
 
     guess: v' as the conjugate gradients expect it; kept: the s that the factorisation at hand belongs to [s], zero for
-    none, (1,).
+    none, (1,); sweep: of the conjugate gradients.
     """
 
     g: Array
@@ -90,16 +84,13 @@ class Work(NamedTuple):
     w: Array
     z: Array
     u: Array
-    r: Array
-    d: Array
-    q: Array
     guess: Array
     blocks: Array
     lagged: Array
-    jacobi: Array
     weight: Array
     reference: Array
     kept: Array
+    sweep: Sweep
 
 
 @njit(cache=True, error_model="numpy")
@@ -139,7 +130,7 @@ def renew(x: Array, s: float, project: bool, body: Problem, A: Factor, options: 
         n = body.free[k]
         work.weight[n] = body.mass[n] * (1.0 / s + body.drag) / s
     if not options.direct:
-        return invert_diagonal(links.ends, blocks, work.weight, body.free, work.jacobi)
+        return prepare(links.ends, blocks, work.weight, body.free, body.number, work.sweep)
     assemble(links.ends, blocks, work.weight, body.free, body.number, A)
     return factorise(A) == 0
 
@@ -158,10 +149,7 @@ def solve_step(s: float, first: bool, body: Problem, A: Factor, options: Options
         for i in range(3):
             work.p[n, i] = s * (work.guess[n, i] - work.w[n, i]) if first else 0.0
     limit = 1000 + 12 * body.free.shape[0]
-    return conjugate_gradients(
-        body.links.ends, work.blocks, work.weight, body.free, work.jacobi, work.g, options.linear_tolerance, limit,
-        work.p, work.r, work.d, work.q,
-    )  # fmt: skip
+    return conjugate_gradients(work.sweep, work.g, body.free, options.linear_tolerance, limit, work.p)
 
 
 @njit(cache=True, error_model="numpy")
