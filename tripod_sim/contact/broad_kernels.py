@@ -30,16 +30,16 @@ def swept_boxes(start: Array, end: Array, shapes: Array, margin: float, low: Arr
 
 @njit(cache=True, error_model="numpy")
 def _spread(v: int) -> int:
-    """Return the ten bits of v with two zeros between any two."""
-    v = (v | (v << 16)) & 0x030000FF
-    v = (v | (v << 8)) & 0x0300F00F
-    v = (v | (v << 4)) & 0x030C30C3
-    return (v | (v << 2)) & 0x09249249
+    """Return the 16 bits of v with two zeros between any two."""
+    v = (v | (v << 16)) & 0x00FF0000FF
+    v = (v | (v << 8)) & 0xF00F00F00F
+    v = (v | (v << 4)) & 0xC30C30C30C3
+    return (v | (v << 2)) & 0x249249249249
 
 
 @njit(cache=True, error_model="numpy")
 def curve_order(low: Array, high: Array, codes: Array) -> None:
-    """Write where the centre of each box lies along a Z-curve through all of them."""
+    """Write where the centre of each box lies along a Z-curve through all of them, as a number of 48 bits."""
     least, most = np.full(3, np.inf), np.full(3, -np.inf)
     for s in range(low.shape[0]):
         for i in range(3):
@@ -50,40 +50,64 @@ def curve_order(low: Array, high: Array, codes: Array) -> None:
         for i in range(3):
             size = most[i] - least[i]
             part = (low[s, i] + high[s, i] - least[i]) / size if size > 0.0 else 0.0
-            code |= _spread(int(min(max(part * 1024.0, 0.0), 1023.0))) << i
+            code |= _spread(int(min(max(part * 65536.0, 0.0), 65535.0))) << i
         codes[s] = code
 
 
 @njit(cache=True, error_model="numpy")
-def refit(low: Array, high: Array, order: Array, node_low: Array, node_high: Array) -> None:
-    """Write the boxes of all nodes of a tree over the shapes' boxes."""
-    leaves = (node_low.shape[0] + 1) // 2
+def sort_codes(codes: Array, order: Array, spare: Array) -> None:
+    """Write the order of ascending `codes`, of 48 bits, equal ones as they come: by four digits, the last one first.
+
+    `spare` is scratch, as long as `order`.
+    """
+    n = codes.shape[0]
+    for k in range(n):
+        order[k] = k
+    counts = np.empty(4097, dtype=np.int64)
+    for digit in range(4):
+        shift = 12 * digit
+        counts[:] = 0
+        for k in range(n):
+            counts[((codes[k] >> shift) & 4095) + 1] += 1
+        for c in range(4096):
+            counts[c + 1] += counts[c]
+        for k in range(n):
+            d = (codes[order[k]] >> shift) & 4095
+            spare[counts[d]] = order[k]
+            counts[d] += 1
+        order[:] = spare
+
+
+@njit(cache=True, error_model="numpy")
+def refit(low: Array, high: Array, order: Array, nodes: Array) -> None:
+    """Write the boxes of all nodes of a tree over the shapes' boxes: lower, then upper corner, shape (2 l - 1, 6)."""
+    leaves = (nodes.shape[0] + 1) // 2
     first = leaves - 1
     for k in range(leaves):
         if k < order.shape[0]:
             for i in range(3):
-                node_low[first + k, i], node_high[first + k, i] = low[order[k], i], high[order[k], i]
+                nodes[first + k, i], nodes[first + k, 3 + i] = low[order[k], i], high[order[k], i]
         else:
-            node_low[first + k, :], node_high[first + k, :] = np.inf, -np.inf
+            nodes[first + k, :3], nodes[first + k, 3:] = np.inf, -np.inf
     for k in range(first - 1, -1, -1):
         a, b = 2 * k + 1, 2 * k + 2
         for i in range(3):
-            node_low[k, i] = min(node_low[a, i], node_low[b, i])
-            node_high[k, i] = max(node_high[a, i], node_high[b, i])
+            nodes[k, i] = min(nodes[a, i], nodes[b, i])
+            nodes[k, 3 + i] = max(nodes[a, 3 + i], nodes[b, 3 + i])
 
 
 @njit(cache=True, error_model="numpy")
-def overlaps(
-    low: Array, high: Array, order: Array, node_low: Array, node_high: Array, own: bool, out: Array
-) -> int:
+def overlaps(low: Array, high: Array, asked: Array, order: Array, nodes: Array, own: bool, out: Array) -> int:
     """Write pairs (box, shape of the tree) that overlap, as many as fit in `out`; return how many there are.
 
-    With `own` the boxes are those of the tree's shapes, and each pair of two different ones comes once.
+    With `own` the boxes are those of the tree's shapes, and each pair of two different ones comes once. Boxes take
+    their turn in the order `asked`: neighbours one after the other find the nodes that they need in the cache.
     """
-    first = (node_low.shape[0] + 1) // 2 - 1
+    first = (nodes.shape[0] + 1) // 2 - 1
     stack = np.empty(DEPTH, dtype=np.int64)
     count = 0
-    for q in range(low.shape[0]):
+    for turn in range(asked.shape[0]):
+        q = asked[turn]
         l0, l1, l2 = low[q, 0], low[q, 1], low[q, 2]
         h0, h1, h2 = high[q, 0], high[q, 1], high[q, 2]
         stack[0] = 0
@@ -92,12 +116,12 @@ def overlaps(
             top -= 1
             k = stack[top]
             if (
-                node_low[k, 0] > h0
-                or node_high[k, 0] < l0
-                or node_low[k, 1] > h1
-                or node_high[k, 1] < l1
-                or node_low[k, 2] > h2
-                or node_high[k, 2] < l2
+                nodes[k, 0] > h0
+                or nodes[k, 3] < l0
+                or nodes[k, 1] > h1
+                or nodes[k, 4] < l1
+                or nodes[k, 2] > h2
+                or nodes[k, 5] < l2
             ):
                 continue
             if k < first:

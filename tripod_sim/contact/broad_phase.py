@@ -50,29 +50,52 @@ class AllPairs:
 class Tree:
     """A tree of boxes: its time grows with n log n and the pairs found."""
 
+    MANY = 4096
+    """Boxes from which on a search takes them along the curve, so that it finds what it needs in the cache."""
+
     def __init__(self, boxes: Boxes) -> None:
         self._boxes, count = boxes, len(boxes.shapes)
         leaves = 1 << max(0, int(count - 1).bit_length())
-        self._low, self._high = np.zeros((2, 2 * leaves - 1, 3))
-        self._codes, self._order = np.zeros(count, dtype=np.int64), np.arange(count)
+        self._nodes = np.zeros((2 * leaves - 1, 6))
+        self._order = _Order(count)
+        self._asked = _Order(0)
         self._out = np.zeros((64, 2), dtype=np.int64)
 
     def update(self) -> None:
         """Take over the boxes as they are now."""
         b = self._boxes
-        kernels.curve_order(b.low, b.high, self._codes)
-        self._order = np.argsort(self._codes, kind="stable")
-        kernels.refit(b.low, b.high, self._order, self._low, self._high)
+        self._order.sort(b)
+        kernels.refit(b.low, b.high, self._order.places, self._nodes)
 
     def pairs(self, boxes: Boxes | None = None) -> IndexArray:
         """Return (box, box of this collection) that overlap, shape (p, 2), a view; among its own without `boxes`."""
         own, query = boxes is None, boxes or self._boxes
-        if not len(self._order):
+        order = self._order.places
+        if not len(order):
             return self._out[:0]
+        asked = order if own else self._turns(query)
         while True:
-            count = kernels.overlaps(
-                query.low, query.high, self._order, self._low, self._high, own, self._out
-            )
+            count = kernels.overlaps(query.low, query.high, asked, order, self._nodes, own, self._out)
             if count <= len(self._out):
                 return self._out[:count]
             self._out = np.zeros((count + count // 2, 2), dtype=np.int64)
+
+    def _turns(self, boxes: Boxes) -> IndexArray:
+        """Return the order in which `boxes` are looked up."""
+        if len(self._asked.places) != len(boxes.low):
+            self._asked = _Order(len(boxes.low))
+        if len(boxes.low) >= self.MANY:
+            self._asked.sort(boxes)
+        return self._asked.places
+
+
+class _Order:
+    """Places of boxes along a Z-curve, as they come until they are sorted."""
+
+    def __init__(self, count: int) -> None:
+        self.places = np.arange(count)
+        self._codes, self._spare = np.zeros((2, count), dtype=np.int64)
+
+    def sort(self, boxes: Boxes) -> None:
+        kernels.curve_order(boxes.low, boxes.high, self._codes)
+        kernels.sort_codes(self._codes, self.places, self._spare)
