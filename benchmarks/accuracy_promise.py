@@ -34,6 +34,8 @@ from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, read_study  # n
 
 ACCURACIES = ("10%", "5%", "1%")
 
+MARK, END = "## Measured", "<!-- end -->"
+
 MORE_EXACT = 5.0
 """By how much a reference is more exact than the least accuracy."""
 
@@ -250,6 +252,9 @@ def main() -> None:
     parser.add_argument(
         "--keep", type=Path, help="file in which cases are kept, to go on after an interruption"
     )
+    parser.add_argument(
+        "--write", type=Path, help="put the table into this file, at the heading of what is measured"
+    )
     arguments = parser.parse_args()
     lines = [list(HEADS), ["---"] * len(HEADS)]
     for name in arguments.only or KINDS:
@@ -258,8 +263,14 @@ def main() -> None:
             lines += measure(path, arguments.cases, arguments.keep)
         else:
             print(f"{name}: no study in {arguments.studies}", file=sys.stderr)
-    print("\n".join("| " + " | ".join(line) + " |" for line in lines))
-    print(f"\nSAFETY {SAFETY:g}; 1000 x 1000 float64 product here: {1e3 * calibration():.1f} ms")
+    made = ["| " + " | ".join(line) + " |" for line in lines]
+    made += ["", f"Margin {SAFETY:g}; 1000 x 1000 float64 product here: {1e3 * calibration():.1f} ms."]
+    print("\n".join(made))
+    if arguments.write:
+        head, _, rest = arguments.write.read_text(encoding="utf-8").partition(MARK)
+        command = f"`python benchmarks/accuracy_promise.py --write {arguments.write}` wrote this:"
+        text = "\n".join([f"{head}{MARK}", "", command, "", *made, "", f"{END}{rest.partition(END)[2]}"])
+        arguments.write.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
