@@ -296,6 +296,27 @@ def test_a_box_on_a_driven_strip_is_taken_along_and_its_servo_carries_it() -> No
     np.testing.assert_allclose(simulation.torques - bare.torques, [lift, 0, 0], atol=0.02 * abs(lift))
 
 
+def test_held_nodes_may_be_where_an_obstacle_is() -> None:
+    """What cannot yield is not pressed: the fixed corners of a cloth, the end of a strip that its servo moves."""
+    plate = "obstacles=[{source='plate.obj', position=[0,0,-0.001]}]"
+    words = ["springs.nodes=9", "springs.size=0.6", "springs.fixed_corners=[0,1,2,3]", "contact={}", plate]
+    cloth = Simulation(load_scene("cloth", words))
+    for _ in range(20):
+        report = cloth.step()
+    assert report.contact
+    assert report.contact.pressed > 60
+    np.testing.assert_allclose(cloth.positions[[0, 8, 72, 80], 2], 0, atol=1e-12)
+    assert cloth.positions[10:70, 2].max() == pytest.approx(0.001, abs=1e-5)  # 2 mm above the plate
+    cube = "obstacles=[{source='cube.obj', scale=0.1, position=[0.058,0,-0.0128]}]"
+    tripod = Simulation(load_scene("tripod", [*COARSE, "contact={contact_distance=1e-4}", cube]))
+    for k in range(20):
+        report = tripod.step(np.array([-0.5 * (k + 1) / 20, 0, 0, 0]))
+        assert report.contact
+        assert (report.parts, report.contact.cut) == (1, 0.0)
+    end = tripod.driven_frames[0].nodes
+    assert tripod.positions[end, 2].min() < -0.003
+
+
 def test_a_start_inside_an_obstacle_is_refused_or_lifted() -> None:
     inside = "obstacles.0.position=[0,0,-0.019]"
     text = refused("silicone_drop", inside)
