@@ -16,7 +16,6 @@ from tripod_sim.study import task
 from tripod_sim.study.advice import advice
 from tripod_sim.study.plans import maze, pendulum, silicone, tripod_dynamic
 
-
 SLOW = ("drape", "ik")
 
 
