@@ -82,6 +82,17 @@ class Parts:
 
 def build(scene: Scene) -> Parts:
     """Return the parts of a simulation of `scene`. Raises SceneError."""
+    parts = _built(scene)
+    if not scene.sleep:
+        return parts
+    from tripod_sim.integrators.sleep import Sleeping
+
+    speed, time = scene.sleep.speed, scene.sleep.time
+    return replace(parts, stepper=Sleeping(parts.stepper, parts.system, parts.mass, speed=speed, time=time))
+
+
+def _built(scene: Scene) -> Parts:
+    """Return the parts of a simulation whose body is solved for in every step."""
     if scene.springs:
         from tripod_sim.springs.build import build_springs
 
@@ -94,7 +105,7 @@ def build(scene: Scene) -> Parts:
         from tripod_sim.reduced.build import reduced_parts
         from tripod_sim.reduced.store import stored_basis
 
-        return reduced_parts(scene, build(replace(scene, reduced=None)), stored_basis, _stepper)
+        return reduced_parts(scene, _built(replace(scene, reduced=None)), stored_basis, _stepper)
     from tripod_sim.forces.solid import Solid
 
     assert scene.mesh

@@ -64,6 +64,7 @@ TABLE: dict[str, Effect] = {
         words=("rigid=[{position=[0.0, 0.0, 1.0]}]",),
     ),
     "time_error": Effect(("integrators.time_error", "integrators.auto_steps"), ("time error",)),
+    "sleep": Effect(("integrators.sleep",)),
     "reduced": Effect(("reduced", "linear.dense"), ("reduced",)),
 }
 """Every name of `EFFECTS`, and nothing else."""

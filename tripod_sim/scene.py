@@ -436,6 +436,19 @@ class TimeError:
 
 
 @dataclass(frozen=True)
+class Sleep:
+    """A body at rest is not solved for until something changes. Needs inertia.
+
+    Attributes:
+        speed: Root mean square speed of the body below which it can be at rest [m/s].
+        time: For twice this long it must have been slow, have gone nowhere and not have fallen [s].
+    """
+
+    speed: float = number(0.003, unit="m/s", above=0, high=10.0)
+    time: float = number(0.25, unit="s", above=0, high=1e3)
+
+
+@dataclass(frozen=True)
 class Reduced:
     """The body moves in few coordinates, learned from the full model when the simulation is built (or before: what
     was learned is kept in the user's cache directory). Needs servos and effector. Faster, and less accurate the further
@@ -502,6 +515,7 @@ class Scene:
             obstacles: Effects; None or empty is off.
         rigid: Effect: rigid bodies, beside the soft body or instead of it; empty is none.
         time_error: Effect: estimate of the error of the time steps; None is off.
+        sleep: Effect: a body at rest is left alone; None is off.
         reduced: Effect: the reduced-order model; None is the full one.
         solver: Of each step.
     """
@@ -528,6 +542,7 @@ class Scene:
     obstacles: tuple[Obstacle, ...] = ()
     rigid: tuple[Rigid, ...] = ()
     time_error: TimeError | None = None
+    sleep: Sleep | None = None
     reduced: Reduced | None = None
     solver: Solver = Solver()
 
@@ -549,6 +564,11 @@ class Scene:
             raise SceneError("maze needs effector: it is fastened to the disc")
         if self.ball and not self.gravity:
             raise SceneError("ball needs gravity: without it the ball would never touch anything")
+        if self.sleep and not self.inertia:
+            raise SceneError("sleep needs inertia: without velocity every step is at rest")
+        if self.sleep and (self.rigid or self.reduced):
+            other = "rigid" if self.rigid else "reduced"
+            raise SceneError(f"sleep and {other} exclude each other: sleep looks at the nodes of one soft body alone")
         if not (self.inertia or self.servos or self.fixed or (self.springs and self.springs.holds)):
             raise SceneError(
                 "nothing holds the body (no servos, no fixed box), so its translation and rotation are free and it has "
@@ -717,6 +737,7 @@ EFFECTS = (
     "obstacles",
     "rigid",
     "time_error",
+    "sleep",
     "reduced",
 )
 """Tables of a scene that may be absent."""

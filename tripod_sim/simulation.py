@@ -10,7 +10,7 @@ from tripod_sim.build import Parts, build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame, quaternion
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.integrators.substeps import StepReport, Substeps
+from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.scene import EXPLICIT, Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -83,7 +83,7 @@ class Simulation:
         self._static = (
             build(
                 replace(
-                    scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, contact=None,
+                    scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, sleep=None, contact=None,
                     obstacles=(), rigid=(),
                 )
             )
@@ -140,8 +140,9 @@ class Simulation:
         """Make the first step from the start state as fast as the others."""
         if self._ball and self.state.ball:
             self._ball.load(self.state, self.state.ball)
-        if self.scene.inertia and isinstance(self._stepper, Substeps):
-            self._stepper.prepare(self.state, self.scene.dt)
+        prepare = getattr(self._stepper, "prepare", None)
+        if self.scene.inertia and prepare:
+            prepare(self.state, self.scene.dt)
         else:
             self._stepper.forget()
 

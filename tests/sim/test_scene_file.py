@@ -57,7 +57,7 @@ for _effect in OF_SOLIDS:
 
 NEEDED_BY = {
     "gravity": ["ball"],
-    "inertia": ["damping", "time_error"],
+    "inertia": ["damping", "time_error", "sleep"],
     "servos": ["servo_dynamics", "clamp"],
     "effector": ["maze"],
 }

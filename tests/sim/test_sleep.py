@@ -1,0 +1,155 @@
+"""Sleep: what is at rest is left alone, what falls, creeps, slides or topples is not, however slowly."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.errors import SceneError
+
+G, SPEED = 9.81, 0.003
+
+HANGING = [
+    "springs.nodes=5",
+    "springs.damping=0.3",
+    "damping={mass=6.0, stiffness=0.0}",
+    "sleep={}",
+    "dt=0.01",
+]
+
+
+def hanging(*words: str) -> Simulation:
+    """A cloth held at two corners in a thick medium."""
+    return Simulation(load_scene("cloth", [*HANGING, *words]))
+
+
+def until_asleep(simulation: Simulation, most: int) -> int:
+    """Step until the body is asleep; return the number of steps."""
+    for k in range(most):
+        if simulation.step().asleep:
+            return k + 1
+    raise AssertionError(f"awake after {most} steps, {simulation.energies()}")
+
+
+def test_a_body_at_rest_is_left_alone_until_something_changes() -> None:
+    simulation = hanging()
+    until_asleep(simulation, 1500)
+    assert simulation.energies().kinetic == 0.0
+    awake = hanging("sleep=off")
+    awake.advance(3000)
+    np.testing.assert_allclose(
+        simulation.positions, awake.positions, atol=1e-4
+    )  # it hangs where it would hang
+    still, step = simulation.positions.tobytes(), simulation.state.step
+    for _ in range(5):
+        report = simulation.step()
+        assert report.asleep
+        assert (report.iterations, report.factorisations, report.parts) == (0, 0, 0)
+    assert simulation.positions.tobytes() == still
+    assert simulation.state.step == step + 5
+    assert simulation.state.time == pytest.approx((step + 5) * simulation.scene.dt)
+    simulation.state.velocities[7, 2] = 0.1  # a push
+    assert not simulation.step().asleep
+    assert simulation.report.iterations > 0
+    assert simulation.positions.tobytes() != still
+    until_asleep(simulation, 1500)
+    simulation.state.positions[7, 2] += 1e-3  # a hand
+    assert not simulation.step().asleep
+    until_asleep(simulation, 1500)
+    simulation.reset()
+    assert not simulation.step().asleep
+
+
+def test_until_it_sleeps_a_body_moves_as_without_sleep() -> None:
+    one, other = hanging(), hanging("sleep=off")
+    for _ in range(100):
+        one.step()
+        other.step()
+    assert one.state.positions.tobytes() == other.state.positions.tobytes()
+
+
+@pytest.mark.parametrize("drag", [5e3, 1e5, 1e6])
+def test_what_creeps_down_is_never_asleep(drag: float) -> None:
+    """At g / a, 2 mm/s to 10 um/s: below the speed of rest, for ever, and yet falling."""
+    words = [
+        "springs.nodes=4",
+        "springs.fixed_corners=[]",
+        f"damping={{mass={drag}, stiffness=0.0}}",
+        "sleep={}",
+    ]
+    simulation = Simulation(load_scene("cloth", [*words, "dt=0.02"]))
+    start = simulation.positions[:, 2].mean()
+    for _ in range(150):
+        assert not simulation.step().asleep
+    assert np.abs(simulation.state.velocities).max() < SPEED
+    assert start - simulation.positions[:, 2].mean() == pytest.approx(3.0 * G / drag, rel=0.02)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.5])
+def test_what_slides_is_never_asleep(spread: float) -> None:
+    """Without gravity and drag a slow body goes on for ever; `spread`: its corners at other speeds."""
+    words = ["springs.nodes=4", "springs.fixed_corners=[]", "gravity=off", "sleep={}", "dt=0.02"]
+    simulation = Simulation(load_scene("cloth", words))
+    simulation.state.velocities[:, 0] = 0.9 * SPEED
+    simulation.state.velocities[:8, 0] *= 1.0 - spread
+    momentum = simulation.state.velocities.sum(axis=0)
+    for _ in range(200):
+        assert not simulation.step().asleep
+    np.testing.assert_allclose(simulation.state.velocities.sum(axis=0), momentum, rtol=1e-6, atol=1e-9)
+
+
+def test_what_topples_from_where_it_was_balanced_is_never_asleep() -> None:
+    """A mass on an upright spring, 1 um beside the point where it would stand for ever."""
+    words = ["springs.nodes=2", "springs.damping=50", "inertia.scheme=implicit_euler", "sleep={}", "dt=0.005"]
+    simulation = Simulation(load_scene("pendulum", words))
+    simulation.state.positions[1] = [1e-6, 0, 1.0 - G / 1500]
+    for _ in range(1200):
+        simulation.step()
+        assert not simulation.report.asleep
+        if simulation.positions[1, 2] < 0:
+            break
+    assert simulation.positions[1, 2] < 0
+
+
+def test_what_swings_is_asleep_only_after_it_has_stopped() -> None:
+    """At each turn a pendulum stands still."""
+    words = [
+        "springs.nodes=2",
+        "inertia.scheme=tr_bdf2",
+        "sleep={speed=0.05}",
+        "damping={mass=0.05, stiffness=0.0}",
+    ]
+    simulation = Simulation(load_scene("pendulum", words))
+    slowest = np.inf
+    for _ in range(1000):
+        assert not simulation.step().asleep
+        slowest = min(slowest, float(np.linalg.norm(simulation.state.velocities[1])))
+    assert slowest < 0.05
+
+
+def test_a_solid_sleeps_too_and_wakes_with_its_servos() -> None:
+    simulation = Simulation(load_scene("tripod", ["mesh.level=1", "sleep={}"]))
+    until_asleep(simulation, 200)
+    torques = simulation.torques.copy()
+    simulation.step()
+    np.testing.assert_array_equal(simulation.torques, torques)
+    joints = simulation.state.joints.copy()
+    joints[0] -= 0.05
+    assert not simulation.step(joints).asleep
+    assert np.abs(simulation.torques - torques).max() > 1e-4
+    until_asleep(simulation, 400)
+
+
+def test_sleep_that_makes_no_sense_is_refused_and_absent_sleep_is_not_imported() -> None:
+    with pytest.raises(SceneError, match="sleep needs inertia"):
+        load_scene("cloth", ["sleep={}", "inertia=off"])
+    with pytest.raises(SceneError, match=r"sleep\.speed is 0"):
+        load_scene("cloth", ["sleep={speed=0}"])
+    code = (
+        "import sys; from tripod_sim import Simulation, load_scene;"
+        "Simulation(load_scene('cloth', ['springs.nodes=4'])).step();"
+        "assert 'tripod_sim.integrators.sleep' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

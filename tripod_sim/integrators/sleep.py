@@ -1,0 +1,176 @@
+"""Sleep: a body at rest is not solved for, until something changes.
+
+At rest is what, over two windows of time one after the other,
+
+1. is slow: its root mean square speed, sqrt(2 T / m), stays below a bound;
+2. goes nowhere: its mean shape in the second window is that in the first, but for a quarter of what the bound allows;
+3. does not fall: its potential energy V sets no more energy free than there is kinetic energy, least V of one window
+   against least V of the other. What creeps down slowly, because drag, friction or dampers take the energy at once,
+   sets free much more than it has: m g v t against m v² / 2;
+4. does not grow faster: what begins to fall from where it was balanced.
+
+So what only trembles, because contacts come and go without end, is put to sleep, and what falls is not, however slowly.
+A sleeping body has no velocity: all that is taken from it is kinetic energy below the bound.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from tripod_sim.build import Stepper
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.state import FloatArray, State
+
+DRIFT = 0.25
+"""Speed at which the mean shape may move, as a share of the bound on the speed."""
+
+GROWTH = 1.1
+"""Kinetic energy of the second window over that of the first from which on a body gets faster."""
+
+SMALL, SMALLEST = 0.01, 1e-12
+"""Potential energy set free that counts as none, and kinetic energy that does, as shares of that at the bound."""
+
+ROUNDING = 1e-13
+"""Of the potential energy, as a share of it."""
+
+
+class Potentials(Protocol):
+    """What has energies."""
+
+    def potentials(self, state: State) -> tuple[float, float]:
+        """Return the energy of the body's deformation and the potential of its weight [J]."""
+
+
+@dataclass(eq=False)
+class _Window:
+    """What a body did for a while: largest T, least V [J], sum of the positions [m], steps, time [s]."""
+
+    total: FloatArray
+    most: float = 0.0
+    least: float = np.inf
+    steps: int = 0
+    time: float = 0.0
+
+    def clear(self) -> None:
+        self.total[:] = 0.0
+        self.most, self.least, self.steps, self.time = 0.0, np.inf, 0, 0.0
+
+
+class Sleeping:
+    """A time integrator that leaves a body alone while it is at rest.
+
+    Attributes:
+        asleep: Whether it does.
+    """
+
+    def __init__(
+        self, stepper: Stepper, system: Potentials, mass: FloatArray, *, speed: float, time: float
+    ) -> None:
+        """Prepare.
+
+        Args:
+            stepper: The time integrator.
+            system: The body's energies.
+            mass: Of nodes [kg], shape (n,).
+            speed: Root mean square speed below which a body can be at rest [m/s].
+            time: Length of each of the two windows [s].
+        """
+        self.asleep = False
+        self._stepper, self._system, self._mass = stepper, system, mass
+        self._weight, self._speed, self._time = float(mass.sum()), speed, time
+        self._bound = 0.5 * self._weight * speed**2
+        n = len(mass)
+        self._now, self._before = _Window(np.zeros((n, 3))), _Window(np.zeros((n, 3)))
+        self._x, self._joints, self._report = np.zeros((n, 3)), np.zeros(0), StepReport()
+        self._loads, self._load = getattr(system, "loads", None), np.zeros(0)
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps, and wake up."""
+        self._wake()
+        self._stepper.forget()
+
+    def prepare(self, state: State, dt: float) -> None:
+        """Wake up and make the first step from `state` as fast as the others, where the time integrator can."""
+        self._wake()
+        prepare = getattr(self._stepper, "prepare", None)
+        if prepare:
+            prepare(state, dt)
+        else:
+            self._stepper.forget()
+
+    def _wake(self) -> None:
+        self.asleep = False
+        self._now.clear()
+        self._before.clear()
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """Advance by one step, in place; a sleeping body only in time. Raises StepError and leaves `state`."""
+        if self.asleep:
+            if self._unchanged(state, joints):
+                state.time += dt
+                state.step += 1
+                return self._report
+            self._wake()
+        report = self._stepper.step(state, joints, dt)
+        self._look(state, dt)
+        if self.asleep:
+            state.velocities[:] = 0.0
+            self._x[:], self._joints = state.positions, joints.copy()
+            self._load = self._loads.force.copy() if self._loads else self._load
+            self._report = _without_work(report)
+            report.asleep = True
+        return report
+
+    def _unchanged(self, state: State, joints: FloatArray) -> bool:
+        same = np.array_equal(joints, self._joints) and np.array_equal(state.positions, self._x)
+        same &= self._loads is None or np.array_equal(self._loads.force, self._load)
+        return same and not state.velocities.any()
+
+    def _look(self, state: State, dt: float) -> None:
+        """Note what the step did, and fall asleep at the end of a window of rest."""
+        now, before = self._now, self._before
+        kinetic = 0.5 * float(self._mass @ np.einsum("ni,ni->n", state.velocities, state.velocities))
+        if not kinetic < self._bound:
+            if now.steps or before.steps:
+                self._wake()
+            return
+        strain, weight = self._system.potentials(state)
+        now.most, now.least = max(now.most, kinetic), min(now.least, strain + weight)
+        now.total += state.positions
+        now.steps += 1
+        now.time += dt
+        if now.time < self._time * (1 - 1e-9):
+            return
+        scale = ROUNDING * (abs(strain) + abs(weight))
+        self.asleep = before.steps > 0 and self._rests(scale)
+        self._now, self._before = before, now
+        self._now.clear()
+
+    def _rests(self, rounding: float) -> bool:
+        now, before = self._now, self._before
+        drift = now.total / now.steps - before.total / before.steps
+        moved = np.sqrt(float(self._mass @ np.einsum("ni,ni->n", drift, drift)) / self._weight)
+        freed = before.least - now.least
+        return (
+            moved <= DRIFT * self._speed * self._time
+            and freed <= max(now.most, SMALL * self._bound) + rounding
+            and now.most <= max(GROWTH * before.most, SMALLEST * self._bound)
+        )
+
+
+def _without_work(report: StepReport) -> StepReport:
+    """Return what a sleeping step reports: the forces and gaps of the last one, and no work."""
+    asleep = replace(
+        report,
+        iterations=0,
+        factorisations=0,
+        parts=0,
+        halvings=0,
+        linear_iterations=0,
+        increments=0,
+        asleep=True,
+    )
+    if asleep.contact:
+        asleep.contact = replace(asleep.contact, rounds=0, passes=0, met=0)
+    return asleep
