@@ -65,6 +65,7 @@ class Parts:
         errors: Carries the error of the time steps along; None where the scene does not ask for it.
         rigid: The rigid bodies, which `mesh` shows behind the soft one; None without any.
         check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None if it is known.
+        notes: What users should know of them, one sentence each.
     """
 
     mesh: "SolidMesh | SpringBody | JoinedMesh"
@@ -78,6 +79,7 @@ class Parts:
     errors: "ErrorTransport | None" = None
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
+    notes: tuple[str, ...] = ()
 
 
 def build(scene: Scene) -> Parts:

@@ -265,7 +265,7 @@ class SimNode(Node):
         if self._physics.failure:
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
-        if trouble := stalls(latest) or latest.report.instability:
+        if trouble := stalls(latest) or latest.report.instability or latest.report.beyond:
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:
@@ -275,7 +275,9 @@ class SimNode(Node):
 
 def notices(snapshot: Snapshot) -> str:
     """Return what an operator should know of a snapshot, empty if nothing."""
-    return "; ".join(word for word in (stalls(snapshot), snapshot.report.instability, snapshot.event) if word)
+    report = snapshot.report
+    words = (stalls(snapshot), report.instability, report.beyond, snapshot.event)
+    return "; ".join(word for word in words if word)
 
 
 def stalls(snapshot: Snapshot) -> str:

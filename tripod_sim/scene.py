@@ -466,7 +466,7 @@ class Reduced:
     """
 
     modes: int = number(20, low=1, high=1000)
-    tolerance: float = number(0.0, low=0, high=0.5)
+    tolerance: float = number(0.03, low=0, high=0.5)
     samples: int = number(60, low=8, high=10_000)
     angle: float = number(-1.4965, unit="rad", low=-3.2, high=3.2)
     slide: float = number(0.035, unit="m", low=0, high=10.0)

@@ -368,7 +368,8 @@ class Simulation:
     @property
     def notes(self) -> tuple[str, ...]:
         """What users should know of the scene."""
-        return self._parts.plate.board.notes if self._parts.plate else ()
+        plate = self._parts.plate.board.notes if self._parts.plate else ()
+        return (*plate, *self._parts.notes, *([self.report.beyond] if self.report.beyond else []))
 
     @property
     def ball_event(self) -> str:

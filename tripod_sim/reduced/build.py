@@ -36,13 +36,24 @@ def reduced_parts(
     """
     assert isinstance(full.system, System)
     assert scene.reduced
-    system = ReducedSystem(full.system, full.mass, find_basis(scene, full))
+    reduced, basis = scene.reduced, find_basis(scene, full)
+    system = ReducedSystem(full.system, full.mass, basis)
     inertia = _inertia(scene, system)
     system.add_motion(inertia, _damping(scene, system))
     scheme = integrate(scene, system, inertia, system.rows.masses)
     assert isinstance(scheme, Substeps)
-    stepper = ReducedStepper(system, scheme, scene.solver.max_halvings)
-    return replace(full, system=system, stepper=stepper)
+    stepper = ReducedStepper(system, scheme, reduced, scene.solver.max_halvings)
+    return replace(full, system=system, stepper=stepper, notes=(*full.notes, _note(scene, basis)))
+
+
+def _note(scene: Scene, basis: Basis) -> str:
+    assert scene.reduced
+    reduced, elements = scene.reduced, len(basis.weights)
+    text = (
+        f"reduced model of {reduced.modes} shapes and {int((basis.weights > 0).sum())} of {elements} elements, trained "
+        f"for slides to {reduced.slide:g} m and angles within {reduced.spread:g} rad of 0 to {reduced.angle:g} rad"
+    )
+    return text if basis.reached == 1.0 else f"{text}, in {100 * basis.reached:.0f} % of the poses asked for"
 
 
 def _inertia(scene: Scene, system: ReducedSystem) -> "Anchor | None":

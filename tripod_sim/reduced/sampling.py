@@ -89,7 +89,8 @@ def _contributions(
             if not _settle(apart, x, modes, g):
                 continue
             parts = np.einsum("eak,ea->ke", of_elements, g.reshape(count, -1))
-            stiffness = np.einsum("eak,eab,ebl->kl", of_elements, apart.matrices, of_elements, optimize=True)
+            products = np.matmul(apart.matrices, of_elements).reshape(-1, len(z))
+            stiffness = of_elements.reshape(-1, len(z)).T @ products
             values, vectors = np.linalg.eigh(change.T @ stiffness @ change)
             scale = 1 / np.sqrt(np.maximum(values, SOFTEST * values[-1]))
             yield scale[:, None] * (vectors.T @ (change.T @ parts))

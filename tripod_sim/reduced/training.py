@@ -104,7 +104,7 @@ def take(scene: Scene, progress: Callable[[float], None]) -> Snapshots:
         progress: Called with the finished fraction.
 
     Raises:
-        SceneError: the full model finds an equilibrium in less than half of the poses.
+        SceneError: the full model finds an equilibrium in less than half of the poses, or not in the flat one.
     """
     assert scene.reduced
     assert scene.servos
@@ -115,7 +115,10 @@ def take(scene: Scene, progress: Callable[[float], None]) -> Snapshots:
     wanted = poses(scene.reduced, scene.servos)
     recorder = _Recorder(system)
     state = system.start_state(np.zeros(4))
-    parts.stepper.step(state, np.zeros(4), 0.0)
+    try:
+        parts.stepper.step(state, np.zeros(4), 0.0)
+    except StepError as error:
+        raise SceneError(f"reduced: the full model finds no equilibrium in the flat pose: {error}") from error
     reached: list[State] = []
     for k, joints in enumerate(wanted):
         progress(0.9 * k / len(wanted))
