@@ -17,6 +17,7 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if ball := result.get("ball"):
         event = f"; {ball['event']}" if ball["event"] else ""
         rows.append(("ball", f"{_numbers(ball['position'], 1e3, 3)} mm{event}"))
+    rows += _contact_rows(result)
     rows += [("note", note) for note in result.get("notes", ())]
     if len(result["angles"]):
         rows.append(("angles", f"{_numbers(result['angles'], math.degrees(1), 2)} degrees"))
@@ -63,6 +64,18 @@ def _time_error(error: Mapping[str, Any]) -> str:
 
 def _millijoules(value: float) -> str:
     return f"{value * 1e3:.3f}" if abs(value) < 1e6 else f"{value * 1e3:.3g}"
+
+
+def _contact_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the rows of rigid bodies and contacts; none in a scene without contact."""
+    rows = []
+    for k, body in enumerate(result.get("rigid", ())):
+        where, turned = _numbers(body["position"], 1e3, 3), turn(body["quaternion"])
+        rows.append((f"rigid.{k}", f"{where} mm, turned {turned:.2f} degrees"))
+    if contact := result.get("contact"):
+        pressed = f"{contact['pressed']} of {contact['contacts']} pressed"
+        rows.append(("contacts", f"{pressed}, normal forces {contact['force']:.4g} N in sum"))
+    return rows
 
 
 def turn(quaternion: Sequence[float]) -> float:

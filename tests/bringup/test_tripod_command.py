@@ -124,6 +124,17 @@ def test_a_scene_without_effector_and_servos_has_a_table_too(fake_run: FakeRun) 
     assert names == ["scene", "time", "energies", "residual", "solved by", "step took"]
 
 
+def test_rigid_bodies_and_contacts_have_rows(fake_run: FakeRun) -> None:
+    body = {"position": [0.1, 0.0, 0.0512345], "quaternion": [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]}
+    contact = {"contacts": 12, "pressed": 8, "force": 17.658, "smallest_gap": -1e-9, "cut": 0.0}
+    fake_run.result.update(effector=None, angles=[], torques=[], rigid=[body], contact=contact)
+    lines = tripod("run", "stack").stdout.splitlines()
+    assert [re.split("  +", line) for line in lines][2:4] == [
+        ["rigid.0", "100.000, 0.000, 51.234 mm, turned 90.00 degrees"],
+        ["contacts", "8 of 12 pressed, normal forces 17.66 N in sum"],
+    ]
+
+
 def test_the_turn_is_that_of_the_rotation() -> None:
     assert turn([0.0, 0.5, 0.0, 0.75**0.5]) == pytest.approx(60.0)
     assert turn([0.0, -0.5, 0.0, -(0.75**0.5)]) == pytest.approx(60.0)
