@@ -10,12 +10,14 @@ largest of the whole motion, `end` the last. A ratio of 1 is a perfect estimate;
 
 import argparse
 import json
+import textwrap
 from pathlib import Path
 
 from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
 # isort: split
 import numpy as np
+from doc_parts import write_part
 
 from tripod_sim import Simulation, load_scene
 
@@ -85,6 +87,7 @@ def main() -> None:
     )
     parser.add_argument("--modes", nargs="*", default=["newton", "one_solve"], help="solver modes")
     parser.add_argument("--json", type=Path, help="write the rows to this file, too")
+    parser.add_argument("--write", action="store_true", help="write the tables to docs/time_error.md, too")
     options = parser.parse_args()
     print(f"calibration: 1000 x 1000 product {1e3 * calibration():.1f} ms")
     fine = options.reference * 1e-3
@@ -92,12 +95,20 @@ def main() -> None:
     reference, _ = motion(scene(options.level, fine, "tr_bdf2", *exact), options.duration)
     coarse, _ = motion(scene(options.level, 2 * fine, "tr_bdf2", *exact), options.duration)
     own = np.linalg.norm(reference[1::2] - coarse, axis=2).max()
-    print(f"reference: tr_bdf2, dt {options.reference:g} ms, differs by {1e6 * own:.2g} um from twice its dt")
-    rows = []
+    about = (
+        f"Reference: `tr_bdf2`, dt {options.reference:g} ms, differs by {1e6 * own:.2g} um from twice its dt."
+    )
+    print(about)
+    rows, lines = [], {mode: [] for mode in options.modes}
+
+    def say(line: str) -> None:
+        print(line, flush=True)
+        lines[mode].append(line)
+
     for mode in options.modes:
         print(f"\n## {mode}\n")
-        print("| scheme | dt [ms] | of | " + " | ".join(COLUMNS) + " | left |")
-        print("|---|---|---|" + "---|" * 7)
+        say("| scheme | dt [ms] | of | " + " | ".join(COLUMNS) + " | left |")
+        say("|---|---|---|" + "---|" * 7)
         for scheme in SCHEMES:
             for dt in STEPS:
                 simulation = scene(options.level, dt * 1e-3, scheme, "time_error={}", f"solver.mode={mode}")
@@ -109,14 +120,22 @@ def main() -> None:
                         t, e = row[f"{of} true {when}"], row[f"{of} estimate {when}"]
                         values += [f"{1e6 * t:.3g}", f"{1e6 * e:.3g}", f"{e / t:.2f}"]
                     left = f"{row['left']:.2f}" if of == "node" else ""
-                    print(f"| {scheme} | {dt:g} | {of} | " + " | ".join(values) + f" | {left} |", flush=True)
-    ratios = [
-        r[f"{of} estimate {when}"] / r[f"{of} true {when}"]
-        for r in rows if r["mode"] == "newton"
-        for of in ("effector", "node") for when in ("max", "end")
-    ]  # fmt: skip
-    if ratios:
-        print(f"\nestimate / true error with newton: {min(ratios):.2f} to {max(ratios):.2f}")
+                    say(f"| {scheme} | {dt:g} | {of} | " + " | ".join(values) + f" | {left} |")
+    spans = []
+    for mode in options.modes:
+        for when in ("max", "end"):
+            ratios = [
+                r[f"{of} estimate {when}"] / r[f"{of} true {when}"]
+                for r in rows if r["mode"] == mode
+                for of in ("effector", "node")
+            ]  # fmt: skip
+            spans.append(f"`{mode}`, {when}: {min(ratios):.2f} to {max(ratios):.2f}")
+    summary = f"Estimate over true error: {'; '.join(spans)}."
+    print(f"\n{summary}")
+    if options.write:
+        for mode in options.modes:
+            write_part("time_error.md", f"front {mode}", lines[mode])
+        write_part("time_error.md", "span", textwrap.wrap(f"{about} {summary}", 118))
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1) + "\n")
 

@@ -65,6 +65,7 @@ def root(
         'tripod run tripod --duration 2 --servo "0:0,0,0; 1:-0.7854,-0.7854,-0.7854"',
         'tripod run tripod --servo "0:0,0,0; 2:-1.4965,-1.4965,-1.4965" --slide "0:0; 2:0.035" --out run.npz',
         "tripod run silicone --set material.young=3e5",
+        "tripod run tripod --set dt=auto --set time_error.tolerance=1e-5 --set inertia.scheme=tr_bdf2",
         "tripod run tripod --accuracy 5%",
     )
 )
