@@ -32,7 +32,7 @@ def _styles(result: Result) -> dict[Any, tuple[str, str]]:
 
 def _height(point: Result) -> float:
     """Return at which error a point is drawn [%]: not below what the reference can tell."""
-    return float(100 * max(point["error"], 2 * point["own_error"], 1e-9))
+    return float(100 * max(point["error"], 2 * point["own_error"], 1e-14))
 
 
 def _work_precision(axes: Any, result: Result) -> None:
@@ -48,6 +48,10 @@ def _work_precision(axes: Any, result: Result) -> None:
             )  # fmt: skip
     best = [result["points"][i] for i in result["front"]]
     axes.loglog([p["cpu"] for p in best], [_height(p) for p in best], "-", color="0.2", lw=1.2, label="front")
+    if points:
+        heights, costs = [_height(p) for p in points], [p["cpu"] for p in points]
+        axes.set_ylim(min(heights) / 3, max(heights) * 3)
+        axes.set_xlim(min(costs) / 2, max(costs) * 4)
     chosen = {i for i in result["cheapest"].values() if i is not None}
     for i in sorted(chosen):
         p = result["points"][i]
@@ -60,19 +64,19 @@ def _work_precision(axes: Any, result: Result) -> None:
         axes.axhline(level, color="0.8", lw=0.8, zorder=0)
     if result["reference"] and result["reference"]["own_error"]:
         axes.axhspan(1e-12, 200 * result["reference"]["own_error"], color="0.93", zorder=0)
-    if points:
-        heights, costs = [_height(p) for p in points], [p["cpu"] for p in points]
-        axes.set_ylim(min(heights) / 3, max(heights) * 3)
-        axes.set_xlim(min(costs) / 2, max(costs) * 4)
     axes.set(xlabel=f"CPU time [{result['cpu']}]", ylabel=f"error of {result['quantities'][0]['name']} [%]")
     axes.grid(visible=True, which="major", alpha=0.25)
     axes.legend(loc="lower left", fontsize=7.5)
 
 
 def _note(axes: Any, point: Result, text: str, *, above: bool, bold: bool) -> None:
+    """Write beside a point, beneath the markers, towards the middle of the picture."""
+    low, high = axes.get_xlim()
+    right = point["cpu"] > (low * high) ** 0.5
     axes.annotate(
-        text, (point["cpu"], _height(point)), xytext=(6, 7 if above else -13), textcoords="offset points",
-        fontsize=7, fontweight="bold" if bold else "normal", color="0.15",
+        text, (point["cpu"], _height(point)), xytext=(-6 if right else 6, 7 if above else -13),
+        textcoords="offset points", ha="right" if right else "left", fontsize=7, zorder=1.5,
+        fontweight="bold" if bold else "normal", color="0.15",
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
     )  # fmt: skip
 

@@ -83,7 +83,6 @@ def made_up(points: list[dict], cheapest: dict) -> dict:
         "default": {"dt": 1, "scheme": "a", "mode": "n"},
         "cpu": "s per solve",
         "group": "scheme",
-        "order_knob": "dt",
     }
 
 

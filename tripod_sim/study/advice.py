@@ -67,7 +67,7 @@ def knob_that_pays(result: Mapping[str, Any]) -> str:
 
 def short(settings: Mapping[str, Any], result: Mapping[str, Any]) -> str:
     """Return a point's settings in few words: what the study is about, and what is not as by default."""
-    always = {result["group"], result["order_knob"], "mesh.level"}
+    always = {result["group"], "mesh.level", "dt"}
     words = [
         _word(knob, settings[knob["field"]])
         for knob in result["knobs"]

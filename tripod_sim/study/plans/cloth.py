@@ -79,6 +79,7 @@ def plan(*, quick: bool) -> Plan:
         order_knob="dt",
         order_quantity="nodes",
         limit=180.0,
+        note="Explicit schemes divide their steps until they are stable: their error and cost follow the divided step.",
     )
 
 

@@ -84,8 +84,6 @@ def plan(*, quick: bool) -> Plan:
         references=(Reference("reference", quick_rungs if quick else rungs),),
         group="mesh.element",
         quick=quick,
-        order_knob="dt",
-        order_quantity="tips",
         limit=600.0,
     )
 
