@@ -125,7 +125,7 @@ def test_a_scene_without_effector_and_servos_has_a_table_too(fake_run: FakeRun) 
 
 
 def test_rigid_bodies_and_contacts_have_rows(fake_run: FakeRun) -> None:
-    body = {"position": [0.1, 0.0, 0.0512345], "quaternion": [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]}
+    body = {"position": [0.1, 0.0, 0.0512341], "quaternion": [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]}
     contact = {"contacts": 12, "pressed": 8, "force": 17.658, "smallest_gap": -1e-9, "cut": 0.0}
     fake_run.result.update(effector=None, angles=[], torques=[], rigid=[body], contact=contact)
     lines = tripod("run", "stack").stdout.splitlines()
