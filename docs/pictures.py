@@ -1,6 +1,7 @@
 """Draw the pictures of the documentation, off-screen: `python docs/pictures.py` (needs matplotlib)."""
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from tripod_play.solve import solve
 from tripod_sim import Simulation, load_scene
+from tripod_sim.contact.build import obstacle_parts
 
 IMAGES = Path(__file__).parent / "images"
 STATIC = ("inertia=off", "damping=off", "mesh.level=3")
@@ -170,13 +172,92 @@ def solved_maze() -> plt.Figure:
     return figure
 
 
-PICTURES = {"silicone_free": free_fall, "silicone": fixing_box, "tripod": assembly, "maze": solved_maze}
+def draw_surface(ax: plt.Axes, corners: np.ndarray, colour: tuple[float, ...]) -> None:
+    """Draw shaded triangles (n, 3, 3) [m]."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    shade = LightSource(azdeg=300, altdeg=55).shade_normals(
+        normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    )
+    rgba = np.tile(np.array(colour), (len(corners), 1))
+    rgba[:, :3] *= 0.55 + 0.45 * shade[:, None]
+    ax.add_collection3d(
+        Poly3DCollection(1e3 * corners, facecolors=rgba, edgecolors=(0, 0, 0, 0.25), linewidths=0.3)
+    )
 
 
-def main(folder: Path = IMAGES) -> None:
-    """Draw every picture."""
+def cut(corners: np.ndarray, centre: tuple[float, float], reach: float) -> np.ndarray:
+    """Return triangles with what is further than `reach` [m] from `centre` in x and y pulled to there."""
+    shown, middle = corners.copy(), np.array(centre)
+    shown[..., :2] = np.clip(shown[..., :2], middle - reach, middle + reach)
+    return shown
+
+
+def rigid_bodies() -> plt.Figure:
+    """Rigid bodies: the block on the incline, the bouncing ball, the stack at rest."""
+    figure = plt.figure(figsize=(11, 4.6), dpi=110)
+    cases = (
+        ("incline", (0.0, 0.5, 0.8), (0.1, 0.0), "the block after 0, 0.5 and 0.8 s"),
+        ("bounce", (0.0, 0.31, 0.53, 0.76), (0.0, 0.0), "the ball after 0, 0.31, 0.53 and 0.76 s"),
+        ("stack", (1.0,), (0.0, 0.0), "the stack after 1 s"),
+    )
+    for k, (name, times, middle, title) in enumerate(cases):
+        scene = load_scene(name)
+        simulation = Simulation(scene)
+        ax = figure.add_subplot(1, len(cases), k + 1, projection="3d")
+        reach = 0.3
+        floor = cut(obstacle_parts(scene)[0].vertices[obstacle_parts(scene)[0].triangles], middle, reach)
+        if name == "incline":  # pulled in along x, it must follow its slope
+            floor[..., 2] = -np.tan(np.radians(20)) * floor[..., 0]
+        ax.computed_zorder = False
+        draw_surface(ax, floor, (0.93, 0.89, 0.8, 1.0))
+        faces = simulation.mesh.surface
+        for n, when in enumerate(times):
+            for _ in range(round((when - simulation.state.time) / scene.dt)):
+                simulation.step()
+            colour = plt.get_cmap("viridis")(0.3 + 0.6 * n / len(times))
+            draw_surface(ax, simulation.positions[faces], colour)
+        top = 650.0 if name == "bounce" else 400.0
+        ax.set(
+            xlim=(1e3 * (middle[0] - reach), 1e3 * (middle[0] + reach)), ylim=(-300, 300), zlim=(-200, top),
+            xticks=(-200, 0, 200, 400) if middle[0] else (-200, 0, 200), yticks=(-200, 0, 200),
+            xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]",
+        )  # fmt: skip
+        ax.set_box_aspect((600, 600, top + 200))
+        ax.view_init(elev=14, azim=-75)
+        ax.set_title(title, fontsize=10)
+    return figure
+
+
+def falling_piece() -> plt.Figure:
+    """The silicone piece that falls on a cube, at three times."""
+    figure = plt.figure(figsize=(11, 4.4), dpi=110)
+    scene = load_scene("silicone_drop")
+    simulation = Simulation(scene)
+    cube = obstacle_parts(scene)[0]
+    for k, when in enumerate((0.05, 0.12, 2.0)):
+        for _ in range(round((when - simulation.state.time) / scene.dt)):
+            simulation.step()
+        ax = panel(figure, (1, 3, k + 1), f"after {simulation.state.time:.2f} s", (-85.0, 10.0))
+        ax.computed_zorder = False
+        draw_surface(ax, cube.vertices[cube.triangles], (0.93, 0.89, 0.8, 1.0))
+        moved = displacements(simulation)
+        draw_body(ax, simulation, moved / moved.max())
+        ax.view_init(elev=18, azim=-62)
+    return figure
+
+
+PICTURES = {
+    "silicone_free": free_fall, "silicone": fixing_box, "tripod": assembly, "maze": solved_maze,
+    "rigid": rigid_bodies, "silicone_drop": falling_piece,
+}  # fmt: skip
+
+
+def main(names: Sequence[str] = (), folder: Path = IMAGES) -> None:
+    """Draw the pictures `names`, without names all."""
     folder.mkdir(exist_ok=True)
     for name, draw in PICTURES.items():
+        if names and name not in names:
+            continue
         figure = draw()
         figure.tight_layout()
         figure.savefig(folder / f"{name}.png")
@@ -184,4 +265,4 @@ def main(folder: Path = IMAGES) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
