@@ -1,8 +1,8 @@
 """Inverse kinematics to the end: relinearised on the quasi-static model until nothing changes.
 
 Where the tracker makes one step for each state that comes in, here the model is at hand: a step that makes things
-worse, or that would leave the branch, is taken back and shortened. So the solution depends on the start only through
-the branch that the start is on.
+worse, or that would leave the branch, is taken back and shortened. Searches begin at the model's home, a fixed pose, as
+long as that is on the branch of the present one: so nothing but the target and the branch decides.
 """
 
 import time
@@ -22,7 +22,7 @@ from tripod_ik.row_limits import RowLimit
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.starts import StartPool
 from tripod_ik.state import LinearState
-from tripod_ik.tasks import Task
+from tripod_ik.tasks import Task, total_distance
 from tripod_sim.errors import SceneError, StepError
 
 LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
@@ -30,6 +30,9 @@ LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
 
 PASSED = 1e-6
 """A solution keeps its hard limits if it passes none by more than this [rad]: 15 nm of the effector, 2e-7 N m."""
+
+SETTLES = 3
+"""Solutions that the body may leave for its other equilibrium before the first of them is taken."""
 
 
 class Outcome(StrEnum):
@@ -48,7 +51,7 @@ class Solution:
     Attributes:
         outcome: REACHED within the tolerance; CLOSEST at a pose that no step betters; UNFINISHED where time or
             iterations ended before; FAILED where the quadratic program was not solved.
-        reason: More about the last two, empty otherwise.
+        reason: More about the last two, and where a body hangs so slack that it need not be as the solution has it.
         state: The linearised state at the solution: angles, torques, pose of the effector.
         residual: What is missing in all [m], see `tasks.total_distance`.
         residuals: The same by task and unit.
@@ -126,8 +129,8 @@ class InverseSolver:
             everywhere: Whether to look further where a limit of torques or effector is active.
         """
         end = time.perf_counter() + time_limit
-        start, side = self.model.save(), branch(self.model.state(), tasks)
-        found = self._descend(tasks, side, end, time_limit)
+        side = branch(self.model.state(), tasks)
+        found = self._from_home(tasks, side, end, time_limit)
         rows = {name for limit in self._row_limits for name in limit.rows(found.state).names}
         if not (
             everywhere and self._row_limits and (rows & set(found.active_limits) or found.passed > PASSED)
@@ -135,17 +138,50 @@ class InverseSolver:
             return found
         best, here = found, self.model.save()
         count = found.iterations
-        self.model.restore(start)
+        self.model.go_home()
         for pose in self._starts(tasks, side, end):
             if time.perf_counter() >= end:
                 break
             self.model.restore(pose)
-            other = self._descend(tasks, side, end, time_limit)
+            other = self._settled(tasks, side, end, time_limit)
             count += other.iterations
             if _is_better(other, best):
                 best, here = other, self.model.save()
         self.model.restore(here)
         return replace(best, iterations=count)
+
+    def _from_home(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
+        """Solve from the model's home, so that nothing but the target and the branch decides; from here if it is met
+        here, if home is on another branch, or if from home it is not reached.
+        """
+        state, here = self.model.state(), self.model.save()
+        met = total_distance(tasks, [task.rows(state).error for task in tasks]) <= self._tolerance
+        if met or not (self._any_branch or branch(self.model.go_home(), tasks) * side > 0):
+            self.model.restore(here)
+            return self._settled(tasks, side, end, time_limit)
+        found = self._settled(tasks, side, end, time_limit)
+        if found.outcome is Outcome.REACHED or np.array_equal(self.model.home, state.angles):
+            return found
+        there = self.model.save()
+        self.model.restore(here)
+        other = self._settled(tasks, side, end, time_limit)
+        if _is_better(other, found):
+            return other
+        self.model.restore(there)
+        return found
+
+    def _settled(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
+        """Solve as `_descend`, to a pose in which the body is whatever its way, see `StaticModel.settle`."""
+        found, first = self._descend(tasks, side, end, time_limit), self.model.save()
+        again, count = found, found.iterations
+        for _ in range(SETTLES):
+            if not self.model.settle():
+                return replace(again, iterations=count)
+            again = self._descend(tasks, side, end, time_limit)
+            count += again.iterations
+        self.model.restore(first)
+        reason = found.reason or "the body has two equilibria there, and which it is in depends on its way"
+        return replace(found, reason=reason, iterations=count)
 
     def _descend(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
         """Solve from where the model stands, on the branch of `side`, until `end` on the clock [s]."""

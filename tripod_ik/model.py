@@ -12,7 +12,9 @@ from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 from tripod_sim.compliance import Compliance
-from tripod_sim.scene import Scene
+from tripod_sim.errors import SceneError, StepError
+from tripod_sim.scene import Reduced, Scene
+from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 
@@ -22,6 +24,9 @@ Saved = tuple[tuple[State, FloatArray], LinearState | None]
 TOLERANCE = 1e-7
 """Unbalanced force [N] of the model's equilibria: with 10 mm/N that is a nanometre."""
 
+SAME = 1e-6
+"""Positions of the effector that differ by less [m] belong to one equilibrium; two are millimetres apart."""
+
 
 def linear_state(c: Compliance) -> LinearState:
     """Return the compliance of a simulation as inverse kinematics takes it; raise IkError if it cannot be used."""
@@ -30,11 +35,25 @@ def linear_state(c: Compliance) -> LinearState:
     )
 
 
+def model_scene(name: str, kind: str) -> Scene:
+    """Return the scene of a model; raise SceneError where there is none.
+
+    Args:
+        name: Of a scene, or the path of its file.
+        kind: `quasi_static`: as the scene is; `reduced`: in few coordinates, as the scene says or else by default.
+    """
+    scene = load_scene(name)
+    if kind != "reduced" or scene.reduced:
+        return scene
+    return replace(scene, reduced=Reduced(), ball=None, time_error=None)
+
+
 class StaticModel:
-    """A robot at rest: each set of angles has an equilibrium, reached along the way from the one before.
+    """A robot at rest, with all of its body or with a reduced one: each set of angles has an equilibrium, reached along
+    the way from the one before.
 
     Attributes:
-        simulation: Of the scene without inertia, damping, servo dynamics and ball: where a ball lies nobody tells it.
+        simulation: Of the scene without what moves by itself: inertia, damping, servo dynamics, ball, other bodies.
         slide: Inward shift of the servo bodies [m].
     """
 
@@ -59,7 +78,18 @@ class StaticModel:
             raise IkError(f"slide is {slide:g} m; allowed is 0 to {scene.servos.slide_max:g} m")
         solver = replace(scene.solver, tolerance=min(TOLERANCE, scene.solver.tolerance))
         self.simulation = Simulation(
-            replace(scene, inertia=None, damping=None, servo_dynamics=None, ball=None, solver=solver)
+            replace(
+                scene,
+                inertia=None,
+                damping=None,
+                servo_dynamics=None,
+                ball=None,
+                time_error=None,
+                contact=None,
+                obstacles=(),
+                rigid=(),
+                solver=solver,
+            )
         )
         self.slide = slide
         self._state: LinearState | None = None
@@ -68,6 +98,7 @@ class StaticModel:
             1:
         ]:  # angles and slide in proportion: the strips stay stretched
             self.simulation.step(start + part * (end - start))
+        self._home = self.save()
 
     @property
     def angles(self) -> FloatArray:
@@ -98,6 +129,35 @@ class StaticModel:
         if self._state is None:
             self._state = linear_state(self.simulation.compliance())
         return self._state
+
+    @property
+    def home(self) -> FloatArray:
+        """Angles that the model was built at [rad], shape (s,)."""
+        return self._home[0][0].joints[:-1]
+
+    def go_home(self) -> LinearState:
+        """Return to the pose that the model was built in, without moving there, and return the state."""
+        self.restore(self._home)
+        return self.state()
+
+    def settle(self) -> bool:
+        """Go to the equilibrium that the straight way from the pose of the beginning leads to; return whether it is
+        another one.
+
+        Where a strip hangs slack the body has two equilibria at the same angles, and which one it is in depends on its
+        way. This one depends on the angles alone.
+        """
+        here, state = self.save(), self.state()
+        self.go_home()
+        try:
+            settled = self.move(state.angles)
+        except (SceneError, StepError):
+            self.restore(here)
+            return False
+        if np.abs(settled.equilibrium - state.equilibrium).max() > SAME:
+            return True
+        self.restore(here)
+        return False
 
     def save(self) -> Saved:
         """Return what `restore` needs to come back here."""

@@ -110,6 +110,12 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("feedback_delay", 0.03, "age of a measurement when it comes in", "s", low=0.0, high=0.5),
     Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
     Parameter(
+        "model",
+        "quasi_static",
+        "the own model: quasi_static, all of the body; or reduced, fewer coordinates, trained once for each scene",
+        choices=("quasi_static", "reduced"),
+    ),
+    Parameter(
         "slide",
         names.WORKING_POSE[3],
         "inward shift of the servo bodies, for the own model",
@@ -199,7 +205,7 @@ class IkNode(Node):
             len(names.SERVOS),
             self._model_error(values),
         )
-        self._scene, self._slide = values["scene"], values["slide"]
+        self._scene, self._slide, self._kind = values["scene"], values["slide"], values["model"]
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
         self._own_in_use = False
@@ -241,10 +247,9 @@ class IkNode(Node):
         return ModelError(values["feedback_time"], values["feedback_delay"])
 
     def _build_model(self, angles: FloatArray) -> Any:
-        from tripod_ik.model import StaticModel  # noqa: PLC0415 - beside a simulator it is not needed
-        from tripod_sim import load_scene  # noqa: PLC0415
+        from tripod_ik.model import StaticModel, model_scene  # noqa: PLC0415 - beside a simulator it is not needed
 
-        return StaticModel(load_scene(self._scene), self._slide, angles)
+        return StaticModel(model_scene(self._scene, self._kind), self._slide, angles)
 
     def close(self) -> None:
         """Say that nothing more will be commanded, and leave the graph."""
@@ -459,7 +464,7 @@ class IkNode(Node):
             "error [m]": self._status.error,
             "residual [m]": self._status.residual,
             "solve time [s]": self._status.solve_time,
-            "model": "own" if self._own_in_use else "simulator",
+            "model": f"own, {self._kind}" if self._own_in_use else "simulator",
             "solves": self._solves,
             "solver failures": self._failures,
             **{f"rejected {kind}": count for kind, count in self._rejected.items()},
