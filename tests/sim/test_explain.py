@@ -1,6 +1,7 @@
 """What a scene costs: the stopwatch, the parts found, the report's sums, and the command."""
 
 import json
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 
@@ -165,6 +166,13 @@ def test_arrays_are_found_once_and_by_their_owner() -> None:
     mine = {id(a): a.nbytes for a, _ in arrays}
     assert sum(parts.values()) == sum(mine.values())
     assert parts["statics: start pose and compliance"] > 0
+
+
+def test_memory_that_many_arrays_show_is_counted_once() -> None:
+    whole = np.zeros((4, 3))
+    views = [whole[1:], whole.T, whole.reshape(-1)[::2]]
+    found = [a for a, _ in walk({"views": views, "again": (whole, partial(np.dot, whole))})]
+    assert [a is whole for a in found] == [True]
 
 
 def test_sizes_are_those_of_the_matrices() -> None:

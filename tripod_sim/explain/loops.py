@@ -61,9 +61,21 @@ def _implicit(stepper: Any, simulation: Simulation, report: StepReport, steps: i
     }
     work.weight[body.free] = body.mass[body.free] / s**2
     if not options.direct:
-        found["conjugate gradients"] = (report.linear_iterations / steps) * _least(
-            lambda n: kernels.product(n, links.ends, work.blocks, work.weight, body.free, work.p, work.q)
+        found["preconditioner"] = renewals * _least(
+            lambda n: kernels.prepare(
+                n, links.ends, work.blocks, work.weight, body.free, body.number, work.sweep
+            )
         )
+        limit = 1000 + 12 * len(body.free)
+
+        def iterate(count: int) -> int:
+            return int(
+                kernels.iterate(count, work.sweep, work.g, body.free, options.linear_tolerance, limit, work.p)
+            )
+
+        taken = _least(iterate) / max(1, iterate(1))
+        found["conjugate gradients"] = report.linear_iterations / steps * taken
+        stepper.forget()
         return found
     found["Hessian assembly"] = renewals * _least(
         lambda n: kernels.assemble(n, links.ends, work.blocks, work.weight, body.free, body.number, factor)

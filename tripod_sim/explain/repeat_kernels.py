@@ -4,7 +4,7 @@ from typing import Any
 
 from numba import njit
 
-from tripod_sim.springs import explicit_kernels, implicit_kernels, linear_kernels, spring_kernels
+from tripod_sim.springs import cg_kernels, explicit_kernels, implicit_kernels, linear_kernels, spring_kernels
 
 Array = Any
 
@@ -52,10 +52,22 @@ def solve(count: int, A: Any, g: Array, free: Array, p: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def product(count: int, ends: Array, blocks: Array, weight: Array, free: Array, p: Array, out: Array) -> None:
-    """Repeat `linear_kernels.product`, the bulk of an iteration of conjugate gradients."""
+def prepare(count: int, ends: Array, blocks: Array, weight: Array, free: Array, number: Array, A: Any) -> int:
+    """Repeat `cg_kernels.prepare`."""
+    total = 0
     for _ in range(count):
-        linear_kernels.product(ends, blocks, weight, free, p, out)
+        total += cg_kernels.prepare(ends, blocks, weight, free, number, A)
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def iterate(count: int, A: Any, g: Array, free: Array, tolerance: float, limit: int, p: Array) -> int:
+    """Repeat `cg_kernels.conjugate_gradients` from zero; return the iterations of all."""
+    total = 0
+    for _ in range(count):
+        p[:] = 0.0
+        total += cg_kernels.conjugate_gradients(A, g, free, tolerance, limit, p)
+    return total
 
 
 @njit(cache=True, error_model="numpy")
