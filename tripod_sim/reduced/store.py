@@ -53,10 +53,15 @@ def stored_basis(scene: Scene, full: Parts) -> Basis:
             note = _Note(scene.name)
             basis = train(scene, note.progress)
             note.done(file if file and write(file, name, basis) else None)
-        if len(_recent) >= 4:
-            _recent.pop(next(iter(_recent)))
-        _recent[name] = basis
+        remember(name, basis)
     return _recent[name]
+
+
+def remember(name: str, basis: Basis) -> None:
+    """Let `basis` serve in this process wherever a scene has the key `name`; the last four are remembered."""
+    while len(_recent) >= 4:
+        _recent.pop(next(iter(_recent)))
+    _recent[name] = basis
 
 
 def key(scene: Scene, full: Parts) -> str:
