@@ -1,0 +1,38 @@
+"""The table of `tripod run`: the rows of the estimated error of the time steps."""
+
+import math
+from typing import Any
+
+from tripod_bringup.run_summary import result_rows
+
+
+def rows(**more: Any) -> dict[str, str]:
+    result = {
+        "scene": "tripod", "time": 0.1, "steps": 10, "dt": 0.01, "effector": None, "angles": [], "energies": {},
+        "residual": 1e-5, "newton_iterations": 40, "halvings": 0, "parts": 23, "rejected": 4,
+        "step_ms": {"median": 1.0, "p99": 2.0},
+    }  # fmt: skip
+    return dict(result_rows(result | more))
+
+
+def test_the_estimate_is_told_in_millimetres_with_its_worst() -> None:
+    error = {
+        "effector": 1.5e-5,
+        "largest": 2e-5,
+        "node": 7,
+        "added": 1e-6,
+        "worst_effector": 3e-5,
+        "worst": 4e-5,
+    }
+    found = rows(time_error=error)
+    expected = "effector 0.015 mm, at worst 0.03 mm; node 7 0.02 mm, at worst 0.04 mm (estimated)"
+    assert found["time error"] == expected
+    assert found["solved by"] == "40 Newton iterations, 23 parts of steps, 4 taken back"
+    alone = rows(time_error=error | {"effector": math.nan, "worst_effector": math.nan})
+    assert alone["time error"] == "node 7 0.02 mm, at worst 0.04 mm (estimated)"
+
+
+def test_without_an_estimate_nothing_is_told() -> None:
+    found = rows()
+    assert "time error" not in found
+    assert found["solved by"] == "40 Newton iterations"
