@@ -7,6 +7,8 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -48,6 +50,10 @@ REPEAT_PERIOD = 1.0
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "tripod", "Name of a shipped scene, or the path of a .toml file"),
     Parameter("set", "", "Overrides of the scene, dotted.path=value, separated by semicolons"),
+    Parameter(
+        "accuracy", "", "Cheapest setting with an error below this: 5%, draft, real-time, reference; empty: as it is"
+    ),
+    Parameter("study", "", "File of the study that accuracy looks into; empty: the scene's own"),
     Parameter("body_rate", 30.0, "Node positions published a second", "Hz", low=0.1, high=1000.0),
     Parameter("pose_rate", 100.0, "Effector poses and joint states a second", "Hz", low=0.1, high=1000.0),
     Parameter(
@@ -63,7 +69,10 @@ class SimNode(Node):
     def __init__(self) -> None:
         super().__init__("sim")
         values = declare(self, PARAMETERS)
-        scene = load_scene(values["scene"], [w for w in values["set"].split(";") if w.strip()])
+        overrides = [w for w in values["set"].split(";") if w.strip()]
+        if values["accuracy"] or values["study"]:
+            overrides = self._settle(values, overrides)
+        scene = load_scene(values["scene"], overrides)
         try:
             simulation = Simulation(scene)
         except StepError as error:
@@ -103,6 +112,15 @@ class SimNode(Node):
         )
         for note in simulation.notes:
             self.get_logger().warning(note)
+
+    def _settle(self, values: dict[str, Any], overrides: list[str]) -> list[str]:
+        """Return the overrides of the setting for an accuracy, and say what it is. Raises SceneError."""
+        from tripod_sim.accuracy.choice import choose  # noqa: PLC0415 - only where it is asked for
+
+        study = Path(values["study"]) if values["study"] else None
+        choice = choose(values["scene"], values["accuracy"], overrides, study=study)
+        self.get_logger().info(choice.sentence)
+        return list(choice.overrides)
 
     def _join_graph(self) -> None:
         self._body = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
@@ -241,6 +259,7 @@ class SimNode(Node):
     def _status_message(self) -> SimStatus:
         snapshot, speed = self._physics.latest, self._physics.speed()
         dt, energies, report = self._scene.dt, snapshot.energies, snapshot.report
+        error = report.time_error
         message = f"{self._physics.failure}; call sim/reset" if self._physics.failure else notices(snapshot)
         return SimStatus(
             header=messages.header(time.time_ns()), state=self._state(), message=message, scene=self._scene.name, dt=dt,
@@ -259,9 +278,7 @@ class SimNode(Node):
             "real-time factor": speed.real_time_factor,
             "median step [s]": speed.median,
             "missed": speed.missed,
-        error = report.time_error
         }
-        error, nan = report.time_error, float("nan")
         if self._physics.failure:
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
@@ -271,6 +288,11 @@ class SimNode(Node):
         if running and 0 < speed.real_time_factor < 0.95:
             return Level.WARN, f"slower than real time: factor {speed.real_time_factor:.2f}", values
         return Level.OK, "running" if running else "paused", values
+
+
+def known(value: float | None) -> float:
+    """Return `value` as messages tell it: -1 where it is not known."""
+    return -1.0 if value is None or math.isnan(value) else value
 
 
 def notices(snapshot: Snapshot) -> str:
@@ -292,11 +314,6 @@ def _within_scene(limits: CommandLimits, scene: Scene) -> CommandLimits:
     low, high = max(limits.angle_min, s.angle_min), min(limits.angle_max, s.angle_max)
     if not low < high:
         raise ParameterError(
-def known(value: float | None) -> float:
-    """Return `value` as messages tell it: -1 where it is not known."""
-    return -1.0 if value is None or math.isnan(value) else value
-
-
             f"parameters angle_min {limits.angle_min} and angle_max {limits.angle_max} rad leave nothing of the "
             f"scene's {s.angle_min} to {s.angle_max} rad"
         )
