@@ -51,7 +51,9 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "tripod", "Name of a shipped scene, or the path of a .toml file"),
     Parameter("set", "", "Overrides of the scene, dotted.path=value, separated by semicolons"),
     Parameter(
-        "accuracy", "", "Cheapest setting with an error below this: 5%, draft, real-time, reference; empty: as it is"
+        "accuracy",
+        "",
+        "Cheapest setting with an error below this: 5%, draft, real-time, reference; empty: as it is",
     ),
     Parameter("study", "", "File of the study that accuracy looks into; empty: the scene's own"),
     Parameter("body_rate", 30.0, "Node positions published a second", "Hz", low=0.1, high=1000.0),
@@ -266,7 +268,8 @@ class SimNode(Node):
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
             capacity=dt / speed.median if speed.median else 0.0, step_time_median=speed.median,
             step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings, parts=report.parts,
-            time_error=known(error and error.largest), effector_time_error=known(error and error.effector),
+            time_error=known(error.largest if error else None),
+            effector_time_error=known(error.effector if error else None),
             residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
             gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
             last_rejection=self._last_refusal,
