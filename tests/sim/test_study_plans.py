@@ -14,14 +14,18 @@ from tripod_sim.mesh.convert import convert_hexahedra
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.study import task
 from tripod_sim.study.advice import advice
-from tripod_sim.study.plans import maze, pendulum, silicone, tripod_dynamic
+from tripod_sim.study.plans import cloth, drape, maze, pendulum, silicone, tripod_dynamic
 
-SLOW = ("drape", "ik")
+SLOW = ("ik",)
+"""Studies of which one point is enough."""
 
 
 @pytest.fixture
 def once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One repetition, and short motions where steps take long."""
     monkeypatch.setattr(task, "MOST", 1)
+    for module in (cloth, drape):
+        monkeypatch.setattr(module, "DURATION", 0.2)
 
 
 @pytest.mark.usefixtures("once")

@@ -7,16 +7,6 @@ from tripod_sim.study.task import Measured
 
 SCENE = "drape"
 
-NODES, SIZE, MASS = 13, 0.8, 0.22
-"""Nodes along an edge of the cloth, the edge [m], its mass [kg]."""
-
-BASE: Settings = {
-    "springs.source": "grid",
-    "springs.nodes": NODES,
-    "springs.size": SIZE,
-    "springs.node_mass": MASS / NODES**2,
-}
-
 DURATION, INTERVAL = 1.0, 0.1
 """Of the motion and between the instants at which it is looked at [s]: the fall, and the folds that it makes."""
 
@@ -61,11 +51,11 @@ def plan(*, quick: bool) -> Plan:
     )
     return Plan(
         name="drape",
-        title=f"A cloth of {NODES} x {NODES} nodes falls on a sphere, first second",
+        title="A cloth falls on a sphere, first second",
         scene=SCENE,
         module=__name__,
-        version=1,
-        base=BASE,
+        version=2,
+        base={},
         knobs=(
             Knob("response", "contact.response", "multipliers or penalty"),
             Knob(
@@ -100,6 +90,6 @@ def task(settings: Settings) -> Measured:
     def watch(simulation: Simulation) -> Watch:
         return lambda: {"nodes": simulation.positions.ravel().tolist()}
 
-    measured = motion(scene_of(SCENE, {**BASE, **settings}), DURATION, INTERVAL, watch)
+    measured = motion(scene_of(SCENE, settings), DURATION, INTERVAL, watch)
     measured.observed["shape"] = [measured.observed["nodes"][-1]]
     return measured
