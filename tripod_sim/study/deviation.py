@@ -38,7 +38,7 @@ def deviation(rows: FloatArray, others: FloatArray, measure: str) -> float:
 
 
 def limit(coarse: FloatArray, fine: FloatArray, ratio: float, order: float) -> FloatArray:
-    """Return Richardson's limit of two solutions, f + (f - c) / (ratio^order - 1) with ratio = h_c / h_f."""
+    """Return the limit of two solutions [Richardson1911], f + (f - c) / (ratio^order - 1) with ratio = h_c / h_f."""
     return np.asarray(fine + (fine - coarse) / (ratio**order - 1))
 
 

@@ -90,7 +90,7 @@ def plan(*, quick: bool) -> Plan:
 
 
 def exact(springs: Springs, gravity: float, tolerance: float, times: FloatArray) -> FloatArray:
-    """Return the nodes of the chain at `times` by DOP853 [Hairer1993], shape (t, n, 3).
+    """Return the nodes of the chain at `times` by DOP853 [HairerNorsettWanner1993], shape (t, n, 3).
 
     Node 0 is fixed; each spring pulls with k (|d| - L) d / |d|, both ways.
 
