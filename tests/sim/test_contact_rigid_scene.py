@@ -1,15 +1,20 @@
 """Rigid bodies of scenes: the shipped incline, bounce and stack, bodies on cloth, what is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
+from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.rigid_shapes import ball, box, solid_of
+from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
 from tripod_sim.run import run
+from tripod_sim.springs.generate import grid
 
 G, TILT = 9.81, np.radians(20)
 
@@ -17,15 +22,6 @@ MODES = ["lagrange", "penalty"]
 
 DOWN = np.array([np.cos(TILT), 0.0, -np.sin(TILT)])
 """Along the incline of the scene."""
-
-ONE = """
-name = "one"
-[gravity]
-[inertia]
-[contact]
-contact_distance = 0.001
-alarm_distance = 0.003
-"""
 
 
 def refused(scene: str, *overrides: str) -> str:
@@ -166,6 +162,29 @@ def test_a_cloth_held_at_its_corners_catches_a_body(shape: str) -> None:
     assert height - simulation.positions[:81, 2].min() > 0.05  # it lies on the cloth
     assert height > -0.3
     assert report.contact.force == pytest.approx(0.1 * G, rel=0.1)  # the cloth still swings a little
+
+
+def test_a_soft_body_that_does_not_touch_itself_is_compared_with_others_only() -> None:
+    """Else most of the time went to pairs of neighbours in the body itself. What is found stays the same."""
+    net = grid(9, 0.6)
+    places = [[0.1, 0.05, height] for height in (0.5, 0.03)]
+    found = []
+    for touches_itself in (False, True):
+        cloth = Part(net.nodes, net.triangles, self_contact=touches_itself)
+        for place in places:
+            body = box((0.1, 0.2, 0.05)).part
+            surfaces, x = join([cloth, replace(body, vertices=body.vertices + place)])
+            detector, contacts = Detector(surfaces, x, 0.002, 0.006), ContactSet()
+            detector.near(x, contacts)
+            keys = np.sort(contacts.arrays.key[: contacts.count])
+            found.append((detector.pairs, keys.tolist()))
+    (far, none), (near, some), (own, _), (_, all_found) = found
+    assert far == 0
+    assert not none
+    assert own > 500
+    assert 0 < near < own
+    assert some
+    assert set(some) <= set(all_found)  # where it may touch itself, its flat neighbours are found, too
 
 
 def test_bodies_that_pass_through_something_at_the_start_are_named_or_lifted() -> None:

@@ -110,16 +110,53 @@ class Detector:
         against_fixed("faces", faces, s.fixed_points[:, None], s.fixed_points, 1)
         against_fixed("edges", edges, s.edges[s.fixed_edges], s.fixed_edges, 2)
         against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, met_kernels.BALLS)
-        bodies = np.unique(s.body[points])
-        if len(bodies) > 1 or s.touches_itself[bodies].any():
-            for name, query, mine, theirs, first in (
-                ("faces", "points", points, faces, 1),
-                ("edges", "edges", edges, edges, 2),
-                ("balls", "balls", balls, balls, met_kernels.BALLS),
-            ):
-                tree = Tree(boxes[name])
+        numbers = {"points": points, "faces": faces, "edges": edges, "balls": balls}
+        self._compare_moving(numbers, shapes, boxes)
+
+    def _compare_moving(
+        self, numbers: dict[str, IndexArray], shapes: dict[str, IndexArray], boxes: dict[str, Boxes]
+    ) -> None:
+        """Add the queries of moving bodies among each other.
+
+        A large body that does not touch itself is set apart and only compared with others: most pairs are its own.
+
+        Args:
+            numbers: Of the moving points, faces, edges and balls.
+            shapes: Their vertices.
+            boxes: Around them.
+        """
+        body, itself = self._surfaces.body, self._surfaces.touches_itself
+        bodies, counts = np.unique(body[numbers["points"]], return_counts=True)
+        if not len(bodies) or not (len(bodies) > 1 or itself[bodies].any()):
+            return
+        large = int(bodies[np.argmax(counts)])
+        apart = len(bodies) > 1 and not itself[large] and 2 * counts.max() > counts.sum()
+        rest = bodies[bodies != large]
+        chosen = dict[tuple[str, bool], tuple[IndexArray, Boxes]]()
+
+        def part(name: str, *, of_large: bool) -> tuple[IndexArray, Boxes]:
+            if not apart:
+                return numbers[name], boxes[name]
+            if (name, of_large) not in chosen:
+                which = (body[shapes[name][:, 0]] == large) == of_large
+                chosen[name, of_large] = numbers[name][which], Boxes(shapes[name][which])
+                self._boxes.append(chosen[name, of_large][1])
+            return chosen[name, of_large]
+
+        alike = [(False, False)] if not apart or len(rest) > 1 or itself[rest].any() else []
+        if apart:
+            alike.append((True, False))
+        unlike = [*alike, (False, True)] if apart else alike
+        for name, query, first, sides in (
+            ("faces", "points", 1, unlike), ("edges", "edges", 2, alike), ("balls", "balls", met_kernels.BALLS, alike),
+        ):  # fmt: skip
+            for one, other in sides:
+                (mine, asked), (theirs, target) = part(query, of_large=one), part(name, of_large=other)
+                if not len(mine) or not len(theirs):
+                    continue
+                tree = Tree(target)
                 self._trees.append(tree)
-                self._queries.append(_Query(boxes[query], tree, boxes[name], mine, theirs, first, False))
+                self._queries.append(_Query(asked, tree, target, mine, theirs, first, False))
 
     def _sweep(self, start: FloatArray, end: FloatArray, margin: float) -> None:
         for boxes in self._boxes:
