@@ -49,9 +49,11 @@ class Outcome:
         rounds: Of multipliers.
         residual: Largest error of a gap, of complementarity or of a slip [m].
         smallest: Smallest gap beyond the contact distance [m].
+        done: Whether more solves are of no use: the tolerance is met, or as many made as are allowed.
     """
 
     rounds: int = 0
+    done: bool = True
     residual: float = 0.0
     smallest: float = np.inf
 
@@ -69,6 +71,9 @@ class Response:
     DEEPEST = 0.5
     """Share of the contact distance that penalty lets bodies sink in before it stiffens."""
 
+    ROUGH = 12
+    """Linear solves of a rough response."""
+
     FEW, FIRST = 4, 0.05
     """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
 
@@ -76,8 +81,13 @@ class Response:
         self.law, self._problem, self._contacts = law, problem, contacts
         self._pressure, self._friction = np.zeros(256), np.zeros((256, 3))
 
-    def solve(self, u: FloatArray) -> Outcome:
-        """Move `u` to the end of the step; the contacts hold the forces afterwards. Raises DescentError."""
+    def solve(self, u: FloatArray, *, rough: bool = False) -> Outcome:
+        """Move `u` to the end of the step; the contacts hold the forces afterwards. Raises DescentError.
+
+        Args:
+            u: Shape (unknowns,), in place.
+            rough: Whether multipliers may be as far off as they are where a step begins, and few solves are made.
+        """
         c, law = self._contacts, self.law
         if len(self._pressure) < c.count:
             self._pressure, self._friction = np.zeros(2 * c.count), np.zeros((2 * c.count, 3))
@@ -85,8 +95,9 @@ class Response:
             return self._penalty(u)
         c.arrays.gain[: c.count] = 1.0
         kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.NORMAL, self.TANGENTIAL)
-        outcome, aim = Outcome(), law.tolerance * law.distance
-        spent, error = 0, self.FIRST * law.distance
+        outcome, aim, error = Outcome(), law.tolerance * law.distance, self.FIRST * law.distance
+        enough, most = (max(aim, error), min(self.ROUGH, law.max_solves)) if rough else (aim, law.max_solves)
+        spent = 0
         while True:
             kernels.set_limits(c.arrays, c.count, law.friction)
             # no more exact than the multipliers are: Newton's last steps are wasted on a wrong potential
@@ -99,7 +110,8 @@ class Response:
             error = max(gap, slip)
             outcome.residual = max(error, size)
             self._take()
-            if outcome.residual <= aim or spent >= law.max_solves:
+            if outcome.residual <= enough or spent >= most:
+                outcome.done = outcome.residual <= aim or not rough
                 return outcome
 
     def _harden(self, factor: float) -> None:

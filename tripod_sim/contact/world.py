@@ -2,9 +2,10 @@
 
 1. Contacts: what is nearer than the alarm distance and, in fast steps, what would come nearer than the contact
    distance without forces.
-2. Response: the minimum of the step's potential with these contacts.
+2. Response: the minimum of the step's potential with these contacts, roughly at first.
 3. Continuous detection over the moves found: what comes too close on the way is added and the response repeated, so
-   that nothing passes through anything. Where that does not end the step is halved, at last cut short before the hit.
+   that nothing passes through anything, at last to its tolerance. Where that does not end the step is halved, at last
+   cut short before the hit.
 """
 
 from dataclasses import dataclass
@@ -221,13 +222,14 @@ class World:
 
     def _respond(self, u: FloatArray, h: float, report: ContactReport, depth: int) -> float:
         """Move `u` to the end of the step; return 1, or the fraction of the moves until which nothing is passed."""
-        c, share = self.contacts, 0.0
+        c, share, rough = self.contacts, 0.0, True
         for number in range(self.MOST_PASSES):
-            if self._some_held:
-                self._drop_held()
-            kernels.prepare(c.arrays, c.count, self.positions, self._free, self.PART_SPEED * h)
-            self.problem.renew()
-            outcome = self.response.solve(u)
+            if share < 1.0:
+                if self._some_held:
+                    self._drop_held()
+                kernels.prepare(c.arrays, c.count, self.positions, self._free, self.PART_SPEED * h)
+                self.problem.renew()
+            outcome = self.response.solve(u, rough=rough)
             report.passes += 1
             report.rounds += outcome.rounds
             report.residual, report.smallest_gap = outcome.residual, outcome.smallest
@@ -235,8 +237,11 @@ class World:
             before = c.count
             share = self.detector.met(self.positions, self._ends, c, take_all=number > 2)
             if share >= 1.0:
-                return 1.0
-            if outcome.smallest < -self.law.distance and depth < self.MOST_HALVINGS:
+                if outcome.done:
+                    return 1.0
+                rough = False  # when it is clear what touches, the forces are worth being found exactly
+                continue
+            if not rough and outcome.smallest < -self.law.distance and depth < self.MOST_HALVINGS:
                 return share  # not solved: once more would not help, a shorter step does
             report.met += c.count - before
         return share
