@@ -48,6 +48,7 @@ CLOTH = (
     "springs.nodes=8",
     "springs.size=0.2",
     "springs.position=[0.01, 0.005, 0.205]",
+    "sleep=off",
 )
 
 WITHOUT: dict[str, tuple[str, ...]] = {

@@ -63,8 +63,16 @@ TABLE: dict[str, Effect] = {
         ),
         words=("rigid=[{position=[0.0, 0.0, 1.0]}]",),
     ),
-    "time_error": Effect(("integrators.time_error", "integrators.auto_steps"), ("time error",)),
-    "sleep": Effect(("integrators.sleep",)),
+    "time_error": Effect(
+        (
+            "integrators.time_error",
+            "integrators.time_error_kernels",
+            "integrators.auto_steps",
+            "integrators.factor_store",
+        ),
+        ("time error",),
+    ),
+    "sleep": Effect(("integrators.sleep",), ("sleep",)),
     "reduced": Effect(("reduced", "linear.dense"), ("reduced",)),
 }
 """Every name of `EFFECTS`, and nothing else."""

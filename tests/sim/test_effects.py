@@ -22,6 +22,7 @@ CLOTH = (
     "springs.nodes=4",
     "springs.size=0.1",
     "springs.position=[0.01, 0.005, 0.2045]",
+    "sleep=off",
 )
 
 SCENES = {
@@ -33,6 +34,7 @@ SCENES = {
     "limited springs": ("pendulum", "inertia.scheme=implicit_euler", "strain_limit={}"),
     "cloth on a sphere": CLOTH,
     "stack": ("stack",),
+    "sleeping solid": (*SOLID, "sleep={}"),
     "estimating robot": (*ROBOT, 'time_error={steps="auto"}'),
     "reduced robot": (*ROBOT, "reduced={modes=4, samples=8}"),
     "cloth alone": (*CLOTH, "obstacles=off", "contact.self_contact=true"),
@@ -96,6 +98,12 @@ ROWS = {
     "time_error": Row(
         ("robot", "bare solid", "cloth on a sphere"), "estimating robot", ROBOT,
         add=('time_error={steps="auto", tolerance=1e-6}',),
+    ),
+    "sleep": Row(
+        ("robot", "held solid", "bare springs", "stack"),
+        "sleeping solid",
+        (*SOLID, "gravity=off"),
+        add=("sleep={speed=10.0, time=0.01}",),
     ),
     "reduced": Row(
         ("robot", "bare solid", "bare springs"), "reduced robot", ROBOT, add=("reduced={modes=4, samples=8}",)

@@ -52,6 +52,7 @@ STAGES: dict[str, dict[str, str]] = {
         "tr_bdf2": "time error",
         "report": "time error",
     },
+    "integrators.sleep.Sleeping": {"step": "sleep"},
     "reduced.projection.Projection": {"gradient": REDUCTION, "hessian": REDUCTION, "moves": MOVES},
     "reduced.system.ReducedSystem": {"expand": "reduced: all nodes"},
     "reduced.terms.Weight": {"add_gradient": "gravity"},
