@@ -10,16 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import Groups
+from tripod_sim.reduced import coordinate_kernels as kernels
 from tripod_sim.reduced.state import ReducedState
 
 FloatArray = NDArray[np.float64]
 
 BODY = 12
 """Coordinates of a rigid body: three of c - c0, nine of R - I."""
-
-LEVI_CIVITA = np.zeros((3, 3, 3))
-LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-LEVI_CIVITA[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
 
 
 class Coordinates:
@@ -44,14 +41,13 @@ class Coordinates:
         for b in range(self.bodies):
             self.tangent[BODY * b : BODY * b + 3, 6 * b : 6 * b + 3] = np.eye(3)
         self.tangent[self.boundary :, 6 * self.bodies :] = np.eye(shapes)
-        self._across = LEVI_CIVITA.reshape(9, 3)
         self._rotations = np.tile(np.eye(3), (self.bodies, 1, 1))
-        self._cosine, self._sine = np.ones(servos), np.zeros(servos)
+        self._joints = np.zeros(servos + 1)
 
     def values(self, state: ReducedState) -> FloatArray:
         """Return z of `state`, shape (size,)."""
         z = np.empty(self.size)
-        z[: self.boundary] = self.boundary_values(state.centres, state.rotations, state.joints)
+        kernels.write_values(self._centres, state.centres, state.rotations, state.joints, z)
         z[self.boundary :] = state.q
         return z
 
@@ -64,29 +60,13 @@ class Coordinates:
             joints: Angles [rad], then the slide [m], shape (s + 1,).
         """
         z = np.empty(self.boundary)
-        for b in range(self.bodies):
-            z[BODY * b : BODY * b + 3] = centres[b] - self._centres[b]
-            z[BODY * b + 3 : BODY * (b + 1)] = rotations[b].ravel()
-            z[BODY * b + 3 : BODY * (b + 1) : 4] -= 1.0
-        angles = z[self._angles]
-        # 1 - cos a without the cancellation of small angles
-        angles[0::2] = -2 * np.sin(0.5 * joints[:-1]) ** 2
-        angles[1::2] = np.sin(joints[:-1])
-        z[-1] = joints[-1]
+        kernels.write_values(self._centres, centres, rotations, joints, z)
         return z
 
     def update(self, rotations: FloatArray, joints: FloatArray) -> None:
         """Write `tangent` and `drive` for bodies at `rotations`, shape (b, 3, 3), and servos at `joints`, (s + 1,)."""
-        self._rotations[:] = rotations
-        for b in range(self.bodies):
-            turn = (self._across @ rotations[b]).reshape(3, 3, 3)  # i, k, j: e_k x column j of R
-            block = self.tangent[BODY * b + 3 : BODY * (b + 1), 6 * b + 3 : 6 * b + 6]
-            block[:] = turn.transpose(0, 2, 1).reshape(9, 3)
-        np.cos(joints[:-1], out=self._cosine)
-        np.sin(joints[:-1], out=self._sine)
-        for s in range(self.servos):
-            row = self._angles.start + 2 * s
-            self.drive[row, s], self.drive[row + 1, s] = -self._sine[s], self._cosine[s]
+        self._rotations[:], self._joints[:] = rotations, joints
+        kernels.write_tangent(rotations, joints, self.tangent, self.drive)
 
     def add_curvature(self, p: FloatArray, matrix: FloatArray, drive_drive: FloatArray) -> None:
         """Add p . d²z to the second derivatives by unknowns and by angles, at the last `update`.
@@ -105,7 +85,8 @@ class Coordinates:
             block.flat[:: block.shape[1] + 1] -= np.trace(m)
         angles = p[self._angles]
         for s in range(self.servos):
-            drive_drive[s, s] -= self._cosine[s] * angles[2 * s] + self._sine[s] * angles[2 * s + 1]
+            a = self._joints[s]
+            drive_drive[s, s] -= np.cos(a) * angles[2 * s] + np.sin(a) * angles[2 * s + 1]
 
 
 def boundary_columns(rest: FloatArray, groups: Groups) -> FloatArray:
