@@ -60,6 +60,7 @@ def test_the_tips_of_the_silicone_are_the_same_points_on_every_mesh() -> None:
 def test_the_touch_is_found_on_the_parabola() -> None:
     t = np.array([0.0, 0.01, 0.03, 0.04])
     assert maze.touch(t, 0.3 * t + 2 * t**2, 0.3 * 0.045 + 2 * 0.045**2) == pytest.approx(0.045, abs=1e-12)
+    assert maze.touch(t[:3], 0.5 * t[:3] - 2 * t[:3] ** 2, 0.02) == pytest.approx(0.05)  # again at 0.2
     assert maze.touch(t[:2], 0.5 * t[:2], 0.01) == pytest.approx(0.02)
     with pytest.raises(StepError, match="stops before the wall"):
         maze.touch(t, 0.1 * t - 2 * t**2, 0.01)
