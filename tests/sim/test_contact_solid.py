@@ -317,6 +317,30 @@ def test_held_nodes_may_be_where_an_obstacle_is() -> None:
     assert tripod.positions[end, 2].min() < -0.003
 
 
+def test_fixed_nodes_nearer_than_the_contact_distance_do_not_press_each_other(tmp_path: Path) -> None:
+    """Two sheets 1 mm apart in one body, one fixed as a whole, the other in part: neither side of those can yield."""
+    at = [
+        (0.1 * i + 0.03 * k, 0.1 * j + 0.02 * k, 0.001 * k)
+        for k in (0, 1)
+        for j in range(3)
+        for i in range(3)
+    ]
+    quads = [[9 * k + 3 * j + i + n for n in (1, 2, 5, 4)] for k in (0, 1) for j in (0, 1) for i in (0, 1)]
+    lines = [f"v {x} {y} {z}" for x, y, z in at] + ["f " + " ".join(map(str, q)) for q in quads]
+    (tmp_path / "sheets.obj").write_text("\n".join(lines) + "\n")
+    words = [
+        f"springs.source={tmp_path / 'sheets.obj'}", "springs.fixed_corners=[]",
+        "springs.fixed_nodes=[0,1,2,3,4,5,6,7,8,9,10,12,13]",
+        "contact={self_contact=true, contact_distance=0.002, alarm_distance=0.006}",
+    ]  # fmt: skip
+    simulation = Simulation(load_scene("cloth", words))
+    for _ in range(10):
+        report = simulation.step()
+    assert report.contact
+    assert report.contact.pressed
+    assert np.abs(simulation.positions).max() < 0.4
+
+
 def test_a_start_inside_an_obstacle_is_refused_or_lifted() -> None:
     inside = "obstacles.0.position=[0,0,-0.019]"
     text = refused("silicone_drop", inside)
