@@ -699,6 +699,11 @@ def _check_reduced(scene: Scene) -> None:
     for name in ("ball", "time_error"):
         if getattr(scene, name):
             raise SceneError(f"reduced and {name} exclude each other; choose the full model, reduced=off")
+    if scene.inertia and scene.inertia.scheme in EXPLICIT:
+        raise SceneError(
+            f"inertia.scheme is {scene.inertia.scheme!r}, which moves single nodes; reduced needs one of: "
+            "implicit_euler, bdf2, tr_bdf2"
+        )
     s = scene.servos
     if not s.angle_min <= reduced.angle <= s.angle_max:
         raise SceneError(

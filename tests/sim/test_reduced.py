@@ -315,7 +315,7 @@ def test_at_rest_it_stays_at_rest_and_resets_and_restores_to_the_same_bits() -> 
 
 
 def trained(*overrides: str) -> Basis:
-    return train(load_scene("tripod", [*SMALL, "reduced.modes=6", *overrides]))
+    return train(load_scene("tripod", ["mesh.level=1", "reduced.modes=6", "reduced.samples=8", *overrides]))
 
 
 def bits(basis: Basis) -> bytes:
