@@ -334,10 +334,12 @@ def test_fixed_nodes_nearer_than_the_contact_distance_do_not_press_each_other(tm
         "contact={self_contact=true, contact_distance=0.002, alarm_distance=0.006}",
     ]  # fmt: skip
     simulation = Simulation(load_scene("cloth", words))
+    pressed = 0
     for _ in range(10):
         report = simulation.step()
-    assert report.contact
-    assert report.contact.pressed
+        assert report.contact
+        pressed = max(pressed, report.contact.pressed)
+    assert pressed > 0
     assert np.abs(simulation.positions).max() < 0.4
 
 
