@@ -99,6 +99,16 @@ def test_times_are_those_of_this_machine(study: Path) -> None:
     assert POINTS[2][2] <= LOAD < POINTS[3][2]
 
 
+def test_a_study_of_a_gentle_motion_gets_a_larger_margin(tmp_path: Path) -> None:
+    path = tmp_path / "cloth.json"
+    points = [{**p, "settings": {"dt": p["settings"].get("dt", 0.01)}} for p in made_up()["points"]]
+    path.write_text(json.dumps(made_up(study="cloth", scene="cloth", points=points)))
+    choice = choose("cloth", "5%", study=path, speed=same_speed)
+    assert choice.settings == {"dt": 0.002}
+    assert choice.error == pytest.approx(8 * 0.006)
+    assert choose("cloth", "4.7%", study=path, speed=same_speed).settings == {"dt": 0.0005}
+
+
 def test_what_no_setting_reaches_is_told_with_the_best(study: Path) -> None:
     with pytest.raises(
         SceneError,
