@@ -153,7 +153,9 @@ def _contact_summary(simulation: Simulation) -> dict[str, Any]:
     }
     if simulation.rigid:
         poses = simulation.rigid
-        found["rigid"] = [{"position": p.position.tolist(), "quaternion": p.quaternion.tolist()} for p in poses]
+        found["rigid"] = [
+            {"position": p.position.tolist(), "quaternion": p.quaternion.tolist()} for p in poses
+        ]
     return found
 
 

@@ -8,8 +8,9 @@ import pytest
 from tripod_sim import Simulation, load_scene
 from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.contact.crossings import Crossings
+from tripod_sim.contact.rotations import left_jacobian
 from tripod_sim.contact.solid_build import solid_part
-from tripod_sim.contact.solid_nodes import SolidNodes, left_jacobian
+from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import SceneError

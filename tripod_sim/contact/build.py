@@ -9,6 +9,7 @@ import numpy as np
 from tripod_sim.build import Parts
 from tripod_sim.contact.bodies import Nodes, SpringNodes
 from tripod_sim.contact.response import Law
+from tripod_sim.contact.rotations import turned_by
 from tripod_sim.contact.start import check_start, lift
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
@@ -36,8 +37,6 @@ def obstacle_parts(scene: Scene) -> list[Part]:
         surface = read_surface(Path(obstacle.source), obstacle.scale, f"obstacles.{i}.source")
         vertices = surface.vertices
         if obstacle.orientation != (0.0, 0.0, 0.0, 1.0):
-            from tripod_sim.contact.rigid_build import turned_by  # noqa: PLC0415 - only where one is turned
-
             vertices = vertices @ turned_by(obstacle.orientation).T
         parts.append(Part(vertices + np.array(obstacle.position), surface.triangles, fixed=True))
     return parts

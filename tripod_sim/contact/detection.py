@@ -165,6 +165,18 @@ class Detector:
             tree.update()
         self.pairs = 0
 
+    def warm_up(self, x: FloatArray) -> None:
+        """Compile what is needed only when something meets, so that the first hit is no slower than others.
+
+        `x`: as in `near`; nothing changes.
+        """
+        none, out = np.zeros((0, 2), dtype=np.int64), ContactSet()
+        for q in self._queries:
+            met_kernels.met_contacts(
+                none, q.ones, q.others, q.first, q.flipped, self._top, x, self._move, self.distance, np.zeros(0),
+                self._earliest, self._moving, narrow_kernels.MET, out.arrays, 0,
+            )  # fmt: skip
+
     def near(self, x: FloatArray, out: ContactSet, before: ContactSet | None = None) -> None:
         """Fill `out` with the contacts closer than the alarm distance at positions `x` [m], shape (n, 3).
 

@@ -8,8 +8,8 @@ import numpy as np
 from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
 from tripod_sim.contact.rigid_shapes import Shape, ball, box, solid_of
 from tripod_sim.contact.rigid_state import RigidState
+from tripod_sim.contact.rotations import turned_by
 from tripod_sim.mesh.read_surface import read_surface
-from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.scene import Rigid, Scene
 
 if TYPE_CHECKING:
@@ -36,18 +36,6 @@ def _shape(body: Rigid, field: str) -> Shape:
     if body.shape == "ball":
         return ball(body.radius)
     return solid_of(read_surface(Path(body.source), body.scale, field), f"{field} {body.source!r}")
-
-
-def turned_by(quaternion: tuple[float, float, float, float]) -> FloatArray:
-    """Return the rotation matrix of a quaternion x, y, z, w of norm about 1, shape (3, 3)."""
-    x, y, z, w = np.array(quaternion) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def build_rigid(scene: Scene) -> "Parts":

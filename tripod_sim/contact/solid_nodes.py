@@ -14,6 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from tripod_sim.constraints.groups import Kind
+from tripod_sim.contact.rotations import left_jacobian
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.state import State
@@ -306,16 +307,3 @@ class SolidNodes:
             trial.positions[:] = there
         self._at[:], self._phi = u, phi
         return phi
-
-
-def left_jacobian(theta: FloatArray) -> FloatArray:
-    """Return J, shape (3, 3): exp(theta + d) is exp(J d) exp(theta) to first order in d.
-
-    J = 1 + (1 - cos t) / t² [theta]x + (t - sin t) / t³ [theta]x², t = |theta|.
-    """
-    t = float(np.sqrt(theta @ theta))
-    x, y, z = theta.tolist()
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    if t < 1e-4:
-        return np.asarray(np.eye(3) + 0.5 * cross + cross @ cross / 6)
-    return np.asarray(np.eye(3) + (1 - np.cos(t)) / t**2 * cross + (t - np.sin(t)) / t**3 * (cross @ cross))

@@ -123,6 +123,9 @@ class World:
         self._place()
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, self._held)
         self._impulse = np.zeros(64)
+        self.detector.warm_up(self.positions)
+        if law.restitution > 0:
+            self._bounce(np.zeros_like(self._u), self.problem.slices())
 
     def positions_now(self) -> FloatArray:
         """Return where all surface vertices are now [m], shape (n, 3): a view that the next step overwrites."""
