@@ -83,8 +83,16 @@ class Simulation:
         self._static = (
             build(
                 replace(
-                    scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, sleep=None, contact=None,
-                    obstacles=(), rigid=(),
+                    scene,
+                    inertia=None,
+                    damping=None,
+                    servo_dynamics=None,
+                    ball=None,
+                    time_error=None,
+                    sleep=None,
+                    contact=None,
+                    obstacles=(),
+                    rigid=(),
                 )
             )
             if scene.inertia and held and scene.mesh
