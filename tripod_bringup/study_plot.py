@@ -66,6 +66,7 @@ def _work_precision(axes: Any, result: Result) -> None:
         axes.axhspan(1e-12, 200 * result["reference"]["own_error"], color="0.93", zorder=0)
     axes.set(xlabel=f"CPU time [{result['cpu']}]", ylabel=f"error of {result['quantities'][0]['name']} [%]")
     axes.grid(visible=True, which="major", alpha=0.25)
+    axes.tick_params(axis="x", which="minor", labelsize=6, labelrotation=45)
     axes.legend(loc="lower left", fontsize=7.5)
 
 

@@ -33,7 +33,7 @@ def local(jobs: int) -> Executor:
                 yield futures[future], future.result()
         finally:  # whatever ends this: no process stays behind, no thread waits for one
             pool.shutdown(wait=False, cancel_futures=True)
-            workers.stop()
+            workers.end()
 
     return run
 

@@ -23,10 +23,14 @@ class Worker:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[str] | None = None
+        self._lock, self._ended = threading.Lock(), False
 
     def measure(self, module: str, settings: Mapping[str, Any], limit: float) -> dict[str, Any]:
         """Return the record of a point; `time limit` or `crashed` if the process gave none within `limit` [s]."""
-        process = self._started()
+        with self._lock:
+            if self._ended:
+                return _lost("crashed", "stopped")
+            process = self._started()
         assert process.stdin
         assert process.stdout
         late = threading.Event()
@@ -41,7 +45,7 @@ class Worker:
             process.stdin.write(json.dumps({"module": module, "settings": dict(settings)}) + "\n")
             process.stdin.flush()
             line = process.stdout.readline()
-        except OSError:
+        except (OSError, ValueError):  # a pipe that is broken, or closed
             line = ""
         finally:
             timer.cancel()
@@ -66,6 +70,14 @@ class Worker:
             )
         return self._process
 
+    def end(self) -> None:
+        """Kill the process from another thread, for good; a point that it measures is lost."""
+        with self._lock:
+            self._ended = True
+            if self._process:
+                self._process.kill()
+                self._process.wait()
+
     def stop(self) -> None:
         """End the process; the next point starts a new one."""
         if self._process is None:
@@ -86,7 +98,7 @@ class Workers:
     def __init__(self) -> None:
         self._local = threading.local()
         self._all: list[Worker] = []
-        self._stopped = threading.Event()
+        self._ended = threading.Event()
 
     def measure(self, module: str, settings: Mapping[str, Any], limit: float) -> dict[str, Any]:
         """Return the record of a point, measured in the process that belongs to this thread."""
@@ -94,15 +106,15 @@ class Workers:
         if worker is None:
             worker = self._local.worker = Worker()
             self._all.append(worker)
-        if self._stopped.is_set():
-            return _lost("crashed", "stopped")
+        if self._ended.is_set():
+            worker.end()
         return worker.measure(module, settings, limit)
 
-    def stop(self) -> None:
+    def end(self) -> None:
         """End all processes, for good."""
-        self._stopped.set()
+        self._ended.set()
         for worker in list(self._all):
-            worker.stop()
+            worker.end()
 
 
 _here = Workers()
