@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
+from tripod_sim.contact.build import body_part, obstacle_parts
+from tripod_sim.contact.crossings import Crossings
 from tripod_sim.errors import SceneError
+from tripod_sim.springs.build import spring_body
 
 SMALL = ["springs.source=grid", "springs.nodes=9", "springs.size=0.6"]
 
@@ -72,6 +75,42 @@ def test_cloth_thrown_at_50_m_s_does_not_pass_the_sphere(response: str) -> None:
         assert np.linalg.norm(simulation.positions, axis=1).min() > 0.19
         lowest = min(lowest, float(simulation.positions[:, 2].min()))
     assert lowest < 0.1  # its border flew on past the top
+
+
+@pytest.mark.parametrize("response", MODES)
+@pytest.mark.parametrize("speed", [0.5, 5.0, 50.0])
+def test_a_cloth_of_a_tenth_of_a_millimetre_passes_nothing_at_any_speed(response: str, speed: float) -> None:
+    """At 50 m/s a step of 10 ms covers five thousand contact distances; who looks knows nothing of contacts."""
+    words = ["contact.contact_distance=1e-4", "contact.alarm_distance=3e-4", f"contact.response={response}"]
+    scene = load_scene("drape", [*SMALL, *words, "springs.position=[0.01, 0.005, 0.22]"])
+    assert scene.dt == 0.01
+    assert scene.springs
+    assert scene.contact
+    simulation = Simulation(scene)
+    watch = Crossings(body_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+    simulation.state.velocities[:, 2] = -speed
+    pressed = 0
+    for _ in range(12):
+        report = simulation.step()
+        assert report.contact
+        assert np.isfinite(simulation.positions).all()
+        assert not watch.found(simulation.positions, straight=report.contact.parts == 1)
+        assert report.contact.smallest_gap > -1e-4
+        pressed = max(pressed, report.contact.pressed)
+    assert pressed > 0
+
+
+def test_the_first_hit_compiles_nothing() -> None:
+    """Each kernel that a step with hits and bounces needs has its machine code when the simulation is built."""
+    code = (
+        "import numpy as np; from tripod_sim import Simulation, load_scene;"
+        "from tripod_sim.contact import met_kernels, restitution_kernels as bounce;"
+        f"s = Simulation(load_scene('drape', {[*SMALL, 'contact.restitution=0.5']!r}));"
+        "count = lambda: [len(k.signatures) for k in (met_kernels.met_contacts, bounce.restitute)];"
+        "built = count(); s.state.velocities[:, 2] = -20; met = [s.step().contact.met for _ in range(4)];"
+        "assert max(met) > 0 or s.report.contact.pressed; assert min(built) > 0; assert count() == built"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_removing_contact_gives_the_bits_of_a_scene_that_never_had_it(tmp_path: Path) -> None:

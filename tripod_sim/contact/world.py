@@ -125,7 +125,10 @@ class World:
         self._impulse = np.zeros(64)
         self.detector.warm_up(self.positions)
         if law.restitution > 0:
-            self._bounce(np.zeros_like(self._u), self.problem.slices())
+            none = np.zeros_like(self._u)
+            restitute(
+                self.contacts.arrays, 0, none, none, none, law.restitution, law.rest_speed, 0, self._impulse
+            )
 
     def positions_now(self) -> FloatArray:
         """Return where all surface vertices are now [m], shape (n, 3): a view that the next step overwrites."""
