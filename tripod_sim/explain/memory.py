@@ -27,6 +27,12 @@ PARTS = {
     "ball": "ball",
     "maze": "maze",
     "contact": "contact",
+    "contact.rigid_set": "rigid bodies",
+    "contact.rigid_state": "rigid bodies",
+    "contact.rigid_system": "rigid bodies",
+    "integrators.time_error": "time error",
+    "integrators.sleep": "sleep",
+    "reduced": "reduced model",
     "springs.strain_limit": "strain limit",
     "springs": "springs",
 }
