@@ -26,7 +26,7 @@ MAY_IMPORT = {
 ROS_EDGE = {
     "tripod_graph": {"diagnostics", "limits", "parameters", "qos", "run"},
     "tripod_sim": {"node", "messages", "markers"},
-    "tripod_ik": {"node"},
+    "tripod_ik": {"node", "messages", "settings"},
     "tripod_driver": {"node", "messages", "settings"},
     "tripod_teleop": {"node"},
     "tripod_view": {"node", "messages", "settings"},

@@ -30,7 +30,7 @@ def solve_command(
     """Solve, print and return the exit code: 0 reached, 1 not reached, 2 bad arguments."""
     from tripod_ik.errors import IkError  # noqa: PLC0415 - not needed for the help
     from tripod_ik.once import solve_once  # noqa: PLC0415
-    from tripod_ik.tracker import Goal  # noqa: PLC0415
+    from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
     from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 

@@ -14,126 +14,31 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import Compliance, ControlMode, IkStatus
 
 from tripod_graph import names
-from tripod_graph.command import CommandLimits
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Mode, ModeTracker
-from tripod_graph.parameters import Parameter, declare
+from tripod_graph.parameters import declare
 from tripod_graph.qos import LATCHED_OF_ALL, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
-from tripod_ik.feedback import ModelError
+from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
 from tripod_ik.rotation import quaternion_matrix, unit_quaternion
+from tripod_ik.settings import PARAMETERS, model_error, tracker_settings
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
-from tripod_ik.tracker import Activity, Goal, Tracker, TrackerSettings, TrackerStep
-
-_COMMAND, _TRACKER = CommandLimits(), TrackerSettings()
-
-PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("angle_min", _COMMAND.angle_min, "smallest servo angle commanded", "rad", low=-3.2, high=3.2),
-    Parameter("angle_max", _COMMAND.angle_max, "largest servo angle commanded", "rad", low=-3.2, high=3.2),
-    Parameter(
-        "angle_speed",
-        _TRACKER.angle_speed,
-        "largest speed of the commanded angles; keep it below the slew rate of those who follow",
-        "rad/s",
-        low=0.01,
-        high=20.0,
-    ),
-    Parameter(
-        "max_step",
-        _TRACKER.step,
-        "farthest that a command may be ahead of the present angle",
-        "rad",
-        low=0.01,
-        high=3.2,
-    ),
-    # An SG90 stalls at 0.18 N m and the working pose alone takes 0.14 N m: near the stall torque the limit would
-    # rule out much of the workspace in simulation; the default keeps off only what no such servo comes near.
-    Parameter(
-        "torque_max",
-        _TRACKER.torque_max,
-        "torque of a servo that the target must not cause, as far as possible; .inf for none",
-        "N m",
-        low=0.001,
-    ),
-    Parameter("box_low", [], "smallest x, y, z of the effector at rest; unset for no box", "m"),
-    Parameter("box_high", [], "largest x, y, z of the effector at rest; set both or none", "m"),
-    Parameter(
-        "hard",
-        _TRACKER.hard,
-        "whether torque_max and the box are hard limits; else the target may pass them a little",
-    ),
-    Parameter(
-        "weights", [1.0, 1.0, 1.0], "how much x, y and z of the target count; 0 leaves an axis free", low=0.0
-    ),
-    Parameter(
-        "tolerance", _TRACKER.tolerance, "distance up to which the target counts as reached", "m", low=1e-7
-    ),
-    Parameter("target_low", [-0.15, -0.15, -0.15], "smallest x, y, z of a target that is accepted", "m"),
-    Parameter("target_high", [0.15, 0.15, 0.15], "largest x, y, z of a target that is accepted", "m"),
-    Parameter(
-        "goal",
-        "position",
-        "what of a target is followed: its position; its roll, pitch and height; or position and tilt, a compromise",
-        choices=tuple(Goal),
-    ),
-    Parameter("lever", _TRACKER.lever, "metres that a radian of tilt counts", "m", low=1e-4, high=1.0),
-    Parameter(
-        "lead",
-        _TRACKER.lead,
-        "how far ahead of itself a moving target is aimed at: the time the robot takes to answer",
-        "s",
-        low=0.0,
-        high=0.5,
-    ),
-    Parameter(
-        "feedback",
-        "none",
-        f"what closes the loop: nothing, a measured pose ({names.ROBOT_EFFECTOR_POSE}), or the tilt of an IMU "
-        f"({names.ROBOT_IMU})",
-        choices=("none", "pose", "imu"),
-    ),
-    Parameter("feedback_time", 0.4, "time in which the feedback removes an error", "s", low=0.02, high=60.0),
-    Parameter("feedback_delay", 0.03, "age of a measurement when it comes in", "s", low=0.0, high=0.5),
-    Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
-    Parameter(
-        "model",
-        "quasi_static",
-        "the own model: quasi_static, all of the body; or reduced, fewer coordinates, trained once for each scene",
-        choices=("quasi_static", "reduced"),
-    ),
-    Parameter(
-        "slide",
-        names.WORKING_POSE[3],
-        "inward shift of the servo bodies, for the own model",
-        "m",
-        low=0.0,
-        high=0.1,
-    ),
-    Parameter("own_model_rate", 50.0, "how often the own model is asked", "Hz", low=5.0, high=200.0),
-    Parameter(
-        "own_model_after",
-        1.0,
-        "time without a simulator in the graph after which the own model is used",
-        "s",
-        low=0.1,
-        high=60.0,
-    ),
-    Parameter("stale_after", 0.2, "age from which on a compliance is not used", "s", low=0.02, high=0.5),
-)
+from tripod_ik.tracker import Activity, Tracker, TrackerStep
+from tripod_ik.tracker_settings import Goal
 
 NEWEST = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1
@@ -144,40 +49,6 @@ FEEDBACK_SILENT = 0.5  # [s]: without a measurement for so long the status says 
 THROTTLE = 2.0  # [s]: shortest time between two log lines about the same kind of message
 
 
-def linear_state(message: Any) -> LinearState:
-    """Return the state in a tripod_msgs/Compliance; raise IkError if it cannot be used."""
-    if message.header.frame_id != names.WORLD:
-        raise IkError(f"compliance in frame {message.header.frame_id!r}; it must be {names.WORLD!r}")
-    joints = tuple(message.joint_names)
-    if joints != names.SERVOS:
-        raise IkError(f"compliance of joints {list(joints)}; they must be {', '.join(names.SERVOS)}")
-    rows = 6 + len(joints)
-    if len(message.w) != rows**2:
-        raise IkError(f"compliance has {len(message.w)} entries; {len(joints)} joints give {rows**2}")
-    p, q = message.effector.position, message.effector.orientation
-    return LinearState(
-        joint_names=joints,
-        angles=message.angles,
-        torques=message.torques,
-        effector=(p.x, p.y, p.z),  # type: ignore[arg-type]
-        rotation=(q.x, q.y, q.z, q.w),  # type: ignore[arg-type]
-        equilibrium_offset=message.equilibrium_offset,
-        W=[message.w[rows * i : rows * (i + 1)] for i in range(rows)],  # type: ignore[arg-type]
-    )
-
-
-def trajectory(command: FloatArray) -> JointTrajectory:
-    """Return the command [rad], shape (3,), as a trajectory: be there now, as fast as your slew rate
-    allows.
-    """
-    point = JointTrajectoryPoint()
-    point.positions = array("d", command)
-    message = JointTrajectory()
-    message.joint_names = list(names.SERVOS)
-    message.points = [point]
-    return message
-
-
 class IkNode(Node):
     """Commands the servos while the mode is IK; the rules are `Tracker` and `TargetBox`."""
 
@@ -185,26 +56,7 @@ class IkNode(Node):
         super().__init__("ik")
         values = declare(self, PARAMETERS)
         self._targets = TargetBox(values["target_low"], values["target_high"])
-        if len(values["weights"]) != 3:
-            raise IkError(f"parameter 'weights' has {len(values['weights'])} values; it needs 3: x, y, z")
-        self._tracker = Tracker(
-            TrackerSettings(
-                angle_min=values["angle_min"],
-                angle_max=values["angle_max"],
-                angle_speed=values["angle_speed"],
-                step=values["max_step"],
-                torque_max=values["torque_max"],
-                box=_box(values["box_low"], values["box_high"]),
-                hard=values["hard"],
-                weights=tuple(values["weights"]),
-                tolerance=values["tolerance"],
-                goal=Goal(values["goal"]),
-                lever=values["lever"],
-                lead=values["lead"],
-            ),
-            len(names.SERVOS),
-            self._model_error(values),
-        )
+        self._tracker = Tracker(tracker_settings(values), len(names.SERVOS), model_error(values))
         self._scene, self._slide, self._kind = values["scene"], values["slide"], values["model"]
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
@@ -239,12 +91,6 @@ class IkNode(Node):
         self.create_timer(WATCH, self._on_timer, clock=steady)
         self.create_timer(1.0 / values["own_model_rate"], self._on_own_timer, clock=steady)
         self._diagnostics = Diagnostics(self, self._report)
-
-    @staticmethod
-    def _model_error(values: dict[str, Any]) -> ModelError | None:
-        if values["feedback"] == "none":
-            return None
-        return ModelError(values["feedback_time"], values["feedback_delay"])
 
     def _build_model(self, angles: FloatArray) -> Any:
         from tripod_ik.model import StaticModel, model_scene  # noqa: PLC0415 - beside a simulator it is not needed
@@ -412,8 +258,8 @@ class IkNode(Node):
     def _publish_step(self, state: LinearState, step: TrackerStep, duration: float) -> None:
         result = step.result
         status = IkStatus()
-        status.target = _point(step.target)
-        status.effector = _point(state.effector)
+        status.target = point(step.target)
+        status.effector = point(state.effector)
         status.error = step.error
         status.residual = result.residual
         status.tilt_error, status.tilt_residual = step.tilt_error, step.tilt_residual
@@ -474,21 +320,6 @@ class IkNode(Node):
             values["correction [m]"] = float(np.linalg.norm(correction.shift))
             values["correction of tilt [rad]"] = float(np.linalg.norm(correction.tilt))
         return levels.get(self._activity, Level.OK), self._message or self._activity.name.lower(), values
-
-
-def _box(low: Sequence[float], high: Sequence[float]) -> Any:
-    """Return the parameters `box_low` and `box_high` as the tracker's box [m], None where they are unset."""
-    if not low and not high:
-        return None
-    for name, side in (("box_low", low), ("box_high", high)):
-        if len(side) != 3:
-            raise IkError(f"parameter '{name}' has {len(side)} values; it needs 3: x, y, z")
-    return tuple(low), tuple(high)
-
-
-def _point(position: FloatArray) -> Point:
-    x, y, z = (float(value) for value in position)
-    return Point(x=x, y=y, z=z)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -15,7 +15,7 @@ from tripod_ik.merit import hard_limits_passed
 from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of, roll_pitch
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
-from tripod_ik.tracker import Goal, TrackerSettings
+from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 

@@ -125,7 +125,8 @@ def build_ik(
         previous: The command sent before this one [rad], shape (n,); None means the present angles.
         dt: Time since then [s].
         ahead: Length |δ| of a step [rad] over which hard limits are to be kept by the robot itself, not only by the
-            linear model: they are tightened by curvature |δ|²/2. Zero where steps are corrected afterwards.
+            linear model: they are tightened by curvature |δ|²/2, as far as the command that is held keeps to that.
+            Zero where steps are corrected afterwards.
 
     Raises:
         IkError: there is no task, or `previous` or `dt` is not finite, or has the wrong shape or sign.
@@ -161,16 +162,17 @@ def build_ik(
         here = slice(m + first, m + first + len(found.names))
         k = np.linalg.norm(found.matrix, axis=1)
         k = np.where(k > BLIND, k, np.inf)  # what no angle changes gets a row of zeros without bounds
-        room = (found.high - found.low) / 2
-        off = np.minimum(limit.curvature * ahead**2 / 2, room) if limit.hard else 0.0
+        off = limit.curvature * ahead**2 / 2 / k
         A[here, :n] = G = found.matrix / k[:, None]
         least, most = _reach(G, low[:n], high[:n])
-        low[here] = np.where(np.isinf(k), -ROW_BOUND, np.clip((found.low + off) / k, least, most))
-        high[here] = np.where(np.isinf(k), ROW_BOUND, np.clip((found.high - off) / k, least, most))
+        low[here] = np.where(np.isinf(k), -ROW_BOUND, np.clip(found.low / k, least, most))
+        high[here] = np.where(np.isinf(k), ROW_BOUND, np.clip(found.high / k, least, most))
         A[here, slack] = np.eye(len(found.names)) / np.sqrt(limit.weight)
         push[here] = 1.0 if limit.hard else 1.0 / limit.weight
         if limit.hard:  # no more slack than holding needs, and on that side only
             held = A[here, :n] @ keep
+            low[here] = np.maximum(low[here], np.minimum(low[here] + off, held))
+            high[here] = np.minimum(high[here], np.maximum(high[here] - off, held))
             high[slack] = np.sqrt(limit.weight) * np.maximum(low[here] - held, 0.0)
             low[slack] = -np.sqrt(limit.weight) * np.maximum(held - high[here], 0.0)
             q[slack] = PRICE * (np.sign(high[slack]) + np.sign(low[slack]))

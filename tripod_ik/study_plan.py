@@ -13,7 +13,7 @@ from tripod_ik.inverse import InverseSolver
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of
-from tripod_ik.tracker import Goal, TrackerSettings
+from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.scene import Scene
 from tripod_sim.study.motion import scene_of
 from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique

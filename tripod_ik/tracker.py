@@ -5,30 +5,26 @@ Pure: the caller gives the time.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import IntEnum, StrEnum
+from enum import IntEnum
 
 import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.branch import branch, is_beyond
-from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
-from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
-from tripod_ik.problem import build_ik
+from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
+from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.target_motion import TargetMotion
 from tripod_ik.tasks import (
-    LEVER,
     TILT,
-    PositionTask,
     PostureTask,
     Task,
-    TiltTask,
-    orientation_tasks,
     total_distance,
 )
+from tripod_ik.tracker_settings import TrackerSettings
 
 LONGEST_DT = 0.1
 """Time between commands [s] that the speed limit grants at most: after a gap the robot does not leap."""
@@ -46,17 +42,11 @@ CALM = 1e-3
 """Distance from rest [m] up to which a pose is one to come back to."""
 
 SMALLEST_STEP = 1e-5
-"""To which the step limit shrinks at a fold [rad]."""
+"""To which the step limit shrinks at a fold [rad]; what a linear model misses in such a step is less than a nanometre.
+"""
 
-UP = np.array([0.0, 0.0, 1.0])
-
-
-class Goal(StrEnum):
-    """What of a target pose is followed."""
-
-    POSITION = "position"
-    ORIENTATION = "orientation"
-    POSE = "pose"
+HALVINGS = 10
+"""Lengths of a step that are tried beside hard limits."""
 
 
 class Activity(IntEnum):
@@ -67,61 +57,6 @@ class Activity(IntEnum):
     CLOSEST = 2
     STALE = 3
     SOLVER_FAILED = 4
-
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """How the tracker moves the robot.
-
-    Attributes:
-        angle_min: Smallest servo angle [rad].
-        angle_max: Largest servo angle [rad].
-        angle_speed: Largest speed of a commanded angle [rad/s].
-        step: Farthest that a command may be from the present angle [rad].
-        torque_max: Largest torque of a servo [N m]; infinite for none.
-        box: Smallest and largest x, y, z of the effector at rest [m]; None for no box.
-        hard: Whether torques and box are hard limits; else they are soft.
-        weights: How much each axis of the target counts.
-        tolerance: Distance from the target [m] up to which it counts as reached.
-        goal: POSITION; ORIENTATION: roll, pitch and height; POSE: position and tilt, a compromise.
-        lever: Metres that a radian of tilt counts.
-        lead: How far ahead of itself a moving target is aimed at [s]: the time that the robot takes to answer.
-    """
-
-    angle_min: float = -2.1
-    angle_max: float = 0.6
-    angle_speed: float = 3.0
-    step: float = 0.5
-    torque_max: float = 0.3
-    box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
-    hard: bool = False
-    weights: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    tolerance: float = 1e-4
-    goal: Goal = Goal.POSITION
-    lever: float = LEVER
-    lead: float = 0.0
-
-    def __post_init__(self) -> None:
-        AngleLimit(self.angle_min, self.angle_max)
-        SpeedLimit(self.angle_speed)
-        StepLimit(self.step)
-        PositionTask(np.zeros(3), np.array(self.weights))
-        if not self.torque_max > 0:
-            raise IkError(f"torque_max is {self.torque_max} N m; it must be positive")
-        if self.box is not None:
-            EffectorBox(np.array(self.box[0]), np.array(self.box[1]))
-        if not self.tolerance > 0:
-            raise IkError(f"tolerance is {self.tolerance} m; it must be positive")
-        if not 0 <= self.lead <= 0.5:
-            raise IkError(f"lead is {self.lead} s; allowed is 0 to 0.5 s")
-        self.tasks(np.zeros(3), UP)
-
-    def tasks(self, position: FloatArray, normal: FloatArray) -> tuple[Task, ...]:
-        """Return what brings the effector to `position` [m] and `normal`, shape (3,) each, as far as the goal says."""
-        if self.goal is Goal.ORIENTATION:
-            return orientation_tasks(normal, float(position[2]), lever=self.lever)
-        task = PositionTask(position, np.array(self.weights))
-        return (task,) if self.goal is Goal.POSITION else (task, TiltTask(normal, lever=self.lever))
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,12 +175,8 @@ class Tracker:
         row_limits = self._row_limits(state)
         problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
-        if (
-            self.settings.hard and result.ok
-        ):  # again, off the limits by what the linear model may miss in such a step
-            step = float(np.linalg.norm(result.command - state.angles))
-            problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt, ahead=step)
-            result = self._solver.solve(problem)
+        if self.settings.hard and result.ok:
+            result = self._off_the_limits(problem, limits, row_limits, dt, result)
         if beyond or self._trust < self.settings.step:  # what is left of the step is no way to go
             kept = [name for name in result.active_limits if not name.endswith(" step")]
             held = beyond or len(kept) < len(result.active_limits)
@@ -261,6 +192,35 @@ class Tracker:
         return TrackerStep(
             self._activity(result, beyond), wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result
         )
+
+    def _off_the_limits(
+        self,
+        problem: IkProblem,
+        limits: Sequence[IntervalLimit],
+        row_limits: Sequence[RowLimit],
+        dt: float,
+        result: IkResult,
+    ) -> IkResult:
+        """Solve again, off the hard limits by what the linear model may miss in a step as long as that of `result`.
+
+        Where little is then left of the step, it is tried half as long, which needs a quarter of the distance.
+        """
+        state, n = problem.state, len(problem.hold)
+        longest = float(np.abs(result.command - state.angles).max())
+        for _ in range(HALVINGS):
+            if longest < SMALLEST_STEP:
+                break
+            within = build_ik(
+                state, problem.tasks, (*limits, StepLimit(longest)), row_limits,
+                previous=self._previous, dt=dt, ahead=np.sqrt(n) * longest,
+            )  # fmt: skip
+            shorter = self._solver.solve(within)
+            names = (name for name in shorter.active_limits if not name.endswith(" step"))
+            result = replace(shorter, active_limits=tuple(names))
+            if not result.ok or np.abs(result.command - state.angles).max() >= longest / 2:
+                break
+            longest /= 2
+        return result
 
     def _corrected(self, wanted: FloatArray, state: LinearState, now: float) -> tuple[FloatArray, FloatArray]:
         if self.correction is None:

@@ -8,7 +8,8 @@ import pytest
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of
-from tripod_ik.tracker import Activity, Goal, Tracker, TrackerSettings
+from tripod_ik.tracker import Activity, Tracker
+from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim import load_scene
 
 WORKING = np.full(3, -1.4965)

@@ -8,7 +8,8 @@ from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
 from tripod_ik.row_limits import EffectorBox, TorqueLimit
 from tripod_ik.tasks import PositionTask
-from tripod_ik.tracker import Tracker, TrackerSettings
+from tripod_ik.tracker import Tracker
+from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim import load_scene
 
 BOX = ((-0.006, -0.005, -0.012), (0.005, 0.006, -0.004))

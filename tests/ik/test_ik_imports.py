@@ -17,6 +17,7 @@ PURE = (
     "target_motion",
     "tasks",
     "tracker",
+    "tracker_settings",
 )
 
 

@@ -1,10 +1,4 @@
-import os
-import random
-import signal
-import subprocess
-import sys
 import time
-from array import array
 
 import numpy as np
 import pytest
@@ -12,160 +6,19 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.parameter import Parameter
-from sensor_msgs.msg import Imu, JointState
-from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import Compliance, ControlMode, IkStatus
+from sensor_msgs.msg import Imu
+from tripod_msgs.msg import ControlMode, IkStatus
 
+from tests.ik.ik_graph import NAN, WORKING, near, start_alone
 from tests.ik.plant import SpringRobot
 from tripod_graph import names
 from tripod_graph.command import CommandFollower, CommandLimits
-from tripod_graph.parameters import ParameterError
-from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.qos import SENSOR
 from tripod_ik.certificate import kkt_residual
-from tripod_ik.model import StaticModel
-from tripod_ik.node import PARAMETERS, IkNode
 from tripod_ik.tracker import LONGEST_DT
-from tripod_sim import load_scene
-from tripod_sim.scene_file import scene_to_toml
 
 pytestmark = pytest.mark.ros
-
-WORKING = np.full(3, -1.4965)
-NAN = float("nan")
-
-
-class FakeSim(Node):
-    """The graph around the node under test: a robot that obeys trajectories, an operator, and ears."""
-
-    def __init__(self):
-        super().__init__("fake_sim")
-        self.robot = SpringRobot(slide=0.035)
-        self.follower = CommandFollower(CommandLimits(), [*WORKING, 0.035])
-        self.running, self.spoil = True, lambda message: None
-        self.states, self.commands, self.diagnostics, self.stamp = [], [], [], 0.0
-        self.compliance = self.create_publisher(Compliance, names.COMPLIANCE, RELIABLE)
-        self.mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
-        self.target = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
-        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self.on_command, RELIABLE)
-        self.create_subscription(IkStatus, names.IK_STATUS, self.states.append, RELIABLE)
-        self.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self.diagnostics.append, RELIABLE)
-        self.create_timer(0.01, self.publish)
-
-    @property
-    def angles(self):
-        return self.follower.joints[:3]
-
-    def on_command(self, message):
-        self.commands.append(message)
-        times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
-        positions = [list(p.positions) for p in message.points]
-        self.follower.accept(message.joint_names, times, positions, time.monotonic())
-
-    def publish(self):
-        self.follower.setpoint(time.monotonic())
-        if not self.running:
-            return
-        state = self.robot.state(self.angles)
-        message = Compliance()
-        message.header.frame_id = "world"
-        message.joint_names = list(state.joint_names)
-        message.angles, message.torques = array("d", state.angles), array("d", state.torques)
-        p = message.effector.position
-        p.x, p.y, p.z = (float(v) for v in state.effector)
-        message.equilibrium_offset = state.equilibrium_offset
-        message.w = array("d", state.W.ravel())
-        message.slide = 0.035
-        self.spoil(message)
-        self.compliance.publish(message)
-
-    def say_mode(self, mode, *, stamp=None):
-        self.stamp += 1.0
-        message = ControlMode(mode=mode, source="test")
-        message.header.stamp.sec = int(self.stamp if stamp is None else stamp)
-        self.mode.publish(message)
-
-    def say_target(self, position, frame="world"):
-        message = PoseStamped()
-        message.header.frame_id = frame
-        p = message.pose.position
-        p.x, p.y, p.z = (float(v) for v in position)
-        self.target.publish(message)
-
-
-class Graph:
-    def __init__(self):
-        rclpy.init(domain_id=random.SystemRandom().randint(1, 100))
-        self.executor = SingleThreadedExecutor()
-        self.sim = FakeSim()
-        self.executor.add_node(self.sim)
-        self.nodes = [self.sim]
-
-    def start(self, **parameters):
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        before = Node.__init__
-        node = None
-        try:
-            Node.__init__ = lambda self, name: before(self, name, parameter_overrides=overrides)
-            node = IkNode()
-        finally:
-            Node.__init__ = before
-        self.nodes.append(node)
-        self.executor.add_node(node)
-        sim = self.sim
-        self.wait(lambda: sim.mode.get_subscription_count() and sim.target.get_subscription_count())
-        self.wait(lambda: sim.compliance.get_subscription_count() and sim.states)
-        return node
-
-    def wait(self, condition, seconds=10.0):
-        deadline = time.monotonic() + seconds
-        while not (value := condition()):
-            last = self.sim.states[-1] if self.sim.states else None
-            assert time.monotonic() < deadline, f"nothing after {seconds} s; last status: {last}"
-            self.executor.spin_once(timeout_sec=0.05)
-        return value
-
-    def spin(self, seconds):
-        """Let time pass, to see that something does not happen."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def wait_state(self, state, message=""):
-        """Wait for a status in that state, newer than this call."""
-        seen = len(self.sim.states)
-        return self.wait(
-            lambda: next(
-                (s for s in self.sim.states[seen:] if s.state == state and message in s.message), None
-            )
-        )
-
-    def close(self):
-        for node in self.nodes:
-            self.executor.remove_node(node)
-        for node in self.nodes[1:]:
-            node.close()
-        self.sim.destroy_node()
-        self.executor.shutdown()
-        rclpy.try_shutdown()
-
-
-def near(sim, offset):
-    """Return the point at `offset` [m] from where the effector begins."""
-    return sim.robot.rest(WORKING) + np.array(offset)
-
-
-@pytest.fixture
-def graph(monkeypatch):
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    graph = Graph()
-    yield graph
-    graph.close()
 
 
 def test_out_of_its_mode_it_says_idle_and_commands_nothing(graph):
@@ -333,78 +186,6 @@ def test_without_a_simulator_it_says_so(graph):
     assert not graph.sim.commands
 
 
-class FakeDriver:
-    """In place of the simulator: the driver alone tells the robot's angles."""
-
-    def __init__(self, sim, names_told=names.SERVOS):
-        sim.running = False
-        sim.destroy_publisher(sim.compliance)
-        self.sim, self.names = sim, list(names_told)
-        self.joints = sim.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
-        sim.create_timer(0.01, self.publish)
-
-    def publish(self):
-        self.sim.follower.setpoint(time.monotonic())
-        self.joints.publish(JointState(name=self.names, position=array("d", self.sim.angles)))
-
-
-def start_alone(graph, **parameters):
-    """Start the node where nobody publishes a compliance."""
-    driver, sim = FakeDriver(graph.sim), graph.sim
-    sim.compliance = sim.joints = driver.joints  # what `start` waits for
-    graph.start(own_model_after=0.2, **parameters)
-    sim.say_mode(ControlMode.IK)
-
-
-def test_without_a_simulator_in_the_graph_it_runs_the_model_itself(graph):
-    start_alone(graph, scene="tripod")
-    sim = graph.sim
-    first = graph.wait_state(IkStatus.TRACKING, "no target yet")
-    assert list(first.command) == pytest.approx(WORKING, abs=1e-9)
-    graph.wait(lambda: len(sim.commands) > 5)
-    assert sim.angles == pytest.approx(WORKING, abs=1e-6)
-    start = first.effector
-    sim.say_target((start.x + 0.004, start.y - 0.002, start.z + 0.002))
-    graph.wait(lambda: sim.states[-1].message == "" and sim.states[-1].error < 1e-6)
-    assert sim.states[-1].effector.x == pytest.approx(start.x + 0.004, abs=1e-6)
-    assert np.ptp(sim.angles) > 0.1
-    sim.diagnostics.clear()
-    (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
-    assert {pair.key: pair.value for pair in report.values}["model"] == "own, quasi_static"
-
-
-def test_its_own_model_may_be_the_reduced_one(graph, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    scene = tmp_path / "small.toml"
-    scene.write_text(scene_to_toml(load_scene("tripod", ["mesh.level=1", "reduced.samples=12"])))
-    StaticModel(load_scene(scene))  # trains it: the node may be in a hurry
-    start_alone(graph, scene=str(scene), model="reduced")
-    sim, node = graph.sim, graph.nodes[-1]
-    first = graph.wait_state(IkStatus.TRACKING, "no target yet")
-    assert list(first.command) == pytest.approx(WORKING, abs=1e-9)
-    assert node._own._model.simulation.unknowns < 50
-    sim.diagnostics.clear()
-    (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
-    assert {pair.key: pair.value for pair in report.values}["model"] == "own, reduced"
-
-
-def test_its_own_model_needs_to_know_where_the_robot_is(graph):
-    start_alone(graph)
-    graph.sim.joints.publish = lambda message: None
-    driver = names.ROBOT_JOINT_STATES
-    graph.wait_state(IkStatus.STALE, f"the own model needs {driver}: is the driver running?")
-    graph.sim.commands.clear()
-    graph.spin(0.3)
-    assert not graph.sim.commands
-
-
-def test_a_scene_that_has_no_inverse_is_named(graph):
-    start_alone(graph, scene="silicone")
-    status = graph.wait_state(IkStatus.STALE, "no own model")
-    assert "scene 'silicone' has no servos or no effector" in status.message
-    assert not graph.sim.commands
-
-
 def test_an_imu_corrects_the_tilt_and_what_it_says_wrongly_is_counted(graph):
     """The robot hangs 0.05 rad beside what its model says: the target's tilt is turned back by that."""
     start_alone(graph, goal="orientation", feedback="imu", feedback_time=0.1)
@@ -521,7 +302,7 @@ def test_a_program_that_is_not_solved_sends_nothing(graph, monkeypatch):
     sim.say_mode(ControlMode.IK)
     graph.wait_state(IkStatus.TRACKING)
     with monkeypatch.context() as patch:
-        patch.setattr("tripod_ik.solver.polish", lambda p, x, y: (x + 1, y, kkt_residual(p, x + 1, y)))
+        patch.setattr("tripod_ik.solver.polish", lambda p, x, y, *_: (x + 1, y, kkt_residual(p, x + 1, y)))
         status = graph.wait_state(IkStatus.SOLVER_FAILED, "not solved")
         graph.spin(0.05)
         sim.commands.clear()
@@ -550,81 +331,3 @@ def test_diagnostics_carry_state_and_counts(graph):
     assert values["rejected targets"] == "1"
     assert values["rejected modes"] == "1"
     assert int(values["solves"]) > 0
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"angle_speed": 0.0}, "parameter 'angle_speed' is 0.0; allowed: 0.01 to 20 rad/s"),
-        ({"goal": "yaw"}, "parameter 'goal' is 'yaw'; allowed: one of position, orientation, pose"),
-        ({"feedback": "eye"}, "parameter 'feedback' is 'eye'; allowed: one of none, pose, imu"),
-        ({"weights": [1.0, 1.0]}, "parameter 'weights' has 2 values; it needs 3"),
-        ({"box_low": [0.0, 0.0, 0.0]}, "parameter 'box_high' has 0 values; it needs 3: x, y, z"),
-        ({"box_low": [0.0] * 3, "box_high": [0.1, 0.0, 0.1]}, "effector box: low .* must be below high"),
-        ({"target_low": [0.0, 0.0]}, r"target_low has shape \(2,\)"),
-        ({"target_low": [0.2, 0.0, 0.0]}, "target_low .* must be below target_high"),
-        ({"angle_min": 0.7}, "low 0.7 rad must be below high 0.6 rad"),
-        ({"speed": 1.0}, "parameter 'speed' is unknown; parameters: "),
-    ],
-)
-def test_bad_parameters_are_refused_by_name(graph, parameters, message):
-    with pytest.raises((ParameterError, ValueError), match=message):
-        graph.start(**parameters)
-
-
-def environment():
-    domain = str(random.SystemRandom().randint(1, 100))
-    return os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": domain}
-
-
-def test_the_process_refuses_bad_parameters_with_code_2():
-    run = subprocess.run(
-        [sys.executable, "-m", "tripod_ik.node", "tolerance:=-1"],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=False,
-    )
-    assert run.returncode == 2
-    assert "parameter 'tolerance' is -1.0; allowed: at least 1e-07 m" in run.stderr
-    assert "Traceback" not in run.stderr
-
-
-def test_the_process_ends_in_order_on_ctrl_c():
-    """It says so in its last status, and leaves with code 0."""
-    env = environment()
-    rclpy.init(domain_id=int(env["ROS_DOMAIN_ID"]))
-    ear = rclpy.create_node("ear")
-    states = []
-    ear.create_subscription(IkStatus, names.IK_STATUS, states.append, RELIABLE)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tripod_ik.node", "torque_max:=.inf"],
-        env=env,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        deadline = time.monotonic() + 20
-        while not states and time.monotonic() < deadline:
-            rclpy.spin_once(ear, timeout_sec=0.1)
-        assert states
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=10)
-        while states[-1].message != "stopped" and time.monotonic() < deadline:
-            rclpy.spin_once(ear, timeout_sec=0.1)
-    finally:
-        process.kill()
-        process.wait()
-        ear.destroy_node()
-        rclpy.try_shutdown()
-    assert process.returncode == 0
-    assert errors == ""
-    assert states[-1].message == "stopped"
-
-
-def test_every_parameter_says_what_it_does():
-    assert len({p.name for p in PARAMETERS}) == len(PARAMETERS)
-    for parameter in PARAMETERS:
-        parameter.check(parameter.default)
-        assert len(parameter.help) > 10

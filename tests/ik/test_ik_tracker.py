@@ -6,6 +6,7 @@ from scipy.optimize import minimize
 
 from tests.ik.plant import SpringRobot
 from tripod_ik import tracker as tracker_module
+from tripod_ik import tracker_settings
 from tripod_ik.certificate import kkt_residual
 from tripod_ik.errors import IkError
 from tripod_ik.limits import AngleLimit, StepLimit
@@ -13,7 +14,8 @@ from tripod_ik.problem import build_ik
 from tripod_ik.rotation import normal_of
 from tripod_ik.solver import IkSolver
 from tripod_ik.tasks import PositionTask
-from tripod_ik.tracker import LONGEST_DT, Activity, Goal, Tracker, TrackerSettings
+from tripod_ik.tracker import LONGEST_DT, Activity, Tracker
+from tripod_ik.tracker_settings import Goal, TrackerSettings
 
 WORKING = np.full(3, -1.4965)
 DT = 0.01  # [s]
@@ -172,7 +174,7 @@ def test_without_damping_the_same_target_makes_the_command_jump_until_folds_are_
     """What the damping is for, and what the look at folds: without both, nothing holds the command."""
     if not guarded:
         monkeypatch.setattr(tracker_module, "branch", lambda state, tasks: 0.0)
-    monkeypatch.setattr(tracker_module, "PositionTask", lambda t, w: PositionTask(t, w, curvature=0.0))
+    monkeypatch.setattr(tracker_settings, "PositionTask", lambda t, w: PositionTask(t, w, curvature=0.0))
     robot = SpringRobot(slide=0.035)
     one = Tracker(TrackerSettings(angle_min=-3.1, angle_max=3.1))
     direction = np.array([0.2, -0.9, 0.5])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.ik.tripod_loop import circle, follow, tilting, vertical_sine
-from tripod_ik.tracker import Goal, TrackerSettings
+from tripod_ik.tracker_settings import Goal, TrackerSettings
 
 FAST = {"angle_speed": 10.0}
 COARSE = "mesh.level=1"

@@ -9,7 +9,8 @@ from tripod_graph.names import WORKING_POSE
 from tripod_ik.arrays import FloatArray
 from tripod_ik.model import linear_state
 from tripod_ik.rotation import quaternion_matrix
-from tripod_ik.tracker import Tracker, TrackerSettings
+from tripod_ik.tracker import Tracker
+from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim import Simulation, load_scene
 
 BLEND = 1.0  # [s]: targets leave the start smoothly within it

@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("tripod_msgs")
+
+from tripod_msgs.msg import IkStatus
+
+from tests.ik.ik_graph import WORKING, start_alone
+from tripod_graph import names
+from tripod_ik.model import StaticModel
+from tripod_sim import load_scene
+from tripod_sim.scene_file import scene_to_toml
+
+pytestmark = pytest.mark.ros
+
+
+def test_without_a_simulator_in_the_graph_it_runs_the_model_itself(graph):
+    start_alone(graph, scene="tripod")
+    sim = graph.sim
+    first = graph.wait_state(IkStatus.TRACKING, "no target yet")
+    assert list(first.command) == pytest.approx(WORKING, abs=1e-9)
+    graph.wait(lambda: len(sim.commands) > 5)
+    assert sim.angles == pytest.approx(WORKING, abs=1e-6)
+    start = first.effector
+    sim.say_target((start.x + 0.004, start.y - 0.002, start.z + 0.002))
+    graph.wait(lambda: sim.states[-1].message == "" and sim.states[-1].error < 1e-6)
+    assert sim.states[-1].effector.x == pytest.approx(start.x + 0.004, abs=1e-6)
+    assert np.ptp(sim.angles) > 0.1
+    sim.diagnostics.clear()
+    (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
+    assert {pair.key: pair.value for pair in report.values}["model"] == "own, quasi_static"
+
+
+def test_its_own_model_may_be_the_reduced_one(graph, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    scene = tmp_path / "small.toml"
+    scene.write_text(scene_to_toml(load_scene("tripod", ["mesh.level=1", "reduced.samples=12"])))
+    StaticModel(load_scene(scene))  # trains it: the node may be in a hurry
+    start_alone(graph, scene=str(scene), model="reduced")
+    sim, node = graph.sim, graph.nodes[-1]
+    graph.wait(lambda: sim.states[-1].state == IkStatus.TRACKING, seconds=60.0)
+    assert list(sim.states[-1].command) == pytest.approx(WORKING, abs=1e-9)
+    assert node._own._model.simulation.unknowns < 50
+    sim.diagnostics.clear()
+    (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
+    assert {pair.key: pair.value for pair in report.values}["model"] == "own, reduced"
+
+
+def test_its_own_model_needs_to_know_where_the_robot_is(graph):
+    start_alone(graph)
+    graph.sim.joints.publish = lambda message: None
+    driver = names.ROBOT_JOINT_STATES
+    graph.wait_state(IkStatus.STALE, f"the own model needs {driver}: is the driver running?")
+    graph.sim.commands.clear()
+    graph.spin(0.3)
+    assert not graph.sim.commands
+
+
+def test_a_scene_that_has_no_inverse_is_named(graph):
+    start_alone(graph, scene="silicone")
+    status = graph.wait_state(IkStatus.STALE, "no own model")
+    assert "scene 'silicone' has no servos or no effector" in status.message
+    assert not graph.sim.commands

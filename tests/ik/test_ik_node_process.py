@@ -1,0 +1,99 @@
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("tripod_msgs")
+
+import rclpy
+from tripod_msgs.msg import IkStatus
+
+from tripod_graph import names
+from tripod_graph.parameters import ParameterError
+from tripod_graph.qos import RELIABLE
+from tripod_ik.settings import PARAMETERS
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"angle_speed": 0.0}, "parameter 'angle_speed' is 0.0; allowed: 0.01 to 20 rad/s"),
+        ({"goal": "yaw"}, "parameter 'goal' is 'yaw'; allowed: one of position, orientation, pose"),
+        ({"feedback": "eye"}, "parameter 'feedback' is 'eye'; allowed: one of none, pose, imu"),
+        ({"weights": [1.0, 1.0]}, "parameter 'weights' has 2 values; it needs 3"),
+        ({"box_low": [0.0, 0.0, 0.0]}, "parameter 'box_high' has 0 values; it needs 3: x, y, z"),
+        ({"box_low": [0.0] * 3, "box_high": [0.1, 0.0, 0.1]}, "effector box: low .* must be below high"),
+        ({"target_low": [0.0, 0.0]}, r"target_low has shape \(2,\)"),
+        ({"target_low": [0.2, 0.0, 0.0]}, "target_low .* must be below target_high"),
+        ({"angle_min": 0.7}, "low 0.7 rad must be below high 0.6 rad"),
+        ({"speed": 1.0}, "parameter 'speed' is unknown; parameters: "),
+    ],
+)
+def test_bad_parameters_are_refused_by_name(graph, parameters, message):
+    with pytest.raises((ParameterError, ValueError), match=message):
+        graph.start(**parameters)
+
+
+def environment():
+    domain = str(random.SystemRandom().randint(1, 100))
+    return os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": domain}
+
+
+def test_the_process_refuses_bad_parameters_with_code_2():
+    run = subprocess.run(
+        [sys.executable, "-m", "tripod_ik.node", "tolerance:=-1"],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert run.returncode == 2
+    assert "parameter 'tolerance' is -1.0; allowed: at least 1e-07 m" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_the_process_ends_in_order_on_ctrl_c():
+    """It says so in its last status, and leaves with code 0."""
+    env = environment()
+    rclpy.init(domain_id=int(env["ROS_DOMAIN_ID"]))
+    ear = rclpy.create_node("ear")
+    states = []
+    ear.create_subscription(IkStatus, names.IK_STATUS, states.append, RELIABLE)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tripod_ik.node", "torque_max:=.inf"],
+        env=env,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        deadline = time.monotonic() + 20
+        while not states and time.monotonic() < deadline:
+            rclpy.spin_once(ear, timeout_sec=0.1)
+        assert states
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=10)
+        while states[-1].message != "stopped" and time.monotonic() < deadline:
+            rclpy.spin_once(ear, timeout_sec=0.1)
+    finally:
+        process.kill()
+        process.wait()
+        ear.destroy_node()
+        rclpy.try_shutdown()
+    assert process.returncode == 0
+    assert errors == ""
+    assert states[-1].message == "stopped"
+
+
+def test_every_parameter_says_what_it_does():
+    assert len({p.name for p in PARAMETERS}) == len(PARAMETERS)
+    for parameter in PARAMETERS:
+        parameter.check(parameter.default)
+        assert len(parameter.help) > 10

@@ -1,0 +1,52 @@
+"""What the node reads from messages, and writes into them."""
+
+from array import array
+from typing import Any
+
+from geometry_msgs.msg import Point
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from tripod_graph import names
+from tripod_ik.arrays import FloatArray
+from tripod_ik.errors import IkError
+from tripod_ik.state import LinearState
+
+
+def linear_state(message: Any) -> LinearState:
+    """Return the state in a tripod_msgs/Compliance; raise IkError if it cannot be used."""
+    if message.header.frame_id != names.WORLD:
+        raise IkError(f"compliance in frame {message.header.frame_id!r}; it must be {names.WORLD!r}")
+    joints = tuple(message.joint_names)
+    if joints != names.SERVOS:
+        raise IkError(f"compliance of joints {list(joints)}; they must be {', '.join(names.SERVOS)}")
+    rows = 6 + len(joints)
+    if len(message.w) != rows**2:
+        raise IkError(f"compliance has {len(message.w)} entries; {len(joints)} joints give {rows**2}")
+    p, q = message.effector.position, message.effector.orientation
+    return LinearState(
+        joint_names=joints,
+        angles=message.angles,
+        torques=message.torques,
+        effector=(p.x, p.y, p.z),  # type: ignore[arg-type]
+        rotation=(q.x, q.y, q.z, q.w),  # type: ignore[arg-type]
+        equilibrium_offset=message.equilibrium_offset,
+        W=[message.w[rows * i : rows * (i + 1)] for i in range(rows)],  # type: ignore[arg-type]
+    )
+
+
+def trajectory(command: FloatArray) -> JointTrajectory:
+    """Return the command [rad], shape (3,), as a trajectory: be there now, as fast as your slew rate
+    allows.
+    """
+    point = JointTrajectoryPoint()
+    point.positions = array("d", command)
+    message = JointTrajectory()
+    message.joint_names = list(names.SERVOS)
+    message.points = [point]
+    return message
+
+
+def point(position: FloatArray) -> Point:
+    """Return a position [m], shape (3,), as a message."""
+    x, y, z = (float(value) for value in position)
+    return Point(x=x, y=y, z=z)

@@ -1,0 +1,144 @@
+"""Parameters of the node, and what they make."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tripod_graph import names
+from tripod_graph.command import CommandLimits
+from tripod_graph.parameters import Parameter
+from tripod_ik.errors import IkError
+from tripod_ik.feedback import ModelError
+from tripod_ik.tracker_settings import Goal, TrackerSettings
+
+_COMMAND, _TRACKER = CommandLimits(), TrackerSettings()
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("angle_min", _COMMAND.angle_min, "smallest servo angle commanded", "rad", low=-3.2, high=3.2),
+    Parameter("angle_max", _COMMAND.angle_max, "largest servo angle commanded", "rad", low=-3.2, high=3.2),
+    Parameter(
+        "angle_speed",
+        _TRACKER.angle_speed,
+        "largest speed of the commanded angles; keep it below the slew rate of those who follow",
+        "rad/s",
+        low=0.01,
+        high=20.0,
+    ),
+    Parameter(
+        "max_step",
+        _TRACKER.step,
+        "farthest that a command may be ahead of the present angle",
+        "rad",
+        low=0.01,
+        high=3.2,
+    ),
+    # An SG90 stalls at 0.18 N m and the working pose alone takes 0.14 N m: near the stall torque the limit would
+    # rule out much of the workspace in simulation; the default keeps off only what no such servo comes near.
+    Parameter(
+        "torque_max",
+        _TRACKER.torque_max,
+        "torque of a servo that the target must not cause, as far as possible; .inf for none",
+        "N m",
+        low=0.001,
+    ),
+    Parameter("box_low", [], "smallest x, y, z of the effector at rest; unset for no box", "m"),
+    Parameter("box_high", [], "largest x, y, z of the effector at rest; set both or none", "m"),
+    Parameter(
+        "hard",
+        _TRACKER.hard,
+        "whether torque_max and the box are hard limits; else the target may pass them a little",
+    ),
+    Parameter(
+        "weights", [1.0, 1.0, 1.0], "how much x, y and z of the target count; 0 leaves an axis free", low=0.0
+    ),
+    Parameter(
+        "tolerance", _TRACKER.tolerance, "distance up to which the target counts as reached", "m", low=1e-7
+    ),
+    Parameter("target_low", [-0.15, -0.15, -0.15], "smallest x, y, z of a target that is accepted", "m"),
+    Parameter("target_high", [0.15, 0.15, 0.15], "largest x, y, z of a target that is accepted", "m"),
+    Parameter(
+        "goal",
+        "position",
+        "what of a target is followed: its position; its roll, pitch and height; or position and tilt, a compromise",
+        choices=tuple(Goal),
+    ),
+    Parameter("lever", _TRACKER.lever, "metres that a radian of tilt counts", "m", low=1e-4, high=1.0),
+    Parameter(
+        "lead",
+        _TRACKER.lead,
+        "how far ahead of itself a moving target is aimed at: the time the robot takes to answer",
+        "s",
+        low=0.0,
+        high=0.5,
+    ),
+    Parameter(
+        "feedback",
+        "none",
+        f"what closes the loop: nothing, a measured pose ({names.ROBOT_EFFECTOR_POSE}), or the tilt of an IMU "
+        f"({names.ROBOT_IMU})",
+        choices=("none", "pose", "imu"),
+    ),
+    Parameter("feedback_time", 0.4, "time in which the feedback removes an error", "s", low=0.02, high=60.0),
+    Parameter("feedback_delay", 0.03, "age of a measurement when it comes in", "s", low=0.0, high=0.5),
+    Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
+    Parameter(
+        "model",
+        "quasi_static",
+        "the own model: quasi_static, all of the body; or reduced, fewer coordinates, trained once for each scene",
+        choices=("quasi_static", "reduced"),
+    ),
+    Parameter(
+        "slide",
+        names.WORKING_POSE[3],
+        "inward shift of the servo bodies, for the own model",
+        "m",
+        low=0.0,
+        high=0.1,
+    ),
+    Parameter("own_model_rate", 50.0, "how often the own model is asked", "Hz", low=5.0, high=200.0),
+    Parameter(
+        "own_model_after",
+        1.0,
+        "time without a simulator in the graph after which the own model is used",
+        "s",
+        low=0.1,
+        high=60.0,
+    ),
+    Parameter("stale_after", 0.2, "age from which on a compliance is not used", "s", low=0.02, high=0.5),
+)
+
+
+def tracker_settings(values: Mapping[str, Any]) -> TrackerSettings:
+    """Return how the tracker moves the robot, from the node's parameters; raise IkError where they do not fit."""
+    if len(values["weights"]) != 3:
+        raise IkError(f"parameter 'weights' has {len(values['weights'])} values; it needs 3: x, y, z")
+    return TrackerSettings(
+        angle_min=values["angle_min"],
+        angle_max=values["angle_max"],
+        angle_speed=values["angle_speed"],
+        step=values["max_step"],
+        torque_max=values["torque_max"],
+        box=_box(values["box_low"], values["box_high"]),
+        hard=values["hard"],
+        weights=(values["weights"][0], values["weights"][1], values["weights"][2]),
+        tolerance=values["tolerance"],
+        goal=Goal(values["goal"]),
+        lever=values["lever"],
+        lead=values["lead"],
+    )
+
+
+def model_error(values: Mapping[str, Any]) -> ModelError | None:
+    """Return what closes the loop; None where nothing does."""
+    if values["feedback"] == "none":
+        return None
+    return ModelError(values["feedback_time"], values["feedback_delay"])
+
+
+def _box(low: Sequence[float], high: Sequence[float]) -> Any:
+    """Return the parameters `box_low` and `box_high` as the tracker's box [m], None where they are unset."""
+    if not low and not high:
+        return None
+    for name, side in (("box_low", low), ("box_high", high)):
+        if len(side) != 3:
+            raise IkError(f"parameter '{name}' has {len(side)} values; it needs 3: x, y, z")
+    return tuple(low), tuple(high)
