@@ -39,18 +39,22 @@ def _spread(v: int) -> int:
 
 @njit(cache=True, error_model="numpy")
 def curve_order(low: Array, high: Array, codes: Array) -> None:
-    """Write where the centre of each box lies along a Z-curve through all of them, as a number of 48 bits."""
+    """Write where the centre of each box lies along a Z-curve through all of them, as a number of 48 bits.
+
+    Its cells are cubes: in what is flat or thin no half of the tree is split where the boxes overlap anyway.
+    """
     least, most = np.full(3, np.inf), np.full(3, -np.inf)
     for s in range(low.shape[0]):
         for i in range(3):
             c = low[s, i] + high[s, i]
             least[i], most[i] = min(least[i], c), max(most[i], c)
+    size = max(most[0] - least[0], most[1] - least[1], most[2] - least[2])
+    scale = 65535.0 / size if size > 0.0 else 0.0
     for s in range(low.shape[0]):
         code = 0
         for i in range(3):
-            size = most[i] - least[i]
-            part = (low[s, i] + high[s, i] - least[i]) / size if size > 0.0 else 0.0
-            code |= _spread(int(min(max(part * 65536.0, 0.0), 65535.0))) << i
+            part = (low[s, i] + high[s, i] - least[i]) * scale
+            code |= _spread(int(min(max(part, 0.0), 65535.0))) << i
         codes[s] = code
 
 
