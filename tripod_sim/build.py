@@ -64,7 +64,7 @@ class Parts:
         ball: How the ball moves; None without one.
         errors: Carries the error of the time steps along; None where the scene does not ask for it.
         rigid: The rigid bodies, which `mesh` shows behind the soft one; None without any.
-        check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None if it is known.
+        check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None: they do not.
         notes: What users should know of them, one sentence each.
     """
 

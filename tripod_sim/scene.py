@@ -590,7 +590,9 @@ def _check_body(scene: Scene) -> None:
     for name in ("mesh", "material"):
         given = getattr(scene, name)
         if not scene.springs and given is None and not (scene.rigid and not (scene.mesh or scene.material)):
-            raise SceneError(f"field {name} is missing: a scene has mesh and material, or springs, or rigid bodies")
+            raise SceneError(
+                f"field {name} is missing: a scene has mesh and material, or springs, or rigid bodies"
+            )
         if scene.springs and given is not None:
             raise SceneError(
                 f"{name} and springs exclude each other: a scene has mesh and material, or springs"
@@ -634,7 +636,9 @@ def _check_rigid(scene: Scene) -> None:
         return
     for name in ("damping", "fixed", "servos", "effector"):
         if getattr(scene, name):
-            raise SceneError(f"{name} needs a soft body (mesh and material, or springs): rigid bodies have none")
+            raise SceneError(
+                f"{name} needs a soft body (mesh and material, or springs): rigid bodies have none"
+            )
 
 
 def _check_contact(scene: Scene) -> None:
@@ -649,7 +653,7 @@ def _check_contact(scene: Scene) -> None:
         raise SceneError(f"contact needs inertia.scheme = 'implicit_euler'; {has}")
     for name, why in (
         ("strain_limit", "what the one moves the other would undo"),
-        ("ball", "the ball would pass through all but the soft body; make it a [[rigid]] with shape = 'ball'"),
+        ("ball", "the ball touches nothing but the soft body; make it a [[rigid]] with shape = 'ball'"),
         ("time_error", "the estimate knows nothing of contacts"),
         ("reduced", "the reduced model moves the surface in the shapes that it has learned"),
     ):
