@@ -13,6 +13,9 @@ from calibration import calibration
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.broad_phase import AllPairs, Boxes, Tree
+from tripod_sim.contact.build import body_part, obstacle_parts
+from tripod_sim.contact.crossings import Crossings
+from tripod_sim.springs.build import spring_body
 from tripod_sim.study import drape
 
 
@@ -65,6 +68,7 @@ def wrapped(counts: list[int], steps: int) -> None:
                 f"springs.nodes={n}",
                 "springs.size=0.8",
                 f"springs.node_mass={mass}",
+                "sleep=off",
             ]
             simulation = Simulation(load_scene("drape", [*words, f"contact.response={response}"]))
             taken, solves, factorisations, cut = [], [], [], 0.0
@@ -86,6 +90,35 @@ def wrapped(counts: list[int], steps: int) -> None:
         if len(counts) > 1:
             slope = np.polyfit(np.log(np.square(counts)), np.log(medians), 1)[0]
             print(f"\n{response}: the time grows like the nodes^{slope:.2f}.\n")
+
+
+def shipped() -> None:
+    """The scenes as they are, to their end: when they rest, and whether anything passed."""
+    print(
+        "\n| scene | response | nodes | at rest after [s] | tunnelled | penetration [mm] | cut |\n|"
+        + "---|" * 7
+    )
+    for name in ("drape", "drape_cubes"):
+        for response in drape.RESPONSES:
+            scene = load_scene(name, [f"contact.response={response}"])
+            assert scene.springs
+            assert scene.contact
+            simulation = Simulation(scene)
+            watch = Crossings(
+                body_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene)
+            )
+            sunk, cut, moving, tunnelled = 0.0, 0.0, 0.0, False
+            for _ in range(round(scene.duration / scene.dt)):
+                report = simulation.step().contact
+                sunk, cut = max(sunk, -report.smallest_gap), max(cut, report.cut)
+                tunnelled |= watch.found(simulation.positions, straight=report.parts == 1)
+                if simulation.energies().kinetic >= drape.REST:
+                    moving = simulation.state.time
+            print(
+                f"| {name} | {response} | {len(simulation.positions)} | {moving:.2f} | "
+                f"{'YES' if tunnelled else 'no'} | {1e3 * sunk:.3g} | {cut:g} |",
+                flush=True,
+            )
 
 
 def variations(duration: float) -> None:
@@ -110,6 +143,8 @@ def main() -> None:
     print(f"1000 x 1000 product: {calibration() * 1e3:.0f} ms")
     broad_phase([1_000, 10_000] if small else [1_000, 3_000, 10_000, 30_000, 100_000])
     wrapped([16] if small else [16, 32, 48], 60 if small else 400)
+    if not small:
+        shipped()
     variations(0.5 if small else 10.0)
 
 

@@ -47,7 +47,10 @@ def test_the_shipped_drape_ends_its_bounces_and_stays_at_rest(response: str, res
     """With the scene's own damping, size and mass, on a coarser grid: the rest speed ends what restitution begins."""
     words = ["springs.source=grid", "springs.nodes=9", "springs.size=0.8", f"springs.node_mass={0.2205 / 81}"]
     simulation = Simulation(
-        load_scene("drape", [*words, f"contact.response={response}", f"contact.restitution={restitution}"])
+        load_scene(
+            "drape",
+            [*words, f"contact.response={response}", f"contact.restitution={restitution}", "sleep=off"],
+        )
     )
     assert simulation.scene.damping
     assert simulation.scene.damping.mass == 2.0
@@ -61,6 +64,27 @@ def test_the_shipped_drape_ends_its_bounces_and_stays_at_rest(response: str, res
     assert max(kinetic) > 0.1
     assert max(kinetic[-100:]) < 1e-8
     assert restitution == 0.0 or bounced > 0.3
+
+
+@pytest.mark.parametrize("response", MODES)
+def test_a_cloth_that_trembles_without_end_is_put_to_sleep_where_it_lies(response: str) -> None:
+    """Its contact distance is near the length of its edges, so that a contact comes and goes."""
+    words = ["springs.source=grid", "springs.nodes=9", "springs.size=0.8", f"springs.node_mass={0.22 / 81}"]
+    wide = ["contact.contact_distance=0.005", "contact.alarm_distance=0.015", f"contact.response={response}"]
+    simulation = Simulation(load_scene("drape", [*words, *wide]))
+    for _ in range(700):
+        lain = simulation.positions.copy()
+        if simulation.step().asleep:
+            break
+    assert simulation.report.asleep
+    assert simulation.energies().kinetic == 0.0
+    assert np.abs(simulation.positions - lain).max() < 2e-4
+    assert lain[:, 2].min() < -0.1  # it hangs down around the sphere
+    contact = simulation.report.contact
+    assert contact
+    assert contact.pressed > 3
+    assert contact.smallest_gap > -0.005
+    assert simulation.step().contact.pressed == contact.pressed  # it still tells what bears the cloth
 
 
 @pytest.mark.parametrize("response", MODES)
