@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion
     from tripod_sim.springs.body import SpringBody
+    from tripod_sim.springs.estimated import EstimatedSprings
     from tripod_sim.springs.skin import ChainSkin
     from tripod_sim.springs.system import SpringSystem
 
@@ -76,7 +77,7 @@ class Parts:
     skin: "ChainSkin | JoinedSkin | None" = None
     plate: "Plate | None" = None
     ball: "MazeBall | BodyBall | None" = None
-    errors: "ErrorTransport | None" = None
+    errors: "ErrorTransport | EstimatedSprings | None" = None
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
     notes: tuple[str, ...] = ()

@@ -678,8 +678,10 @@ def _check_time_error(scene: Scene) -> None:
     wanted = scene.time_error
     if not wanted:
         return
-    if scene.springs:
-        raise SceneError("time_error needs a solid: for springs there is no estimate")
+    if scene.strain_limit:
+        raise SceneError("time_error and strain_limit exclude each other: the estimate knows nothing of the bound")
+    if scene.springs and scene.solver.linear == "cg":
+        raise SceneError("solver.linear is 'cg'; time_error of springs needs auto or ldl, a factorisation")
     if scene.reduced:
         raise SceneError("time_error and reduced exclude each other: the estimate is of the full model")
     if not scene.inertia or scene.inertia.scheme in EXPLICIT:

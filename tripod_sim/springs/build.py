@@ -10,13 +10,14 @@ from tripod_sim.build import Parts, Stepper
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
-from tripod_sim.scene import Scene, Springs
+from tripod_sim.scene import Scene, Springs, TimeError
 from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
 from tripod_sim.springs.generate import Net, chain, grid, net_of_surface
 from tripod_sim.springs.skin import ChainSkin
 from tripod_sim.springs.system import SpringSystem
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.springs.estimated import EstimatedSprings
     from tripod_sim.springs.implicit_kernels import Options
 
 LARGE = 60_000
@@ -34,6 +35,9 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
         return spring_parts(system, scene, scene.contact, None if len(body.triangles) else ChainSkin(body))
     system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
     skin = None if len(body.triangles) else ChainSkin(body)
+    if wanted := scene.time_error:
+        estimated = _estimated(scene, system, wanted)
+        return Parts(body, system.mass, system, estimated, skin=skin, errors=estimated)
     stepper = _stepper(scene, system)
     if scene.strain_limit:
         from tripod_sim.springs.strain_limit import StrainLimited  # noqa: PLC0415 - an effect that is absent
@@ -148,6 +152,23 @@ def _stepper(scene: Scene, system: SpringSystem) -> Stepper:
         rayleigh=rayleigh,
         max_halvings=scene.solver.max_halvings,
     )
+
+
+def _estimated(scene: Scene, system: SpringSystem, wanted: TimeError) -> "EstimatedSprings":
+    """Return what carries the error of the time steps along."""
+    from tripod_sim.springs.estimated import EstimatedSprings  # noqa: PLC0415 - an effect that is absent
+
+    assert scene.inertia
+    options, damping = _options(scene, system), scene.damping
+    if not options.direct:
+        raise SceneError(
+            f"time_error needs a factorisation, and solver.linear = 'auto' iterates above {LARGE} unknowns; the body "
+            f"has {system.unknowns}: choose solver.linear = 'ldl'"
+        )
+    return EstimatedSprings(
+        system, scene.inertia.scheme, options, wanted, drag=damping.mass if damping else 0.0,
+        rayleigh=damping.stiffness if damping else 0.0, max_halvings=scene.solver.max_halvings,
+    )  # fmt: skip
 
 
 def _options(scene: Scene, system: SpringSystem) -> "Options":

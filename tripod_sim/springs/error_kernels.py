@@ -1,0 +1,365 @@
+"""Estimate of the error of time steps of springs, and steps as long as it allows, compiled.
+
+The error itself is carried along by the factorisation at hand, as for solids (see `integrators.time_error`). With C the
+dampers' and Rayleigh's damping matrix a stage's error is e_x' = e* + d, e_v' = (e_x' - y) / s, where
+
+    y = e_z + tau_x,   w = e_u + tau_v,   e* = y + s w,
+    A d = -r - a M w - (K + C / s) e* + C y / s,   A = M / s² + a M / s + C / s + K.
+
+The products on the right are those of the present state, so that a factorisation of an earlier one does little harm:
+what it leaves over is small against the inertia, which is in e*.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from tripod_sim.integrators.time_error_kernels import differences, furthest, rates
+from tripod_sim.springs.implicit_kernels import (
+    BDF2,
+    IMPLICIT_EULER,
+    SOLVED,
+    TR_BDF2,
+    G,
+    Options,
+    P,
+    Problem,
+    Q,
+    Work,
+    implicit_steps,
+    renew,
+)
+from tripod_sim.springs.linear_kernels import Factor, solve_direct
+from tripod_sim.springs.spring_kernels import add_products, direction, tangents
+
+Array = Any
+
+KNOWN, LENGTH, MISSING, PROPOSED, LAST = 0, 1, 2, 3, 4
+"""Places in `Errors.numbers`, named as in `integrators.time_error.ErrorState`."""
+
+REFINED = 0.02
+"""Share of a load that a solve may leave over, where the factorisation at hand belongs to an earlier state."""
+
+MOST_REFINEMENTS = 4
+
+SAFETY, SHRINK, GROW, LEAST = 0.9, 0.1, 4.0, 1e-4
+"""Of the controller, as in `integrators.auto_steps`."""
+
+
+class Errors(NamedTuple):
+    """What the estimate remembers: the arrays of an `ErrorState`, and its numbers (5,)."""
+
+    error: Array
+    before: Array
+    velocities: Array
+    accelerations: Array
+    numbers: Array
+
+
+class ErrorWork(NamedTuple):
+    """Scratch: known, middle, alone (2, n, 3); y, far, force, move, left, residual, part (n, 3); derivatives (3, n, 3);
+    damping (m, 6): blocks of C; moving (n,): whether a node is free."""
+
+    known: Array
+    middle: Array
+    alone: Array
+    y: Array
+    far: Array
+    force: Array
+    move: Array
+    left: Array
+    residual: Array
+    part: Array
+    derivatives: Array
+    damping: Array
+    moving: Array
+
+
+class Motion(NamedTuple):
+    """What a step changes besides the errors, as `implicit_steps` takes it."""
+
+    x: Array
+    v: Array
+    history: Array
+    past: Array
+    clock: Array
+
+
+@njit(cache=True, error_model="numpy")
+def _tangent_blocks(x: Array, s: float, body: Problem, work: Work) -> None:
+    """Write the blocks of a stage's Hessian at `x` to `work.blocks`, as `renew` does, but not projected."""
+    tangents(x, body.links, 1.0 / s if body.damped else 0.0, work.reference, body.links.slack, work.blocks)
+    if body.rayleigh > 0.0:
+        for m in range(work.blocks.shape[0]):
+            for c in range(6):
+                work.blocks[m, c] += body.rayleigh / s * work.lagged[m, c]
+
+
+@njit(cache=True, error_model="numpy")
+def _damping_blocks(x: Array, body: Problem, work: Work, out: Array) -> None:
+    """Write the blocks of C = sum of c n n^T + b K_n, as `tangents` does, shape (m, 6) [N s/m]."""
+    links = body.links
+    for m in range(out.shape[0]):
+        _, n0, n1, n2 = direction(x, links.ends[m, 0], links.ends[m, 1])
+        c = links.damping[m]
+        out[m, 0], out[m, 1], out[m, 2] = c * n0 * n0, c * n0 * n1, c * n0 * n2
+        out[m, 3], out[m, 4], out[m, 5] = c * n1 * n1, c * n1 * n2, c * n2 * n2
+        if body.rayleigh > 0.0:
+            for i in range(6):
+                out[m, i] += body.rayleigh * work.lagged[m, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(most: int, body: Problem, A: Factor, work: Work, scratch: ErrorWork) -> None:
+    """Write -H^-1 `scratch.force` to `scratch.move`, H the Hessian with `work.blocks`, by A, which may lag behind.
+
+    most: Refinements.
+    """
+    load, residual, move, part = scratch.force, scratch.residual, scratch.move, scratch.part
+    solve_direct(A, load, body.free, move)
+    before, enough = np.inf, REFINED**2 * _square(load, body)
+    for _ in range(most):
+        for n in range(load.shape[0]):
+            for i in range(3):
+                residual[n, i] = load[n, i] + work.weight[n] * move[n, i]
+        add_products(body.links.ends, work.blocks, move, 1.0, residual)
+        square = _square(residual, body)
+        if not enough < square < before:
+            break
+        before = square
+        solve_direct(A, residual, body.free, part)
+        for k in range(body.free.shape[0]):
+            n = body.free[k]
+            for i in range(3):
+                move[n, i] += part[n, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _square(x: Array, body: Problem) -> float:
+    total = 0.0
+    for k in range(body.free.shape[0]):
+        n = body.free[k]
+        total += x[n, 0] * x[n, 0] + x[n, 1] * x[n, 1] + x[n, 2] * x[n, 2]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _stage(
+    first: Array,
+    c1: float,
+    second: Array,
+    c2: float,
+    derivative: int,
+    factor: float,
+    s: float,
+    left: bool,
+    most: int,
+    body: Problem,
+    A: Factor,
+    work: Work,
+    scratch: ErrorWork,
+    out: Array,
+) -> None:
+    """Write the errors at the end of a stage that starts from c1 `first` + c2 `second` to `out`.
+
+    Its defects are `factor` times the derivatives of the acceleration from number `derivative` on; `left`: whether the
+    solver's unbalanced force counts; `most`: refinements of the solution.
+    """
+    p, q = scratch.derivatives[derivative], scratch.derivatives[derivative + 1]
+    known, y, force, far = scratch.known, scratch.y, scratch.force, scratch.far
+    for n in range(y.shape[0]):
+        drag = body.drag * body.mass[n]
+        for i in range(3):
+            known[0, n, i] = c1 * first[0, n, i] + c2 * second[0, n, i]
+            known[1, n, i] = c1 * first[1, n, i] + c2 * second[1, n, i]
+            y[n, i] = known[0, n, i] + factor * p[n, i]
+            rate = known[1, n, i] + factor * q[n, i]
+            far[n, i] = y[n, i] + s * rate
+            force[n, i] = drag * rate + (scratch.left[n, i] if left else 0.0)
+    ends = body.links.ends
+    add_products(ends, work.blocks, far, 1.0, force)
+    if body.damped or body.rayleigh > 0.0:
+        add_products(ends, scratch.damping, y, -1.0 / s, force)
+    _solve(most, body, A, work, scratch)
+    for n in range(y.shape[0]):
+        for i in range(3):
+            out[0, n, i] = far[n, i] + scratch.move[n, i]
+            out[1, n, i] = (out[0, n, i] - y[n, i]) / s
+
+
+@njit(cache=True, error_model="numpy")
+def carry_errors(
+    scheme: int,
+    h: float,
+    h_before: float,
+    local: bool,
+    motion: Motion,
+    body: Problem,
+    A: Factor,
+    options: Options,
+    work: Work,
+    errors: Errors,
+    scratch: ErrorWork,
+) -> tuple[int, float]:
+    """Carry `errors` over the step of `h` [s] just made; return its order and the largest distance that it added [m].
+
+    Args:
+        scheme: One of the numbers of `implicit_kernels`.
+        h, h_before: Lengths of this step and of the one before, zero at a start [s].
+        local: Whether to find what the step added, else zero is returned.
+        motion, body, A, options, work: As the step left them.
+        errors, scratch: See there.
+    """
+    d, number, e = scratch.derivatives, errors.numbers, errors.error
+    euler = scheme == IMPLICIT_EULER or h_before == 0.0
+    ratio = 1.0 if euler else h / h_before
+    lead = (1.0 + 2.0 * ratio) / (1.0 + ratio)
+    s = h if euler else (h / lead if scheme == BDF2 else 0.5 * G * h)
+    for n in range(body.mass.shape[0]):
+        for i in range(3):
+            scratch.left[n, i] = work.g[n, i]
+            if motion.history[1, n, i] != errors.velocities[n, i]:  # somebody has changed them
+                number[KNOWN] = number[MISSING] = 0.0
+    if work.kept[0] != s:
+        for attempt in range(2):
+            if renew(motion.x, s, attempt == 1, body, A, options, work):
+                break
+        work.kept[0] = s if local else 0.0  # where steps have a fixed length the estimate leaves no trace
+    _tangent_blocks(motion.x, s, body, work)
+    if body.damped or body.rayleigh > 0.0:
+        _damping_blocks(motion.x, body, work, scratch.damping)
+    differences(
+        motion.v, work.u, s, h, errors.accelerations, number[LENGTH], int(number[KNOWN]), scratch.moving, d,
+        errors.velocities,
+    )  # fmt: skip
+    if number[MISSING] > 0.0 and number[KNOWN] > 0.0:
+        for n in range(e.shape[1]):
+            for i in range(3):
+                e[1, n, i] -= 0.5 * number[MISSING] ** 2 * d[1, n, i]
+        number[MISSING] = 0.0
+    number[LENGTH], number[KNOWN] = h, min(number[KNOWN] + 1.0, 2.0)
+    if euler:
+        if number[KNOWN] == 1.0:
+            number[MISSING] = h
+        derivative, factor = 0, -0.5 * h * h
+        errors.before[:] = e
+        _stage(e, 1.0, e, 0.0, 0, factor, s, True, MOST_REFINEMENTS, body, A, work, scratch, e)
+        if scheme == TR_BDF2:
+            rates(e, scratch.known, d[0], d[1], factor, s, errors.before)
+    elif scheme == BDF2:
+        derivative, factor = 1, -(h**3) * (1.0 + ratio) / (6.0 * lead * ratio)
+        scratch.middle[:] = e
+        b, c = (1.0 + ratio) / lead, ratio * ratio / (1.0 + ratio) / lead
+        _stage(e, b, errors.before, -c, 1, factor, s, True, MOST_REFINEMENTS, body, A, work, scratch, e)
+        errors.before[:] = scratch.middle
+    else:
+        derivative = 1
+        first, second = -((G * h) ** 3) / 12.0, -((1.0 - G) ** 2) / (6.0 * (2.0 - G)) * h**3
+        _stage(
+            e,
+            1.0,
+            errors.before,
+            s,
+            1,
+            first,
+            s,
+            False,
+            MOST_REFINEMENTS,
+            body,
+            A,
+            work,
+            scratch,
+            scratch.middle,
+        )
+        _stage(scratch.middle, P, e, -Q, 1, second, s, True, MOST_REFINEMENTS, body, A, work, scratch, e)
+        rates(e, scratch.known, d[1], d[2], second, s, errors.before)
+        factor = (-3.0 * G**2 + 4.0 * G - 2.0) / (12.0 * (2.0 - G)) * h**3
+    added = 0.0
+    if local:
+        alone = scratch.alone
+        _stage(alone, 0.0, alone, 0.0, derivative, factor, s, False, 0, body, A, work, scratch, alone)
+        added, _ = furthest(alone[0])
+    return 1 if euler else 2, added
+
+
+@njit(cache=True, error_model="numpy")
+def _copy(motion: Motion, errors: Errors, to: Motion, errors_to: Errors) -> None:
+    to.x[:], to.v[:], to.history[:] = motion.x, motion.v, motion.history
+    to.past[:], to.clock[:] = motion.past, motion.clock
+    errors_to.error[:], errors_to.before[:] = errors.error, errors.before
+    errors_to.velocities[:], errors_to.accelerations[:] = errors.velocities, errors.accelerations
+    errors_to.numbers[:] = errors.numbers
+
+
+@njit(cache=True, error_model="numpy")
+def estimated_interval(
+    scheme: int,
+    dt: float,
+    auto: bool,
+    tolerance: float,
+    shortest: float,
+    smallest: float,
+    motion: Motion,
+    errors: Errors,
+    kept: Motion,
+    kept_errors: Errors,
+    body: Problem,
+    A: Factor,
+    options: Options,
+    work: Work,
+    scratch: ErrorWork,
+    counts: Array,
+) -> tuple[int, int, int, int, float]:
+    """Advance by an interval `dt` [s] and carry the errors along, in parts where needed or chosen.
+
+    Args:
+        scheme: One of the numbers of `implicit_kernels`.
+        dt: [s].
+        auto: Whether the parts are as long as `tolerance` allows, else one where possible.
+        tolerance: Distance that a part may add [m].
+        shortest: Length of a part that is accepted whatever it adds [s].
+        smallest: That is tried where Newton's method fails [s].
+        motion, errors: In place.
+        kept, kept_errors: Scratch of their shapes.
+        body, A, options, work, scratch, counts: As for `carry_errors` and `implicit_steps`.
+
+    Returns:
+        How the last solve ended; parts made, taken back, and failed; the largest distance that a part added [m].
+    """
+    number = errors.numbers
+    length = number[PROPOSED] if auto and number[PROPOSED] > 0.0 else dt
+    done, worst, parts, rejected, failed, again = 0.0, 0.0, 0, 0, 0, False
+    while done < dt:
+        left = dt - done
+        pieces = max(1.0, np.ceil(left / length - 1e-9))
+        h = left / pieces
+        _copy(motion, errors, kept, kept_errors)
+        before = motion.clock[0]
+        outcome, _ = implicit_steps(
+            scheme, 1, h, motion.x, motion.v, motion.history, motion.past, motion.clock, body, A, options, work, counts
+        )  # fmt: skip
+        if outcome != SOLVED:
+            failed += 1
+            length, again = 0.5 * h, True
+            if length < smallest:
+                return outcome, parts, rejected, failed, worst
+            continue
+        order, added = carry_errors(scheme, h, before, auto, motion, body, A, options, work, errors, scratch)
+        ratio, k = added / tolerance, order + 1.0
+        if auto and not ratio <= 1.0 and h > shortest * (1.0 + 1e-9):  # so that NaN counts as too much
+            _copy(kept, kept_errors, motion, errors)
+            rejected += 1
+            shrink = max(SAFETY * ratio ** (-1.0 / k), SHRINK) if np.isfinite(ratio) else 0.5
+            length, again = max(h * shrink, shortest), True
+            continue
+        if auto:
+            meant = max(ratio * (length / h) ** k, LEAST) if np.isfinite(ratio) else 1.0
+            last = number[LAST] if number[LAST] > 0.0 else 1.0
+            change = SAFETY * meant ** (-0.7 / k) * last ** (0.4 / k)
+            length *= min(max(change, SHRINK), 1.0 if again else GROW)
+            length = min(max(length, shortest), dt)
+            number[LAST], number[PROPOSED] = meant, length
+        parts, again, worst = parts + 1, False, max(worst, added)
+        done = dt if pieces == 1.0 else done + h
+    return SOLVED, parts, rejected, failed, worst
