@@ -22,7 +22,7 @@ from tripod_ik.row_limits import RowLimit
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.starts import StartPool
 from tripod_ik.state import LinearState
-from tripod_ik.tasks import Task, total_distance
+from tripod_ik.tasks import PositionTask, Task, total_distance
 from tripod_sim.errors import SceneError, StepError
 
 LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
@@ -33,6 +33,9 @@ PASSED = 1e-6
 
 SETTLES = 3
 """Solutions that the body may leave for its other equilibrium before the first of them is taken."""
+
+STRETCHED = 0.9
+"""Angles that are farther above those of the model's home [rad] let the strips hang: searches do not begin there."""
 
 
 class Outcome(StrEnum):
@@ -131,10 +134,7 @@ class InverseSolver:
         end = time.perf_counter() + time_limit
         side = branch(self.model.state(), tasks)
         found = self._from_home(tasks, side, end, time_limit)
-        rows = {name for limit in self._row_limits for name in limit.rows(found.state).names}
-        if not (
-            everywhere and self._row_limits and (rows & set(found.active_limits) or found.passed > PASSED)
-        ):
+        if not everywhere or not self._may_be_elsewhere(tasks, found):
             return found
         best, here = found, self.model.save()
         count = found.iterations
@@ -149,6 +149,19 @@ class InverseSolver:
                 best, here = other, self.model.save()
         self.model.restore(here)
         return replace(best, iterations=count)
+
+    def _may_be_elsewhere(self, tasks: Sequence[Task], found: Solution) -> bool:
+        """Return whether a limit of torques or effector could hide a better pose.
+
+        Where nothing but a box keeps the effector from a position, it is at the point of the box that is nearest to
+        that, and no pose is better.
+        """
+        rows = {name for limit in self._row_limits for name in limit.rows(found.state).names}
+        active = set(found.active_limits)
+        boxed = all(isinstance(task, PositionTask) for task in tasks) and all(
+            name.startswith("effector ") for name in active
+        )
+        return found.passed > PASSED or bool(rows & active and not boxed)
 
     def _from_home(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
         """Solve from the model's home, so that nothing but the target and the branch decides; from here if it is met
@@ -248,7 +261,9 @@ class InverseSolver:
         self.model.restore(start)
         if self._pool is None:
             low, high = self._angles.interval(Motion(self.model.state(), self.model.angles, 0.0))
-            self._pool = StartPool(self.model, low, high)
+            self._pool = StartPool(
+                self.model, low, np.maximum(np.minimum(high, self.model.home + STRETCHED), low)
+            )
         yield from self._pool.promising(
             tasks, self._row_limits, lambda s: self._any_branch or branch(s, tasks) * side >= 0, end
         )
