@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.linear.dense import Dense
 from tripod_sim.reduced.coordinates import Coordinates
+from tripod_sim.reduced.product_kernels import multiply
 from tripod_sim.reduced.rows import Rows
 
 FloatArray = NDArray[np.float64]
@@ -54,7 +55,7 @@ class Projection:
 
         `lever` and `axes` belong to meshes and are not looked at; so below.
         """
-        np.dot(self._transposed, g.reshape(-1), out=self._p)
+        multiply(self._transposed, g.reshape(-1), self._p)
         np.dot(self._p, self._coordinates.tangent, out=out)
         np.dot(self._p, self._coordinates.drive, out=torque)
 
@@ -91,7 +92,7 @@ class Projection:
             total += columns.reshape(-1, size).T @ weighted.reshape(-1, size)
         total += total.T.copy()
         total *= 0.5
-        np.dot(self._transposed, g.reshape(-1), out=self._p)
+        multiply(self._transposed, g.reshape(-1), self._p)
         tangent, drive, matrix = self._coordinates.tangent, self._coordinates.drive, self.linear.matrix
         along = total @ tangent
         matrix[:] = tangent.T @ along
@@ -103,7 +104,7 @@ class Projection:
 
     def moves(self, solution: FloatArray, lever: FloatArray, out: FloatArray) -> None:
         """Write the first-order move of all rows for a step of the unknowns to `out`, shape (rows, 3)."""
-        np.dot(self._columns, self._coordinates.tangent @ solution, out=out.reshape(-1))
+        multiply(self._columns, self._coordinates.tangent @ solution, out.reshape(-1))
 
     def unknown_name(self, index: int) -> str:
         """Return in words what an unknown is."""

@@ -13,6 +13,7 @@ from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.forces.solid import Solid
 from tripod_sim.reduced.basis import Basis
 from tripod_sim.reduced.coordinates import Coordinates
+from tripod_sim.reduced.product_kernels import multiply
 from tripod_sim.reduced.projection import Projection
 from tripod_sim.reduced.rows import make_rows
 from tripod_sim.reduced.state import ReducedState
@@ -114,18 +115,15 @@ class ReducedSystem(System):
         z = self.coordinates.values(reduced)
         if self.inertia:
             rates = self.rows.back @ reduced.velocities[self.rows.inert].reshape(-1)
-            both = self.columns @ np.column_stack([z, rates])
-            state.velocities[:] = both[:, 1].reshape(-1, 3)
-            moved = both[:, 0]
-        else:
-            moved = self.columns @ z
-        np.add(self._nodes, moved.reshape(-1, 3), out=state.positions)
+            multiply(self.columns, rates, state.velocities.reshape(-1))
+        multiply(self.columns, z, state.positions.reshape(-1))
+        state.positions += self._nodes
         for name in ("centres", "rotations", "joints"):
             getattr(state, name)[:] = getattr(reduced, name)
 
     def _place(self, state: ReducedState) -> None:
         """Put the rows where the coordinates say."""
-        np.dot(self.rows.columns, self.coordinates.values(state), out=state.positions.reshape(-1))
+        multiply(self.rows.columns, self.coordinates.values(state), state.positions.reshape(-1))
         state.positions += self.rest
 
     def drive(self, state: State, joints: FloatArray) -> None:
