@@ -17,11 +17,12 @@ from tripod_sim.simulation import Simulation
 LONG, REPEATS = 1e-3, 5
 """Time of one repetition of a kernel [s]; the least of so many counts."""
 
-IMPLICIT, STATIC, EXPLICIT = (
+IMPLICIT = (
     "tripod_sim.springs.implicit.ImplicitSprings",
     "tripod_sim.springs.implicit.StaticSprings",
-    "tripod_sim.springs.explicit.ExplicitSprings",
+    "tripod_sim.springs.estimated.EstimatedSprings",
 )
+EXPLICIT = "tripod_sim.springs.explicit.ExplicitSprings"
 
 
 def kernel_stages(simulation: Simulation, report: StepReport, steps: int) -> dict[str, float]:
@@ -34,7 +35,7 @@ def kernel_stages(simulation: Simulation, report: StepReport, steps: int) -> dic
     """
     for value, _ in walk(simulation):
         kind = f"{type(value).__module__}.{type(value).__qualname__}"
-        if kind in (IMPLICIT, STATIC):
+        if kind in IMPLICIT:
             return _implicit(value, simulation, report, steps)
         if kind == EXPLICIT:
             return _explicit(value, simulation, report, steps)

@@ -31,6 +31,7 @@ PARTS = {
     "contact.rigid_state": "rigid bodies",
     "contact.rigid_system": "rigid bodies",
     "integrators.time_error": "time error",
+    "springs.estimated": "time error",
     "integrators.sleep": "sleep",
     "reduced": "reduced model",
     "springs.strain_limit": "strain limit",

@@ -77,6 +77,7 @@ STAGES: dict[str, dict[str, str]] = {
     },
     "springs.implicit.ImplicitSprings": {"step": LOOP},
     "springs.implicit.StaticSprings": {"step": LOOP},
+    "springs.estimated.EstimatedSprings": {"step": LOOP},
     "springs.explicit.ExplicitSprings": {"step": LOOP},
     "springs.strain_limit.StrainLimited": {"step": "strain limit"},
 }
