@@ -125,7 +125,8 @@ def motion(case: Case, simulation: Simulation) -> tuple[np.ndarray, float, tuple
     for _ in range(round(case.duration / case.interval)):
         start = time.thread_time()
         for _ in range(every if case.joints else 1):
-            report = simulation.step(case.joints(state.time + dt)) if case.joints else simulation.advance(every)
+            joints = case.joints(state.time + dt) if case.joints else None
+            report = simulation.advance(every) if joints is None else simulation.step(joints)
             parts, rejected = parts + report.parts, rejected + report.rejected
         taken += time.thread_time() - start
         found.append(state.positions.copy())

@@ -43,6 +43,9 @@ REFINED = 0.02
 
 MOST_REFINEMENTS = 4
 
+SAME = 0.8
+"""Share of the length that the tolerance allows down to which the length of the part before is kept."""
+
 SAFETY, SHRINK, GROW, LEAST = 0.9, 0.1, 4.0, 1e-4
 """Of the controller, as in `integrators.auto_steps`."""
 
@@ -334,6 +337,9 @@ def estimated_interval(
         left = dt - done
         pieces = max(1.0, np.ceil(left / length - 1e-9))
         h = left / pieces
+        same = max(1.0, np.rint(left / max(number[LENGTH], SAME * length)))
+        if SAME * length <= number[LENGTH] <= length and abs(left - same * number[LENGTH]) < 1e-9 * left:
+            h, pieces = number[LENGTH], same  # to the bit: its factorisation serves again
         _copy(motion, errors, kept, kept_errors)
         before = motion.clock[0]
         outcome, _ = implicit_steps(
