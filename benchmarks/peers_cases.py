@@ -21,9 +21,9 @@ from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.robot.arms import servo_arms
 from tripod_sim.robot.disc import effector_disc
-from tripod_sim.scene import Effector, Servos
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.build import spring_body
+from tripod_sim.tables.robot import Effector, Servos
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]

@@ -14,8 +14,8 @@ from tripod_sim.constraints.groups import Groups
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.quasi_static import QuasiStatic
-from tripod_sim.scene import EXPLICIT
 from tripod_sim.system import System
+from tripod_sim.tables.motion import EXPLICIT
 
 NAME, MODULE = "tripod", "tripod_sim"
 DISTRIBUTION = "tripod"

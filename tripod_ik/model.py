@@ -13,10 +13,11 @@ from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.scene import Reduced, Scene
+from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
+from tripod_sim.tables.method import Reduced
 
 Saved = tuple[tuple[State, FloatArray], LinearState | None]
 """What `StaticModel.save` gives and `restore` takes."""

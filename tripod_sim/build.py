@@ -17,9 +17,11 @@ from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
-from tripod_sim.scene import EXPLICIT, FixedBox, Mesh, Scene
+from tripod_sim.scene import Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
+from tripod_sim.tables.bodies import FixedBox, Mesh
+from tripod_sim.tables.motion import EXPLICIT
 
 if TYPE_CHECKING:
     from tripod_sim.ball.body_ball import BodyBall

@@ -11,9 +11,10 @@ from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame, quaternion
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.substeps import StepReport
-from tripod_sim.scene import EXPLICIT, Scene
+from tripod_sim.scene import Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
+from tripod_sim.tables.motion import EXPLICIT
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.body_ball import BodyBall

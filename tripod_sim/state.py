@@ -76,5 +76,17 @@ class State:
         rigid = self.rigid.copy() if self.rigid else None
         reduced = self.reduced.copy() if self.reduced else None
         return State(
-            x, v, modes, centres, rotations, joints, self.time, self.step, servos, ball, errors, rigid, reduced
+            x,
+            v,
+            modes,
+            centres,
+            rotations,
+            joints,
+            self.time,
+            self.step,
+            servos,
+            ball,
+            errors,
+            rigid,
+            reduced,
         )

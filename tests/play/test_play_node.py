@@ -23,7 +23,7 @@ from tripod_play.node import PathNode, PlayNode, SolveNode
 from tripod_play.path_file import KeyPoints, Kind
 from tripod_play.player import PlayerSettings
 from tripod_sim.maze.board import make_board
-from tripod_sim.scene import Maze
+from tripod_sim.tables.robot import Maze
 
 pytestmark = pytest.mark.ros
 

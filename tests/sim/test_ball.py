@@ -11,7 +11,7 @@ from tripod_sim.ball.obstacle_kernels import MISSES, box_distance, distance, swe
 from tripod_sim.ball.obstacles import Obstacles
 from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.maze.board import make_board
-from tripod_sim.scene import Ball, Maze
+from tripod_sim.tables.robot import Ball, Maze
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 NO_TRIANGLES = np.zeros((0, 9))

@@ -7,7 +7,7 @@ import pytest
 
 from tripod_sim.maze.board import make_board, maze_names
 from tripod_sim.maze.board_mesh import SEGMENTS, BoardMesh, board_mesh
-from tripod_sim.scene import Maze
+from tripod_sim.tables.robot import Maze
 
 OFFSET = 0.008
 

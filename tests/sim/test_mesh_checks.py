@@ -15,8 +15,10 @@ from tripod_sim.mesh.convert import convert_hexahedra
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh, element_quality
 from tripod_sim.mesh.topology import MOST_NEIGHBOURS, coincident, edge_uses, parts
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
-from tripod_sim.scene import FixedBox, Inertia, Material, Scene
-from tripod_sim.scene import Mesh as SceneMesh
+from tripod_sim.scene import Scene
+from tripod_sim.tables.bodies import FixedBox, Material
+from tripod_sim.tables.bodies import Mesh as SceneMesh
+from tripod_sim.tables.motion import Inertia
 
 BRICK = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float

@@ -16,20 +16,12 @@ from hypothesis import strategies as st
 
 import tripod_sim
 from tripod_sim import SceneError, load_scene, scene_names
-from tripod_sim.scene import (
-    EFFECTS,
-    Damping,
-    Effector,
-    FixedBox,
-    Gravity,
-    Inertia,
-    Material,
-    Mesh,
-    Scene,
-    Servos,
-    Solver,
-)
+from tripod_sim.scene import EFFECTS, Scene
 from tripod_sim.scene_file import MAX_BYTES, scene_to_toml
+from tripod_sim.tables.bodies import FixedBox, Material, Mesh
+from tripod_sim.tables.method import Solver
+from tripod_sim.tables.motion import Damping, Gravity, Inertia
+from tripod_sim.tables.robot import Effector, Servos
 
 FUZZ = settings(max_examples=300, deadline=None, derandomize=True, database=None)
 

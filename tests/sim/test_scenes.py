@@ -13,7 +13,7 @@ import pytest
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.scene import Damping, Inertia
+from tripod_sim.tables.motion import Damping, Inertia
 
 
 def test_the_free_piece_falls_undeformed() -> None:

@@ -13,7 +13,7 @@ import pytest
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.robot.servo import ServoMotion
 from tripod_sim.run import run
-from tripod_sim.scene import ServoDynamics
+from tripod_sim.tables.robot import ServoDynamics
 
 COARSE = ["mesh.level=1"]
 REAL = [*COARSE, "servo_dynamics={}"]

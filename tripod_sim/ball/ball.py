@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.ball import plate_kernels as k
 from tripod_sim.ball.obstacles import Obstacles
-from tripod_sim.scene import Ball
+from tripod_sim.tables.robot import Ball
 
 FloatArray = NDArray[np.float64]
 

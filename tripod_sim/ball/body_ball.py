@@ -15,8 +15,8 @@ from tripod_sim.ball.surface_kernels import advance_on_surface, workspace
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.loads import NodalLoads
-from tripod_sim.scene import Ball
 from tripod_sim.state import State
+from tripod_sim.tables.robot import Ball
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]

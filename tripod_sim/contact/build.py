@@ -17,9 +17,10 @@ from tripod_sim.contact.world import World
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.mesh.solid_mesh import FloatArray
-from tripod_sim.scene import Contact, Scene
+from tripod_sim.scene import Scene
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.system import SpringSystem
+from tripod_sim.tables.motion import Contact
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet

@@ -10,7 +10,8 @@ from tripod_sim.contact.rigid_shapes import Shape, ball, box, solid_of
 from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.contact.rotations import turned_by
 from tripod_sim.mesh.read_surface import read_surface
-from tripod_sim.scene import Rigid, Scene
+from tripod_sim.scene import Scene
+from tripod_sim.tables.bodies import Rigid
 
 if TYPE_CHECKING:
     from tripod_sim.build import Parts

@@ -15,8 +15,9 @@ from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
-from tripod_sim.scene import Contact, Scene
+from tripod_sim.scene import Scene
 from tripod_sim.system import System
+from tripod_sim.tables.motion import Contact
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.maze.plate import Plate

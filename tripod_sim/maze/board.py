@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tripod_sim.ball.obstacles import Obstacles
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.maze.grid import MazeGrid, parse_maze, random_maze
-from tripod_sim.scene import Maze
+from tripod_sim.tables.robot import Maze
 
 FloatArray = NDArray[np.float64]
 

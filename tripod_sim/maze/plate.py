@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.maze.board import Board, make_board, mass_points
-from tripod_sim.scene import Maze
+from tripod_sim.tables.robot import Maze
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]

@@ -4,8 +4,8 @@ from tripod_sim.integrators.newton import NewtonReport
 from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.reduced.system import FloatArray, ReducedSystem
 from tripod_sim.reduced.training import outside
-from tripod_sim.scene import Reduced
 from tripod_sim.state import State
+from tripod_sim.tables.method import Reduced
 
 
 class ReducedStepper(Substeps):

@@ -16,9 +16,12 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.reduced.basis import free_rows
 from tripod_sim.reduced.coordinates import Coordinates
-from tripod_sim.scene import Damping, Inertia, Reduced, Scene, Servos, Solver
+from tripod_sim.scene import Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
+from tripod_sim.tables.method import Reduced, Solver
+from tripod_sim.tables.motion import Damping, Inertia
+from tripod_sim.tables.robot import Servos
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import SceneError
-from tripod_sim.scene import Servos
+from tripod_sim.tables.robot import Servos
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.errors import SceneError
-from tripod_sim.scene import Effector
+from tripod_sim.tables.robot import Effector
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]

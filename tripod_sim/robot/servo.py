@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.scene import ServoDynamics
+from tripod_sim.tables.robot import ServoDynamics
 
 FloatArray = NDArray[np.float64]
 

@@ -10,11 +10,13 @@ from tripod_sim.build import Parts, Stepper
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
-from tripod_sim.scene import Scene, Springs, TimeError
+from tripod_sim.scene import Scene
 from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
 from tripod_sim.springs.generate import Net, chain, grid, net_of_surface
 from tripod_sim.springs.skin import ChainSkin
 from tripod_sim.springs.system import SpringSystem
+from tripod_sim.tables.bodies import Springs
+from tripod_sim.tables.method import TimeError
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.springs.estimated import EstimatedSprings

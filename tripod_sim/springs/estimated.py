@@ -6,13 +6,13 @@ from tripod_sim.errors import StepError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.integrators.time_error import ErrorState, TimeErrorReport
 from tripod_sim.integrators.time_error_kernels import furthest
-from tripod_sim.scene import TimeError
 from tripod_sim.springs import error_kernels as kernels
 from tripod_sim.springs.body import FloatArray
 from tripod_sim.springs.implicit import SCHEMES, WHY, SpringSolver
 from tripod_sim.springs.implicit_kernels import SOLVED, Options
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
+from tripod_sim.tables.method import TimeError
 
 NUMBERS = ("known", "length", "missing", "proposed", "last")
 """Of an `ErrorState`, in the order of `error_kernels`."""

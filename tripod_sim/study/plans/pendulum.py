@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tripod_sim.scene import Springs
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
 from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
 from tripod_sim.study.task import Measured
+from tripod_sim.tables.bodies import Springs
 
 FloatArray = NDArray[np.float64]
 

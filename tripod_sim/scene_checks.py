@@ -1,0 +1,211 @@
+"""What the tables of a scene must agree on with each other; each check raises SceneError with one line."""
+
+from typing import TYPE_CHECKING
+
+from tripod_sim.errors import SceneError, shown
+from tripod_sim.tables.motion import EXPLICIT
+
+if TYPE_CHECKING:
+    from tripod_sim.scene import Scene
+
+
+def check_body(scene: "Scene") -> None:
+    """Raise SceneError if the body is neither a solid nor of springs, or names what its kind has not."""
+    for name in ("mesh", "material"):
+        given = getattr(scene, name)
+        if not scene.springs and given is None and not (scene.rigid and not (scene.mesh or scene.material)):
+            raise SceneError(
+                f"field {name} is missing: a scene has mesh and material, or springs, or rigid bodies"
+            )
+        if scene.springs and given is not None:
+            raise SceneError(
+                f"{name} and springs exclude each other: a scene has mesh and material, or springs"
+            )
+    if scene.strain_limit and not (scene.springs and scene.inertia):
+        raise SceneError(
+            "strain_limit needs springs and inertia: it bounds how far springs stretch in motion"
+        )
+    for name in ("servos", "effector"):
+        if scene.springs and getattr(scene, name):
+            raise SceneError(
+                f"{name} needs a solid: springs are held by fixed_nodes, fixed_corners or fixed boxes"
+            )
+
+
+NEEDS = (
+    ("damping", "inertia", "without velocity there is nothing to damp"),
+    ("clamp", "servos", "it is the bedding of the strips on their arms"),
+    ("servo_dynamics", "servos", "without them there is nothing that turns"),
+    ("maze", "effector", "it is fastened to the disc"),
+    ("ball", "gravity", "without it the ball would never touch anything"),
+    ("sleep", "inertia", "without velocity every step is at rest"),
+)
+"""An effect, the one that it needs, and why."""
+
+
+def check_needs(scene: "Scene") -> None:
+    """Raise SceneError if an effect lacks another that it needs, or excludes one that is there."""
+    for name, other, why in NEEDS:
+        if getattr(scene, name) and not getattr(scene, other):
+            raise SceneError(f"{name} needs {other}: {why}")
+    if scene.sleep and (scene.rigid or scene.reduced):
+        other = "rigid" if scene.rigid else "reduced"
+        raise SceneError(
+            f"sleep and {other} exclude each other: sleep looks at the nodes of one soft body alone"
+        )
+
+
+def check_holds(scene: "Scene") -> None:
+    """Raise SceneError if nothing holds a body at rest, or a box that holds it has its bounds swapped."""
+    if not (scene.inertia or scene.servos or scene.fixed or (scene.springs and scene.springs.holds)):
+        raise SceneError(
+            "nothing holds the body (no servos, no fixed box), so its translation and rotation are free and it has "
+            "no static equilibrium; add [inertia] or hold it"
+        )
+    for i, box in enumerate(scene.fixed):
+        if not all(a <= b for a, b in zip(box.low, box.high, strict=True)):
+            raise SceneError(f"fixed.{i}: low {box.low} must not exceed high {box.high} [m]")
+
+
+def check_rigid(scene: "Scene") -> None:
+    """Raise SceneError if rigid bodies or obstacles are described wrongly, or lack what they need."""
+    for i, body in enumerate(scene.rigid):
+        named = "." in body.source
+        if body.shape == "surface" and not named:
+            raise SceneError(
+                f"rigid.{i}.source is {shown(body.source)}; for shape 'surface' allowed: the path of an OBJ or STL file"
+            )
+        if body.shape != "surface" and body.source:
+            raise SceneError(
+                f"rigid.{i}.source is {shown(body.source)}, but rigid.{i}.shape is {body.shape!r}; leave it out, or "
+                "choose shape 'surface'"
+            )
+    turned = [("rigid", i, body.orientation) for i, body in enumerate(scene.rigid)]
+    turned += [("obstacles", i, obstacle.orientation) for i, obstacle in enumerate(scene.obstacles)]
+    for name, i, orientation in turned:
+        size = sum(c * c for c in orientation) ** 0.5
+        if not abs(size - 1) <= 0.01:
+            raise SceneError(
+                f"{name}.{i}.orientation is {orientation}, of norm {size:.4g}; it must be a unit quaternion x, y, z, "
+                "w; divide it by its norm"
+            )
+    if scene.rigid and not scene.contact:
+        raise SceneError("rigid needs contact: without it nothing touches the bodies; add [contact]")
+    if scene.mesh or scene.springs:
+        return
+    for name in ("damping", "fixed", "servos", "effector"):
+        if getattr(scene, name):
+            raise SceneError(
+                f"{name} needs a soft body (mesh and material, or springs): rigid bodies have none"
+            )
+
+
+def check_contact(scene: "Scene") -> None:
+    """Raise SceneError if contact lacks what it needs."""
+    contact = scene.contact
+    if not contact:
+        if scene.obstacles:
+            raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
+        return
+    if not (scene.inertia and scene.inertia.scheme == "implicit_euler"):
+        has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is no inertia"
+        raise SceneError(f"contact needs inertia.scheme = 'implicit_euler'; {has}")
+    for name, why in (
+        ("strain_limit", "what the one moves the other would undo"),
+        ("ball", "the ball touches nothing but the soft body; make it a [[rigid]] with shape = 'ball'"),
+        ("time_error", "the estimate knows nothing of contacts"),
+        ("reduced", "the reduced model moves the surface in the shapes that it has learned"),
+    ):
+        if getattr(scene, name):
+            raise SceneError(f"contact and {name} exclude each other: {why}")
+    soft = bool(scene.mesh or scene.springs)
+    if contact.self_contact and not soft:
+        raise SceneError("contact.self_contact needs a soft body: a rigid one does not touch itself")
+    if not (scene.obstacles or contact.self_contact or len(scene.rigid) + soft > 1):
+        raise SceneError(
+            "contact has nothing to touch: add [[obstacles]], [[rigid]] or contact.self_contact = true"
+        )
+    if not contact.alarm_distance > contact.contact_distance:
+        raise SceneError(
+            f"contact.alarm_distance is {contact.alarm_distance:g} m; it must be above contact.contact_distance, "
+            f"{contact.contact_distance:g} m"
+        )
+
+
+def check_time_error(scene: "Scene") -> None:
+    """Raise SceneError if the estimate of the error of the time steps lacks what it needs."""
+    wanted = scene.time_error
+    if not wanted:
+        return
+    if scene.strain_limit:
+        raise SceneError(
+            "time_error and strain_limit exclude each other: the estimate knows nothing of the bound"
+        )
+    if scene.springs and scene.solver.linear == "cg":
+        raise SceneError("solver.linear is 'cg'; time_error of springs needs auto or ldl, a factorisation")
+    if scene.reduced:
+        raise SceneError("time_error and reduced exclude each other: the estimate is of the full model")
+    if not scene.inertia or scene.inertia.scheme in EXPLICIT:
+        has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is none"
+        raise SceneError(
+            f"time_error needs inertia with one of the schemes implicit_euler, bdf2, tr_bdf2; {has}"
+        )
+    if wanted.steps == "auto" and wanted.shortest > scene.dt:
+        raise SceneError(
+            f"time_error.shortest is {wanted.shortest:g} s; it must be at most dt, {scene.dt:g} s, which it divides"
+        )
+
+
+def check_reduced(scene: "Scene") -> None:
+    """Raise SceneError if the reduced model lacks what it needs, or meets what it cannot do."""
+    reduced = scene.reduced
+    if not reduced:
+        return
+    if not (scene.servos and scene.effector):
+        raise SceneError(
+            "reduced needs servos and effector: it learns from poses of the arms how the body moves"
+        )
+    for name in ("ball", "time_error"):
+        if getattr(scene, name):
+            raise SceneError(f"reduced and {name} exclude each other; choose the full model, reduced=off")
+    if scene.inertia and scene.inertia.scheme in EXPLICIT:
+        raise SceneError(
+            f"inertia.scheme is {scene.inertia.scheme!r}, which moves single nodes; reduced needs one of: "
+            "implicit_euler, bdf2, tr_bdf2"
+        )
+    s = scene.servos
+    if not s.angle_min <= reduced.angle <= s.angle_max:
+        raise SceneError(
+            f"reduced.angle is {reduced.angle:g} rad; the servos allow {s.angle_min:g} to {s.angle_max:g} rad"
+        )
+    if not reduced.slide <= s.slide_max:
+        raise SceneError(
+            f"reduced.slide is {reduced.slide:g} m; it must be at most servos.slide_max, {s.slide_max:g} m"
+        )
+
+
+def check_start(scene: "Scene") -> None:
+    """Raise SceneError if the servos start out of their limits."""
+    s = scene.servos
+    if not s:
+        return
+    for i, angle in enumerate(s.angles):
+        if not s.angle_min <= angle <= s.angle_max:
+            raise SceneError(
+                f"servos.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
+            )
+    if not 0 <= s.slide <= s.slide_max:
+        raise SceneError(f"servos.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
+
+
+CHECKS = (
+    check_body,
+    check_needs,
+    check_holds,
+    check_start,
+    check_rigid,
+    check_contact,
+    check_time_error,
+    check_reduced,
+)
+"""In the order in which they are made."""

@@ -1,0 +1,1 @@
+"""The tables of a scene, each frozen and checked once."""

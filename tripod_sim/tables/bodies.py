@@ -1,0 +1,151 @@
+"""Tables of what a scene is made of: meshes, materials, springs, rigid bodies, obstacles."""
+
+from dataclasses import dataclass
+
+from tripod_sim.tables.fields import number, one_of
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Where the solid's mesh comes from.
+
+    Attributes:
+        source: The generator `y_piece`, or the path of a file with tetrahedra or hexahedra (relative to the scene's
+            file): GiD text, gmsh, VTK, Abaqus and what else meshio reads.
+        level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes;
+            8 to 11 for compliant clamps, whose bedded ends they divide, too.
+        element: Kind of element: `h8_modes` (with incompatible modes), `h8_mean` (with mean dilatation), `h8`,
+            `h20`, `h20_full`, `h27`, `t4`, `t10`; of a file those that its cells allow (linear hexahedra all, linear
+            tetrahedra `t4` and `t10`).
+        scale: Length unit of a file [m]: 0.001 for millimetres.
+        refine: How many times every edge is halved, so that each element becomes eight.
+    """
+
+    source: str = "y_piece"
+    level: int = number(2, low=1, high=11)
+    element: str = one_of(
+        "h8_modes", "h8_mean", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes"
+    )
+    scale: float = number(1.0, unit="m", above=0, high=1e3)
+    refine: int = number(0, low=0, high=3)
+
+
+@dataclass(frozen=True)
+class Material:
+    """The solid's elastic law.
+
+    Attributes:
+        law: `neo_hooke`, `corotational`, `stable_neo_hooke` or `st_venant_kirchhoff`.
+        young: E [Pa].
+        poisson: nu.
+        mass: Of the whole solid [kg], spread evenly over its volume.
+    """
+
+    law: str = one_of(
+        "neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff", default="neo_hooke"
+    )
+    young: float = number(250e3, unit="Pa", above=0, high=1e13)
+    poisson: float = number(0.45, low=0, high=0.499)
+    mass: float = number(0.032, unit="kg", above=0, high=1e6)
+
+
+@dataclass(frozen=True)
+class Springs:
+    """A body of nodes and springs: a chain, a grid or the edges of a surface.
+
+    Attributes:
+        source: `chain` (nodes in a line from the origin along X), `grid` (a square in z = 0 about the origin), or the
+            path of an OBJ or STL file (relative to the scene's file), whose edges become springs.
+        nodes: Of a chain; along each edge of a grid.
+        size: Length of a chain, edge of a grid [m].
+        scale: Length unit of a file [m]: 0.001 for millimetres.
+        position: Where the origin of chain, grid or file lies [m].
+        node_mass: Of each node [kg].
+        stiffness: k of the springs along lines and edges [N/m].
+        shear: k of those across the cells of a grid, or the quadrangles of a file [N/m]; 0 leaves them out.
+        bending: k of those from a node to the next but one, or across the edge of two triangles [N/m]; 0 leaves them
+            out.
+        damping: c of each spring, the force per rate of its length [N s/m].
+        compressed: `push`: a compressed spring pushes; `slack`: it carries no force.
+        fixed_nodes: Nodes that never move.
+        fixed_corners: Corners that never move: ends 0 and 1 of a chain, 0 to 3 of a grid, counter-clockwise from the
+            smallest x and y.
+    """
+
+    source: str = "grid"
+    nodes: int = number(20, low=2, high=200_000)
+    size: float = number(1.0, unit="m", above=0, high=1e3)
+    scale: float = number(1.0, unit="m", above=0, high=1e3)
+    position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+    node_mass: float = number(0.001, unit="kg", above=0, high=1e6)
+    stiffness: float = number(1500.0, unit="N/m", low=0, high=1e9)
+    shear: float = number(0.0, unit="N/m", low=0, high=1e9)
+    bending: float = number(0.0, unit="N/m", low=0, high=1e9)
+    damping: float = number(0.0, unit="N s/m", low=0, high=1e6)
+    compressed: str = one_of("push", "slack", default="push")
+    fixed_nodes: tuple[int, ...] = number((), low=0)
+    fixed_corners: tuple[int, ...] = number((), low=0, high=3)
+
+    @property
+    def holds(self) -> bool:
+        """Whether it has nodes that never move."""
+        return bool(self.fixed_nodes or self.fixed_corners)
+
+
+@dataclass(frozen=True)
+class FixedBox:
+    """Nodes that never move: those whose undeformed position lies in a box.
+
+    Attributes:
+        low: Smallest corner [m].
+        high: Largest corner [m].
+    """
+
+    low: tuple[float, float, float] = number(unit="m")
+    high: tuple[float, float, float] = number(unit="m")
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A surface that never moves. Needs contact.
+
+    Attributes:
+        source: Path of an OBJ or STL file (relative to the scene's file).
+        scale: Length unit of the file [m]: 0.001 for millimetres.
+        position: Where the file's origin lies [m].
+        orientation: Of the file's axes about that point: unit quaternion x, y, z, w.
+    """
+
+    source: str
+    scale: float = number(1.0, unit="m", above=0, high=1e3)
+    position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+    orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A body that moves as a whole. Needs contact.
+
+    Attributes:
+        shape: `box` (edges `size`), `ball` (`radius`) or `surface`, the inside of a closed surface from a file.
+        source: Path of the OBJ or STL file of a `surface` (relative to the scene's file).
+        scale: Length unit of the file [m]: 0.001 for millimetres.
+        size: Edges of a box [m].
+        radius: Of a ball [m].
+        mass: [kg], spread evenly.
+        position: Of the centre of mass at the start [m].
+        orientation: At the start: unit quaternion x, y, z, w.
+        velocity: Of the centre at the start [m/s].
+        spin: Angular velocity at the start, in world [rad/s].
+    """
+
+    shape: str = one_of("box", "ball", "surface", default="box")
+    source: str = ""
+    scale: float = number(1.0, unit="m", above=0, high=1e3)
+    size: tuple[float, float, float] = number((0.1, 0.1, 0.1), unit="m", above=0, high=1e3)
+    radius: float = number(0.05, unit="m", above=0, high=1e3)
+    mass: float = number(1.0, unit="kg", above=0, high=1e6)
+    position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+    orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)
+    velocity: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m/s", low=-1e4, high=1e4)
+    spin: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="rad/s", low=-1e5, high=1e5)

@@ -1,0 +1,55 @@
+"""How the tables of a scene declare their fields: units, ranges, choices."""
+
+from dataclasses import MISSING, field, fields
+from typing import Any
+
+from tripod_sim.errors import SceneError, shown
+
+
+def number(
+    default: Any = MISSING,
+    *,
+    unit: str = "",
+    above: float | None = None,
+    low: float | None = None,
+    high: float | None = None,
+) -> Any:
+    """Declare a field with its unit and range: `above` excludes the bound, `low` and `high` include it."""
+    return field(default=default, metadata={"unit": unit, "above": above, "low": low, "high": high})
+
+
+def one_of(*choices: str, default: str) -> Any:
+    """Declare a field that takes one of some words."""
+    return field(default=default, metadata={"choices": choices})
+
+
+def check_fields(table: Any, path: str) -> None:
+    """Raise SceneError if a field of a dataclass is out of the range that its declaration names."""
+    for f in fields(table):
+        value, meta = getattr(table, f.name), f.metadata
+        where = f"{path}.{f.name}" if path else f.name
+        if choices := meta.get("choices"):
+            if value not in choices:
+                raise SceneError(f"{where} is {shown(value)}; allowed: {', '.join(choices)}")
+            continue
+        if "unit" not in meta:
+            continue
+        for v in value if isinstance(value, tuple) else (value,):
+            ok = v - v == 0  # finite: inf - inf and nan - nan are nan
+            ok &= meta["above"] is None or v > meta["above"]
+            ok &= (meta["low"] is None or v >= meta["low"]) and (meta["high"] is None or v <= meta["high"])
+            if not ok:
+                raise SceneError(f"{where} is {value}; {allowed(meta)}")
+
+
+def allowed(meta: Any) -> str:
+    """Return in words what a numeric field may be."""
+    unit = f" {meta['unit']}" if meta["unit"] else ""
+    bounds = []
+    if meta["above"] is not None:
+        bounds.append(f"above {meta['above']:g}{unit}")
+    if meta["low"] is not None:
+        bounds.append(f"at least {meta['low']:g}{unit}")
+    if meta["high"] is not None:
+        bounds.append(f"at most {meta['high']:g}{unit}")
+    return "it must be " + (" and ".join(bounds) if bounds else f"a finite number{unit}")

@@ -1,0 +1,73 @@
+"""Tables of how a scene is solved: Newton's method, the error of the steps, the reduced model."""
+
+from dataclasses import dataclass
+
+from tripod_sim.tables.fields import number, one_of
+
+
+@dataclass(frozen=True)
+class Solver:
+    """Newton's method.
+
+    Attributes:
+        tolerance: Unbalanced force at which a step counts as solved [N].
+        mode: `newton`: every step is solved to the tolerance; `one_solve`: one linear solve is enough where it leaves
+            at most `share` of the step's unbalanced force, else the step is solved as with `newton`.
+        share: See `mode`.
+        max_iterations: Before a step is rolled back and halved.
+        max_halvings: Before the simulation gives up.
+        max_turn: Largest servo move of one static load increment [rad].
+        linear: Linear solver: `ldl`, `cholmod` (optional extra), `cg` (conjugate gradients), or `auto`, by size.
+        linear_tolerance: Relative residual at which conjugate gradients stop; without effect on direct solvers.
+    """
+
+    tolerance: float = number(1e-4, unit="N", low=1e-14, high=1e3)
+    mode: str = one_of("newton", "one_solve", default="newton")
+    share: float = number(0.1, above=0, high=0.5)
+    max_iterations: int = number(300, low=1, high=1000)
+    max_halvings: int = number(8, low=0, high=20)
+    max_turn: float = number(0.1, unit="rad", low=1e-4, high=7.0)
+    linear: str = one_of("auto", "ldl", "cholmod", "cg", default="auto")
+    linear_tolerance: float = number(1e-8, above=0, high=0.1)
+
+
+@dataclass(frozen=True)
+class TimeError:
+    """The error of the time steps is estimated while the scene runs. Needs inertia with an implicit scheme.
+
+    Attributes:
+        steps: `fixed`: every step has the length dt; `auto`: it is divided, as coarsely as `tolerance` allows. A scene
+            file or override says `dt = "auto"` for short; dt stays the interval of commands and outputs.
+        tolerance: Error that a part of a step may add to the position of any node [m].
+        shortest: Length of a part that is accepted whatever its error [s].
+    """
+
+    steps: str = one_of("fixed", "auto", default="fixed")
+    tolerance: float = number(1e-6, unit="m", above=0, high=1.0)
+    shortest: float = number(1e-6, unit="s", low=1e-9, high=1.0)
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """The body moves in few coordinates, learned from the full model when the simulation is built (or before: what
+    was learned is kept in the user's cache directory). Needs servos and effector. Faster, and less accurate the further
+    the servos are from where it was trained: slides from 0 to `slide`, angles within `spread` of the line from 0 to
+    `angle`.
+
+    Attributes:
+        modes: Number of shapes beside the motion of disc and arms: more are more accurate and slower.
+        tolerance: Error of the forces, relative, at which elements stand for others (hyper-reduction); 0 evaluates all.
+        samples: Static poses of the training.
+        angle: Of all servos at the largest slide [rad].
+        slide: Largest slide [m].
+        spread: How far each angle may be from that line [rad].
+        seed: Of the choice of poses and motions.
+    """
+
+    modes: int = number(20, low=1, high=1000)
+    tolerance: float = number(0.03, low=0, high=0.5)
+    samples: int = number(60, low=8, high=10_000)
+    angle: float = number(-1.4965, unit="rad", low=-3.2, high=3.2)
+    slide: float = number(0.035, unit="m", low=0, high=10.0)
+    spread: float = number(0.4, unit="rad", low=0.01, high=3.2)
+    seed: int = number(0, low=0)
