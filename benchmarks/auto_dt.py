@@ -1,10 +1,10 @@
 """`dt = "auto"` beside fixed dt: CPU time to reach a given error, side by side in one run.
 
-Every case runs under every scheme with a ladder of fixed dt, and with `dt = "auto"` under several tolerances; the
-error is the largest distance of a node from a reference, over all intervals of the motion. `ratio` is the time of an
-automatic run over the time of the fixed dt that reaches the same error: on the curve of its own scheme (interpolated
-in the logarithms of both), and on the best curve of all schemes. Runs of one case take turns, and the least time of
-each counts.
+Every case runs under every scheme with a ladder of fixed dt, and with `dt = "auto"` under several tolerances, with a
+local and with a global estimate (`time_error.estimate`); the error is the largest distance of a node from a reference,
+over all intervals of the motion. `ratio` is the time of an automatic run over the time of the fixed dt that reaches the
+same error: on the curve of its own scheme (interpolated in the logarithms of both), and on the best curve of all
+schemes. Runs of one case take turns, and the least time of each counts.
 `python benchmarks/auto_dt.py --help` lists the options.
 """
 
@@ -100,7 +100,7 @@ class Run:
     Attributes:
         scheme: Its own.
         setting: dt [s], or the tolerance [m].
-        auto: Which of them.
+        estimate: Of an automatic run, `local` or `global`; empty with a fixed dt.
         simulation: Built once.
         error: Largest distance of a node from the reference [m].
         seconds: Least CPU time of the motion [s].
@@ -109,7 +109,7 @@ class Run:
 
     scheme: str
     setting: float
-    auto: bool
+    estimate: str
     simulation: Simulation
     error: float = np.nan
     seconds: float = np.inf
@@ -145,10 +145,12 @@ def settings(case: Case, mode: Sequence[str]) -> list[Run]:
         own = (f"inertia.scheme={scheme}", *mode)
         for division in case.divisions:
             dt = case.interval / division
-            runs.append(Run(scheme, dt, False, built(case, *own, f"dt={dt!r}")))
+            runs.append(Run(scheme, dt, "", built(case, *own, f"dt={dt!r}")))
         for tolerance in case.tolerances:
             words = (f"dt={case.interval!r}", "dt=auto", f"time_error.tolerance={tolerance!r}")
-            runs.append(Run(scheme, tolerance, True, built(case, *own, *words)))
+            for estimate in ("local", "global"):
+                simulation = built(case, *own, *words, f"time_error.estimate={estimate}")
+                runs.append(Run(scheme, tolerance, estimate, simulation))
     return runs
 
 
@@ -199,15 +201,17 @@ def main() -> None:
                 positions, seconds, run.parts = motion(case, run.simulation)
                 run.error = float(np.linalg.norm(positions - exact, axis=2).max())
                 run.seconds = min(run.seconds, seconds)
-        fixed = [r for r in runs if not r.auto]
+        fixed = [r for r in runs if not r.estimate]
         lines = [
             "| scheme | dt or tolerance | error [um] | time [ms] | parts | taken back | ratio, same | ratio, best |",
             "|---|---|---|---|---|---|---|---|",
         ]
         for run in runs:
-            of = f"{1e6 * run.setting:g} um" if run.auto else f"{1e3 * run.setting:.4g} ms"
+            of = (
+                f"{1e6 * run.setting:g} um, {run.estimate}" if run.estimate else f"{1e3 * run.setting:.4g} ms"
+            )
             ratios = ["", ""]
-            if run.auto:
+            if run.estimate:
                 same = [r for r in fixed if r.scheme == run.scheme]
                 ratios = [f"{run.seconds / time_at(front, run.error):.2f}" for front in (same, fixed)]
             lines.append(

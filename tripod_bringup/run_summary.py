@@ -55,6 +55,9 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _time_error(error: Mapping[str, Any]) -> str:
     """Return the estimated error of the time steps at the end, and at its worst."""
+    if error["node"] < 0:
+        most = error["worst_added"] * 1e3
+        return f"a part of a step added at most {most:.3g} mm; that of the whole motion is not estimated"
     nodes = f"node {error['node']} {error['largest'] * 1e3:.3g} mm, at worst {error['worst'] * 1e3:.3g} mm"
     if math.isnan(error["effector"]):
         return f"{nodes} (estimated)"

@@ -198,7 +198,9 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
         if wanted := scene.time_error:
             from tripod_sim.integrators.time_error import ErrorTransport
 
-            scheme.errors = ErrorTransport(system, inertia, mass, local=wanted.steps == "auto")
+            scheme.errors = ErrorTransport(
+                system, inertia, mass, local=wanted.steps == "auto", carried=wanted.estimate != "local"
+            )
             if wanted.steps == "auto":
                 from tripod_sim.integrators.auto_steps import AutoSteps
 

@@ -58,7 +58,8 @@ def run(
         an explicit scheme [s], else None), grew_at and instability (since which step its energy has grown, 0 for never,
         and that in words), stalled (servos that stand against their load at the end: servo, load and stall_torque
         [N m], short [rad]), stalled_time (of each servo [s]), with the scene's `time_error` the estimate at the end
-        (effector, largest, node, added) and at its worst (worst_effector, worst) [m], with a ball its position [m] and
+        (effector, largest, node, added) and at its worst (worst_effector, worst, worst_added) [m], NaN and node -1
+        for what is not estimated, with a ball its position [m] and
         event (words), with contact what it took in the last step (contacts, those pressed, force [N], smallest_gap
         beyond the contact distance [m], cut) and with rigid bodies their poses, notes on the scene if there are any,
         and step_ms, the wall time of a step [ms], median and 99th percentile.
@@ -83,7 +84,7 @@ def run(
     recording = _Recording(simulation, steps, out) if out else None
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
-    worst = {"worst_effector": np.nan, "worst": np.nan}
+    worst = dict.fromkeys(("worst_effector", "worst", "worst_added"), np.nan)
     stalled_steps = [0] * len(simulation.torques)
     try:
         for k in range(steps):
@@ -96,6 +97,7 @@ def run(
             if estimate := report.time_error:
                 worst["worst_effector"] = float(np.fmax(worst["worst_effector"], estimate.effector))
                 worst["worst"] = float(np.fmax(worst["worst"], estimate.largest))
+                worst["worst_added"] = float(np.fmax(worst["worst_added"], estimate.added))
             for stall in report.stalled:
                 stalled_steps[stall.servo] += 1
             if recording:

@@ -145,6 +145,11 @@ def check_time_error(scene: "Scene") -> None:
         raise SceneError("solver.linear is 'cg'; time_error of springs needs auto or ldl, a factorisation")
     if scene.reduced:
         raise SceneError("time_error and reduced exclude each other: the estimate is of the full model")
+    if wanted.estimate == "local" and wanted.steps == "fixed":
+        raise SceneError(
+            "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "
+            "time_error.estimate to auto or global"
+        )
     if not scene.inertia or scene.inertia.scheme in EXPLICIT:
         has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is none"
         raise SceneError(

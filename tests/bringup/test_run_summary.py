@@ -32,6 +32,13 @@ def test_the_estimate_is_told_in_millimetres_with_its_worst() -> None:
     assert alone["time error"] == "node 7 0.02 mm, at worst 0.04 mm (estimated)"
 
 
+def test_a_local_estimate_tells_what_a_part_added() -> None:
+    nothing = dict.fromkeys(("effector", "largest", "worst_effector", "worst"), math.nan)
+    found = rows(time_error=nothing | {"node": -1, "added": 1e-6, "worst_added": 2e-6})
+    expected = "a part of a step added at most 0.002 mm; that of the whole motion is not estimated"
+    assert found["time error"] == expected
+
+
 def test_without_an_estimate_nothing_is_told() -> None:
     found = rows()
     assert "time error" not in found

@@ -190,6 +190,30 @@ def test_what_cannot_be_is_refused_by_name(words: list[str], message: str) -> No
     assert str(caught.value).startswith(message)
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_the_local_estimate_steers_to_the_same_bits_and_tells_no_more(scheme: str) -> None:
+    found = []
+    for more in ((), ("time_error.estimate=global",), ("time_error.estimate=local",)):
+        simulation = tripod(scheme, "dt=0.01", "dt=auto", "time_error.tolerance=1e-5", *more)
+        positions = motion(simulation, 3)
+        report, state = simulation.report, simulation.state.errors
+        assert report.time_error
+        assert state
+        told, carried = report.time_error, "time_error.estimate=local" not in more
+        assert (told.largest > 0) == (told.effector > 0) == (told.node >= 0) == carried == state.error.any()
+        assert np.isnan(told.largest) == np.isnan(told.effector) == (not carried)
+        found.append((positions.tobytes(), report.parts, report.rejected, told.added))
+    assert found[0] == found[1] == found[2]
+
+
+def test_run_tells_what_a_part_added_at_most() -> None:
+    words = [*NEWTON, "dt=auto", "time_error.tolerance=1e-6", "time_error.estimate=local"]
+    error = run("tripod", servo="0:0,0,0; 0.03:-0.3,0,0", duration=0.05, overrides=words)["time_error"]
+    assert 0 < error["added"] < error["worst_added"] <= 1e-6
+    assert error["node"] == -1
+    assert np.isnan([error[name] for name in ("effector", "largest", "worst_effector", "worst")]).all()
+
+
 def test_run_counts_parts_taken_back() -> None:
     words = [*NEWTON, "dt=auto", "time_error.tolerance=1e-6"]
     found = run("tripod", servo="0:0,0,0; 0.03:-0.3,0,0", duration=0.05, overrides=words)

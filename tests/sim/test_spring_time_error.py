@@ -90,7 +90,7 @@ def test_automatic_steps_follow_the_tolerance(scheme: str, case: tuple[tuple[str
     errors, parts = [], []
     for tolerance in (1e-4, 1e-5, 1e-6):
         own = [f"inertia.scheme={scheme}", f"dt={INTERVAL}", "dt=auto", f"time_error.tolerance={tolerance}"]
-        simulation = pendulum(*words, *own)
+        simulation = pendulum(*words, *own, "time_error.estimate=global")
         total, found = 0, []
         for _ in range(round(END / INTERVAL)):
             report = simulation.step()
@@ -106,6 +106,56 @@ def test_automatic_steps_follow_the_tolerance(scheme: str, case: tuple[tuple[str
     assert simulation.state.time == pytest.approx(END)
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("words", [(), DAMPED], ids=["undamped", "damped"])
+def test_the_local_estimate_steers_to_the_same_bits_and_tells_no_more(
+    scheme: str, words: tuple[str, ...]
+) -> None:
+    found = []
+    for more in ((), ("time_error.estimate=local",), ("time_error.estimate=global",)):
+        own = (f"inertia.scheme={scheme}", f"dt={INTERVAL}", "dt=auto", "time_error.tolerance=1e-4", *more)
+        simulation, ends = pendulum(*words, *own), []
+        for _ in range(20):
+            report = simulation.step()
+            assert report.time_error
+            ends.append(
+                (simulation.positions.tobytes(), report.parts, report.rejected, report.time_error.added)
+            )
+        assert simulation.state.errors
+        told, carried = report.time_error, bool(more) and more[0].endswith("global")
+        assert (told.largest > 0) == carried == simulation.state.errors.error.any()
+        assert np.isnan(told.largest) != carried
+        assert (told.node < 0) != carried
+        found.append(ends)
+    assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.parametrize(("scheme", "order"), [("implicit_euler", 1), ("bdf2", 2), ("tr_bdf2", 2)])
+@pytest.mark.parametrize("words", [(), DAMPED], ids=["undamped", "damped"])
+def test_the_local_estimate_is_what_one_step_adds(scheme: str, order: int, words: tuple[str, ...]) -> None:
+    fine = pendulum(*words, "inertia={scheme='rk4', substeps='off'}", "dt=5e-5")
+    true, added = [], []
+    for h in (2e-3, 1e-3):
+        own = (
+            f"inertia.scheme={scheme}",
+            f"dt={h}",
+            "dt=auto",
+            "time_error.tolerance=1.0",
+            "solver.tolerance=1e-10",
+        )
+        simulation = pendulum(*words, *own)
+        simulation.advance(round(0.3 / h) - 1)
+        fine.state.positions[:], fine.state.velocities[:] = simulation.positions, simulation.state.velocities
+        report = simulation.step()
+        assert report.parts == 1
+        assert report.time_error
+        fine.advance(round(h / 5e-5))
+        true.append(np.linalg.norm(simulation.positions - fine.positions, axis=1).max())
+        added.append(report.time_error.added)
+    np.testing.assert_allclose(added, true, rtol=0.5)
+    assert added[0] / added[1] == pytest.approx(2 ** (order + 1), rel=0.25)
+
+
 def test_automatic_steps_shrink_where_the_motion_is_fast() -> None:
     """The pendulum starts slowly; its end then whips round."""
     simulation = pendulum("inertia.scheme=tr_bdf2", f"dt={INTERVAL}", "dt=auto", "time_error.tolerance=1e-5")
@@ -114,7 +164,7 @@ def test_automatic_steps_shrink_where_the_motion_is_fast() -> None:
 
 
 def test_reset_and_restore_bring_estimate_and_steps_back() -> None:
-    simulation = pendulum("inertia.scheme=tr_bdf2", f"dt={INTERVAL}", "dt=auto")
+    simulation = pendulum("inertia.scheme=tr_bdf2", f"dt={INTERVAL}", "dt=auto", "time_error.estimate=global")
 
     def shot() -> bytes:
         e = simulation.state.errors
@@ -165,6 +215,11 @@ def test_a_step_that_cannot_be_saved_leaves_the_state(steps: str) -> None:
             "time_error needs inertia with one of the schemes .* inertia.scheme is 'rk4'",
         ),
         (["time_error={steps='auto', shortest=0.1}"], r"time_error.shortest is 0.1 s; it must be at most dt"),
+        (
+            ["time_error.estimate=local"],
+            "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it",
+        ),
+        (["time_error.estimate=both"], "time_error.estimate is 'both'; .*auto, global, local"),
     ],
 )
 def test_what_it_cannot_estimate_is_refused(words: list[str], message: str) -> None:

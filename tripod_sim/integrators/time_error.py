@@ -42,8 +42,8 @@ class TimeErrorReport:
 
     Attributes:
         effector: Distance of the effector's centre [m]; NaN in a scene without one.
-        largest: Largest distance of a node [m].
-        node: That node.
+        largest: Largest distance of a node [m]; NaN, as the effector's, where the estimate is local.
+        node: That node; -1 where the estimate is local.
         added: Largest distance of a node that the worst part of this step added [m]; NaN where steps have a fixed
             length, which does not need it.
     """
@@ -100,12 +100,16 @@ class ErrorTransport:
 
     Attributes:
         local: Whether it measures `added`, too.
+        carried: Whether it carries the errors along; else it measures `added` alone, and they stay zero.
         order: Of the last step in its length.
     """
 
-    def __init__(self, system: System, inertia: Anchor, mass: FloatArray, *, local: bool) -> None:
-        """`inertia`: the system's; `mass`: of nodes [kg], shape (n,); `local`: whether `added` is asked for."""
-        self._system, self._inertia, self._mass, self.local = system, inertia, mass, local
+    def __init__(
+        self, system: System, inertia: Anchor, mass: FloatArray, *, local: bool, carried: bool = True
+    ) -> None:
+        """`inertia`: the system's; `mass`: of nodes [kg], shape (n,); `local`, `carried`: what is asked for."""
+        self._system, self._inertia, self._mass = system, inertia, mass
+        self.local, self.carried = local, carried
         n = len(mass)
         self.order = 1
         self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))
@@ -156,11 +160,12 @@ class ErrorTransport:
         if state.known == 1:  # the first step: j is known after the second
             state.missing = h
         self.keep_residual(0)
-        state.before[:] = state.error
         factor = -(h**2) / 2
-        self._stage(state.error, 1.0, state.error, 0.0, 0, factor, h, self._left[0], state.error)
-        if keep_rates:
-            self._measure_rates(state, 0, factor, h)
+        if self.carried:
+            state.before[:] = state.error
+            self._stage(state.error, 1.0, state.error, 0.0, 0, factor, h, self._left[0], state.error)
+            if keep_rates:
+                self._measure_rates(state, 0, factor, h)
         self.order = 1
         self._measure_added(0, factor, h)
 
@@ -172,9 +177,12 @@ class ErrorTransport:
         self._differ(state, start, end, u, h, h / a)
         self.keep_residual(0)
         factor = -(h**3) * (1 + ratio) / (6 * a * ratio)
-        self._middle[:] = state.error
-        self._stage(state.error, b / a, state.before, -c / a, 1, factor, h / a, self._left[0], state.error)
-        state.before[:] = self._middle
+        if self.carried:
+            self._middle[:] = state.error
+            self._stage(
+                state.error, b / a, state.before, -c / a, 1, factor, h / a, self._left[0], state.error
+            )
+            state.before[:] = self._middle
         self.order = 2
         self._measure_added(1, factor, h / a)
 
@@ -188,15 +196,18 @@ class ErrorTransport:
         k, p = g * h / 2, 1 / (g * (2 - g))
         self._differ(state, start, end, u, h, k)
         first, second = -((g * h) ** 3) / 12, -((1 - g) ** 2) / (6 * (2 - g)) * h**3
-        middle, q = self._middle, (1 - g) ** 2 * p
-        self._stage(state.error, 1.0, state.before, k, 1, first, k, self._left[0], middle)
-        self._stage(middle, p, state.error, -q, 1, second, k, self._left[1], state.error)
-        self._measure_rates(state, 1, second, k)
+        if self.carried:
+            middle, q = self._middle, (1 - g) ** 2 * p
+            self._stage(state.error, 1.0, state.before, k, 1, first, k, self._left[0], middle)
+            self._stage(middle, p, state.error, -q, 1, second, k, self._left[1], state.error)
+            self._measure_rates(state, 1, second, k)
         self.order = 2
         self._measure_added(1, (-3 * g**2 + 4 * g - 2) / (12 * (2 - g)) * h**3, k)
 
     def report(self, state: ErrorState, added: float) -> TimeErrorReport:
         """Return the distances of `state`; `added`: as in the report [m]."""
+        if not self.carried:
+            return TimeErrorReport(np.nan, np.nan, -1, added)
         largest, node = kernels.furthest(state.error[0])
         of_effector = np.nan
         if self._effector is not None:
@@ -221,7 +232,7 @@ class ErrorTransport:
             end, u, s, h, state.accelerations, state.length, state.known, self._moving, self._differences,
             state.velocities,
         )  # fmt: skip
-        if state.missing and state.known:
+        if self.carried and state.missing and state.known:
             state.error[1] -= state.missing**2 / 2 * self._differences[1]
             state.missing = 0.0
         state.length, state.known = h, min(state.known + 1, 2)

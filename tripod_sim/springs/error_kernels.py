@@ -7,7 +7,12 @@ dampers' and Rayleigh's damping matrix a stage's error is e_x' = e* + d, e_v' = 
     A d = -r - a M w - (K + C / s) e* + C y / s,   A = M / s² + a M / s + C / s + K.
 
 The products on the right are those of the present state, so that a factorisation of an earlier one does little harm:
-what it leaves over is small against the inertia, which is in e*.
+what it leaves over is small against the inertia, which is in e*. What a step adds by itself needs no such care: the
+same with K taken out,
+
+    A e_x' = (M / s² + a M / s + C / s) tau_x + M tau_v / s,
+
+is one solve, without tangents where nothing damps.
 """
 
 from typing import Any, NamedTuple
@@ -61,7 +66,7 @@ class Errors(NamedTuple):
 
 
 class ErrorWork(NamedTuple):
-    """Scratch: known, middle, alone (2, n, 3); y, far, force, move, left, residual, part (n, 3); derivatives (3, n, 3);
+    """Scratch: known, middle (2, n, 3); alone, y, far, force, move, left, residual, part (n, 3); derivatives (3, n, 3);
     damping (m, 6): blocks of C; moving (n,): whether a node is free."""
 
     known: Array
@@ -192,11 +197,74 @@ def _stage(
 
 
 @njit(cache=True, error_model="numpy")
+def _carry(
+    scheme: int,
+    euler: bool,
+    h: float,
+    ratio: float,
+    lead: float,
+    s: float,
+    body: Problem,
+    A: Factor,
+    work: Work,
+    errors: Errors,
+    scratch: ErrorWork,
+) -> None:
+    """Carry `errors` over a step of `h` [s] whose derivatives are known; `euler`, `ratio`, `lead`, `s`: its stages'."""
+    d, number, e, most = scratch.derivatives, errors.numbers, errors.error, MOST_REFINEMENTS
+    if number[MISSING] > 0.0 and number[KNOWN] > 0.0:
+        for n in range(e.shape[1]):
+            for i in range(3):
+                e[1, n, i] -= 0.5 * number[MISSING] ** 2 * d[1, n, i]
+        number[MISSING] = 0.0
+    if euler:
+        if number[KNOWN] == 0.0:
+            number[MISSING] = h
+        factor = -0.5 * h * h
+        errors.before[:] = e
+        _stage(e, 1.0, e, 0.0, 0, factor, s, True, most, body, A, work, scratch, e)
+        if scheme == TR_BDF2:
+            rates(e, scratch.known, d[0], d[1], factor, s, errors.before)
+    elif scheme == BDF2:
+        factor = -(h**3) * (1.0 + ratio) / (6.0 * lead * ratio)
+        scratch.middle[:] = e
+        b, c = (1.0 + ratio) / lead, ratio * ratio / (1.0 + ratio) / lead
+        _stage(e, b, errors.before, -c, 1, factor, s, True, most, body, A, work, scratch, e)
+        errors.before[:] = scratch.middle
+    else:
+        first, second = -((G * h) ** 3) / 12.0, -((1.0 - G) ** 2) / (6.0 * (2.0 - G)) * h**3
+        middle = scratch.middle
+        _stage(e, 1.0, errors.before, s, 1, first, s, False, most, body, A, work, scratch, middle)
+        _stage(middle, P, e, -Q, 1, second, s, True, most, body, A, work, scratch, e)
+        rates(e, scratch.known, d[1], d[2], second, s, errors.before)
+
+
+@njit(cache=True, error_model="numpy")
+def _added(derivative: int, factor: float, s: float, body: Problem, A: Factor, scratch: ErrorWork) -> float:
+    """Return the largest distance of a node that a step with these defects (see `_stage`) adds [m], by one solve."""
+    p, q = scratch.derivatives[derivative], scratch.derivatives[derivative + 1]
+    y, force = scratch.y, scratch.force
+    for n in range(y.shape[0]):
+        mass = body.mass[n] / s
+        weight = mass * (1.0 / s + body.drag)
+        for i in range(3):
+            y[n, i] = factor * p[n, i]
+            force[n, i] = weight * y[n, i] + mass * factor * q[n, i]
+    if body.damped or body.rayleigh > 0.0:
+        add_products(body.links.ends, scratch.damping, y, 1.0 / s, force)
+    scratch.alone[:] = 0.0
+    solve_direct(A, force, body.free, scratch.alone)
+    most, _ = furthest(scratch.alone)
+    return most
+
+
+@njit(cache=True, error_model="numpy")
 def carry_errors(
     scheme: int,
     h: float,
     h_before: float,
     local: bool,
+    carried: bool,
     motion: Motion,
     body: Problem,
     A: Factor,
@@ -211,17 +279,18 @@ def carry_errors(
         scheme: One of the numbers of `implicit_kernels`.
         h, h_before: Lengths of this step and of the one before, zero at a start [s].
         local: Whether to find what the step added, else zero is returned.
+        carried: Whether the errors themselves are carried along, else they stay as they are.
         motion, body, A, options, work: As the step left them.
         errors, scratch: See there.
     """
-    d, number, e = scratch.derivatives, errors.numbers, errors.error
+    number = errors.numbers
     euler = scheme == IMPLICIT_EULER or h_before == 0.0
     ratio = 1.0 if euler else h / h_before
     lead = (1.0 + 2.0 * ratio) / (1.0 + ratio)
     s = h if euler else (h / lead if scheme == BDF2 else 0.5 * G * h)
+    scratch.left[:] = work.g
     for n in range(body.mass.shape[0]):
         for i in range(3):
-            scratch.left[n, i] = work.g[n, i]
             if motion.history[1, n, i] != errors.velocities[n, i]:  # somebody has changed them
                 number[KNOWN] = number[MISSING] = 0.0
     if work.kept[0] != s:
@@ -229,68 +298,33 @@ def carry_errors(
             if renew(motion.x, s, attempt == 1, body, A, options, work):
                 break
         work.kept[0] = s if local else 0.0  # where steps have a fixed length the estimate leaves no trace
-    _tangent_blocks(motion.x, s, body, work)
     if body.damped or body.rayleigh > 0.0:
         _damping_blocks(motion.x, body, work, scratch.damping)
     differences(
-        motion.v, work.u, s, h, errors.accelerations, number[LENGTH], int(number[KNOWN]), scratch.moving, d,
-        errors.velocities,
+        motion.v, work.u, s, h, errors.accelerations, number[LENGTH], int(number[KNOWN]), scratch.moving,
+        scratch.derivatives, errors.velocities,
     )  # fmt: skip
-    if number[MISSING] > 0.0 and number[KNOWN] > 0.0:
-        for n in range(e.shape[1]):
-            for i in range(3):
-                e[1, n, i] -= 0.5 * number[MISSING] ** 2 * d[1, n, i]
-        number[MISSING] = 0.0
+    if carried:
+        _tangent_blocks(motion.x, s, body, work)
+        _carry(scheme, euler, h, ratio, lead, s, body, A, work, errors, scratch)
     number[LENGTH], number[KNOWN] = h, min(number[KNOWN] + 1.0, 2.0)
-    if euler:
-        if number[KNOWN] == 1.0:
-            number[MISSING] = h
-        derivative, factor = 0, -0.5 * h * h
-        errors.before[:] = e
-        _stage(e, 1.0, e, 0.0, 0, factor, s, True, MOST_REFINEMENTS, body, A, work, scratch, e)
-        if scheme == TR_BDF2:
-            rates(e, scratch.known, d[0], d[1], factor, s, errors.before)
-    elif scheme == BDF2:
-        derivative, factor = 1, -(h**3) * (1.0 + ratio) / (6.0 * lead * ratio)
-        scratch.middle[:] = e
-        b, c = (1.0 + ratio) / lead, ratio * ratio / (1.0 + ratio) / lead
-        _stage(e, b, errors.before, -c, 1, factor, s, True, MOST_REFINEMENTS, body, A, work, scratch, e)
-        errors.before[:] = scratch.middle
-    else:
-        derivative = 1
-        first, second = -((G * h) ** 3) / 12.0, -((1.0 - G) ** 2) / (6.0 * (2.0 - G)) * h**3
-        _stage(
-            e,
-            1.0,
-            errors.before,
-            s,
-            1,
-            first,
-            s,
-            False,
-            MOST_REFINEMENTS,
-            body,
-            A,
-            work,
-            scratch,
-            scratch.middle,
-        )
-        _stage(scratch.middle, P, e, -Q, 1, second, s, True, MOST_REFINEMENTS, body, A, work, scratch, e)
-        rates(e, scratch.known, d[1], d[2], second, s, errors.before)
-        factor = (-3.0 * G**2 + 4.0 * G - 2.0) / (12.0 * (2.0 - G)) * h**3
     added = 0.0
     if local:
-        alone = scratch.alone
-        _stage(alone, 0.0, alone, 0.0, derivative, factor, s, False, 0, body, A, work, scratch, alone)
-        added, _ = furthest(alone[0])
+        derivative, factor = 1, (-3.0 * G**2 + 4.0 * G - 2.0) / (12.0 * (2.0 - G)) * h**3
+        if euler:
+            derivative, factor = 0, -0.5 * h * h
+        elif scheme == BDF2:
+            factor = -(h**3) * (1.0 + ratio) / (6.0 * lead * ratio)
+        added = _added(derivative, factor, s, body, A, scratch)
     return 1 if euler else 2, added
 
 
 @njit(cache=True, error_model="numpy")
-def _copy(motion: Motion, errors: Errors, to: Motion, errors_to: Errors) -> None:
+def _copy(motion: Motion, errors: Errors, carried: bool, to: Motion, errors_to: Errors) -> None:
     to.x[:], to.v[:], to.history[:] = motion.x, motion.v, motion.history
     to.past[:], to.clock[:] = motion.past, motion.clock
-    errors_to.error[:], errors_to.before[:] = errors.error, errors.before
+    if carried:
+        errors_to.error[:], errors_to.before[:] = errors.error, errors.before
     errors_to.velocities[:], errors_to.accelerations[:] = errors.velocities, errors.accelerations
     errors_to.numbers[:] = errors.numbers
 
@@ -300,6 +334,7 @@ def estimated_interval(
     scheme: int,
     dt: float,
     auto: bool,
+    carried: bool,
     tolerance: float,
     shortest: float,
     smallest: float,
@@ -314,12 +349,13 @@ def estimated_interval(
     scratch: ErrorWork,
     counts: Array,
 ) -> tuple[int, int, int, int, float]:
-    """Advance by an interval `dt` [s] and carry the errors along, in parts where needed or chosen.
+    """Advance by an interval `dt` [s] and estimate the errors, in parts where needed or chosen.
 
     Args:
         scheme: One of the numbers of `implicit_kernels`.
         dt: [s].
         auto: Whether the parts are as long as `tolerance` allows, else one where possible.
+        carried: Whether the errors are carried along, else `errors` serves to find what a part adds alone.
         tolerance: Distance that a part may add [m].
         shortest: Length of a part that is accepted whatever it adds [s].
         smallest: That is tried where Newton's method fails [s].
@@ -340,7 +376,7 @@ def estimated_interval(
         same = max(1.0, np.rint(left / max(number[LENGTH], SAME * length)))
         if SAME * length <= number[LENGTH] <= length and abs(left - same * number[LENGTH]) < 1e-9 * left:
             h, pieces = number[LENGTH], same  # to the bit: its factorisation serves again
-        _copy(motion, errors, kept, kept_errors)
+        _copy(motion, errors, carried, kept, kept_errors)
         before = motion.clock[0]
         outcome, _ = implicit_steps(
             scheme, 1, h, motion.x, motion.v, motion.history, motion.past, motion.clock, body, A, options, work, counts
@@ -351,10 +387,12 @@ def estimated_interval(
             if length < smallest:
                 return outcome, parts, rejected, failed, worst
             continue
-        order, added = carry_errors(scheme, h, before, auto, motion, body, A, options, work, errors, scratch)
+        order, added = carry_errors(
+            scheme, h, before, auto, carried, motion, body, A, options, work, errors, scratch
+        )
         ratio, k = added / tolerance, order + 1.0
         if auto and not ratio <= 1.0 and h > shortest * (1.0 + 1e-9):  # so that NaN counts as too much
-            _copy(kept, kept_errors, motion, errors)
+            _copy(kept, kept_errors, carried, motion, errors)
             rejected += 1
             shrink = max(SAFETY * ratio ** (-1.0 / k), SHRINK) if np.isfinite(ratio) else 0.5
             length, again = max(h * shrink, shortest), True

@@ -19,7 +19,7 @@ NUMBERS = ("known", "length", "missing", "proposed", "last")
 
 
 class EstimatedSprings:
-    """Advances a spring body by implicit Euler, BDF2 or TR-BDF2 and carries the error of that along.
+    """Advances a spring body by implicit Euler, BDF2 or TR-BDF2 and estimates the error of that.
 
     With `steps = "auto"` a step is divided into equal parts as long as the tolerance allows, and again where that
     changes on the way.
@@ -39,9 +39,10 @@ class EstimatedSprings:
         """`wanted`: the scene's table; the others as for `ImplicitSprings`, `options` of the direct solver."""
         self._solver = SpringSolver(system, options, drag=drag, rayleigh=rayleigh, moving=True)
         self._scheme, self._halvings, self._wanted = SCHEMES[scheme], max_halvings, wanted
+        self._carried = wanted.estimate == "global" or (wanted.estimate == "auto" and wanted.steps == "fixed")
         n, m = len(system.body.nodes), len(system.body.ends)
         self._history, self._past, self._clock = np.zeros((5, n, 3)), np.zeros((3, m)), np.zeros(1)
-        scratch = [*np.zeros((3, 2, n, 3)), *np.zeros((7, n, 3)), np.zeros((3, n, 3)), np.zeros((m, 6))]
+        scratch = [*np.zeros((2, 2, n, 3)), *np.zeros((8, n, 3)), np.zeros((3, n, 3)), np.zeros((m, 6))]
         self._scratch = kernels.ErrorWork._make([*scratch, system.mass > 0])
         kept = [*np.zeros((2, n, 3)), np.zeros((5, n, 3)), np.zeros((3, m)), np.zeros(1)]
         self._kept = kernels.Motion._make(kept)
@@ -68,8 +69,9 @@ class EstimatedSprings:
         motion = kernels.Motion(state.positions, state.velocities, self._history, self._past, self._clock)
         smallest = 0.999 * min(dt, wanted.shortest if auto else dt) * 0.5**self._halvings
         outcome, parts, rejected, failed, worst = kernels.estimated_interval(
-            self._scheme, dt, auto, wanted.tolerance, wanted.shortest, smallest, motion, errors, self._kept,
-            self._kept_errors, solver.problem, solver.factor, solver.options, solver.work, self._scratch, solver.counts,
+            self._scheme, dt, auto, self._carried, wanted.tolerance, wanted.shortest, smallest, motion, errors,
+            self._kept, self._kept_errors, solver.problem, solver.factor, solver.options, solver.work, self._scratch,
+            solver.counts,
         )  # fmt: skip
         if outcome != SOLVED:
             self._origin.copy_to(state)
@@ -85,7 +87,7 @@ class EstimatedSprings:
         state.step += 1
         report = solver.report(parts)
         report.rejected, report.halvings = rejected, failed
-        largest, node = furthest(estimate.error[0])
+        largest, node = furthest(estimate.error[0]) if self._carried else (np.nan, -1)
         added = worst if auto else np.nan
         report.time_error = TimeErrorReport(np.nan, float(largest), int(node), float(added))
         return report

@@ -40,11 +40,15 @@ class TimeError:
             file or override says `dt = "auto"` for short; dt stays the interval of commands and outputs.
         tolerance: Error that a part of a step may add to the position of any node [m].
         shortest: Length of a part that is accepted whatever its error [s].
+        estimate: `global`: the error since the start is carried along and told; `local`: only what each part of a step
+            adds is estimated, which is all that `steps = "auto"` needs, and cheaper; `auto`: `local` where a body of
+            springs takes automatic steps, else `global`.
     """
 
     steps: str = one_of("fixed", "auto", default="fixed")
     tolerance: float = number(1e-6, unit="m", above=0, high=1.0)
     shortest: float = number(1e-6, unit="s", low=1e-9, high=1.0)
+    estimate: str = one_of("auto", "global", "local", default="auto")
 
 
 @dataclass(frozen=True)
