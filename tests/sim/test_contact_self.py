@@ -82,3 +82,43 @@ def test_without_self_contact_it_lies_in_itself(tmp_path: Path) -> None:
         passed |= passes_itself(simulation)
     assert passed
     assert lowest_of_fold(simulation, right) < 1.1 * DISTANCE
+
+
+@pytest.mark.parametrize("response", MODES)
+@pytest.mark.parametrize("speed", [0.0, 30.0])
+def test_a_second_sheet_of_the_same_file_lies_on_the_first(
+    tmp_path: Path, response: str, speed: float
+) -> None:
+    """Two soft bodies: the lower one is held at its corners, the upper one, turned by 20 degrees, falls on it."""
+    lower = [(0.1 * i - 0.2, 0.1 * j - 0.2, 0.0) for i in range(5) for j in range(5)]
+    turn = np.deg2rad(20)
+    upper = [
+        (0.6 * (x * np.cos(turn) - y * np.sin(turn)), 0.6 * (x * np.sin(turn) + y * np.cos(turn)), 0.03)
+        for x, y, _ in lower
+    ]
+    cells = [(5 * i + j + 1, 5 * i + j + 6, 5 * i + j + 7, 5 * i + j + 2) for i in range(4) for j in range(4)]
+    text = "".join(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in (*lower, *upper))
+    for first in (0, 25):
+        text += "".join("f " + " ".join(str(n + first) for n in cell) + "\n" for cell in cells)
+    (tmp_path / "sheets.obj").write_text(text)
+    simulation = Simulation(
+        load_scene(
+            "drape",
+            [
+                f"springs.source={tmp_path / 'sheets.obj'}", "springs.fixed_nodes=[0, 4, 20, 24]",
+                "springs.position=[0, 0, 0]", "springs.node_mass=0.001", "obstacles=[]", "contact.self_contact=true",
+                f"contact.response={response}", f"contact.contact_distance={DISTANCE}",
+                f"contact.alarm_distance={3 * DISTANCE}", "damping.mass=10", "sleep=off",
+            ],
+        )
+    )  # fmt: skip
+    x = simulation.state.positions
+    x[:, 2] += np.random.default_rng(1).uniform(0, 5e-4, len(x)) * ~np.isin(np.arange(50), [0, 4, 20, 24])
+    simulation.state.velocities[25:, 2] = -speed
+    for _ in range(150):
+        simulation.step()
+        assert not passes_itself(simulation)
+    assert simulation.positions[25:, 2].min() > simulation.positions[:25, 2].min()
+    assert (
+        np.abs(simulation.state.velocities).max() < 0.2
+    )  # it lies there: 1.5 s of free fall would be 15 m/s

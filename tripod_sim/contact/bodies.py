@@ -102,7 +102,10 @@ class SpringNodes:
         body = system.body
         self._system, self._drag, self._rayleigh = system, drag, rayleigh
         self.unknowns, self._free = system.unknowns, body.free
-        self.pattern, diagonal, off = system.pattern()
+        sides = body.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(
+            -1, 2
+        )  # a contact joins the corners of a triangle
+        self.pattern, diagonal, off = system.pattern(sides)
         self._slots = _Slots(self.pattern.data, diagonal, off)
         self.base = np.where(system.number >= 0, 3 * system.number, -1)
         self.width, self.held = np.full(len(self.base), 3), self.base < 0

@@ -66,6 +66,19 @@ def _find(indptr: Array, indices: Array, row: int, column: int) -> int:
 
 
 @njit(cache=True, error_model="numpy")
+def _fits(c: Contacts, k: int, indptr: Array, indices: Array) -> bool:
+    """Return whether the pattern has a place for every pair of unknowns of contact k."""
+    for b in range(4):
+        if c.base[k, b] < 0:
+            break
+        for a in range(b):
+            row, column = c.base[k, a], c.base[k, b]
+            if _find(indptr, indices, min(row, column), max(row, column)) < 0:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
 def add_hessian(
     c: Contacts,
     count: int,
@@ -77,6 +90,9 @@ def add_hessian(
     places: Array,
 ) -> int:
     """Add the Hessian of sum of P to an upper triangle, CSC; what its pattern has no place for goes to `outside`.
+
+    Of a contact for which the pattern has not all places, everything between its two sides (weights of unlike sign)
+    goes there: what each side has with itself is positive, some of what is between them without the rest is not.
 
     Args:
         c, count, u: Contacts and unknowns.
@@ -92,6 +108,7 @@ def add_hessian(
     for k in range(count):
         if not _curvature(c, k, u, H):
             continue
+        fits = _fits(c, k, indptr, indices)
         for b in range(4):
             if c.base[k, b] < 0:
                 break
@@ -112,7 +129,8 @@ def add_hessian(
                 for i in range(tall):
                     for j in range(wide):
                         M[i, j] = A[0, i] * HB[0, j] + A[1, i] * HB[1, j] + A[2, i] * HB[2, j]
-                if _find(indptr, indices, row, column) < 0:
+                between = not fits and c.lump[k, a] * c.lump[k, b] < 0.0
+                if between or _find(indptr, indices, row, column) < 0:
                     if found < outside.shape[0]:
                         outside[found, :tall, :wide] = M[:tall, :wide]
                         places[found, 0], places[found, 1], places[found, 2], places[found, 3] = (

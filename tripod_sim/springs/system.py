@@ -87,17 +87,20 @@ class SpringSystem:
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
         return sparse.csc_matrix(entries, shape=(self.unknowns, self.unknowns))
 
-    def pattern(self) -> tuple[Any, IndexArray, IndexArray]:
+    def pattern(self, pairs: IndexArray | None = None) -> tuple[Any, IndexArray, IndexArray]:
         """Return where the Hessian of free nodes has entries: the upper triangle, CSC, and places in its data.
 
+        `pairs`, shape (k, 2), are nodes that have entries with each other besides those that springs join.
         The second and third are where column c of a free node's diagonal block begins, shape (free, 3), and of each
         spring's off-diagonal block, shape (m, 3), -1 where an end is fixed.
         """
         count, n = len(self.body.free), self.unknowns
-        a, b = np.sort(self.number[self.body.ends], axis=1).T
+        joined = self.body.ends if pairs is None else np.concatenate([self.body.ends, pairs])
+        a, b = np.sort(self.number[joined], axis=1).T
         there = a >= 0
         own = np.arange(count)
         block = np.unique(np.concatenate([own * (count + 1), b[there] * count + a[there]]))
+        a, b, there = (values[: len(self.body.ends)] for values in (a, b, there))
         column, row = block // count, block % count
         c, r = np.arange(3)[None, :, None], np.arange(3)[None, None, :]
         rows = np.broadcast_to(3 * row[:, None, None] + r, (len(block), 3, 3))
