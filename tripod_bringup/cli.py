@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup import explain_command, study_cli
+from tripod_bringup import explain_command, ik_cli, play_cli, robot_cli, study_cli
 from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
+from tripod_bringup.options import Json, Overrides, Quiet, SceneName, Subnet, examples
 
 app = typer.Typer(
     name="tripod",
@@ -21,11 +22,6 @@ app = typer.Typer(
 )
 bag = typer.Typer(help="Look into recordings.", no_args_is_help=True)
 app.add_typer(bag, name="bag")
-
-
-def examples(*lines: str) -> str:
-    """Return the epilogue of a help page: one example a line."""
-    return "Examples:\n" + "\n".join(f"[dim]$[/] {line}" for line in lines)
 
 
 def _version(wanted: bool) -> None:
@@ -79,15 +75,12 @@ def run(
     slide: Annotated[
         str | None, typer.Option(help='Inward slide \\[m]: a number, or "time:value; ...".')
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
-    ] = None,
+    set_: Overrides = None,
     out: Annotated[Path | None, typer.Option(help="Write the motion to this .npz file.")] = None,
     accuracy: Accuracy = None,
     study: Study = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Simulate a scene, as fast as it goes, without ROS."""
     from tripod_bringup.run_command import run_scene  # noqa: PLC0415
@@ -108,7 +101,7 @@ def run(
     )
 
 
-explain_command.register(app, examples)
+app.add_typer(explain_command.commands)
 
 
 app.command("study", help=study_cli.HELP, epilog=examples(*study_cli.EXAMPLES))(study_cli.study)
@@ -137,7 +130,7 @@ def up(
         typer.Argument(metavar="NODE.NAME:=VALUE", help="More parameters, of sim, ik, driver, view, record."),
     ] = None,
     *,
-    scene: Annotated[str, typer.Option(help="Name of a scene, or path of a scene file.")] = "tripod",
+    scene: SceneName = "tripod",
     port: Annotated[str, typer.Option(help="Serial port of the servos, as for `tripod driver`.")] = "mock",
     record: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Record everything into a new file here.")
@@ -155,7 +148,7 @@ def up(
     ] = None,
     accuracy: Accuracy = None,
     study: Study = None,
-    subnet: Annotated[bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")] = False,
+    subnet: Subnet = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show all that the nodes log.")] = False,
 ) -> None:
     """Start the whole chain; the help is `UP_HELP`."""
@@ -179,179 +172,6 @@ def up(
     )
 
 
-@app.command(
-    epilog=examples(
-        "tripod doctor", "tripod doctor --ask", "tripod doctor --json", "tripod doctor --record /data"
-    )
-)
-def doctor(
-    *,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    record: Annotated[Path, typer.Option(metavar="DIR", help="Where recordings would go.")] = Path(
-        "recordings"
-    ),
-    ask: Annotated[
-        bool,
-        typer.Option(
-            "--ask",
-            help="Ask each board for its firmware and time the answer. Opening a port resets most boards; with the "
-            "workshop's firmware the servos may jump.",
-        ),
-    ] = False,
-) -> None:
-    """Check this machine and say what to do; exit code 1 if something must be done."""
-    from tripod_bringup.doctor_command import doctor_command  # noqa: PLC0415
-
-    raise typer.Exit(doctor_command(record, as_json=json, ask=ask))
-
-
-@app.command(
-    epilog=examples(
-        "tripod calibrate",
-        "tripod calibrate robot.yaml --port /dev/ttyACM0",
-        "tripod calibrate --protocol legacy",
-    )
-)
-def calibrate(
-    file: Annotated[
-        Path, typer.Argument(help="Calibration to write; where it exists, it is where to begin.")
-    ] = Path("calibration.yaml"),
-    *,
-    port: Annotated[str, typer.Option(help="Where the servos are, as for `tripod driver`.")] = "auto",
-    protocol: Annotated[
-        str, typer.Option(help="framed, legacy or ascii, as for `tripod driver`.")
-    ] = "framed",
-    baud: Annotated[
-        int, typer.Option(min=0, max=4_000_000, help="Bits a second; 0: as the protocol has it.")
-    ] = 0,
-    boot_time: Annotated[
-        float,
-        typer.Option(min=0.0, max=30.0, help="Time that the board needs after its port was opened \\[s]."),
-    ] = 2.0,
-) -> None:
-    """Find the calibration of the servos by hand: keys turn one shaft at a time, slowly; space stops."""
-    from tripod_bringup.calibrate_command import calibrate_command  # noqa: PLC0415
-
-    raise typer.Exit(calibrate_command(port, file, protocol=protocol, baud=baud, boot_time=boot_time))
-
-
-@app.command(
-    epilog=examples(
-        "make -C firmware && tripod flash", "tripod flash --port /dev/ttyACM0", "tripod flash --baud 57600"
-    )
-)
-def flash(
-    file: Annotated[
-        Path | None, typer.Argument(help="A .hex or .elf file; by default what `make -C firmware` makes.")
-    ] = None,
-    *,
-    port: Annotated[
-        str, typer.Option(help="Path of the device; auto: the one port with a known board.")
-    ] = "auto",
-    baud: Annotated[int, typer.Option(min=1200, max=4_000_000, help="Speed of the boot loader.")] = 115200,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command and do nothing.")] = False,
-) -> None:
-    """Write the firmware to the board, by avrdude; builds nothing."""
-    from tripod_bringup.flash import flash_command  # noqa: PLC0415
-
-    raise typer.Exit(flash_command(port, file, baud=baud, dry_run=dry_run))
-
-
-@app.command(
-    epilog=examples(
-        "tripod path tilts.csv", "tripod path tilts.json --speed 4", "tripod path tilts.csv --live"
-    )
-)
-def path(
-    file: Annotated[
-        Path, typer.Argument(help="CSV or JSON: time and tilt_x, tilt_y (or tilt_x, tilt_z, or x, y, z).")
-    ],
-    *,
-    scene: Annotated[str, typer.Option(help="Name of a scene, or path of a scene file.")] = "maze",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
-    ] = None,
-    speed: Annotated[
-        float,
-        typer.Option(help="Speed that the servos can keep \\[rad/s]; faster stretches are slowed down."),
-    ] = 6.0,
-    live: Annotated[
-        bool, typer.Option("--live", help="Play it in the graph: `tripod up ik.goal:=orientation` must run.")
-    ] = False,
-    subnet: Annotated[bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
-) -> None:
-    """Play a path file through inverse kinematics, and say where the servos are too slow for it."""
-    from tripod_bringup.play_command import path_command  # noqa: PLC0415
-
-    raise typer.Exit(
-        path_command(
-            file, scene=scene, overrides=set_ or [], speed=speed, live=live, subnet=subnet, as_json=json, quiet=quiet
-        )
-    )  # fmt: skip
-
-
-@app.command(
-    epilog=examples(
-        "tripod solve",
-        "tripod solve holes --seed 3",
-        "tripod solve random:7 --games 20 --json",
-        "tripod solve labyrinth --live",
-    )
-)
-def solve(
-    maze: Annotated[
-        str,
-        typer.Argument(
-            help="Name of a maze, random:SEED, or the path of a .txt file; the scene's own by default."
-        ),
-    ] = "",
-    *,
-    scene: Annotated[str, typer.Option(help="Name of a scene, or path of a scene file.")] = "maze",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the noise of the first game.")] = 0,
-    games: Annotated[int, typer.Option(min=1, max=10_000, help="How many, with one seed more each.")] = 1,
-    noise: Annotated[float, typer.Option(help="Of the ball's seen position \\[m].")] = 3e-4,
-    delay: Annotated[float, typer.Option(help="Of the ball's seen position \\[s].")] = 0.05,
-    limit: Annotated[float, typer.Option(help="Time after which a game is given up \\[s].")] = 120.0,
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live", help="Solve in the graph: `tripod up --scene maze ik.goal:=orientation` must run."
-        ),
-    ] = False,
-    subnet: Annotated[bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
-) -> None:
-    """Roll the ball through the maze without a hand; exit code 1 if a game is not won."""
-    from tripod_bringup.play_command import solve_command  # noqa: PLC0415
-
-    raise typer.Exit(
-        solve_command(
-            maze, scene=scene, overrides=set_ or [], seed=seed, games=games, noise=noise, delay=delay, limit=limit,
-            live=live, subnet=subnet, as_json=json, quiet=quiet,
-        )
-    )  # fmt: skip
-
-
-@app.command(epilog=examples("tripod maze", "tripod maze holes", "tripod maze random:7:9x5 > my.txt"))
-def maze(
-    source: Annotated[
-        str, typer.Argument(help="Name of a maze, random:SEED or random:SEED:COLUMNSxROWS.")
-    ] = "",
-) -> None:
-    """Print a maze as text, to play or to change; without an argument the names of the shipped ones."""
-    from tripod_bringup.play_command import maze_command  # noqa: PLC0415
-
-    raise typer.Exit(maze_command(source))
-
-
 @bag.command(
     epilog=examples(
         "tripod bag info recordings/tripod_2030-01-31_12-00-00",
@@ -370,139 +190,22 @@ def info(
     raise typer.Exit(info_command(file, as_json=json, check=check))
 
 
-@app.command(
-    epilog=examples(
-        "tripod reach",
-        "tripod reach tripod --out reach.csv --plot reach.png",
-        "tripod reach --slide 0.03 --count 7 --torque-max 0.12 --json",
-    )
-)
-def reach(
-    scene: Annotated[str, typer.Argument(help="Name of a scene, or path of a scene file.")] = "tripod",
-    *,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
-    ] = None,
-    slide: Annotated[float, typer.Option(help="Inward slide \\[m].")] = 0.035,
-    low: Annotated[float | None, typer.Option(help="Smallest angle \\[rad]; the scene's by default.")] = None,
-    high: Annotated[
-        float | None, typer.Option(help="Largest angle \\[rad]; by default where the strips are stretched.")
-    ] = None,
-    count: Annotated[int, typer.Option(min=2, max=101, help="Angles of each servo to try.")] = 11,
-    torque_max: Annotated[float, typer.Option(help="Torque that a servo can bear \\[N m].")] = 0.17,
-    out: Annotated[Path | None, typer.Option(help="Write every pose to this CSV file.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw it into this .png, .svg or .pdf file.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")] = False,
-) -> None:
-    """Compute what the effector can reach: positions, heights, tilts, and what torque is left."""
-    from tripod_bringup.reach_command import reach_command  # noqa: PLC0415
-
-    raise typer.Exit(
-        reach_command(
-            scene,
-            overrides=set_ or [],
-            slide=slide,
-            low=low,
-            high=high,
-            count=count,
-            torque_max=torque_max,
-            out=out,
-            plot=plot,
-            as_json=json,
-            quiet=quiet,
-        )
-    )
-
-
-IK_HELP = (
-    "Run inverse kinematics: target poses in, servo angles out.\n\n"
-    "With --target it solves once, without ROS, prints angles, residual, torques and active limits, and ends. "
-    "Exit codes then: 0 reached, 1 not reached, 2 bad arguments. All other options belong to --target."
-)
-
-
-@app.command("ik", cls=NodeCommand, help=IK_HELP, epilog=examples(*NODES["ik"].examples))
-def ik(
-    values: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters of the node; see below.")
-    ] = None,
-    *,
-    target: Annotated[
-        str | None, typer.Option(metavar='"X Y Z"', help="Where the effector is to be \\[m]: solve once.")
-    ] = None,
-    goal: Annotated[
-        str, typer.Option(help="What is asked for: position, orientation (tilt and height), or pose (both).")
-    ] = "position",
-    tilt: Annotated[str, typer.Option(metavar='"ROLL PITCH"', help="Tilt wanted \\[rad].")] = "0 0",
-    scene: Annotated[str, typer.Option(help="Name of a scene, or path of a scene file.")] = "tripod",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
-    ] = None,
-    slide: Annotated[float, typer.Option(help="Inward slide \\[m].")] = 0.035,
-    start: Annotated[
-        str | None,
-        typer.Option(metavar='"A B C"', help="Angles \\[rad] whose branch is taken; the working pose."),
-    ] = None,
-    torque_max: Annotated[
-        float | None, typer.Option(help="Largest torque of a servo \\[N m]; none by default.")
-    ] = None,
-    box: Annotated[
-        str | None,
-        typer.Option(metavar='"X Y Z X Y Z"', help="Smallest and largest corner for the effector \\[m]."),
-    ] = None,
-    hard: Annotated[bool, typer.Option("--hard", help="Torque and box are hard limits, not soft.")] = False,
-    any_branch: Annotated[
-        bool, typer.Option("--any-branch", help="A pose beyond a fold will do, too.")
-    ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object (with --target).")] = False,
-    subnet: Annotated[bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")] = False,
-) -> None:
-    """Run the node, or solve once; the help is `IK_HELP`."""
-    if target is None:
-        raise typer.Exit(run_node_command("ik", values or [], subnet=subnet))
-    if values:
-        print(
-            f"tripod ik: {values[0]!r} is a parameter of the node; with --target give options",
-            file=sys.stderr,
-        )
-        raise typer.Exit(2)
-    from tripod_bringup.ik_command import solve_command  # noqa: PLC0415
-
-    raise typer.Exit(
-        solve_command(
-            target,
-            scene=scene,
-            overrides=set_ or [],
-            goal=goal,
-            tilt=tilt,
-            slide=slide,
-            start=start,
-            torque_max=torque_max,
-            hard=hard,
-            box=box,
-            any_branch=any_branch,
-            as_json=json,
-        )
-    )
-
-
 def _add_node_command(name: str, node: NodeInfo) -> None:
     def command(
         values: Annotated[
             list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters; see the table below.")
         ] = None,
         *,
-        subnet: Annotated[
-            bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")
-        ] = False,
+        subnet: Subnet = False,
     ) -> None:
         raise typer.Exit(run_node_command(name, values or [], subnet=subnet))
 
     app.command(name, cls=NodeCommand, help=node.help, epilog=examples(*node.examples))(command)
 
+
+app.add_typer(robot_cli.commands)
+app.add_typer(ik_cli.commands)
+app.add_typer(play_cli.commands)
 
 for _name, _node in NODES.items():
     if _name != "ik":

@@ -3,13 +3,14 @@
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tripod_bringup.options import Json, Overrides, examples
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 
 if TYPE_CHECKING:
@@ -26,41 +27,39 @@ HELP = (
 )
 
 
-def register(app: typer.Typer, examples: Callable[..., str]) -> None:
-    """Add the command to `app`; `examples` writes the end of its help."""
+commands = typer.Typer()
 
-    @app.command(
-        help=HELP,
-        epilog=examples(
-            "tripod explain tripod",
-            "tripod explain maze --set mesh.level=1",
-            "tripod explain drape --at 1.5 --no-costs",
-            "tripod explain pendulum --json",
-            "tripod explain tripod --error",
-        ),
-    )
-    def explain(
-        scene: Annotated[str, typer.Argument(help="Name of a shipped scene, or path of a scene file.")],
-        *,
-        set_: Annotated[
-            list[str] | None,
-            typer.Option("--set", metavar="PATH=VALUE", help="Set a field of the scene; repeatable."),
-        ] = None,
-        at: Annotated[
-            float | None, typer.Option(help="Simulated time of the steps that are timed \\[s].")
-        ] = None,
-        costs: Annotated[
-            bool, typer.Option("--costs/--no-costs", help="Measure what absent effects would cost.")
-        ] = True,
-        error: Annotated[bool, typer.Option("--error", help="Estimate the error of the mesh, too.")] = False,
-        json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress note.")] = False,
-    ) -> None:
-        raise typer.Exit(
-            explain_command(
-                scene, overrides=set_ or [], at=at, costs=costs, error=error, as_json=json, quiet=quiet
-            )
+
+@commands.command(
+    help=HELP,
+    epilog=examples(
+        "tripod explain tripod",
+        "tripod explain maze --set mesh.level=1",
+        "tripod explain drape --at 1.5 --no-costs",
+        "tripod explain pendulum --json",
+        "tripod explain tripod --error",
+    ),
+)
+def explain(
+    scene: Annotated[str, typer.Argument(help="Name of a shipped scene, or path of a scene file.")],
+    *,
+    set_: Overrides = None,
+    at: Annotated[
+        float | None, typer.Option(help="Simulated time of the steps that are timed \\[s].")
+    ] = None,
+    costs: Annotated[
+        bool, typer.Option("--costs/--no-costs", help="Measure what absent effects would cost.")
+    ] = True,
+    error: Annotated[bool, typer.Option("--error", help="Estimate the error of the mesh, too.")] = False,
+    json: Json = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress note.")] = False,
+) -> None:
+    """Show what a scene costs here; the help is `HELP`."""
+    raise typer.Exit(
+        explain_command(
+            scene, overrides=set_ or [], at=at, costs=costs, error=error, as_json=json, quiet=quiet
         )
+    )
 
 
 def explain_command(

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from tripod_bringup.options import Json
 from tripod_bringup.study_plans import PLANS
 
 HELP = (
@@ -57,7 +58,7 @@ def study(
     full: Annotated[
         bool, typer.Option("--full", help="Report: all combinations of the values, not one varied at a time.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar.")] = False,
 ) -> None:
     """Run studies; the help is `HELP`."""

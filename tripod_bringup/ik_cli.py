@@ -1,0 +1,125 @@
+"""Options and help of inverse kinematics: `reach`, `ik`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripod_bringup.node_command import NODES, NodeCommand, run_node_command
+from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples
+
+commands = typer.Typer()
+
+
+@commands.command(
+    epilog=examples(
+        "tripod reach",
+        "tripod reach tripod --out reach.csv --plot reach.png",
+        "tripod reach --slide 0.03 --count 7 --torque-max 0.12 --json",
+    )
+)
+def reach(
+    scene: SceneArgument = "tripod",
+    *,
+    set_: Overrides = None,
+    slide: Annotated[float, typer.Option(help="Inward slide \\[m].")] = 0.035,
+    low: Annotated[float | None, typer.Option(help="Smallest angle \\[rad]; the scene's by default.")] = None,
+    high: Annotated[
+        float | None, typer.Option(help="Largest angle \\[rad]; by default where the strips are stretched.")
+    ] = None,
+    count: Annotated[int, typer.Option(min=2, max=101, help="Angles of each servo to try.")] = 11,
+    torque_max: Annotated[float, typer.Option(help="Torque that a servo can bear \\[N m].")] = 0.17,
+    out: Annotated[Path | None, typer.Option(help="Write every pose to this CSV file.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw it into this .png, .svg or .pdf file.")] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute what the effector can reach: positions, heights, tilts, and what torque is left."""
+    from tripod_bringup.reach_command import reach_command  # noqa: PLC0415
+
+    raise typer.Exit(
+        reach_command(
+            scene,
+            overrides=set_ or [],
+            slide=slide,
+            low=low,
+            high=high,
+            count=count,
+            torque_max=torque_max,
+            out=out,
+            plot=plot,
+            as_json=json,
+            quiet=quiet,
+        )
+    )
+
+
+IK_HELP = (
+    "Run inverse kinematics: target poses in, servo angles out.\n\n"
+    "With --target it solves once, without ROS, prints angles, residual, torques and active limits, and ends. "
+    "Exit codes then: 0 reached, 1 not reached, 2 bad arguments. All other options belong to --target."
+)
+
+
+@commands.command("ik", cls=NodeCommand, help=IK_HELP, epilog=examples(*NODES["ik"].examples))
+def ik(
+    values: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters of the node; see below.")
+    ] = None,
+    *,
+    target: Annotated[
+        str | None, typer.Option(metavar='"X Y Z"', help="Where the effector is to be \\[m]: solve once.")
+    ] = None,
+    goal: Annotated[
+        str, typer.Option(help="What is asked for: position, orientation (tilt and height), or pose (both).")
+    ] = "position",
+    tilt: Annotated[str, typer.Option(metavar='"ROLL PITCH"', help="Tilt wanted \\[rad].")] = "0 0",
+    scene: SceneName = "tripod",
+    set_: Overrides = None,
+    slide: Annotated[float, typer.Option(help="Inward slide \\[m].")] = 0.035,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar='"A B C"', help="Angles \\[rad] whose branch is taken; the working pose."),
+    ] = None,
+    torque_max: Annotated[
+        float | None, typer.Option(help="Largest torque of a servo \\[N m]; none by default.")
+    ] = None,
+    box: Annotated[
+        str | None,
+        typer.Option(metavar='"X Y Z X Y Z"', help="Smallest and largest corner for the effector \\[m]."),
+    ] = None,
+    hard: Annotated[bool, typer.Option("--hard", help="Torque and box are hard limits, not soft.")] = False,
+    any_branch: Annotated[
+        bool, typer.Option("--any-branch", help="A pose beyond a fold will do, too.")
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object (with --target).")] = False,
+    subnet: Subnet = False,
+) -> None:
+    """Run the node, or solve once; the help is `IK_HELP`."""
+    if target is None:
+        raise typer.Exit(run_node_command("ik", values or [], subnet=subnet))
+    if values:
+        print(
+            f"tripod ik: {values[0]!r} is a parameter of the node; with --target give options",
+            file=sys.stderr,
+        )
+        raise typer.Exit(2)
+    from tripod_bringup.ik_command import solve_command  # noqa: PLC0415
+
+    raise typer.Exit(
+        solve_command(
+            target,
+            scene=scene,
+            overrides=set_ or [],
+            goal=goal,
+            tilt=tilt,
+            slide=slide,
+            start=start,
+            torque_max=torque_max,
+            hard=hard,
+            box=box,
+            any_branch=any_branch,
+            as_json=json,
+        )
+    )

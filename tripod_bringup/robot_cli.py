@@ -1,0 +1,88 @@
+"""Options and help of what looks after the robot: `doctor`, `calibrate`, `flash`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripod_bringup.options import examples
+
+commands = typer.Typer()
+
+
+@commands.command(
+    epilog=examples(
+        "tripod doctor", "tripod doctor --ask", "tripod doctor --json", "tripod doctor --record /data"
+    )
+)
+def doctor(
+    *,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    record: Annotated[Path, typer.Option(metavar="DIR", help="Where recordings would go.")] = Path(
+        "recordings"
+    ),
+    ask: Annotated[
+        bool,
+        typer.Option(
+            "--ask",
+            help="Ask each board for its firmware and time the answer. Opening a port resets most boards; with the "
+            "workshop's firmware the servos may jump.",
+        ),
+    ] = False,
+) -> None:
+    """Check this machine and say what to do; exit code 1 if something must be done."""
+    from tripod_bringup.doctor_command import doctor_command  # noqa: PLC0415
+
+    raise typer.Exit(doctor_command(record, as_json=json, ask=ask))
+
+
+@commands.command(
+    epilog=examples(
+        "tripod calibrate",
+        "tripod calibrate robot.yaml --port /dev/ttyACM0",
+        "tripod calibrate --protocol legacy",
+    )
+)
+def calibrate(
+    file: Annotated[
+        Path, typer.Argument(help="Calibration to write; where it exists, it is where to begin.")
+    ] = Path("calibration.yaml"),
+    *,
+    port: Annotated[str, typer.Option(help="Where the servos are, as for `tripod driver`.")] = "auto",
+    protocol: Annotated[
+        str, typer.Option(help="framed, legacy or ascii, as for `tripod driver`.")
+    ] = "framed",
+    baud: Annotated[
+        int, typer.Option(min=0, max=4_000_000, help="Bits a second; 0: as the protocol has it.")
+    ] = 0,
+    boot_time: Annotated[
+        float,
+        typer.Option(min=0.0, max=30.0, help="Time that the board needs after its port was opened \\[s]."),
+    ] = 2.0,
+) -> None:
+    """Find the calibration of the servos by hand: keys turn one shaft at a time, slowly; space stops."""
+    from tripod_bringup.calibrate_command import calibrate_command  # noqa: PLC0415
+
+    raise typer.Exit(calibrate_command(port, file, protocol=protocol, baud=baud, boot_time=boot_time))
+
+
+@commands.command(
+    epilog=examples(
+        "make -C firmware && tripod flash", "tripod flash --port /dev/ttyACM0", "tripod flash --baud 57600"
+    )
+)
+def flash(
+    file: Annotated[
+        Path | None, typer.Argument(help="A .hex or .elf file; by default what `make -C firmware` makes.")
+    ] = None,
+    *,
+    port: Annotated[
+        str, typer.Option(help="Path of the device; auto: the one port with a known board.")
+    ] = "auto",
+    baud: Annotated[int, typer.Option(min=1200, max=4_000_000, help="Speed of the boot loader.")] = 115200,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command and do nothing.")] = False,
+) -> None:
+    """Write the firmware to the board, by avrdude; builds nothing."""
+    from tripod_bringup.flash import flash_command  # noqa: PLC0415
+
+    raise typer.Exit(flash_command(port, file, baud=baud, dry_run=dry_run))
