@@ -398,6 +398,8 @@ class Simulation:
     def compliance(self) -> Compliance:
         """Return the linearised static response about the present state, the ball lying where it is.
 
+        Obstacles and the body itself hold it where they pressed it at the end of the last step.
+
         Raises:
             SceneError: the scene has no effector.
             StepError: the static tangent is singular.
@@ -405,7 +407,24 @@ class Simulation:
         system = self._static.system
         if not isinstance(system, System):
             raise SceneError("springs and rigid bodies have no effector, so they have no compliance")
+        if self.scene.contact:
+            return self._held_compliance(system)
         if not (self._ball and self.state.ball and system.loads):
             return compliance(system, self.state)
         contacts = self._ball.rest_load(self.state, self.state.ball, system.loads.force)
         return compliance(system, self.state, contacts)
+
+    def _held_compliance(self, system: System) -> Compliance:
+        """Return the compliance of a body in contact."""
+        from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact
+        from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415
+
+        held = rest_of(self._stepper, len(system.rest))
+        if not held:
+            return compliance(system, self.state)
+        before, system.loads = system.loads, NodalLoads(system.rest)
+        system.loads.force[:] = held.force
+        try:
+            return compliance(system, self.state, held=held)
+        finally:
+            system.loads = before

@@ -62,6 +62,7 @@ class Sleeping:
 
     Attributes:
         asleep: Whether it does.
+        awake: The time integrator of the body that is not at rest.
     """
 
     def __init__(
@@ -77,7 +78,8 @@ class Sleeping:
             time: Length of each of the two windows [s].
         """
         self.asleep = False
-        self._stepper, self._system, self._mass = stepper, system, mass
+        self.awake = self._stepper = stepper
+        self._system, self._mass = system, mass
         self._weight, self._speed, self._time = float(mass.sum()), speed, time
         self._bound = 0.5 * self._weight * speed**2
         n = len(mass)
