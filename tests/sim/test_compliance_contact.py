@@ -164,6 +164,40 @@ def test_many_points_under_a_disc_hold_it_in_six_directions() -> None:
     assert np.abs(J).max() < 1e-12 * np.abs(free[0]).max()
 
 
+def test_rows_of_driven_nodes_turn_with_the_servos() -> None:
+    """Against the move of the nodes, and all that follows against one dense solution for body, angles and rows."""
+    words = ["mesh.level=1", "inertia=off", "damping=off", f"servos.angles={(10 * GOAL[:3]).tolist()}"]
+    simulation = Simulation(load_scene("tripod", words))
+    system, rng = body(simulation), np.random.default_rng(1)
+    r, n, s = system.reduction, system.unknowns, 3
+    at = np.stack([system.driven[[0, -1, 3, 5]], r.free[[0, 20, 40, 60]]], axis=1)
+    at = np.concatenate([at, at], axis=1)
+    vectors = rng.standard_normal((4, 4, 3)) * np.array([1.0, 1.0, 0.0, 0.0])[:, None]
+    held = Rest(np.zeros_like(system.rest), at, vectors, np.array([0.0, 0.0, 0.004, -0.2]))
+    c = compliance(system, simulation.state, held=held)
+    rows, turns, give = held.rows(system)
+    angles, moved = 1e-5, np.zeros((4, s))
+    for k in range(s):
+        ends = []
+        for sign in (1, -1):
+            state = simulation.state.copy()
+            system.drive(state, simulation.state.joints + sign * angles * np.eye(4)[k])
+            ends.append(np.einsum("rki,rki->r", vectors, state.positions[at]))
+        moved[:, k] = (ends[0] - ends[1]) / (2 * angles)
+    np.testing.assert_allclose(turns[2:], moved[2:], atol=1e-8)
+    upper = r.pattern.toarray()
+    K = upper + np.triu(upper, 1).T
+    whole = np.zeros((n + s + 4, n + s + 4))
+    whole[:n, :n], whole[:n, n : n + s], whole[n : n + s, :n] = K, r.drive, r.drive.T
+    whole[n : n + s, n : n + s] = r.drive_drive
+    C = np.concatenate([rows, turns], axis=1)
+    whole[: n + s, n + s :], whole[n + s :, : n + s], whole[n + s :, n + s :] = C.T, C, -np.diag(give)
+    ports = np.concatenate([3 * r.free_count + np.arange(6), n + np.arange(s)])
+    expected = np.linalg.solve(whole, np.eye(len(whole))[:, ports])[ports]
+    np.testing.assert_allclose(c.w, expected, atol=1e-8 * np.abs(expected).max())
+    assert np.abs(c.w - bare(simulation).w).max() > 1e-3 * np.abs(expected).max()
+
+
 @pytest.mark.parametrize(("height", "near"), [("-0.0155", True), ("-0.9", False)])
 def test_a_post_that_is_not_touched_changes_no_bit(height: str, near: bool) -> None:
     """Half a millimetre more than the contact distance below the disc, or far away."""
