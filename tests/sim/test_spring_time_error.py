@@ -156,6 +156,18 @@ def test_the_local_estimate_is_what_one_step_adds(scheme: str, order: int, words
     assert added[0] / added[1] == pytest.approx(2 ** (order + 1), rel=0.25)
 
 
+@pytest.mark.parametrize("words", [(), DAMPED], ids=["undamped", "damped"])
+def test_automatic_stages_begin_where_the_motion_leads(words: tuple[str, ...]) -> None:
+    """Steps of the same length need fewer solves than those of a fixed dt and end at the same place."""
+    dt, count, own = 2e-3, 150, (*words, "inertia.scheme=tr_bdf2", "dt=0.002")
+    fixed, auto = pendulum(*own), pendulum(*own, "dt=auto", "time_error.tolerance=1.0")
+    before, after = fixed.advance(count), auto.advance(count)
+    assert before.parts == after.parts == count
+    assert auto.state.time == pytest.approx(count * dt)
+    assert after.iterations < 0.85 * before.iterations
+    np.testing.assert_allclose(auto.positions, fixed.positions, atol=1e-9)
+
+
 def test_automatic_steps_shrink_where_the_motion_is_fast() -> None:
     """The pendulum starts slowly; its end then whips round."""
     simulation = pendulum("inertia.scheme=tr_bdf2", f"dt={INTERVAL}", "dt=auto", "time_error.tolerance=1e-5")

@@ -379,7 +379,8 @@ def estimated_interval(
         _copy(motion, errors, carried, kept, kept_errors)
         before = motion.clock[0]
         outcome, _ = implicit_steps(
-            scheme, 1, h, motion.x, motion.v, motion.history, motion.past, motion.clock, body, A, options, work, counts
+            scheme, 1, h, motion.x, motion.v, motion.history, motion.past, motion.clock, body, A, options, work, counts,
+            auto,
         )  # fmt: skip
         if outcome != SOLVED:
             failed += 1

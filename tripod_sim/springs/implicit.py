@@ -158,7 +158,7 @@ class ImplicitSprings:
         s = self._solver
         outcome, done = kernels.implicit_steps(
             self._scheme, count, h, state.positions, state.velocities, self._history, self._past, self._clock,
-            s.problem, s.factor, s.options, s.work, s.counts,
+            s.problem, s.factor, s.options, s.work, s.counts, False,
         )  # fmt: skip
         return outcome, done
 

@@ -261,6 +261,7 @@ def implicit_steps(
     options: Options,
     work: Work,
     counts: Array,
+    predict: bool,
 ) -> tuple[int, int]:
     """Advance `x` and `v` by `count` steps of `h` [s]; return how the last solve ended and the steps made.
 
@@ -275,6 +276,8 @@ def implicit_steps(
         past: Lengths of springs before the last step, then two of scratch, (3, m).
         clock: Length of the last step [s], zero for none.
         body, A, options, work, counts: As for `solve_stage`.
+        predict: Whether a direct solver begins the stages of TR-BDF2 where the last accelerations lead, else where the
+            body is.
     """
     x_now, v_now, x_old, v_old, a = history[0], history[1], history[2], history[3], history[4]
     links, z, u = body.links, work.z, work.u
@@ -314,10 +317,21 @@ def implicit_steps(
                 length_rates(x, v, links, past[2])
                 for m in range(past.shape[1]):
                     work.reference[m] = past[1, m] + s * past[2, m]
+            if predict:
+                for k in range(body.free.shape[0]):
+                    n = body.free[k]
+                    for i in range(3):
+                        x[n, i] = z[n, i] + s * (u[n, i] + s * a[n, i])
             state = solve_stage(x, v, s, body, A, options, work, counts)
             if state != SOLVED:
                 x[:], v[:] = x_now, v_now
                 return state, done
+            if predict:
+                for k in range(body.free.shape[0]):
+                    n = body.free[k]
+                    for i in range(3):
+                        middle = (v[n, i] - u[n, i]) / s
+                        work.guess[n, i] = middle + (middle - a[n, i]) * (1.0 - G) / G
             for n in range(x.shape[0]):
                 for i in range(3):
                     z[n, i] = P * x[n, i] - Q * x_now[n, i]
@@ -326,6 +340,11 @@ def implicit_steps(
                 lengths(x, links, past[2])
                 for m in range(past.shape[1]):
                     work.reference[m] = P * past[2, m] - Q * past[1, m]
+            if predict:
+                for k in range(body.free.shape[0]):
+                    n = body.free[k]
+                    for i in range(3):
+                        x[n, i] = z[n, i] + s * (u[n, i] + s * work.guess[n, i])
         state = solve_stage(x, v, s, body, A, options, work, counts)
         if state != SOLVED:
             x[:], v[:] = x_now, v_now
