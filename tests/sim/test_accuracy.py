@@ -217,6 +217,8 @@ def test_a_wrong_study_is_named(changes: dict, message: str, tmp_path: Path) -> 
         ({"springs.source": "secret.obj"}, "'springs.source' is not a field that a study may set"),
         ({"obstacles.0.source": "x"}, "is not a field that a study may set"),
         ({"dt": [1]}, "points.0.settings.dt is [1]"),
+        ({"mesh": '{source="secret.obj"}'}, "points.0.settings.mesh is '{source="),
+        ({"mesh": "{level=2, scale=[1]}"}, "points.0.settings.mesh is '{level=2, scale=[1]}'"),
         ({"dt": float("nan")}, "points.0.settings.dt is nan"),
         ({"dt": 10**30}, "points.0.settings.dt is 1000"),
         ({"inertia.scheme": "../../etc/passwd"}, "points.0.settings.inertia.scheme is '../../etc"),

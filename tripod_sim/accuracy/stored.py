@@ -26,6 +26,9 @@ FIELD = re.compile(r"[a-z_]+(\.[a-z_]+)?")
 WORD = re.compile(r"[A-Za-z0-9_+-]{1,40}")
 """A word among the settings; it names no file."""
 
+NUMBERS = re.compile(r"\{[a-z_]{1,40}=[0-9.e+-]{1,40}(, [a-z_]{1,40}=[0-9.e+-]{1,40}){0,9}\}")
+"""An effect with numbers alone, such as {modes=20}."""
+
 FORBIDDEN = ("source", "name", "description")
 """Last parts of fields that no study may set."""
 
@@ -189,6 +192,10 @@ def _value(value: Any, path: str, *, applied: bool) -> Value:
         return value
     if isinstance(value, int | float) and abs(value) < 2**63 and math.isfinite(value):
         return value
-    if isinstance(value, str) and (WORD.fullmatch(value) or (not applied and _text(value, path))):
+    if isinstance(value, str) and (
+        WORD.fullmatch(value) or NUMBERS.fullmatch(value) or (not applied and _text(value, path))
+    ):
         return value
-    raise SceneError(f"{path} is {shown(value)}; it must be a word, a number, true or false")
+    raise SceneError(
+        f"{path} is {shown(value)}; it must be a word, a number, true or false, or a table of numbers"
+    )

@@ -77,6 +77,8 @@ def plan(*, quick: bool) -> Plan:
             *grid(turn, mesh__element=("h8_mean", "h8", "t10"), mesh__level=(1, 2)),
             *grid(turn, mesh__element=("h8_mean",), mesh__level=(8, 9)),
             *grid(turn, mesh__element=("h20",), mesh__level=(1, 2, 8, 9, 10)),
+            *grid({**turn, "mesh.element": "h20"}, mesh__level=(8, 9), solver__tolerance=(1e-2, 1e-3)),
+            *grid(turn, mesh__element=("h8_modes", "h20"), mesh__level=(8, 9), solver__max_turn=(0.6,)),
             *grid(turn, mesh__element=("h27",), mesh__level=(1, 8, 9)),
             *grid(turn, mesh__element=("t4",), mesh__level=(1, 5, 6, 7)),
             *grid(turn, mesh__element=("t4",), mesh__level=(5, 6), material__law=("corotational",)),
