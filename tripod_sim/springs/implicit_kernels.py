@@ -276,8 +276,8 @@ def implicit_steps(
         past: Lengths of springs before the last step, then two of scratch, (3, m).
         clock: Length of the last step [s], zero for none.
         body, A, options, work, counts: As for `solve_stage`.
-        predict: Whether a direct solver begins the stages of TR-BDF2 where the last accelerations lead, else where the
-            body is.
+        predict: Whether a direct solver begins the stages of TR-BDF2 where the last accelerations lead, if the stage
+            before was solved in few iterations; else where the body is.
     """
     x_now, v_now, x_old, v_old, a = history[0], history[1], history[2], history[3], history[4]
     links, z, u = body.links, work.z, work.u
@@ -317,7 +317,7 @@ def implicit_steps(
                 length_rates(x, v, links, past[2])
                 for m in range(past.shape[1]):
                     work.reference[m] = past[1, m] + s * past[2, m]
-            if predict:
+            if predict and work.kept[0] == s:
                 for k in range(body.free.shape[0]):
                     n = body.free[k]
                     for i in range(3):
@@ -340,7 +340,7 @@ def implicit_steps(
                 lengths(x, links, past[2])
                 for m in range(past.shape[1]):
                     work.reference[m] = P * past[2, m] - Q * past[1, m]
-            if predict:
+            if predict and work.kept[0] == s:
                 for k in range(body.free.shape[0]):
                     n = body.free[k]
                     for i in range(3):
