@@ -113,7 +113,7 @@ def limited(model: StaticModel, home: Saved, count: int) -> dict[str, float]:
     worse, kkt, active = [], [], 0
     for target in track(targets, "limits active", transient=True):
         model.restore(home)
-        solution = solver.solve([PositionTask(target)])
+        solution = solver.solve([PositionTask(target)], everywhere=True)
         distance = float(np.linalg.norm(solution.state.equilibrium - target))
         if solution.outcome is Outcome.CLOSEST:
             active += 1

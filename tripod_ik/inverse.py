@@ -122,14 +122,14 @@ class InverseSolver:
     ) -> Solution:
         """Return the pose that meets `tasks` best, on the branch of the present pose.
 
-        Limits of torques and effector leave a set of poses that need not be convex, nor of one piece: the pose that no
-        step betters need not be the best one. Where such a limit is active, `everywhere` begins again from poses
-        all over the angles allowed, and from where the target would be met without the limit.
+        Limits leave a set of poses that need not be convex, nor of one piece: the pose that no step betters need not be
+        the best one. Where a limit is active, `everywhere` begins again from poses all over the angles allowed, and
+        from where the target would be met without limits of torques and effector.
 
         Args:
             tasks: What to do.
             time_limit: After which no further iteration begins [s].
-            everywhere: Whether to look further where a limit of torques or effector is active.
+            everywhere: Whether to look further where a limit is active.
         """
         end = time.perf_counter() + time_limit
         side = branch(self.model.state(), tasks)
@@ -151,17 +151,16 @@ class InverseSolver:
         return replace(best, iterations=count)
 
     def _may_be_elsewhere(self, tasks: Sequence[Task], found: Solution) -> bool:
-        """Return whether a limit of torques or effector could hide a better pose.
+        """Return whether a limit could hide a better pose.
 
         Where nothing but a box keeps the effector from a position, it is at the point of the box that is nearest to
         that, and no pose is better.
         """
-        rows = {name for limit in self._row_limits for name in limit.rows(found.state).names}
         active = set(found.active_limits)
         boxed = all(isinstance(task, PositionTask) for task in tasks) and all(
             name.startswith("effector ") for name in active
         )
-        return found.passed > PASSED or bool(rows & active and not boxed)
+        return found.passed > PASSED or bool(active and not boxed)
 
     def _from_home(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
         """Solve from the model's home, so that nothing but the target and the branch decides; from here if it is met

@@ -233,6 +233,18 @@ def test_where_a_torque_limit_parts_the_poses_the_closest_is_beyond_the_gap(ever
     assert parted
 
 
+def test_a_search_everywhere_leaves_a_corner_of_the_angle_limits_that_is_not_the_best():
+    """The target is 65 mm out of reach; the corner that the search from home ends in is 0.13 mm worse than the best."""
+    model, target = StaticModel(load_scene("tripod")), [-0.0458489, -0.0234071, -0.0590514]
+    solver, home = InverseSolver(model, NARROW), model.save()
+    near = solver.solve([PositionTask(target)])
+    model.restore(home)
+    best = solver.solve([PositionTask(target)], everywhere=True)
+    assert best.outcome is Outcome.CLOSEST
+    assert best.residual < near.residual - 1e-4
+    assert best.state.angles == pytest.approx([-1.1, -1.9, -1.9], abs=1e-9)
+
+
 def test_without_time_or_iterations_it_says_so(model):
     task = [PositionTask([0.012, 0.0, -0.004])]
     for solver, limits, reason in (
