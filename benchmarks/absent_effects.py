@@ -2,10 +2,12 @@
 
 For each effect the package is copied twice, once without the modules of `tripod_sim/effects.py`; each copy runs the
 same scene in a process of its own, a block of steps at a time, in turn: A B B A A B B A ... The ratio of each pair of
-blocks is free of what the machine does in the long run; the interval holds the median of all pairs with 95 % confidence
-(order statistics of the binomial distribution).
+blocks is free of what the machine does in the long run. Two processes of the same code differ by some percent all
+their lives, since their memory lies elsewhere, so each ratio is the median of the pairs of one couple of processes, and
+many couples are made; the interval holds the median of all couples with 95 % confidence (order statistics of the
+binomial distribution).
 
-    python benchmarks/absent_effects.py [--pairs 40] [--steps 100] [--write docs/effects.md]
+    python benchmarks/absent_effects.py [--couples 15] [--pairs 6] [--steps 60] [--write docs/effects.md]
 """
 
 import argparse
@@ -34,14 +36,6 @@ SOLID = (
     "effector=off",
     "fixed=[{low=[0.045, -0.02, -0.01], high=[0.06, 0.02, 0.01]}]",
 )
-CLOTH = (
-    "drape",
-    "springs.source=grid",
-    "springs.nodes=12",
-    "springs.size=0.4",
-    "springs.position=[0.01, 0.005, 0.2045]",
-)
-
 CLOTH = (
     "drape",
     "springs.source=grid",
@@ -169,24 +163,31 @@ def interval(ratios: np.ndarray) -> tuple[float, float]:
     return float(ordered[k]), float(ordered[n - 1 - k])
 
 
-def measure(effect: str, pairs: int, steps: int) -> Result:
+def couple(packages: tuple[Path, Path], scene: tuple[str, ...], pairs: int, steps: int) -> np.ndarray:
+    """Return the times of a step [s], shape (pairs, 2), of one process of each of two packages."""
+    workers = [Worker(package, steps, scene) for package in packages]
+    assert workers[0].modules == workers[1].modules, "both copies load the same modules"
+    times = np.empty((pairs, 2))
+    for k in range(pairs):
+        for which in (0, 1) if k % 2 else (1, 0):
+            times[k, which] = workers[which].block()
+    for worker in workers:
+        worker.close()
+    return times
+
+
+def measure(effect: str, couples: int, pairs: int, steps: int) -> Result:
+    """Time the absence of `effect`, so many pairs of blocks of so many steps in each couple of processes."""
     scene = WITHOUT.get(effect, ("tripod",))
     with tempfile.TemporaryDirectory() as folder:
         whole, less = Path(folder) / "whole", Path(folder) / "less"
         copied(whole, ())
         deleted = copied(less, TABLE[effect].modules)
-        workers = [Worker(package, steps, scene) for package in (whole, less)]
-        assert workers[0].modules == workers[1].modules, "both copies load the same modules"
-        times = np.empty((pairs, 2))
-        for k in range(pairs):
-            for which in (0, 1) if k % 2 else (1, 0):
-                times[k, which] = workers[which].block()
-        for worker in workers:
-            worker.close()
-    ratios = times[:, 0] / times[:, 1]
+        times = np.stack([couple((whole, less), scene, pairs, steps) for _ in range(couples)])
+    ratios = np.median(times[..., 0] / times[..., 1], axis=1)
     low, high = interval(ratios)
     return Result(
-        effect, " ".join(scene), deleted, float(np.median(times[:, 0])), float(np.median(times[:, 1])),
+        effect, " ".join(scene), deleted, float(np.median(times[..., 0])), float(np.median(times[..., 1])),
         float(np.median(ratios)), low, high,
     )  # fmt: skip
 
@@ -206,8 +207,9 @@ def table(results: list[Result]) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--pairs", type=int, default=40, help="of blocks, for each effect")
-    parser.add_argument("--steps", type=int, default=100, help="of a block")
+    parser.add_argument("--couples", type=int, default=15, help="of processes, for each effect (default 15)")
+    parser.add_argument("--pairs", type=int, default=6, help="of blocks, for each couple (default 6)")
+    parser.add_argument("--steps", type=int, default=60, help="of a block (default 60)")
     parser.add_argument("--only", nargs="*", choices=EFFECTS, help="effects; all by default")
     parser.add_argument(
         "--write", type=Path, help="put the table into this file, at the heading of its step times"
@@ -215,11 +217,14 @@ def main() -> None:
     arguments = parser.parse_args()
     results = []
     for effect in arguments.only or EFFECTS:
-        results.append(measure(effect, arguments.pairs, arguments.steps))
+        results.append(measure(effect, arguments.couples, arguments.pairs, arguments.steps))
         r = results[-1]
         print(f"{effect}: {r.ratio:.4f} ({r.low:.4f} to {r.high:.4f})", file=sys.stderr, flush=True)
     product = f"1000 x 1000 float64 product here: {1e3 * calibration():.1f} ms"
-    lines = [*table(results), "", f"{arguments.pairs} pairs of {arguments.steps} steps each; {product}."]
+    effort = (
+        f"{arguments.couples} couples of processes, {arguments.pairs} pairs of {arguments.steps} steps each"
+    )
+    lines = [*table(results), "", f"{effort}; {product}."]
     print("\n".join(lines))
     if arguments.write:
         text = arguments.write.read_text(encoding="utf-8")
