@@ -52,8 +52,12 @@ class State:
 
     def copy_to(self, other: "State") -> None:
         """Overwrite `other` with this state, without allocating."""
-        for name in ("positions", "velocities", "modes", "centres", "rotations", "joints"):
-            getattr(other, name)[:] = getattr(self, name)
+        other.positions[:] = self.positions
+        other.velocities[:] = self.velocities
+        other.modes[:] = self.modes
+        other.centres[:] = self.centres
+        other.rotations[:] = self.rotations
+        other.joints[:] = self.joints
         other.time, other.step = self.time, self.step
         if self.servos and other.servos:
             self.servos.copy_to(other.servos)

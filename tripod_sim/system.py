@@ -5,18 +5,20 @@
 strain energy, gravity, inertia (with mass damping) and stiffness damping; absent effects are None.
 """
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import Groups, rotation_matrix
-from tripod_sim.constraints.reduction import Reduction, move_nodes, write_levers
+from tripod_sim.constraints.reduction import Reduction, move_nodes, swing_nodes, write_levers
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.linear.choice import LinearFactory, linear_factory
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.state import State
+from tripod_sim.system_kernels import same, scaled_norm_squared
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.anchor import Anchor
@@ -131,11 +133,7 @@ class System:
 
     def drive(self, state: State, joints: FloatArray) -> None:
         """Put the driven frames at `joints`, shape (s + 1,): angles [rad], then the slide [m]."""
-        centre, cosine, sine, inward = self._swing
-        angle = joints[self._frame_of, None]
-        state.positions[self.driven] = (
-            centre + np.cos(angle) * cosine + np.sin(angle) * sine + joints[-1] * inward
-        )
+        swing_nodes(self.driven, self._frame_of, *self._swing, joints, state.positions)
         state.joints[:] = joints
 
     def update_levers(self, state: State) -> None:
@@ -189,9 +187,7 @@ class System:
     def _evaluate_elastic(self, state: State) -> float:
         """Write the solid's dE/dx to `_elastic` and return E [J]."""
         positions, modes = self._last
-        if not (
-            self._known and np.array_equal(positions, state.positions) and np.array_equal(modes, state.modes)
-        ):
+        if not (self._known and same(positions, state.positions) and same(modes, state.modes)):
             self._known = False
             self._elastic[:] = 0.0
             self._elastic_energy = self.solid.add_gradient(state.positions, state.modes, self._elastic)
@@ -212,8 +208,7 @@ class System:
 
         Torques on bodies count divided by the body's radius of gyration.
         """
-        scaled = self.residual * self._scale
-        return float(np.sqrt(scaled @ scaled + self.solid.mode_residual_squared))
+        return math.sqrt(scaled_norm_squared(self.residual, self._scale) + self.solid.mode_residual_squared)
 
     def assemble(self, state: State, *, project: bool) -> int:
         """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""

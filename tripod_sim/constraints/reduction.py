@@ -9,6 +9,7 @@ and the reduced Hessian J^T H J plus, for a body, the second-order term of the r
 and for a driven frame with axis a through the lever r_i: d²x_i/d angle² = a x (a x r_i).
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -214,6 +215,34 @@ def write_levers(
         elif kind[n] == DRIVEN:
             for i in range(3):
                 lever[n, i] = x[n, i] - hubs[number[n], i] - slide * inward[number[n], i]
+
+
+@njit(cache=True, error_model="numpy")
+def swing_nodes(
+    nodes: Array,
+    frame: Array,
+    centre: Array,
+    along: Array,
+    across: Array,
+    inward: Array,
+    joints: Array,
+    x: Array,
+) -> None:
+    """Put nodes of driven frames where `joints` has them: c + u cos(angle) + w sin(angle) + slide inward.
+
+    Args:
+        nodes: Shape (k,).
+        frame: Of each of these nodes, shape (k,).
+        centre, along, across: c, u and w of each [m], shape (k, 3).
+        inward: Direction of the slide, shape (k, 3).
+        joints: Angle of each frame [rad], then the slide [m], shape (s + 1,).
+        x: Positions of all nodes [m], shape (n, 3), written for `nodes`.
+    """
+    slide = joints[joints.shape[0] - 1]
+    for k in range(nodes.shape[0]):
+        cosine, sine = math.cos(joints[frame[k]]), math.sin(joints[frame[k]])
+        for i in range(3):
+            x[nodes[k], i] = centre[k, i] + cosine * along[k, i] + sine * across[k, i] + slide * inward[k, i]
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,6 +1,7 @@
 """Stiffness-proportional damping: the rate of the elastic forces, or the projected tangent times the velocity."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from tripod_sim.forces.solid_kernels import add_element_products
@@ -43,8 +44,20 @@ class StiffnessDamping:
 
     def add_gradient(self, x: FloatArray, energy: float, elastic: FloatArray, g: FloatArray) -> float:
         """Add dD/dx [N] to `g` and return D [J], given E [J] and its gradient [N] at `x`."""
-        move = x - self.start
         if self.held:
+            move = x - self.start
             return float(add_element_products(self.matrices, self._elements, self._all, move, self.factor, g))
-        g += self.factor * (elastic - self.elastic)
-        return self.factor * (energy - float(np.vdot(self.elastic, move)))
+        return self.factor * (energy - _add(x, self.start, elastic, self.elastic, self.factor, g))
+
+
+@njit(cache=True, error_model="numpy")
+def _add(
+    x: FloatArray, start: FloatArray, elastic: FloatArray, before: FloatArray, factor: float, g: FloatArray
+) -> float:
+    """Add factor (elastic - before) to `g` and return before . (x - start)."""
+    work = 0.0
+    for n in range(x.shape[0]):
+        for i in range(3):
+            g[n, i] += factor * (elastic[n, i] - before[n, i])
+            work += before[n, i] * (x[n, i] - start[n, i])
+    return work

@@ -9,6 +9,7 @@ so every stage can be made safe by going down [MartinEtAl2011]. A scheme makes z
 """
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from tripod_sim.forces.anchor import Anchor
@@ -57,11 +58,26 @@ class ImplicitStage:
     def aim(self, s: float) -> None:
         """Make the system's potential that of a stage of `s` [s] with what is `known`."""
         inertia, damping, (z, u) = self._inertia, self.newton.system.damping, self.known[:2]
-        inertial, drag = self._mass / s**2, self._mass * (self._mass_damping / s)
-        np.add(inertial, drag, out=inertia.weight)
-        np.divide(s * inertial, inertia.weight, out=inertial, where=inertia.weight > 0)  # ghosts have no mass
-        np.multiply(u, inertial[:, None], out=inertia.point)
-        inertia.point += z
+        aim_anchor(self._mass, self._mass_damping, s, z, u, inertia.weight, inertia.point)
         if damping:
             damping.factor = damping.coefficient / s
             damping.start[:], damping.elastic[:] = z, self.known[2]
+
+
+@njit(cache=True, error_model="numpy")
+def aim_anchor(
+    mass: FloatArray,
+    drag: float,
+    s: float,
+    z: FloatArray,
+    u: FloatArray,
+    weight: FloatArray,
+    point: FloatArray,
+) -> None:
+    """Write weight m / s² + a m / s and point z + s u (m / s²) / weight; nodes without mass, ghosts, stay at z."""
+    for n in range(mass.shape[0]):
+        inertial = mass[n] / s**2
+        weight[n] = inertial + mass[n] * (drag / s)
+        part = s * inertial / weight[n] if weight[n] > 0 else 0.0
+        for i in range(3):
+            point[n, i] = z[n, i] + part * u[n, i]

@@ -1,0 +1,26 @@
+"""Small loops over whole arrays that every step makes: compiled, they take a tenth of NumPy's calls."""
+
+from typing import Any
+
+from numba import njit
+
+Array = Any
+
+
+@njit(cache=True, error_model="numpy")
+def same(a: Array, b: Array) -> bool:
+    """Return whether two arrays of one shape hold the same numbers."""
+    x, y = a.ravel(), b.ravel()
+    for k in range(x.shape[0]):  # noqa: SIM110 - compiled
+        if x[k] != y[k]:
+            return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def scaled_norm_squared(a: Array, scale: Array) -> float:
+    """Return sum_i (a_i scale_i)²."""
+    total = 0.0
+    for k in range(a.shape[0]):
+        total += (a[k] * scale[k]) ** 2
+    return total
