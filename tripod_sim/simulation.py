@@ -1,5 +1,6 @@
 """The loop: a scene that lives."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
@@ -273,16 +274,18 @@ class Simulation:
         goal = np.array(joints, dtype=float)
         if goal.shape != self.state.joints.shape:
             raise SceneError(f"joints have shape {goal.shape}; the scene needs {self.state.joints.shape}")
-        if not np.isfinite(goal).all():
+        *angles, slide = goal.tolist()
+        if not (math.isfinite(slide) and all(map(math.isfinite, angles))):
             raise SceneError(f"joints {goal.tolist()} are not finite")
         if s := self.scene.servos:
-            for i, angle in enumerate(goal[:-1].tolist()):
-                if not s.angle_min - 1e-9 <= angle <= s.angle_max + 1e-9:
+            low, high = s.angle_min - 1e-9, s.angle_max + 1e-9
+            for i, angle in enumerate(angles):
+                if not low <= angle <= high:
                     raise SceneError(
                         f"servo {i}: angle {angle:g} rad; allowed is {s.angle_min:g} to {s.angle_max:g} rad"
                     )
-            if not -1e-9 <= goal[-1] <= s.slide_max + 1e-9:
-                raise SceneError(f"slide {goal[-1]:g} m; allowed is 0 to {s.slide_max:g} m")
+            if not -1e-9 <= slide <= s.slide_max + 1e-9:
+                raise SceneError(f"slide {slide:g} m; allowed is 0 to {s.slide_max:g} m")
         return goal
 
     def reset(self) -> None:

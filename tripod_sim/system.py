@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.constraints.groups import Groups, rotation_matrix
-from tripod_sim.constraints.reduction import Reduction, move_nodes, swing_nodes, write_levers
+from tripod_sim.constraints.groups import Groups
+from tripod_sim.constraints.reduction import Reduction, move_bodies, move_nodes, swing_nodes, write_levers
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.linear.choice import LinearFactory, linear_factory
@@ -156,7 +156,7 @@ class System:
         Where positions and modes are those of the evaluation before, its elastic forces serve again.
         """
         phi = self._evaluate_elastic(state)
-        if not np.isfinite(phi):
+        if not math.isfinite(phi):
             self.strain_energy = phi
             return np.inf
         g = self.gradient
@@ -191,7 +191,7 @@ class System:
             self._known = False
             self._elastic[:] = 0.0
             self._elastic_energy = self.solid.add_gradient(state.positions, state.modes, self._elastic)
-            if np.isfinite(self._elastic_energy):
+            if math.isfinite(self._elastic_energy):
                 positions[:], modes[:] = state.positions, state.modes
                 self._known = True
         return self._elastic_energy
@@ -274,12 +274,10 @@ class System:
             scale: Fraction of the step, 1 when driven nodes move.
             out: The result; may not be `start`.
         """
-        first = 3 * self.reduction.free_count
-        for b in range(len(self.groups.rigid)):
-            part = scale * solution[first + 6 * b : first + 6 * b + 6]
-            out.centres[b] = start.centres[b] + part[:3]
-            np.dot(rotation_matrix(part[3:]), start.rotations[b], out=out.rotations[b])
         r = self.reduction
+        move_bodies(
+            start.centres, start.rotations, scale, solution, 3 * r.free_count, out.centres, out.rotations
+        )
         move_nodes(
             start.positions, scale, dx, out.centres, out.rotations, self._arm, r.kind, r.number, out.positions
         )

@@ -24,3 +24,12 @@ def scaled_norm_squared(a: Array, scale: Array) -> float:
     for k in range(a.shape[0]):
         total += (a[k] * scale[k]) ** 2
     return total
+
+
+@njit(cache=True, error_model="numpy")
+def write_moves(nodes: Array, before: Array, after: Array, out: Array) -> None:
+    """Write after - before [m] of `nodes`, shape (k,), to `out`; all three have shape (n, 3)."""
+    for k in range(nodes.shape[0]):
+        n = nodes[k]
+        for i in range(3):
+            out[n, i] = after[n, i] - before[n, i]

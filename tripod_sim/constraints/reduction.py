@@ -246,6 +246,48 @@ def swing_nodes(
 
 
 @njit(cache=True, error_model="numpy")
+def move_bodies(
+    centres: Array,
+    rotations: Array,
+    scale: float,
+    solution: Array,
+    first: int,
+    out_centres: Array,
+    out_rotations: Array,
+) -> None:
+    """Write where `scale` times a step puts the bodies: c + scale u, and exp([scale w]x) R (Rodrigues' formula).
+
+    Args:
+        centres, rotations: Where they are [m], shape (b, 3), and matrices, shape (b, 3, 3).
+        scale: Fraction of the step.
+        solution: The step: from `first` on u [m] and w [rad] of each body.
+        first: Of the bodies' unknowns.
+        out_centres, out_rotations: The results; not the arrays that they are made of.
+    """
+    turn = np.empty((3, 3))
+    for b in range(centres.shape[0]):
+        k = first + 6 * b
+        for i in range(3):
+            out_centres[b, i] = centres[b, i] + scale * solution[k + i]
+        x, y, z = scale * solution[k + 3], scale * solution[k + 4], scale * solution[k + 5]
+        angle = math.sqrt(x * x + y * y + z * z)
+        if angle > 0.0:
+            x, y, z = x / angle, y / angle, z / angle
+        c, s = math.cos(angle), math.sin(angle)
+        d = 1 - c
+        turn[0, 0], turn[0, 1], turn[0, 2] = c + d * x * x, d * x * y - s * z, d * x * z + s * y
+        turn[1, 0], turn[1, 1], turn[1, 2] = d * x * y + s * z, c + d * y * y, d * y * z - s * x
+        turn[2, 0], turn[2, 1], turn[2, 2] = d * x * z - s * y, d * y * z + s * x, c + d * z * z
+        for i in range(3):
+            for j in range(3):
+                out_rotations[b, i, j] = (
+                    turn[i, 0] * rotations[b, 0, j]
+                    + turn[i, 1] * rotations[b, 1, j]
+                    + turn[i, 2] * rotations[b, 2, j]
+                )
+
+
+@njit(cache=True, error_model="numpy")
 def move_nodes(
     start: Array,
     scale: float,

@@ -1,6 +1,7 @@
 """Weight of the nodes."""
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
@@ -25,5 +26,15 @@ class GravityForce:
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
         """Add dV/dx [N] to `g` and return V [J]."""
-        g += self._gradient
-        return self.energy(x)
+        return float(_add(self._gradient, x, g)) - self._offset
+
+
+@njit(cache=True, error_model="numpy")
+def _add(gradient: FloatArray, x: FloatArray, g: FloatArray) -> float:
+    """Add `gradient` to `g` and return gradient . x."""
+    work = 0.0
+    for n in range(x.shape[0]):
+        for i in range(3):
+            g[n, i] += gradient[n, i]
+            work += gradient[n, i] * x[n, i]
+    return work

@@ -7,6 +7,7 @@ where it does not. In one-solve mode one linear solve is enough where it leaves 
 leaves more, Newton's method goes on to the tolerance.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
+from tripod_sim.system_kernels import same, write_moves
 
 if TYPE_CHECKING:  # only steps of changing length need it
     from tripod_sim.integrators.factor_store import FactorStore
@@ -106,7 +108,7 @@ class Newton:
         kept = self.store.use(keep) if self.store and keep else keep is not None and keep == self._kept
         self._kept = None
         phi = self.system.evaluate(state) if kept else self._renew(state, report, start=True)
-        driven = not np.array_equal(joints, state.joints)
+        driven = not same(joints, state.joints)
         if driven:
             self.system.drive(trial, joints)
             self._add_drive(state, trial)
@@ -122,14 +124,13 @@ class Newton:
 
     def _add_drive(self, state: State, trial: State) -> None:
         """Add to the residual at `state` what the move of the driven nodes to `trial` makes of it, to first order."""
-        driven = self.system.driven
-        self._dx[driven] = trial.positions[driven] - state.positions[driven]
+        write_moves(self.system.driven, state.positions, trial.positions, self._dx)
         self.system.add_driven(self._dx)
 
     def _drive(self, state: State, trial: State, report: NewtonReport) -> float:
         """Make the step that moves the driven nodes; return the potential after it."""
         phi = self._step(state, trial, 1.0, report)
-        if not np.isfinite(phi):
+        if not math.isfinite(phi):
             raise NewtonError(f"{self._culprit(trial)} as the servos moved")
         trial.copy_to(state)
         self._dx[:] = 0.0
@@ -149,7 +150,7 @@ class Newton:
                 )
             before = size
             lower = self._step(state, trial, 1.0, report)  # chord: with the factorisation at hand
-            size = system.unbalanced() if np.isfinite(lower) else np.inf
+            size = system.unbalanced() if math.isfinite(lower) else np.inf
             if not (size < 0.5 * before and lower <= phi + self._slack(phi)):
                 lower = self._newton_step(state, trial, report)
                 size = system.unbalanced()
@@ -167,7 +168,7 @@ class Newton:
         while scale >= self.SHORTEST:
             trial_phi = self._step(state, trial, scale, report)
             if trial_phi <= phi - 1e-4 * scale * slope + self._slack(phi) or (
-                np.isfinite(trial_phi) and system.unbalanced() < 0.1 * before
+                math.isfinite(trial_phi) and system.unbalanced() < 0.1 * before
             ):
                 return trial_phi
             scale *= 0.5
@@ -184,9 +185,9 @@ class Newton:
                 continue
             system.choose_damping(projected=project, start=start)
             phi = system.evaluate(state)
-            if np.isfinite(phi) and system.factor():
+            if math.isfinite(phi) and system.factor():
                 return phi
-        if not np.isfinite(phi):
+        if not math.isfinite(phi):
             raise NewtonError(f"{self._culprit(state)} at the start of the step")
         shift = 1e-8 * float(np.abs(system.solid.matrices).max())
         for _ in range(4):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.constraints.groups import rotation_matrix
+from tripod_sim.constraints.reduction import move_bodies
 from tripod_sim.forces.solid import Solid
 from tripod_sim.reduced.basis import Basis
 from tripod_sim.reduced.coordinates import Coordinates
@@ -137,10 +137,7 @@ class ReducedSystem(System):
         assert isinstance(start, ReducedState)
         assert isinstance(out, ReducedState)
         first = 6 * self.coordinates.bodies
-        for b in range(self.coordinates.bodies):
-            part = scale * solution[6 * b : 6 * b + 6]
-            out.centres[b] = start.centres[b] + part[:3]
-            np.dot(rotation_matrix(part[3:]), start.rotations[b], out=out.rotations[b])
+        move_bodies(start.centres, start.rotations, scale, solution, 0, out.centres, out.rotations)
         np.multiply(solution[first:], scale, out=out.q)
         out.q += start.q
         self._place(out)
