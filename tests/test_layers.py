@@ -101,13 +101,13 @@ def imports(module: str) -> frozenset[str]:
 @cache
 def reached(module: str) -> frozenset[str]:
     """All modules that importing `module` may bring in, through the modules of the suite."""
-    seen, todo = set(), {module}
-    while todo:
-        name = todo.pop()
+    seen, waiting = set(), {module}
+    while waiting:
+        name = waiting.pop()
         seen.add(name)
         if name in modules():
             parents = {name.rsplit(".", n)[0] for n in range(1, name.count(".") + 1)}
-            todo |= (imports(name) | parents) - seen
+            waiting |= (imports(name) | parents) - seen
     return frozenset(seen)
 
 

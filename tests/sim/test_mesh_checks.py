@@ -98,11 +98,11 @@ def test_parts_are_those_of_a_search(seed: int) -> None:
         near[b].add(a)
     label = parts([rows], 300)
     for start in range(300):
-        seen, todo = {start}, [start]
-        while todo:
-            new = near[todo.pop()] - seen
+        seen, waiting = {start}, [start]
+        while waiting:
+            new = near[waiting.pop()] - seen
             seen |= new
-            todo += new
+            waiting += new
         assert label[start] == min(seen)
 
 

@@ -154,7 +154,7 @@ def test_the_last_override_of_a_field_counts() -> None:
         ("tripod", "mesh.level=2.0", "mesh.level is 2.0; it must be a whole number"),
         ("tripod", "mesh.level=true", "mesh.level is True; it must be a whole number"),
         ("tripod", "material.law=rubber", "material.law is 'rubber'; allowed: neo_hooke, corotational"),
-        ("tripod", f"material.law={'x' * 9999}", "material.law is 'xxx"),
+        ("tripod", f"material.law={'b' * 9999}", "material.law is 'bbb"),
         ("tripod", "name=5", "name is 5; it must be text"),
         ("tripod", "dt=2", "dt is 2.0; it must be at least 1e-09 s and at most 1 s"),
         ("tripod", "material.young=1e300", "material.young is 1e+300; it must be above 0 Pa and at most 1e+13 Pa"),
@@ -254,7 +254,7 @@ BASE = scene_to_toml(load_scene("tripod"))
         ("dt = " + "9" * 5000, "is not valid TOML: Exceeds the limit"),
         (f"{BASE}[friction]\n", "field friction is unknown"),
         (f'"a\\nb\\u0000" = 1\n{BASE}', r"field 'a\nb\x00' is unknown"),
-        (f"{'x' * 9000} = 1\n{BASE}", "field 'xxx"),
+        (f"{'b' * 9000} = 1\n{BASE}", "field 'bbb"),
         (f"mesh = 1\n{BASE.split('[mesh]', maxsplit=1)[0]}", "mesh is 1; it must be a table"),
     ],
 )  # fmt: skip
