@@ -13,7 +13,7 @@ from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.scene import Scene
+from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
@@ -78,20 +78,7 @@ class StaticModel:
         if not 0 <= slide <= scene.servos.slide_max:
             raise IkError(f"slide is {slide:g} m; allowed is 0 to {scene.servos.slide_max:g} m")
         solver = replace(scene.solver, tolerance=min(TOLERANCE, scene.solver.tolerance))
-        self.simulation = Simulation(
-            replace(
-                scene,
-                inertia=None,
-                damping=None,
-                servo_dynamics=None,
-                ball=None,
-                time_error=None,
-                contact=None,
-                obstacles=(),
-                rigid=(),
-                solver=solver,
-            )
-        )
+        self.simulation = Simulation(replace(at_rest(scene), solver=solver))
         self.slide = slide
         self._state: LinearState | None = None
         start, end = self.simulation.state.joints.copy(), np.append(wanted, slide)

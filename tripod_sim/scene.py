@@ -3,7 +3,7 @@
 A table that is absent is an effect that is off: it is not imported, allocates nothing and takes no time.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 from tripod_sim.scene_checks import CHECKS
 from tripod_sim.tables.bodies import FixedBox, Material, Mesh, Obstacle, Rigid, Springs
@@ -90,3 +90,11 @@ EFFECTS = (
     "reduced",
 )
 """Tables of a scene that may be absent."""
+
+
+def at_rest(scene: Scene) -> Scene:
+    """Return the static scene: without what only a body in motion has, or other bodies."""
+    return replace(
+        scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, sleep=None, contact=None,
+        obstacles=(), rigid=(),
+    )  # fmt: skip

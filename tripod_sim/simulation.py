@@ -1,7 +1,7 @@
 """The loop: a scene that lives."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -12,7 +12,7 @@ from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame, quaternion
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.substeps import StepReport
-from tripod_sim.scene import Scene
+from tripod_sim.scene import Scene, at_rest
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.motion import EXPLICIT
@@ -82,24 +82,7 @@ class Simulation:
         self.scene = scene
         parts = self._parts = build(scene)
         held = bool(scene.servos or scene.fixed)
-        self._static = (
-            build(
-                replace(
-                    scene,
-                    inertia=None,
-                    damping=None,
-                    servo_dynamics=None,
-                    ball=None,
-                    time_error=None,
-                    sleep=None,
-                    contact=None,
-                    obstacles=(),
-                    rigid=(),
-                )
-            )
-            if scene.inertia and held and scene.mesh
-            else parts
-        )
+        self._static = build(at_rest(scene)) if scene.inertia and held and scene.mesh else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
             parts.mass,
