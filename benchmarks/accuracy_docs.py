@@ -6,7 +6,8 @@ left as it is.
     tripod study --all --out studies                      # measures: half an hour on two processors, a quiet machine
     python benchmarks/accuracy_docs.py --from studies     # takes them into the package, then renews the document
     python benchmarks/accuracy_docs.py                    # only the document and its pictures
-    python benchmarks/accuracy_docs.py --check            # exit code 1 if the document is not of these studies
+    python benchmarks/accuracy_docs.py --check            # exit code 1 if the document is not of these studies; names
+                                                          # those that other code than this has measured
 """
 
 import argparse
@@ -23,6 +24,7 @@ from tripod_bringup.study_files import error_text, seconds
 from tripod_bringup.study_plans import PLANS
 from tripod_bringup.study_plot import draw
 from tripod_sim.study.advice import short
+from tripod_sim.study.fingerprint import fingerprint
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENT, IMAGES = ROOT / "docs" / "accuracy.md", ROOT / "docs" / "images"
@@ -160,6 +162,10 @@ def main() -> None:
     found, text = studies(), DOCUMENT.read_text(encoding="utf-8")
     made = document(found, text)
     if options.check:
+        for result in found:
+            code, here = result["versions"].get("code"), fingerprint(PLANS[result["study"]])
+            if code != here:
+                print(f"{result['study']}: measured with code {code}, here it is {here}", file=sys.stderr)
         sys.exit(made != text)
     DOCUMENT.write_text(made, encoding="utf-8")
     for result in found:

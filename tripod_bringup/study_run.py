@@ -6,7 +6,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.study_store import Store
-from tripod_bringup.study_worker import Workers
+from tripod_bringup.study_worker import Workers, lost
+from tripod_sim.study.fingerprint import fingerprint
 
 if TYPE_CHECKING:
     from tripod_sim.study.plan import Plan, Settings
@@ -43,23 +44,44 @@ def run_plan(
 ) -> dict[str, dict[str, Any]]:  # fmt: skip
     """Measure what the store lacks of a study; return all its records by key.
 
+    A point that a machine of a cluster measured with other code than this counts as crashed.
+
     Args:
         plan: The study.
-        store: Of points; those in it that finished, or failed for a reason of their own, are not measured again.
+        store: Of points; those in it that finished, or failed for a reason of their own, are not measured again, unless
+            other code did that (see `outdated`).
         execute: `local(jobs)` or a cluster.
         seed: Of the order of the points, so that what changes on the machine meanwhile is no trend in a knob.
         progress: Called with the numbers of points done and of all.
     """
+    here = fingerprint(plan.module)
     rungs, others = plan.runs()
     random.Random(seed).shuffle(others)
     jobs = {plan.key(s): (plan.key(s), plan.module, s, plan.limit) for s in [*rungs, *others]}
-    work = [job for key, job in jobs.items() if store.records.get(key, LOST)["status"] in AGAIN]
+    work = [job for key, job in jobs.items() if not _stands(store.records.get(key, LOST), here)]
     done = len(jobs) - len(work)
     if progress:
         progress(done, len(jobs))
     for key, record in execute(work) if work else ():
+        if record.get("code", here) != here:
+            record = lost("crashed", f"measured by other code, {record['code']}; here it is {here}")  # noqa: PLW2901
         store.add(key, {"study": plan.name, "settings": dict(jobs[key][2]), **record})
         done += 1
         if progress:
             progress(done, len(jobs))
     return {key: store.records[key] for key in jobs}
+
+
+def outdated(plan: "Plan", store: Store) -> int:
+    """Return how many points of a study the store has from other code than this: they are measured again."""
+    here, records = fingerprint(plan.module), store.records
+    keys = {plan.key(s) for some in plan.runs() for s in some}
+    return sum(
+        not _stands(records[key], here) and records[key]["status"] not in AGAIN
+        for key in keys & records.keys()
+    )
+
+
+def _stands(record: dict[str, Any], here: str) -> bool:
+    """Return whether a point need not be measured again; `here`: fingerprint of the code that would do it."""
+    return record["status"] not in AGAIN and record.get("code") == here

@@ -29,7 +29,7 @@ class Worker:
         """Return the record of a point; `time limit` or `crashed` if the process gave none within `limit` [s]."""
         with self._lock:
             if self._ended:
-                return _lost("crashed", "stopped")
+                return lost("crashed", "stopped")
             process = self._started()
         assert process.stdin
         assert process.stdout
@@ -54,8 +54,8 @@ class Worker:
             return record
         self.stop()
         if late.is_set():
-            return _lost("time limit", f"given up after {limit:g} s")
-        return _lost("crashed", f"the process ended with code {process.returncode}")
+            return lost("time limit", f"given up after {limit:g} s")
+        return lost("crashed", f"the process ended with code {process.returncode}")
 
     def _started(self) -> "subprocess.Popen[str]":
         if self._process is None or self._process.poll() is not None:
@@ -125,7 +125,8 @@ def measure_point(module: str, settings: Mapping[str, Any], limit: float) -> dic
     return _here.measure(module, settings, limit)
 
 
-def _lost(status: str, message: str) -> dict[str, Any]:
+def lost(status: str, message: str) -> dict[str, Any]:
+    """Return the record of a point that gave none."""
     return {"status": status, "message": message, "observed": {}, "cpu": [], "amount": 1.0}
 
 
@@ -136,13 +137,15 @@ def _task(module: str, settings: Mapping[str, Any]) -> Any:
 
 def main() -> None:
     """Measure the points that come in, until there are no more."""
-    from tripod_sim.study.task import outcome  # noqa: PLC0415 - the parent needs none of it
+    from tripod_sim.study.fingerprint import fingerprint  # noqa: PLC0415 - the parent needs none of it
+    from tripod_sim.study.task import outcome  # noqa: PLC0415
 
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # whatever prints must not look like a record
     for line in sys.stdin:
         asked = json.loads(line)
-        record = outcome(partial(_task, asked["module"]), asked["settings"])
+        code = fingerprint(asked["module"])
+        record = {**outcome(partial(_task, asked["module"]), asked["settings"]), "code": code}
         answers.write(json.dumps(record) + "\n")
         answers.flush()
 

@@ -7,8 +7,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -16,9 +17,10 @@ from typer.testing import CliRunner
 from tests.bringup import toy_study
 from tripod_bringup import study_command
 from tripod_bringup.cli import app
-from tripod_bringup.study_run import local, run_plan
+from tripod_bringup.study_run import Job, local, outdated, run_plan
 from tripod_bringup.study_store import Store
-from tripod_bringup.study_worker import Worker
+from tripod_bringup.study_worker import Worker, lost
+from tripod_sim.study.fingerprint import fingerprint
 
 ROOT = Path(__file__).parents[2]
 
@@ -76,6 +78,56 @@ def test_a_finished_point_is_not_run_again_and_a_crashed_one_is(tmp_path: Path) 
         with Store(tmp_path / "toy.jsonl") as store:
             run_plan(made, store, local(1))
         assert len(lines(log)) - before == expected
+
+
+def with_other_code(path: Path, keys: set[str], code: str | None) -> None:
+    """Rewrite a store as if other code, or one that left no trace, had measured some points."""
+    made = [json.loads(line) for line in lines(path)]
+    for record in made:
+        if record["key"] in keys:
+            record.pop("code", None)
+            if code:
+                record["code"] = code
+    path.write_text("".join(json.dumps(record) + "\n" for record in made))
+
+
+@pytest.mark.parametrize("code", ["0123456789abcdef", None])
+def test_points_of_other_code_are_measured_again(code: str | None, tmp_path: Path) -> None:
+    path, log = tmp_path / "toy.jsonl", tmp_path / "log"
+    made = toy_study.make(ends=("ok", "exit"), steps=(0.4, 0.2), log=str(log))
+    with Store(path) as store:
+        run_plan(made, store, local(1))
+        assert {r["code"] for r in store.records.values() if r["status"] == "ok"} == {
+            fingerprint(made.module)
+        }
+        assert outdated(made, store) == 0
+    rungs, others = made.runs()
+    ok = next(s for s in others if s["end"] == "ok")
+    with_other_code(path, {made.key(rungs[0]), made.key(ok)}, code)
+    before = len(lines(log))
+    with Store(path) as store:
+        assert outdated(made, store) == 2, "crashed points are run again anyway"
+        records = run_plan(made, store, local(1))
+        assert outdated(made, store) == 0
+    assert len(lines(log)) - before == 4, "these two and the two that crash"
+    assert records[made.key(ok)]["code"] == fingerprint(made.module)
+
+
+def test_what_other_code_of_a_cluster_measures_is_refused(tmp_path: Path) -> None:
+    made = toy_study.make(steps=(0.4,))
+
+    def elsewhere(work: Sequence[Job]) -> Iterator[tuple[str, dict[str, Any]]]:
+        for key, *_ in work:
+            yield key, {**lost("ok", ""), "code": "0123456789abcdef"}
+
+    with Store(tmp_path / "toy.jsonl") as store:
+        records = run_plan(made, store, elsewhere)
+        assert {r["status"] for r in records.values()} == {"crashed"}
+        assert (
+            "measured by other code, 0123456789abcdef; here it is"
+            in records[made.key(made.default)]["message"]
+        )
+        assert {r["status"] for r in run_plan(made, store, local(1)).values()} == {"ok"}
 
 
 def test_the_seed_orders_the_points_and_changes_nothing_else(tmp_path: Path) -> None:
@@ -179,8 +231,16 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path) -> None:
     result = json.loads((tmp_path / "out" / "toy.json").read_text())
     assert [float(row["error"]) for row in table] == [p["error"] for p in result["points"]]
     assert (tmp_path / "out" / "toy.png").read_bytes()[:4] == b"\x89PNG"
+    assert result["versions"]["code"] == fingerprint("tests.bringup.toy_study")
+    assert "other code" not in done.stderr
     again = CliRunner().invoke(app, [*words, "--json"])
     assert json.loads(again.stdout)["accuracy"]["toy"] == result
+    points = tmp_path / "out" / "toy.jsonl"
+    with_other_code(points, {json.loads(lines(points)[0])["key"]}, "0123456789abcdef")
+    said = CliRunner().invoke(app, [*words, "--quiet"]).stderr.splitlines()
+    assert said == [
+        f"tripod study: toy: points in {tmp_path / 'out'} of other code: 1; they are measured again"
+    ]
 
 
 @pytest.mark.usefixtures("toy")

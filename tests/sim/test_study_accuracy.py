@@ -120,6 +120,7 @@ def test_a_result_has_errors_costs_front_order_and_rows_of_what_diverged() -> No
     ]
     assert found["reference"]["own_error"] == pytest.approx(1e-4 * math.hypot(1, 0.1), rel=1e-3)
     assert found["machine"]["calibration"] == 0.04
+    assert found["versions"] == {"tripod": "0.0", "study": 1, "code": None}
     assert found["advice"][0] == (
         "Cheapest within 10 and 5 %: dt 0.2, ok (0.0025 CPU s per simulated second); "
         "no setting is surely within 1 %."

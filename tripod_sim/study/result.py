@@ -6,7 +6,7 @@ The result is one table of plain values, SI units throughout:
     study, title, scene, note
     quick         whether it is the short form, against a coarser reference
     group         field by which a picture colours the points
-    versions      of tripod and of the study
+    versions      of tripod and of the study; code: fingerprint of what measured the points, null if it is unknown
     machine       calibration: CPU time of a 1000 x 1000 float64 product beside the points, the median [s]; processor
     base          {field: value} of all points
     knobs         [{name, field, what, values}]
@@ -77,7 +77,7 @@ def assemble(plan: Plan, records: Mapping[str, Record], version: str) -> dict[st
 
     Args:
         plan: Whose points were run.
-        records: By `plan.key`, of all `plan.runs()`.
+        records: By `plan.key`, of all `plan.runs()`; see `task.outcome`, and `code`, a `fingerprint`.
         version: Of tripod.
     """
     standards = _Standards(plan, records)
@@ -89,6 +89,7 @@ def assemble(plan: Plan, records: Mapping[str, Record], version: str) -> dict[st
         row["on_front"] = i in best
     references = _references(plan, standards)
     calibrations = [r["calibration"] for r in records.values() if r.get("calibration")]
+    codes = {r["code"] for r in records.values() if "code" in r}
     made: dict[str, Any] = {
         "format": FORMAT,
         "study": plan.name,
@@ -97,7 +98,11 @@ def assemble(plan: Plan, records: Mapping[str, Record], version: str) -> dict[st
         "note": plan.note,
         "quick": plan.quick,
         "group": plan.group,
-        "versions": {"tripod": version, "study": plan.version},
+        "versions": {
+            "tripod": version,
+            "study": plan.version,
+            "code": codes.pop() if len(codes) == 1 else None,
+        },
         "machine": {
             "calibration": median(calibrations) if calibrations else None,
             "processor": platform.machine(),
