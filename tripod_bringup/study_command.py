@@ -134,12 +134,18 @@ def accuracy(
 ) -> dict[str, Any]:
     """Run a study of accuracy, write its files and return its result. Raises OSError."""
     from tripod_bringup.study_files import write_files  # noqa: PLC0415
-    from tripod_bringup.study_run import run_plan  # noqa: PLC0415
+    from tripod_bringup.study_run import outdated, run_plan  # noqa: PLC0415
     from tripod_bringup.study_store import Store  # noqa: PLC0415
     from tripod_sim.study.result import assemble  # noqa: PLC0415
 
-    with Store(out / f"{made.name}.jsonl", fresh=fresh) as store, bar(made.name, shown=shown) as progress:
-        records = run_plan(made, store, execute, seed=seed, progress=progress)
+    with Store(out / f"{made.name}.jsonl", fresh=fresh) as store:
+        if count := outdated(made, store):
+            print(
+                f"tripod study: {made.name}: points in {out} of other code: {count}; they are measured again",
+                file=sys.stderr,
+            )
+        with bar(made.name, shown=shown) as progress:
+            records = run_plan(made, store, execute, seed=seed, progress=progress)
     result = assemble(made, records, _version())
     write_files(result, out)
     return result
