@@ -49,15 +49,15 @@ class Drive:
         self.joints: FloatArray = np.zeros(3)
         self.motion = ""
         self.at_once = False
-        self._last: float | None = None
-        self._pressed: dict[int, tuple[int, float]] = {}  # servo: sign, until
+        self._pressed: dict[int, tuple[int, float, float]] = {}  # servo: sign, moved until, pressed until
+        self._begin, self._due = (float("-inf"), self.joints), float("-inf")  # of the way to the set-point
         self._path = (self.joints, self.joints, 0.0, 0.0)  # from, to, start, duration
 
     def start(self, joints: Sequence[float]) -> None:
         """Begin at rest at `joints`: three angles [rad], and the slide [m] if it is known."""
         values = np.array(joints, float)
         self.joints = np.clip(values, self._limits.lower[: len(values)], self._limits.upper[: len(values)])
-        self._last = None
+        self._due = float("-inf")
         self.rest()
 
     def rest(self) -> None:
@@ -66,15 +66,26 @@ class Drive:
         self._pressed.clear()
 
     def press(self, move: Move, now: float) -> None:
-        """Take a press, or its repeat, at `now` [s]; it ends a motion to a pose."""
+        """Take a press, or its repeat, at `now` [s]; it ends a motion to a pose.
+
+        What was not pressed begins to move at `now`, also where the set-point is ahead of that; what is turned back
+        begins where the joint is at `now`.
+        """
         self.setpoint(now)  # what was pressed before counts until here
         if self.motion or self.at_once:
             self.rest()
-        self._pressed[move.servo] = (move.sign, now + self._hold)
+        i = move.servo
+        sign, moved, until = self._pressed.get(i, (0, now, now))
+        if until <= now:
+            moved = now
+        elif sign != move.sign:
+            here = self._at(now)
+            self._begin, self.joints[i], moved = (now, here), here[i], now
+        self._pressed[i] = (move.sign, moved, now + self._hold)
 
     def is_pressed(self, move: Move, now: float) -> bool:
         """Return whether `move` counts at `now` [s]: another press of its key changes no speed."""
-        sign, until = self._pressed.get(move.servo, (0, now))
+        sign, _, until = self._pressed.get(move.servo, (0, now, now))
         return sign == move.sign and until > now
 
     def go(self, name: str, pose: Sequence[float], now: float) -> None:
@@ -95,21 +106,31 @@ class Drive:
         self.at_once = True
         self.joints[:3] = np.clip(np.array(angles, float), self._limits.lower[:3], self._limits.upper[:3])
 
-    def setpoint(self, now: float) -> FloatArray:
-        """Return the set-point at `now` [s], shape (3,) or (4,); to be called at a regular rate.
+    def setpoint(self, now: float, ahead: float = 0.0) -> FloatArray:
+        """Return where the joints should be `ahead` [s] after `now` [s], shape (3,) or (4,); call it at a regular rate.
 
-        `now` may be a little ahead of the clock; a call with an earlier time then moves nothing that a key moves.
+        What a key moves was moved by an earlier call until its time: only what comes after that is added.
         """
-        last = now if self._last is None else max(self._last, now - LONGEST_STEP)
-        self._last = max(last, now)
+        time = now + ahead
+        if time > self._due:
+            self._begin, self._due = (now, self._at(now)), time
         if self.motion:
             begin, goal, start, duration = self._path
-            if now - start >= duration:
+            if time - start >= duration:
                 self.joints, self.motion = goal.copy(), ""
             else:
-                self.joints = begin + smooth((now - start) / duration) * (goal - begin)
-        for servo, (sign, until) in self._pressed.items():
-            self.joints[servo] += sign * self._speed * max(0.0, min(now, until) - last)
+                self.joints = begin + smooth((time - start) / duration) * (goal - begin)
+        for servo, (sign, moved, until) in self._pressed.items():
+            last = max(moved, time - LONGEST_STEP)
+            self.joints[servo] += sign * self._speed * max(0.0, min(time, until) - last)
+            self._pressed[servo] = (sign, max(moved, time), until)
         size = len(self.joints)
         self.joints = np.clip(self.joints, self._limits.lower[:size], self._limits.upper[:size])
         return self.joints.copy()
+
+    def _at(self, now: float) -> FloatArray:
+        """Return where followers are at `now` [s], on a straight way to a set-point that may be ahead of that."""
+        begun, joints = self._begin
+        if not begun <= now < self._due:
+            return self.joints.copy()
+        return joints + (now - begun) / (self._due - begun) * (self.joints - joints)

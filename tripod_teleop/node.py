@@ -46,12 +46,11 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 
 SEND_PERIOD = 0.05
-"""Time between two set-points [s]."""
+"""Time between two set-points [s]; each tells where the joints should be when the next one comes."""
 KEY_PERIOD = 0.02
 """Time between two looks for keys [s], besides those when keys come."""
-AHEAD = 0.01
-"""A key that begins to move a servo is answered at once by a set-point so far ahead [s]; a jump keeps it for all
-that follow."""
+JUMP_TIME = 0.01
+"""Time that a jump gives the joints [s]."""
 LINE_PERIOD = 0.1
 """Time between two drawings of the status line [s]."""
 AT_ONCE = (Act.CATCH, Act.THROW)
@@ -82,7 +81,7 @@ class TeleopNode(Node):
             self.create_subscription(JointState, topic, self._joint_taker(topic, hear), RELIABLE)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a paused simulation clock must not hold up a STOP
         self.create_timer(KEY_PERIOD, self._on_keys, clock=steady)
-        self._sending = self.create_timer(SEND_PERIOD, self._on_send, clock=steady)
+        self._sending = self.create_timer(SEND_PERIOD, self._send, clock=steady)
         self.create_timer(LINE_PERIOD, self._on_line, clock=steady)
         self._waiter = KeyWaiter(terminal, self.create_guard_condition(self._on_keys).trigger)
         self._diagnostics = Diagnostics(self, self._report)
@@ -112,8 +111,8 @@ class TeleopNode(Node):
         for key in keys:
             self._on_key(key)
         if soon:
-            self._send(AHEAD)
-            self._sending.reset()  # a set-point right behind this one would take its place, and start slowly
+            self._send()
+            self._sending.reset()
 
     def _changes_motion(self, key: str) -> bool:
         """Return whether `key` is to be answered at once: it jumps, or moves a servo as it did not move so far."""
@@ -136,16 +135,13 @@ class TeleopNode(Node):
             if decision is not None:
                 self._publish_mode(*decision)
 
-    def _on_send(self) -> None:
-        self._send(0.0)
-
-    def _send(self, ahead: float) -> None:
-        """Publish where the joints should be `ahead` [s] from now, if they are to be driven."""
+    def _send(self) -> None:
+        """Publish where the joints should be when the next set-point comes, if they are to be driven."""
         now = time.monotonic()
-        joints = self._operator.setpoint(self._watch.joints(now), now + ahead)
+        joints = self._operator.setpoint(self._watch.joints(now), now, SEND_PERIOD)
         if joints is not None:
-            soon = ahead > 0 or self._operator.drive.at_once
-            self._command.publish(self._command_message(joints, AHEAD if soon else SEND_PERIOD))
+            duration = JUMP_TIME if self._operator.drive.at_once else SEND_PERIOD
+            self._command.publish(self._command_message(joints, duration))
 
     def _on_line(self) -> None:
         operator = self._operator

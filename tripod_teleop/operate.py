@@ -123,8 +123,8 @@ class Operator:
                 return decision
         return None
 
-    def setpoint(self, joints: Joints | None, now: float) -> FloatArray | None:
-        """Return the joint values to send at `now` [s], shape (3,) or (4,); None for nothing."""
+    def setpoint(self, joints: Joints | None, now: float, ahead: float = 0.0) -> FloatArray | None:
+        """Return where the joints should be `ahead` [s] after `now` [s], shape (3,) or (4,); None: send nothing."""
         if not self.is_driving:
             return None
         if joints is None:
@@ -133,7 +133,7 @@ class Operator:
         if self._lost or len(joints) != len(self.drive.joints):  # a part of the graph came, went or restarted
             self.drive.start(joints)
             self._lost, self.notice = False, ""
-        return None if now < self._ready_at else self.drive.setpoint(now)
+        return None if now < self._ready_at else self.drive.setpoint(now, ahead)
 
     def _take_control(self, joints: Joints | None, stamp: float, now: float) -> tuple[Mode, float] | None:
         if self.is_driving:

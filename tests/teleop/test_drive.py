@@ -148,11 +148,52 @@ def test_smooth_is_at_rest_at_both_ends() -> None:
     assert (smooth(0.5 + 1e-6) - smooth(0.5 - 1e-6)) / 2e-6 == pytest.approx(PEAK)
 
 
+# set-points ahead of the clock, as the node sends them -----------------------------------------------------------
+
+
+def followed(drive: Drive, presses: dict[float, Move], end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return times [s] and the joints of a follower: each set-point is reached a period later, when the next comes."""
+    begin = goal = (0.0, drive.joints.copy())
+    times, joints, due = np.arange(0.0, end, 0.001), [], 0.0
+    waiting = sorted(presses.items())
+    for now in times:
+
+        def here(t: float, begin=begin, goal=goal) -> np.ndarray:
+            share = min(1.0, (t - begin[0]) / max(goal[0] - begin[0], 1e-12))
+            return begin[1] + share * (goal[1] - begin[1])
+
+        pressed = bool(waiting) and waiting[0][0] <= now + 1e-9
+        if pressed:
+            drive.press(waiting.pop(0)[1], now)
+        joints.append(here(now))
+        if pressed or now >= due - 1e-9:
+            begin, goal, due = (now, here(now)), (now + PERIOD, drive.setpoint(now, PERIOD)), now + PERIOD
+    return times, np.array(joints)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.001, 0.013, 0.049])
+def test_followers_move_with_the_key_from_its_press_on_without_lag_or_pause(phase: float) -> None:
+    first, second = 0.4 + phase, 0.5 + phase
+    drive = drive_at(-1.0, -1.0, -1.0)
+    times, joints = followed(drive, {first: Move(0, 1), second: Move(2, -1)}, 1.0)
+    assert joints[:, 0] == pytest.approx(-1.0 + SPEED * np.clip(times - first, 0.0, HOLD), abs=1e-3)
+    assert joints[:, 1] == pytest.approx(-1.0)
+    assert joints[:, 2] == pytest.approx(-1.0 - SPEED * np.clip(times - second, 0.0, HOLD), abs=1e-3)
+    assert joints[-1] == pytest.approx([-1.0 + SPEED * HOLD, -1.0, -1.0 - SPEED * HOLD], abs=1e-12)
+
+
+@pytest.mark.parametrize("after", [0.007, 0.05, 0.081, 0.149])
+def test_followers_turn_where_they_are_when_the_other_key_is_pressed(after: float) -> None:
+    times, joints = followed(drive_at(0.0, 0.0, 0.0), {0.1: Move(0, -1), 0.1 + after: Move(0, 1)}, 0.6)
+    wanted = -SPEED * np.clip(times - 0.1, 0.0, after) + SPEED * np.clip(times - 0.1 - after, 0.0, HOLD)
+    assert joints[:, 0] == pytest.approx(wanted, abs=1.5e-3)
+
+
 def test_a_set_point_ahead_of_the_clock_is_not_moved_twice() -> None:
     drive = drive_at(-1.0, -1.0, -1.0)
     drive.press(Move(0, +1), 5.0)
-    first = drive.setpoint(5.02)[0]  # 20 ms ahead
+    first = drive.setpoint(5.0, 0.02)[0]
     assert first == pytest.approx(-1.0 + SPEED * 0.02)
     assert drive.setpoint(5.01)[0] == first
     assert drive.setpoint(5.03)[0] == pytest.approx(-1.0 + SPEED * 0.03)
-    assert drive.setpoint(5.12)[0] == pytest.approx(-1.0 + SPEED * 0.12)
+    assert drive.setpoint(5.10, 0.02)[0] == pytest.approx(-1.0 + SPEED * 0.12)
