@@ -1,17 +1,14 @@
 """Tier 3: the real firmware behind a pseudo-terminal, spoken to through pyserial as a real board is. No times here."""
 
-import os
-import select
-import threading
 import time
-import tty
 from collections.abc import Iterator
 
 import pytest
 import serial
 
 from tests.firmware.session import is_row_of, rows
-from tests.firmware.simulated_board import Pulse, SimulatedBoard
+from tests.firmware.simulated_board import SimulatedBoard
+from tests.firmware.terminal_board import TerminalBoard
 from tripod_driver.framed import (
     Acknowledgement,
     BoardState,
@@ -27,49 +24,6 @@ from tripod_driver.protocol import LegacyProtocol
 
 DEADLINE = 20.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
-
-
-class TerminalBoard:
-    """Passes bytes between a pseudo-terminal and a simulated board whose time goes on while this thread runs.
-
-    Attributes:
-        path: What a program opens.
-    """
-
-    def __init__(self, board: SimulatedBoard) -> None:
-        self._board, self._lock, self._stop = board, threading.Lock(), threading.Event()
-        self._pulses: list[Pulse] = []
-        self._ours, self._theirs = os.openpty()
-        tty.setraw(self._theirs)
-        self.path = os.ttyname(self._theirs)
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        os.close(self._ours)
-        os.close(self._theirs)
-
-    def pulses(self) -> list[Pulse]:
-        with self._lock:
-            return list(self._pulses)
-
-    def reset(self) -> None:
-        with self._lock:
-            self._board.reset()
-            self._pulses += self._board.pulses()
-
-    def _serve(self) -> None:
-        while not self._stop.is_set():
-            readable, _, _ = select.select([self._ours], [], [], 0.001)
-            with self._lock:
-                if readable:
-                    self._board.write(os.read(self._ours, 256))
-                self._board.run(0.001)
-                if count := self._board.in_waiting:
-                    os.write(self._ours, self._board.read(count))
-                self._pulses += self._board.pulses()
 
 
 @pytest.fixture
