@@ -75,7 +75,7 @@ class Safety:
                 asked = f"angle_min {limits.angle_min:g} to angle_max {limits.angle_max:g} rad"
                 raise CommandError(f"{name} may be sent {safe}, which is nowhere within {asked}")
         self.rejected, self.last_rejection = 0, ""
-        self._period = period
+        self._period, self._limits = period, limits
         joints = None if start is None else [*start, limits.park[COUNT]]
         self._follower = CommandFollower(limits, joints, longest_step=2 * period)
         self._mode = ModeTracker()
@@ -231,20 +231,18 @@ class Safety:
         self._notice = ""
         self._ignored = 0
         if self._mode.mode is Mode.STOP:
-            self._follower.stop(now)
+            self._stop(now)
         else:
             self._rest(now)
 
     def halt(self, now: float) -> None:
         """Hold at once and ignore commands until the control mode changes."""
         self._halted = True
-        self._follower.stop(now)
+        self._stop(now)
 
     def park(self, now: float) -> None:
         """Move to the park position now and ignore commands; `at_rest` tells when it is there."""
-        limits = replace(self._follower.limits, park_after=0.0)
-        joints = [float(value) for value in self._follower.joints]
-        self._follower = CommandFollower(limits, joints, longest_step=2 * self._period)
+        self._follow_from_here(replace(self._limits, park_after=0.0))
         self._follower.setpoint(now)
         self._halted = True
 
@@ -267,6 +265,16 @@ class Safety:
         if self._board is State.READY:
             self._rest(now)
         self._board, self._trouble = board, why
+
+    def _stop(self, now: float) -> None:
+        """Hold where the joints are, also after `park`."""
+        if self._follower.limits is not self._limits:
+            self._follow_from_here(self._limits)
+        self._follower.stop(now)
+
+    def _follow_from_here(self, limits: CommandLimits) -> None:
+        joints = [float(value) for value in self._follower.joints]
+        self._follower = CommandFollower(limits, joints, longest_step=2 * self._period)
 
     def _rest(self, now: float) -> None:
         """Hold where the joints are; what is parked, or on its way there, stays so."""

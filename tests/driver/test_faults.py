@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from tests.driver.bench import LIMITS, TICK, Bench
 from tripod_driver.framed import encode
-from tripod_driver.framed_messages import SetPulses
+from tripod_driver.framed_messages import BoardState, SetPulses
 from tripod_driver.ports.mock import Fault
+from tripod_driver.ports.mock_board import STEP
 from tripod_driver.safety import State
 from tripod_graph.mode import Mode
 
@@ -213,7 +214,7 @@ def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silen
     bench.run(0.1)
     foreign = Foreigner(bench)
     for kind, value in events:
-        now = bench.clock.now
+        now, running = bench.clock.now, bench.safety.mode
         if kind == "goto":
             bench.goto(*value[:3], time=value[3])
         elif kind == "mode":
@@ -230,6 +231,11 @@ def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silen
             bench.safety.deactivate()
         elif kind != "wait":
             getattr(bench.safety, kind)(now)
+        if kind == "halt" or (kind == "mode" and value is Mode.STOP and running is not Mode.STOP):
+            count = len(bench.sent)
+            bench.run(0.1, bench.stream)
+            after = np.array([bench.link.session.content(a) for _, a in bench.sent[count:]])
+            assert after.size == 0 or np.ptp(after, axis=0).max() <= STEP, "a command after stop"
         bench.run(value if kind == "wait" else 0.05)
     if bench.safety.can_move:
         bench.port.fault = Fault.SILENT
@@ -237,8 +243,9 @@ def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silen
         assert bench.safety.state in (State.DISCONNECTED, State.CONNECTING), "silence was not noticed"
     count = len(bench.sent)
     bench.port.fault = Fault.UNPLUGGED
-    bench.run(0.5)
+    bench.run(1.0)
     assert len(bench.sent) == count
+    assert bench.board.state in (BoardState.IDLE, BoardState.RELEASED), "the watchdog did not fire"
     angles = np.array([a for _, a in bench.sent])
     times = np.array([t for t, _ in bench.sent])
     slack = 2e-4  # pulses are rounded to 0.1 us
