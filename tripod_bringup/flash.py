@@ -65,11 +65,10 @@ def flash_command(
 ) -> int:
     """Write the firmware and return the exit code: 0, 2 where something is missing, else that of avrdude."""
     try:
-        firmware = firmware_file(file)
         avrdude = which("avrdude")
         if avrdude is None:
             raise FlashError(INSTALL)
-        command = flash_arguments(avrdude, firmware, find_port(port), baud)
+        command = flash_arguments(avrdude, firmware_file(file), find_port(port), baud)
     except FlashError as error:
         print(f"tripod flash: {error}", file=sys.stderr)
         return BAD_ARGUMENTS

@@ -56,8 +56,13 @@ def test_an_elf_is_written_as_one(tmp_path: Path, capsys, device) -> None:
     assert "57600" in command
 
 
-def test_a_missing_avrdude_is_told_with_the_package(firmware: Path, capsys, device) -> None:
-    code, runs, said = attempt(firmware, device, capsys, avrdude=None)
+@pytest.mark.parametrize("built", [True, False])
+def test_a_missing_avrdude_is_told_with_the_package(
+    built: bool, firmware: Path, monkeypatch, capsys, device
+) -> None:
+    """Before all else: nothing that is built or plugged in helps without it."""
+    monkeypatch.setattr(flash, "FIRMWARE", Path("/nowhere"))
+    code, runs, said = attempt(firmware if built else None, device, capsys, avrdude=None)
     assert (code, runs, said.err) == (2, [], f"tripod flash: {INSTALL}\n")
 
 
