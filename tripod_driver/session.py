@@ -143,9 +143,9 @@ class LegacySession(Session):
         del self.readings[:-READINGS_MAX]
         if self._lines.strange:
             self.state = SessionState.LOST
-            what = "that is no IMU" if self._protocol.has_imu else "the workshop's firmware is silent"
+            what = "and that is no IMU" if self._protocol.has_imu else "and the workshop's firmware is silent"
             sent = shown(self._lines.strange)
-            self.message = f"it sends {sent} and {what}: is this the right port, baud and protocol?"
+            self.message = f"it sends {sent} {what}: is this the right port, baud and protocol?"
 
     def say(self, now: float) -> bytes:
         """Nothing is due besides packets."""
