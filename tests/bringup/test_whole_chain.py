@@ -1,7 +1,6 @@
 """The whole chain for real: `tripod up --demo` with every node, and what it left on the disk."""
 
 import os
-import random
 import re
 import signal
 import socket
@@ -18,6 +17,7 @@ pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make
 from mcap.reader import NonSeekingReader
 from rosbags.highlevel import AnyReader
 
+from tests.domains import own_domain
 from tripod_bringup.demo_target import DemoTarget
 from tripod_graph import names
 from tripod_graph.mode import Mode
@@ -54,11 +54,11 @@ def free_port() -> int:
         return number
 
 
-def start(*words: str, directory: Path) -> subprocess.Popen[str]:
+def start(*words: str, directory: Path, domain: int) -> subprocess.Popen[str]:
     environment = dict(
         os.environ,
         PYTHONPATH=str(ROOT),
-        ROS_DOMAIN_ID=str(random.SystemRandom().randint(1, 100)),
+        ROS_DOMAIN_ID=str(domain),
         ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
         XDG_RUNTIME_DIR=str(directory),
     )
@@ -86,13 +86,14 @@ class Session:
 def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     directory = tmp_path_factory.mktemp("chain")
     words = ("--demo", "--duration", str(TRACK), "--record", "bags", "--view-port", str(free_port()))
-    process = start(*words, directory=directory)
-    try:
-        out, err = process.communicate(timeout=240)
-    except subprocess.TimeoutExpired:
-        process.send_signal(signal.SIGTERM)
-        out, err = process.communicate(timeout=60)
-        pytest.fail(f"the demo did not end:\n{out}\n{err}")
+    with own_domain() as domain:
+        process = start(*words, directory=directory, domain=domain)
+        try:
+            out, err = process.communicate(timeout=240)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGTERM)
+            out, err = process.communicate(timeout=60)
+            pytest.fail(f"the demo did not end:\n{out}\n{err}")
     played = Session(process.returncode, out, err)
     played.recording = directory / played.recording
     return played
@@ -195,8 +196,8 @@ def test_the_recorded_effector_follows_the_recorded_targets(session: Session) ->
 
 
 @pytest.mark.ros
-def test_ctrl_c_during_start_ends_in_order_and_leaves_no_process(tmp_path: Path) -> None:
-    process = start("--no-view", directory=tmp_path)
+def test_ctrl_c_during_start_ends_in_order_and_leaves_no_process(tmp_path: Path, domain: int) -> None:
+    process = start("--no-view", directory=tmp_path, domain=domain)
     try:
         deadline = time.monotonic() + 30
         while not children(process.pid) and time.monotonic() < deadline:

@@ -97,16 +97,11 @@ def board(tmp_path: Path) -> Iterator[Board]:
 class DriverProcess:
     """The driver, started as a user would, with its output in files."""
 
-    def __init__(self, folder: Path, domain: int, arguments: Sequence[str], program: Sequence[str]) -> None:
-        environment = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        }
+    def __init__(self, folder: Path, arguments: Sequence[str], program: Sequence[str]) -> None:
         self._log = folder / f"driver{len(list(folder.iterdir()))}.log"
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
-                [sys.executable, *program, *arguments], cwd=PROJECT, env=environment, stdout=log, stderr=log
+                [sys.executable, *program, *arguments], cwd=PROJECT, stdout=log, stderr=log
             )
 
     @property
@@ -126,7 +121,6 @@ class Client:
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
 
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         self.context = rclpy.Context()
         self.context.init(domain_id=domain)
         self.node = Node("tester", namespace=namespace, context=self.context, enable_rosout=False)
@@ -147,11 +141,10 @@ class Client:
             self._executor.spin_once(timeout_sec=0.01)
 
     def call(self, kind: type, name: str, request: object) -> Any:
-        client = self.node.create_client(kind, name)
-        self.wait(client.service_is_ready, f"service {name}")
-        future = client.call_async(request)
-        self.wait(future.done, f"the answer of {name}")
-        return future.result()
+        """Ask a service of the driver once and return its answer."""
+        from tests.services import call
+
+        return call(self.node, kind, name, request, server="driver", wait=self.wait)
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -160,13 +153,8 @@ class Client:
 
 
 @pytest.fixture
-def domain() -> int:
-    return random.randint(1, 100)
-
-
-@pytest.fixture
 def namespace() -> str:
-    """A namespace of its own: a domain may be shared by chance with other tests on the machine."""
+    """A namespace, as a robot among others has."""
     return f"/robot_{random.getrandbits(48):x}"
 
 
@@ -183,7 +171,7 @@ def start_driver(tmp_path: Path, domain: int, namespace: str) -> Iterator[Callab
     started: list[DriverProcess] = []
 
     def start(*arguments: str, program: Sequence[str] = ("-m", "tripod_driver.node")) -> DriverProcess:
-        started.append(DriverProcess(tmp_path, domain, [*arguments, f"__ns:={namespace}"], program))
+        started.append(DriverProcess(tmp_path, [*arguments, f"__ns:={namespace}"], program))
         return started[-1]
 
     yield start

@@ -1,8 +1,6 @@
 """The parameter table: defaults, conversions, and refusals that name parameter, value and what is allowed."""
 
 import math
-import os
-import random
 import re
 
 import pytest
@@ -49,14 +47,13 @@ def test_value_within_the_range_passes(value: float) -> None:
     TABLE[0].check(value)
 
 
-def declared(overrides: dict[str, object]) -> dict[str, object]:
+def declared(domain: int, overrides: dict[str, object]) -> dict[str, object]:
     import rclpy
     from rclpy.node import Node
     from rclpy.parameter import Parameter as RosParameter
 
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     context = rclpy.Context()
-    context.init(domain_id=random.randint(1, 100))
+    context.init(domain_id=domain)
     node = None
     try:
         given = [RosParameter(name, value=value) for name, value in overrides.items()]
@@ -69,10 +66,10 @@ def declared(overrides: dict[str, object]) -> dict[str, object]:
 
 
 @pytest.mark.ros
-def test_declare_returns_defaults_and_takes_integers_for_floats() -> None:
+def test_declare_returns_defaults_and_takes_integers_for_floats(domain: int) -> None:
     defaults = {p.name: p.default for p in TABLE}
-    assert declared({}) == defaults
-    values = declared({"rate": 20, "joints": [1, 0], "mode": "fast", "start": [1, -1]})
+    assert declared(domain, {}) == defaults
+    values = declared(domain, {"rate": 20, "joints": [1, 0], "mode": "fast", "start": [1, -1]})
     changed = {"rate": 20.0, "joints": [1.0, 0.0], "mode": "fast", "start": [1.0, -1.0]}
     assert values == {**defaults, **changed}
     assert type(values["rate"]) is float
@@ -95,6 +92,6 @@ def test_declare_returns_defaults_and_takes_integers_for_floats() -> None:
         ({"rate": 100}, "parameter 'rate' is 100.0; allowed: 1 to 50 Hz"),
     ],
 )
-def test_declare_refuses_by_name(overrides: dict[str, object], message: str) -> None:
+def test_declare_refuses_by_name(domain: int, overrides: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=re.escape(message)):
-        declared(overrides)
+        declared(domain, overrides)

@@ -1,7 +1,5 @@
 """What the quality-of-service profiles promise, with real publishers."""
 
-import os
-import random
 import time
 
 import pytest
@@ -12,16 +10,15 @@ from tripod_graph.qos import LATCHED, LATCHED_OF_ALL
 
 
 @pytest.mark.ros
-def test_a_late_subscriber_hears_the_last_word_of_each_operator() -> None:
+def test_a_late_subscriber_hears_the_last_word_of_each_operator(domain: int) -> None:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
     from std_msgs.msg import String
 
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     context = rclpy.Context()
-    context.init(domain_id=random.randint(1, 100))
-    node = Node("operators", namespace=f"/n{random.getrandbits(48):x}", context=context, enable_rosout=False)
+    context.init(domain_id=domain)
+    node = Node("operators", context=context, enable_rosout=False)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:

@@ -1,7 +1,6 @@
 """How a node starts and ends, seen from outside: exit codes, messages, and that it is always closed."""
 
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("rclpy")
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("domain")]
 
 DEADLINE = 20.0  # [s], for a loaded machine
 PROGRAM = """
@@ -45,7 +44,6 @@ def start(failing: str = "", arguments: tuple[str, ...] = (), **options) -> subp
     environment = {
         k: v for k, v in os.environ.items() if k not in ("TRIPOD_SUBNET", "ROS_AUTOMATIC_DISCOVERY_RANGE")
     }
-    environment["ROS_DOMAIN_ID"] = str(random.randint(1, 100))
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM.format(failing=failing, arguments=list(arguments))],
         cwd=Path(__file__).parents[2],

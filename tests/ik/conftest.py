@@ -4,10 +4,9 @@ import pytest
 
 
 @pytest.fixture
-def graph(monkeypatch):
+def graph(domain):
     from tests.ik.ik_graph import Graph
 
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    graph = Graph()
+    graph = Graph(domain)
     yield graph
     graph.close()

@@ -1,6 +1,5 @@
 """The graph around the node of inverse kinematics: a robot that obeys, an operator, and ears."""
 
-import random
 import time
 from array import array
 
@@ -28,6 +27,8 @@ from tripod_ik.node import IkNode
 
 WORKING = np.full(3, -1.4965)
 NAN = float("nan")
+DEADLINE = 20.0
+"""For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 
 class FakeSim(Node):
@@ -89,8 +90,8 @@ class FakeSim(Node):
 
 
 class Graph:
-    def __init__(self):
-        rclpy.init(domain_id=random.SystemRandom().randint(1, 100))
+    def __init__(self, domain):
+        rclpy.init(domain_id=domain)
         self.executor = SingleThreadedExecutor()
         self.sim = FakeSim()
         self.executor.add_node(self.sim)
@@ -112,7 +113,7 @@ class Graph:
         self.wait(lambda: sim.compliance.get_subscription_count() and sim.states)
         return node
 
-    def wait(self, condition, seconds=10.0):
+    def wait(self, condition, seconds=DEADLINE):
         deadline = time.monotonic() + seconds
         while not (value := condition()):
             last = self.sim.states[-1] if self.sim.states else None

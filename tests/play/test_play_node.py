@@ -1,6 +1,5 @@
 """Path and solver in a graph of their own: which targets they ask for, when they stop."""
 
-import random
 import time
 from collections.abc import Callable, Iterator
 
@@ -84,14 +83,14 @@ class Graph:
 
     def close(self) -> None:
         self.node.close()
-        self.robot.destroy_node()
         self._executor.shutdown()
+        for node in (self.node, self.robot):
+            node.destroy_node()
 
 
 @pytest.fixture
-def context(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    rclpy.init(args=[], domain_id=random.SystemRandom().randint(1, 100))
+def context(domain: int) -> Iterator[None]:
+    rclpy.init(args=[], domain_id=domain)
     yield
     rclpy.try_shutdown()
 
@@ -191,14 +190,13 @@ def test_a_lost_ball_and_another_operator_end_the_game(context: None) -> None:
             graph.close()
 
 
-def test_the_simulator_tells_where_the_ball_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_simulator_tells_where_the_ball_is(domain: int) -> None:
     from tripod_sim.node import SimNode
 
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     received: list[PoseStamped] = []
     rclpy.init(
         args=["--ros-args", "-p", "scene:=maze", "-p", "set:=mesh.level=1"],
-        domain_id=random.SystemRandom().randint(1, 100),
+        domain_id=domain,
     )
     robot = Robot()
     robot.create_subscription(PoseStamped, names.SIM_BALL_POSE, received.append, RELIABLE)
@@ -217,4 +215,6 @@ def test_the_simulator_tells_where_the_ball_is(monkeypatch: pytest.MonkeyPatch) 
     finally:
         sim.close()
         executor.shutdown()
+        for node in (sim, robot):
+            node.destroy_node()
         rclpy.try_shutdown()

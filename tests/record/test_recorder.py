@@ -19,7 +19,7 @@ from tripod_record.selection import is_selected, listening, patterns
 from tripod_record.topic import Qos
 from tripod_record.writer import BagWriter
 
-DEADLINE = 10.0  # [s]
+DEADLINE = 20.0  # [s]
 
 
 def until(recorder: Recorder, done, what: str) -> Progress:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from tests.memory import kept
 from tripod_sim import Simulation, load_scene
 from tripod_sim.effects import TABLE, absent, meaning, named, words
 from tripod_sim.scene import EFFECTS
@@ -248,18 +249,7 @@ def test_what_effects_a_scene_names() -> None:
 
 
 def test_a_steady_step_allocates_no_growing_memory() -> None:
-    import tracemalloc
-
     simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
     joints = [np.array([-0.001 * k, 0, 0, 0]) for k in range(60)]
-    for j in joints[:20]:
-        simulation.step(j)
-    tracemalloc.start()
-    before = tracemalloc.get_traced_memory()[0]
-    for j in joints[20:]:
-        simulation.step(j)
-    after = tracemalloc.get_traced_memory()[0]
-    tracemalloc.stop()
-    assert (
-        after - before < 4_000
-    )  # a report and a few numbers, no array of the mesh (the smallest has 3,000 bytes a step)
+    # a report and a few numbers, no array of the mesh (the smallest has 3,000 bytes a step)
+    assert kept(simulation.step, joints) < 4_000

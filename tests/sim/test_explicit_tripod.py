@@ -1,12 +1,10 @@
 """Explicit schemes on bodies with servos, disc, clamps, plate and ball: recurrence, order, momentum, torque, limit."""
 
-import gc
-import tracemalloc
-
 import numpy as np
 import pytest
 import scipy.linalg
 
+from tests.memory import kept
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.integrators.explicit import ExplicitSolid
@@ -317,24 +315,9 @@ def test_a_long_step_renews_what_lags_behind_while_servos_move_fast() -> None:
 
 
 def test_a_steady_step_allocates_no_growing_memory() -> None:
-    """Blocks of 500 bytes and more: the interpreter keeps some hundred freed small objects, now more, now fewer."""
     simulation = Simulation(load_scene("tripod", [*SMALL, "inertia.scheme=semi_implicit_euler", "dt=1e-4"]))
     joints = [np.array([-1e-4 * k, 0, 0, 0]) for k in range(60)]
-    tracemalloc.start()
-    for j in joints[:20]:
-        simulation.step(j)
-    before = large_blocks()
-    for j in joints[20:]:
-        simulation.step(j)
-    after = large_blocks()
-    tracemalloc.stop()
-    assert after - before < 4_000  # 100 bytes a step: no array of the mesh
-
-
-def large_blocks() -> int:
-    """Return how much memory is allocated in blocks of 500 bytes and more [bytes]."""
-    gc.collect()
-    return sum(trace.size for trace in tracemalloc.take_snapshot().traces if trace.size >= 500)
+    assert kept(simulation.step, joints) < 4_000  # 100 bytes a step: no array of the mesh
 
 
 def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:

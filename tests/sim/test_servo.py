@@ -1,7 +1,6 @@
 """The servo effect: ramp, staircase, dead band, stall, and a coupling that is stable at every step."""
 
 import json
-import random
 import subprocess
 import sys
 import time
@@ -10,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.memory import kept
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.robot.servo import ServoMotion
 from tripod_sim.run import run
@@ -264,19 +264,9 @@ def test_absent_it_is_not_imported_and_holds_no_state() -> None:
 
 
 def test_a_steady_step_allocates_no_growing_memory() -> None:
-    import tracemalloc
-
     simulation = Simulation(load_scene("tripod", REAL))
     goal = np.array([QUARTER, QUARTER, QUARTER, 0.0])
-    for _ in range(20):
-        simulation.step(goal)
-    tracemalloc.start()
-    before = tracemalloc.get_traced_memory()[0]
-    for _ in range(40):
-        simulation.step(goal)
-    after = tracemalloc.get_traced_memory()[0]
-    tracemalloc.stop()
-    assert after - before < 4_000
+    assert kept(simulation.step, [goal] * 60) < 4_000
 
 
 @pytest.mark.parametrize(
@@ -299,7 +289,7 @@ def test_bad_values_are_refused_by_name(word: str, message: str) -> None:
 
 @pytest.mark.ros
 @pytest.mark.parametrize("real", [True, False])
-def test_the_node_names_a_stalled_servo_in_status_and_diagnostics(real: bool) -> None:
+def test_the_node_names_a_stalled_servo_in_status_and_diagnostics(domain: int, real: bool) -> None:
     """The servos start at -45 degrees, with 0.5 N m each: more than a real one holds."""
     rclpy = pytest.importorskip("rclpy")
     pytest.importorskip("tripod_msgs")
@@ -309,8 +299,7 @@ def test_the_node_names_a_stalled_servo_in_status_and_diagnostics(real: bool) ->
 
     words = ["mesh.level=1", f"servos.angles=[{QUARTER},{QUARTER},{QUARTER}]"]
     words += ["servo_dynamics={}"] if real else []
-    namespace = f"__ns:=/servo_{random.getrandbits(48):x}"
-    rclpy.init(args=ros_arguments([namespace, f"set:={';'.join(words)}"]), domain_id=random.randint(1, 100))
+    rclpy.init(args=ros_arguments([f"set:={';'.join(words)}"]), domain_id=domain)
     try:
         node = SimNode()
         try:

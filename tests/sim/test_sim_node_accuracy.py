@@ -1,7 +1,6 @@
 """The simulator's node with an accuracy: the setting of a study, said once, and what is refused."""
 
 import json
-import random
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,9 +32,7 @@ def study(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(random.SystemRandom().randint(1, 100)))
+def graph(domain: int) -> Iterator[None]:
     before = sys.getswitchinterval()
     yield
     sys.setswitchinterval(before)
@@ -43,8 +40,7 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def start(**parameters: str) -> SimNode:
-    own = f"__ns:=/robot_{random.getrandbits(48):x}"
-    rclpy.init(args=ros_arguments([*(f'{k}:="{v}"' for k, v in parameters.items()), own]))
+    rclpy.init(args=ros_arguments([f'{k}:="{v}"' for k, v in parameters.items()]))
     return SimNode()
 
 

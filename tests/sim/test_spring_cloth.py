@@ -1,10 +1,9 @@
 """Cloth: budgets of momentum and energy, free fall, static shape, the same result from every solver."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 
+from tests.memory import kept
 from tripod_sim import SceneError, Simulation, load_scene
 
 FREE = ["springs.fixed_corners=[]", "springs.nodes=8"]
@@ -185,15 +184,8 @@ def test_one_solve_a_step_is_enough_for_the_share_that_it_may_leave(linear: str)
 )
 def test_a_steady_step_allocates_no_growing_memory(words: list[str]) -> None:
     simulation = Simulation(load_scene("cloth", ["springs.nodes=8", *words]))
-    for _ in range(300):  # Python's own caches fill, too
-        simulation.step()
-    tracemalloc.start()
-    before = tracemalloc.get_traced_memory()[0]
-    for _ in range(100):
-        simulation.step()
-    after = tracemalloc.get_traced_memory()[0]
-    tracemalloc.stop()
-    assert after - before < 20_000  # an array of the nodes in each step would be 150,000 bytes
+    grown = kept(lambda _: simulation.step(), range(200), warm_up=100)
+    assert grown < 20_000  # an array of the nodes in each step would be 150,000 bytes
 
 
 def test_many_steps_of_a_solid_are_those_of_single_steps() -> None:

@@ -12,7 +12,7 @@ import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-DEADLINE = 10.0  # [s]
+DEADLINE = 20.0  # [s], for a loaded machine
 
 
 class FakeBrowser:

@@ -1,0 +1,25 @@
+"""What tests of the simulator's node share."""
+
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture
+def make(domain: int) -> Iterator[Callable[..., Any]]:
+    """Make graphs (`sim_graph.Graph`), on the coarse mesh unless told; none outlives the test."""
+    from tests.sim.sim_graph import Graph
+
+    made: list[Graph] = []
+
+    def graph(**parameters: object) -> Graph:
+        made.append(Graph(domain, **{"set": "mesh.level=1", **parameters}))
+        return made[-1]
+
+    before = sys.getswitchinterval()
+    yield graph
+    sys.setswitchinterval(before)
+    for graph in made:
+        graph.close()

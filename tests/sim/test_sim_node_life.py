@@ -1,0 +1,200 @@
+"""The simulator in a graph: how it starts, pauses, fails, recovers and ends."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("tripod_msgs")
+
+from tripod_msgs.msg import ControlMode, SimStatus
+
+from tests.sim.sim_graph import DEADLINE, Graph
+from tripod_graph import names
+from tripod_graph.command import CommandError, CommandLimits
+from tripod_graph.parameters import ParameterError
+from tripod_sim import SceneError, StepError, load_scene
+from tripod_sim.node import _within_scene
+
+pytestmark = pytest.mark.ros
+
+ROOT = Path(__file__).parents[2]
+
+
+def body_at_start(graph: Graph) -> tuple[float, ...]:
+    """Reset and return the positions of step 0."""
+    assert graph.reset().success
+    return tuple(graph.next(names.BODY_STATE, lambda m: m.step == 0).positions)
+
+
+def test_pause_step_and_reset(make) -> None:
+    graph = make().start()
+    answer = graph.step()
+    assert not answer.success
+    assert answer.message == "not paused; call sim/pause first"
+    answer = graph.pause(True)
+    assert (answer.success, answer.message) == (True, "paused")
+    first = graph.status(state=SimStatus.PAUSED).step
+    for k in (1, 2, 3):
+        answer = graph.step()
+        assert (answer.success, answer.message) == (True, f"step {first + k}")
+    assert graph.status(state=SimStatus.PAUSED).step == first + 3
+    graph.next(names.BODY_STATE, lambda m: m.step == first + 3)
+    graph.next(names.BODY_STATE, lambda m: m.step == first + 3)  # again, for who comes late
+
+    start = body_at_start(graph)
+    assert graph.status(state=SimStatus.PAUSED).step == 0
+    answer = graph.pause(False)
+    assert (answer.success, answer.message) == (True, "running")
+    graph.choose(ControlMode.TELEOP)
+    graph.command([-0.4, -0.4, -0.4])
+    graph.wait(lambda: graph.joints()[0] < -0.3, "motion")
+    graph.pause(True)
+    assert body_at_start(graph) == start
+    graph.pause(False)
+    assert graph.joints() == [0, 0, 0, 0]  # the old command is gone
+    assert graph.status().state == SimStatus.PARKED
+
+
+def test_reset_while_a_command_runs_goes_to_the_start_and_stays(make) -> None:
+    graph = make(timeout=10.0, pose_rate=1000.0).start()
+    graph.choose(ControlMode.TELEOP)
+    graph.command([-0.5, -0.5, -0.5], seconds=3.0)
+    graph.wait(lambda: graph.joints()[0] < -0.05, "motion")
+    assert graph.reset().message == "back in the start state"
+    assert graph.joints() == [0, 0, 0, 0]
+    graph.spin(0.1)
+    assert graph.joints() == [0, 0, 0, 0]
+    assert graph.status().rejected_commands == 0
+
+
+def test_a_failed_step_is_reported_and_reset_recovers(make, monkeypatch) -> None:
+    graph = make().start()
+    graph.status(state=SimStatus.PARKED)
+
+    def crush(joints: object) -> None:
+        raise StepError("element 7 is turned inside out")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(graph.node._physics._simulation, "step", crush)
+        status = graph.status(state=SimStatus.FAILED)
+        assert status.message == "element 7 is turned inside out; call sim/reset"
+        assert graph.status().step == status.step
+        for answer in (graph.pause(True), graph.pause(False), graph.step()):
+            assert not answer.success
+            assert answer.message == "element 7 is turned inside out"
+        body = graph.next(names.BODY_STATE)
+        assert body.step == status.step  # the last good state, still shown
+        report = graph.next(
+            names.DIAGNOSTICS, lambda m: m.status[0].name.startswith(graph.node.get_namespace())
+        )
+        assert report.status[0].level == b"\x02"
+        assert report.status[0].message == "element 7 is turned inside out"
+    assert graph.reset().success
+    status = graph.status(state=SimStatus.PARKED)
+    assert status.message == ""
+    graph.next(names.SIM_STATUS, lambda s: s.step > status.step)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "message"),
+    [
+        ({"scene": "tripot"}, SceneError, "scene 'tripot' is unknown; .*did you mean 'tripod'"),
+        ({"set": "mesh.level=1;dt=soon"}, SceneError, "dt is 'soon'; it must be a number"),
+        ({"body_rate": 0}, ParameterError, "parameter 'body_rate' is 0.0; allowed: 0.1 to 1000 Hz"),
+        ({"pose_rate": "fast"}, ParameterError, "parameter 'pose_rate' is 'fast'; it must be of type float"),
+        ({"speed": 1.0}, ParameterError, "parameter 'speed' is unknown; parameters: .*angle_speed"),
+        ({"park": "[0.0, 0.0]"}, CommandError, "park position has 2 values; it needs 4"),
+        ({"angle_max": -0.1}, CommandError, "park position: servo_0 is 0 rad, allowed is -2.1 to -0.1 rad"),
+        ({"angle_max": -2.5, "angle_min": -3.0}, CommandError, "park position: servo_0 is 0 rad"),
+        ({"set": "mesh.level=1;servos.angles=[0.1,0,0]", "angle_max": 0.05}, CommandError,
+         "start position: servo_0 is 0.1 rad, allowed is -2.1 to 0.05 rad"),
+        ({"set": "mesh.level=1;solver.max_iterations=1;solver.max_halvings=0;servos.angles=[-2,-2,-2]"}, ParameterError,
+         "scene 'tripod' has no start state: step 1 at 0 s cannot be saved"),
+    ],
+)  # fmt: skip
+def test_bad_parameters_are_refused_by_name(make, parameters, error, message: str) -> None:
+    graph = make(**parameters)
+    with pytest.raises(error, match=message):
+        graph.start()
+
+
+def test_limits_are_the_narrower_of_parameters_and_scene() -> None:
+    scene = load_scene("tripod", ["servos.angle_min=-1.0", "servos.angle_max=0.5", "servos.slide_max=0.03"])
+    wide = _within_scene(CommandLimits(-2.0, 0.6, slide_max=0.04), scene)
+    assert (wide.angle_min, wide.angle_max, wide.slide_max) == (-1.0, 0.5, 0.03)
+    narrow = _within_scene(CommandLimits(-0.5, 0.2, slide_max=0.01), scene)
+    assert (narrow.angle_min, narrow.angle_max, narrow.slide_max) == (-0.5, 0.2, 0.01)
+    assert _within_scene(CommandLimits(), replace(scene, servos=None)) == CommandLimits()
+    apart = SimpleNamespace(servos=replace(scene.servos, angle_min=-2.0, angle_max=-1.0))
+    with pytest.raises(ParameterError, match=r"leave nothing of the scene's -2.0 to -1.0 rad"):
+        _within_scene(CommandLimits(-0.5, 0.6), apart)
+
+
+class Process:
+    """The node as a user starts it; what it prints goes to a file."""
+
+    def __init__(self, log: Path, *words: str) -> None:
+        self._log = log
+        with log.open("w") as file:
+            self.child = subprocess.Popen(
+                [sys.executable, "-m", "tripod_sim.node", *words],
+                cwd=ROOT,
+                env=os.environ | {"RCUTILS_LOGGING_BUFFERED_STREAM": "0"},
+                stdout=file,
+                stderr=file,
+            )
+
+    def output(self) -> str:
+        return self._log.read_text()
+
+
+@pytest.fixture
+def launch(tmp_path: Path, domain: int) -> Iterator[Callable[..., Process]]:
+    """Start processes in the domain of the test; none outlives it."""
+    started: list[Process] = []
+
+    def run(*words: str) -> Process:
+        started.append(Process(tmp_path / f"{len(started)}.log", *words))
+        return started[-1]
+
+    yield run
+    for process in started:
+        with contextlib.suppress(ProcessLookupError):
+            process.child.kill()
+        process.child.wait()
+
+
+def test_the_process_refuses_bad_parameters_with_code_2_in_one_line(launch) -> None:
+    refused = [
+        (launch("scene:=tripot"), "sim: scene 'tripot' is unknown; scenes: "),
+        (launch("set:=material.young=-1"), "sim: material.young is -1.0; it must be above 0 Pa"),
+        (launch("body_rate:=0"), "sim: parameter 'body_rate' is 0.0; allowed: 0.1 to 1000 Hz"),
+    ]
+    for process, message in refused:
+        assert process.child.wait(DEADLINE) == 2
+        assert process.output().startswith(message)
+        assert process.output().count("\n") == 1
+
+
+def test_the_process_ends_in_order_on_signals(launch) -> None:
+    running = [(launch("set:=mesh.level=1"), number) for number in (signal.SIGINT, signal.SIGTERM)]
+    deadline = time.monotonic() + DEADLINE
+    for process, number in running:
+        while "scene tripod: 144 nodes" not in process.output():
+            assert process.child.poll() is None, process.output()
+            assert time.monotonic() < deadline, process.output()
+            time.sleep(0.02)
+        process.child.send_signal(number)
+    for process, _ in running:
+        assert process.child.wait(DEADLINE) == 0
+        assert process.output().count("\n") == 1  # the greeting, and no traceback

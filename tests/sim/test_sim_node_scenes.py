@@ -1,0 +1,96 @@
+"""The simulator in a graph with other scenes than the tripod alone, and what its status tells of their steps."""
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("tripod_msgs")
+
+from shape_msgs.msg import SolidPrimitive
+from tripod_msgs.msg import ControlMode, SimStatus
+
+from tripod_graph import names
+
+pytestmark = pytest.mark.ros
+
+
+def test_silicone_works_without_servos(make) -> None:
+    graph = make(scene="silicone").start()
+    status = graph.status(state=SimStatus.RUNNING)
+    assert status.scene == "silicone"
+    first = graph.next(names.BODY_STATE)
+    graph.next(names.BODY_STATE, lambda m: m.step > first.step and m.positions != first.positions)
+    graph.choose(ControlMode.TELEOP)
+    graph.command([0, 0, 0])
+    assert graph.status(rejected_commands=1).last_rejection == "scene 'silicone' has no servos"
+    graph.listen(names.COMPLIANCE)
+    graph.spin(0.3)
+    for topic in (names.SIM_JOINT_STATES, names.EFFECTOR_POSE, names.COMPLIANCE):
+        assert not graph.heard[topic]
+    assert graph.status().state == SimStatus.RUNNING
+    assert graph.reset().success
+
+
+@pytest.mark.parametrize("scene", ["pendulum", "cloth"])
+def test_a_body_of_springs_is_shown_by_its_surface(make, scene: str) -> None:
+    graph = make(scene=scene, set="springs.nodes=5").start()
+    mesh = graph.wait(lambda: graph.heard[names.MESH], "the mesh")[0]
+    body = graph.next(names.BODY_STATE)
+    graph.next(names.BODY_STATE, lambda m: m.step > body.step and m.positions != body.positions)
+    assert len(body.positions) == 3 * len(mesh.vertices)
+    assert body.topology_id == graph.node._skin.topology_id
+    assert max(max(t.vertex_indices) for t in mesh.triangles) < len(mesh.vertices)
+    graph.listen(names.MARKERS)
+    assert len(graph.next(names.MARKERS).markers[0].points) == 3 * len(mesh.triangles)
+    assert graph.reset().success
+
+
+def test_maze_and_ball_are_told_once_and_shown_by_markers(make) -> None:
+    graph = make(scene="maze", set="mesh.level=1;maze.source=first").start()
+    shape = graph.wait(lambda: graph.heard[names.BALL_SHAPE], "the ball")[0]
+    assert (shape.type, list(shape.dimensions)) == (SolidPrimitive.SPHERE, [0.002])
+    maze = graph.wait(lambda: graph.heard[names.MAZE_MESH], "the maze")[0]
+    z = [p.z for p in maze.vertices]
+    assert (min(z), max(z)) == pytest.approx((0.006, 0.012))  # above the centre of the disc
+    assert len(graph.heard[names.MAZE_MESH]) == len(graph.heard[names.BALL_SHAPE]) == 1
+    graph.listen(names.MARKERS)
+    _, plate, ball = graph.next(names.MARKERS).markers
+    assert len(plate.points) == 3 * len(maze.triangles)
+    assert plate.pose.position.z < ball.pose.position.z < plate.pose.position.z + max(z)
+
+
+def test_without_maze_and_ball_that_is_what_is_told(make) -> None:
+    graph = make().start()
+    assert not graph.wait(lambda: graph.heard[names.MAZE_MESH], "the maze")[0].vertices
+    assert not graph.wait(lambda: graph.heard[names.BALL_SHAPE], "the ball")[0].dimensions
+
+
+def test_an_unstable_scheme_is_told_in_the_status_and_stops_at_the_last_good_state(make) -> None:
+    graph = make(scene="pendulum", set="springs.node_mass=0.005;inertia.substeps=off").start()
+    status = graph.status(state=SimStatus.FAILED)
+    assert "overflows: the explicit scheme is unstable at dt 0.005 s" in status.message
+    told = [s for s in graph.heard[names.SIM_STATUS] if s.message.startswith("unstable: since step")]
+    assert graph.reset().success
+    if not told:
+        graph.next(names.SIM_STATUS, lambda s: s.message.startswith("unstable: since step"))
+
+
+def test_the_estimated_error_of_the_steps_and_their_parts_are_in_the_status(make) -> None:
+    graph = make(set="inertia.scheme=bdf2;dt=auto;time_error.tolerance=1e-7").start()
+    status = graph.next(names.SIM_STATUS, lambda s: s.step > 5)
+    assert status.parts >= 1
+    assert 0 <= status.effector_time_error <= status.time_error < 1e-3
+
+
+def test_an_estimate_that_nobody_asks_for_is_told_as_unknown(make) -> None:
+    status = make().start().next(names.SIM_STATUS, lambda s: s.step > 5)
+    assert (status.time_error, status.effector_time_error, status.parts) == (-1.0, -1.0, 1)
+
+
+def test_an_effector_without_servos_has_a_compliance_of_its_own(make) -> None:
+    graph = make(scene="silicone", set="mesh.level=1;effector={}").start()
+    graph.listen(names.COMPLIANCE)
+    compliance = graph.next(names.COMPLIANCE)
+    assert list(compliance.joint_names) == []
+    assert len(compliance.angles) == len(compliance.torques) == 0
+    assert len(compliance.w) == 36
+    assert graph.next(names.EFFECTOR_POSE).header.frame_id == "world"
