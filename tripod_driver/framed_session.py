@@ -22,7 +22,7 @@ from tripod_driver.framed_messages import (
 )
 from tripod_driver.imu import parse_line
 from tripod_driver.protocol import HEADER
-from tripod_driver.session import READINGS_MAX, Content, Session, SessionState, shown
+from tripod_driver.session import ECHO, READINGS_MAX, Content, Session, SessionState, shown
 from tripod_graph.names import SERVOS
 
 HELLO_PERIOD: Final = 0.1
@@ -274,7 +274,7 @@ class FramedSession(Session):
 
     def _why_no_answer(self) -> str:
         if self._echo:
-            return "the port returns what is written to it and is no robot; choose another with port:=PATH"
+            return ECHO
         if self._heard:
             return (
                 f"it sends {shown(bytes(self._heard))} and no answer to a hello: not the robot's port, another baud, "

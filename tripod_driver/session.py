@@ -112,6 +112,9 @@ class Session(ABC):
         return {}
 
 
+ECHO: Final = "the port returns what is written to it and is no robot; choose another with port:=PATH"
+"""Said of modems, and of two wires that touch."""
+
 STRAY_LINES_MAX: Final = 2
 """Lines that are no readings and yet may come from a board that is silent but for them: lines crackle at a reset."""
 
@@ -130,15 +133,19 @@ class LegacySession(Session):
         self._protocol, self._calibration = protocol, calibration
         self._ready_at = 0.0
         self._lines = self._reader()
+        self._sent = b""
 
     def begin(self, now: float, boot_time: float) -> None:
         """Wait for the board to boot: it never says that it has."""
         self.state, self._ready_at = SessionState.OPENING, now + boot_time
         self.message = f"the board starts within {boot_time:g} s"
-        self._lines = self._reader()
+        self._lines, self._sent = self._reader(), b""
 
     def hear(self, data: bytes, now: float) -> None:
         """Take lines of an IMU; anything else does not belong here."""
+        if self._sent and self._sent in data:
+            self.state, self.message = SessionState.LOST, ECHO
+            return
         self.readings += self._lines.feed(data, now)
         del self.readings[:-READINGS_MAX]
         if self._lines.strange:
@@ -160,7 +167,8 @@ class LegacySession(Session):
 
     def packet(self, content: Content, now: float) -> bytes:
         """Return the packet of these degrees."""
-        return self._protocol.packet(content)
+        self._sent = self._protocol.packet(content)
+        return self._sent
 
     def angles(self, content: Content) -> tuple[float, ...]:
         """Return the angles [rad] in the middle of those that become these degrees."""

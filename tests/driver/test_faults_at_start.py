@@ -93,6 +93,20 @@ def test_a_port_that_is_no_robot_is_named_and_nothing_but_hellos_reach_it(protoc
     assert bench.port.opened >= 1
 
 
+@pytest.mark.parametrize("protocol", ["legacy", "ascii"])
+def test_a_modem_that_returns_what_it_hears_is_named_after_the_first_of_the_workshops_packets(
+    protocol,
+) -> None:
+    bench = Bench(Talker(echo=True), protocol=protocol)
+    bench.run(0.4, bench.stream)
+    assert bench.safety.state is State.DISCONNECTED
+    assert bench.safety.message == (
+        "mock: the port returns what is written to it and is no robot; choose another with port:=PATH; "
+        "next attempt after 0.5 s"
+    )
+    assert len(bench.sent) == 1
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
