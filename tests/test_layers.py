@@ -45,7 +45,7 @@ HOME = {
     "mcap": {"tripod_record"},
     "osqp": {"tripod_ik"},
     "qdldl": {"tripod_sim"},
-    "numba": {"tripod_sim"},
+    "numba": {"tripod_sim", "tripod_ik"},
     "typer": {"tripod_bringup"},
     "rich": {"tripod_bringup"},
 }

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tripod_ik.errors import IkError
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 
 LARGEST = 1e9

@@ -7,8 +7,8 @@ active rows, whatever `verbose` says, and gives up when its first guess of the a
 """
 
 import numpy as np
-from scipy.linalg.lapack import dgesv
 
+from tripod_ik import certificate_kernels as kernels
 from tripod_ik.arrays import FloatArray
 from tripod_ik.problem import IkProblem
 
@@ -19,16 +19,34 @@ ROUNDS = 10
 """Guesses of the active rows before giving up; one is the rule."""
 
 
+def prepare(n: int, rows: int) -> None:
+    """Compile, or load, what certifies programs of `n` servos and `rows` row limits: not in the first tick."""
+    size = n + rows
+    P, q, A, low, high = (
+        np.eye(size),
+        np.zeros(size),
+        np.ones((size + rows, size)),
+        *np.zeros((2, size + rows)),
+    )
+    kernels.is_sane(P, q, A, low, high)
+    kernels.conditions(P, q, A, low, high, np.zeros(size + len(low)), low)
+    kernels.improve(P, q, A, low, high, high, np.zeros(size + len(low)), 1, EXACT)
+
+
+def is_sane(problem: IkProblem) -> bool:
+    """Return whether the numbers of `problem` are finite and its bounds not crossed; infinite bounds are none."""
+    p = problem
+    return bool(kernels.is_sane(p.P, p.q, p.A, p.l, p.u))
+
+
 def kkt_residual(problem: IkProblem, x: FloatArray, y: FloatArray) -> float:
     """Return how far `x` with multipliers `y` is from optimal [rad]; NaN if they hold NaN.
 
     The largest entry of P x + q + A'y (stationary) and of A x - clip(A x + y, l, u) (within the bounds, and y
     acting only at a bound and away from it). Zero for the solution and for nothing else.
     """
-    stationary = problem.P @ x + problem.q + y @ problem.A
-    rows = problem.A @ x
-    bounds = rows - np.minimum(np.maximum(rows + y, problem.l), problem.u)
-    return float(np.maximum(np.abs(stationary).max(), np.abs(bounds).max()))
+    p, rows = problem, np.empty(len(y))
+    return float(kernels.conditions(p.P, p.q, p.A, p.l, p.u, np.concatenate((x, y)), rows))
 
 
 def polish(
@@ -41,34 +59,7 @@ def polish(
     of a round before. `push`, positive, is by what multipliers count in that: any leads to the solution if it leads
     anywhere; 1 is right where x and y come from OSQP, `IkProblem.push` where they are those of another program.
     """
-    best = x, y, kkt_residual(problem, x, y)
-    if not np.isfinite(best[2]):
-        return best
-    A, low, high, n = problem.A, problem.l, problem.u, len(problem.q)
-    matrix, right = np.zeros((n + len(low), n + len(low))), np.empty(n + len(low))
-    matrix[:n, :n], right[:n] = problem.P, -problem.q
-    tried = set()
-    for _ in range(rounds):
-        reach = A @ x + push * y
-        at_high = reach >= high
-        active = at_high | (reach <= low)
-        if (guess := (active.tobytes(), at_high.tobytes())) in tried:
-            break
-        tried.add(guess)
-        rows = active.nonzero()[0]
-        size = n + len(rows)
-        found = A[rows]
-        matrix[n:size, :n] = found
-        matrix[:n, n:size] = found.T
-        right[n:size] = np.where(at_high, high, low)[rows]
-        _, _, solution, info = dgesv(matrix[:size, :size], right[:size])
-        if info:  # active rows that say the same twice
-            solution = np.linalg.lstsq(matrix[:size, :size], right[:size], rcond=None)[0]
-        x, y = solution[:n], np.zeros(len(low))
-        y[rows] = solution[n:]
-        residual = kkt_residual(problem, x, y)
-        if residual < best[2]:
-            best = x, y, residual
-        if residual < EXACT:
-            break
-    return best
+    p, n, z = problem, len(x), np.concatenate((x, y))
+    pushes = push if isinstance(push, np.ndarray) else np.full(len(y), push)
+    residual = float(kernels.improve(p.P, p.q, p.A, p.l, p.u, pushes, z, rounds, EXACT))
+    return z[:n], z[n:], residual

@@ -8,11 +8,11 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from tripod_ik.arrays import FloatArray
-from tripod_ik.certificate import kkt_residual, polish
+from tripod_ik.arrays import FloatArray, IndexArray
+from tripod_ik.certificate import is_sane, kkt_residual, polish, prepare
 from tripod_ik.errors import IkError
 from tripod_ik.problem import IkProblem
-from tripod_ik.tasks import total_distance
+from tripod_ik.tasks import total_distance, total_of
 
 KKT_TOLERANCE = 1e-6
 """Residual of the optimality conditions [rad] up to which a solution is used."""
@@ -91,7 +91,7 @@ class IkSolver:
         polishing: bool = True,
         reuse: bool = True,
     ) -> None:
-        """Set OSQP up, once.
+        """Set OSQP up, once, and compile what is needed besides.
 
         Args:
             n: Number of servos.
@@ -104,18 +104,20 @@ class IkSolver:
         """
         self._size, self._polishing, self._reuse = n + rows, polishing, reuse and polishing
         self._last: tuple[FloatArray, FloatArray] | None = None
-        self._P = np.eye(self._size, dtype=bool)
-        self._P[:n, :n] = np.triu(np.ones((n, n), bool))
-        self._A = np.zeros((self._size + rows, self._size), bool)
-        self._A[: self._size] = np.eye(self._size, dtype=bool)
-        self._A[self._size :, :n] = True
-        self._A[self._size :, n:] = np.eye(rows, dtype=bool)
+        prepare(n, rows)
+        P = np.eye(self._size, dtype=bool)
+        P[:n, :n] = np.triu(np.ones((n, n), bool))
+        A = np.zeros((self._size + rows, self._size), bool)
+        A[: self._size] = np.eye(self._size, dtype=bool)
+        A[self._size :, :n] = True
+        A[self._size :, n:] = np.eye(rows, dtype=bool)
+        self._P_entries, self._A_entries = _entries(P), _entries(A)
         self._osqp = osqp.OSQP()
-        ones = np.ones(len(self._A))
+        ones = np.ones(len(A))
         self._osqp.setup(
-            _csc(np.eye(self._size), self._P),
+            _csc(np.eye(self._size), P),
             np.zeros(self._size),
-            _csc(np.eye(*self._A.shape), self._A),
+            _csc(np.eye(*A.shape), A),
             -ones,
             ones,
             verbose=False,
@@ -139,8 +141,7 @@ class IkSolver:
         """
         if len(problem.q) != self._size:
             raise IkError(f"problem with {len(problem.q)} unknowns for a solver of {self._size}")
-        data = problem.P, problem.q, problem.A
-        if not (all(np.isfinite(a).all() for a in data) and (problem.l <= problem.u).all()):
+        if not is_sane(problem):
             return _held(problem, 0, "problem not finite or bounds crossed")
         last, self._last = self._last, None
         if self._reuse and last:
@@ -149,9 +150,8 @@ class IkSolver:
                 self._last = x, y
                 return _solved(problem, x, y, 0, "solved")
             self._osqp.warm_start(*last)
-        self._osqp.update(
-            q=problem.q, l=problem.l, u=problem.u, Px=problem.P.T[self._P.T], Ax=problem.A.T[self._A.T]
-        )
+        P, A = problem.P.ravel()[self._P_entries], problem.A.ravel()[self._A_entries]
+        self._osqp.update(q=problem.q, l=problem.l, u=problem.u, Px=P, Ax=A)
         x, y, kkt, iterations, status = self._attempt(problem)
         for retry in RETRIES if self._polishing else ():
             if kkt <= KKT_TOLERANCE:
@@ -190,14 +190,26 @@ def _csc(matrix: FloatArray, pattern: np.ndarray) -> sparse.csc_matrix:
     return sparse.csc_matrix((matrix[rows, columns], rows, ends), shape=matrix.shape)
 
 
+def _entries(pattern: np.ndarray) -> IndexArray:
+    """Return where the entries of `pattern` stand in a matrix read by rows, in the order of its columns."""
+    columns, rows = np.nonzero(pattern.T)
+    return np.asarray(rows * pattern.shape[1] + columns)
+
+
 def _solved(problem: IkProblem, x: FloatArray, y: FloatArray, iterations: int, status: str) -> IkResult:
     state, box = problem.state, problem.box
     n = len(state.joint_names)
-    command = np.clip(state.angles + x[:n], box.low, box.high)
-    kkt = kkt_residual(problem, np.concatenate([command - state.angles, x[n:]]), y)
-    names = [(box.high_names if y[i] > 0 else box.low_names)[i] for i in range(n) if abs(y[i]) > ACTIVE]
-    pushes = y[len(y) - len(problem.names) :]
-    names += [name for name, push in zip(problem.names, pushes, strict=True) if abs(push) > ACTIVE]
+    command = np.minimum(np.maximum(state.angles + x[:n], box.low), box.high)
+    kkt = kkt_residual(problem, np.concatenate((command - state.angles, x[n:])), y)
+    pushes = y.tolist()
+    names = [
+        (box.high_names if pushes[i] > 0 else box.low_names)[i] for i in range(n) if abs(pushes[i]) > ACTIVE
+    ]
+    names += [
+        name
+        for name, push in zip(problem.names, pushes[len(y) - len(problem.names) :], strict=True)
+        if abs(push) > ACTIVE
+    ]
     return _result(problem, command, tuple(names), ok=True, kkt=kkt, iterations=iterations, status=status)
 
 
@@ -219,17 +231,17 @@ def _result(
     state, tasks = problem.state, problem.tasks
     step = command - state.angles
     errors = [rows.error for rows in problem.rows]
-    left = [rows.error - rows.jacobian @ step for rows in problem.rows]
-    residuals: dict[str, float] = {}
-    for task, rest in zip(tasks, left, strict=True):
-        residuals.update(task.distances(rest))
+    left = [
+        task.distances(rows.error - rows.jacobian @ step)
+        for task, rows in zip(tasks, problem.rows, strict=True)
+    ]
     return IkResult(
         ok=ok,
         command=command,
         d_tau=state.stiffness @ step,
         error=total_distance(tasks, errors),
-        residual=total_distance(tasks, left),
-        residuals=residuals,
+        residual=total_of(tasks, left),
+        residuals={name: value for found in left for name, value in found.items()},
         active_limits=active_limits,
         kkt=kkt,
         iterations=iterations,

@@ -7,6 +7,7 @@ left free because nothing drives them (`orientation_tasks`).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import sqrt
 from typing import Protocol
 
 import numpy as np
@@ -171,11 +172,16 @@ def orientation_tasks(
 
 def total_distance(tasks: Sequence[Task], errors: Sequence[FloatArray]) -> float:
     """Return one length [m] for the `errors` of all `tasks`: the root of the sum of squares, tilts by their lever."""
+    return total_of(tasks, [task.distances(error) for task, error in zip(tasks, errors, strict=True)])
+
+
+def total_of(tasks: Sequence[Task], distances: Sequence[Mapping[str, float]]) -> float:
+    """Return the same [m], for the `distances` that the tasks make of their errors."""
     total = 0.0
-    for task, error in zip(tasks, errors, strict=True):
+    for task, found in zip(tasks, distances, strict=True):
         metres = task.lever if isinstance(task, TiltTask) else 1.0
-        total += sum((metres * d) ** 2 for d in task.distances(error).values())
-    return float(np.sqrt(total))
+        total += sum((metres * d) ** 2 for d in found.values())
+    return sqrt(total)
 
 
 def _check_curvature(curvature: float, unit: str) -> None:

@@ -1,0 +1,151 @@
+"""Loops of the certificate: in NumPy a program of a dozen numbers costs far more than its arithmetic."""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+Array = Any
+
+
+@njit(cache=True, error_model="numpy")
+def is_sane(P: Array, q: Array, A: Array, low: Array, high: Array) -> bool:
+    """Return whether P, q and A are finite and no bound is crossed, nor NaN."""
+    finite = np.isfinite(P).all() and np.isfinite(q).all() and np.isfinite(A).all()
+    return bool(finite and (low <= high).all())
+
+
+@njit(cache=True, error_model="numpy")
+def conditions(P: Array, q: Array, A: Array, low: Array, high: Array, z: Array, rows: Array) -> float:
+    """Return the residual of z = (x, y), NaN if it holds NaN, and write A x to `rows`.
+
+    Args:
+        P, q, A, low, high: As of `IkProblem`: shapes (n, n), (n,), (m, n), (m,), (m,).
+        z: x, then y, shape (n + m,).
+        rows: Written, shape (m,).
+    """
+    n, m, worst = len(q), len(low), 0.0
+    for i in range(m):
+        total = 0.0
+        for j in range(n):
+            total += A[i, j] * z[j]
+        rows[i] = total
+        inside = min(max(total + z[n + i], low[i]), high[i])
+        off = abs(total - inside)
+        if off > worst or np.isnan(off):  # and what is NaN stays so
+            worst = off
+    for j in range(n):
+        total = q[j]
+        for k in range(n):
+            total += P[j, k] * z[k]
+        for i in range(m):
+            total += A[i, j] * z[n + i]
+        if abs(total) > worst or np.isnan(total):
+            worst = abs(total)
+    return worst
+
+
+@njit(cache=True, error_model="numpy")
+def improve(
+    P: Array, q: Array, A: Array, low: Array, high: Array, push: Array, z: Array, rounds: int, exact: float
+) -> float:
+    """Bring z = (x, y) to the best point that guesses of the active rows lead to; return its residual.
+
+    See `certificate.polish`.
+
+    Args:
+        P, q, A, low, high, push: As of `IkProblem`.
+        z: x, then y, shape (n + m,); overwritten by what is better.
+        rounds: Guesses at most.
+        exact: Residual below which to stop.
+    """
+    n, m = len(q), len(low)
+    rows, trial, here = np.empty(m), z.copy(), np.empty(m)
+    least = conditions(P, q, A, low, high, z, rows)
+    sides, tried, which = np.zeros(m, np.int8), np.zeros((rounds, m), np.int8), np.empty(m, np.int64)
+    matrix, right = np.empty((n + m, n + m)), np.empty(n + m)
+    if not np.isfinite(least):
+        return least
+    for k in range(rounds):
+        count = 0
+        for i in range(m):
+            reach = rows[i] + push[i] * trial[n + i]
+            sides[i] = 1 if reach >= high[i] else (-1 if reach <= low[i] else 0)
+            if sides[i] != 0:
+                which[count] = i
+                count += 1
+        again = False
+        for before in range(k):
+            again |= np.array_equal(tried[before], sides)
+        if again:
+            break
+        tried[k] = sides
+        size = n + count
+        _write(P, q, A, low, high, sides, which[:count], matrix, right)
+        if not eliminate(matrix[:size, :size], right[:size]):  # active rows that say the same twice
+            _write(P, q, A, low, high, sides, which[:count], matrix, right)
+            right[:size] = np.linalg.lstsq(matrix[:size, :size].copy(), right[:size].copy())[0]
+        trial[:n] = right[:n]
+        trial[n:] = 0.0
+        for a in range(count):
+            trial[n + which[a]] = right[n + a]
+        residual = conditions(P, q, A, low, high, trial, here)
+        rows[:] = here
+        if residual < least:
+            least = residual
+            z[:] = trial
+        if residual < exact:
+            break
+    return least
+
+
+@njit(cache=True, error_model="numpy")
+def _write(
+    P: Array,
+    q: Array,
+    A: Array,
+    low: Array,
+    high: Array,
+    sides: Array,
+    which: Array,
+    matrix: Array,
+    right: Array,
+) -> None:
+    """Write the system [P, A'; A, 0] (x, y) = (-q, bounds) of the rows `which` at the bounds that `sides` tells."""
+    n, count = len(q), len(which)
+    matrix[: n + count, : n + count] = 0.0
+    matrix[:n, :n], right[:n] = P, -q
+    for a in range(count):
+        i = which[a]
+        matrix[n + a, :n] = A[i]
+        matrix[:n, n + a] = A[i]
+        right[n + a] = high[i] if sides[i] > 0 else low[i]
+
+
+@njit(cache=True, error_model="numpy")
+def eliminate(matrix: Array, right: Array) -> bool:
+    """Solve matrix x = right with row exchanges; x is written to `right`, `matrix` is spoilt. False at a zero pivot."""
+    size = len(right)
+    for k in range(size):
+        best = k
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[best, k]):
+                best = i
+        if matrix[best, k] == 0.0:
+            return False
+        if best != k:
+            for j in range(k, size):
+                matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+            right[k], right[best] = right[best], right[k]
+        for i in range(k + 1, size):
+            share = matrix[i, k] / matrix[k, k]
+            if share != 0.0:
+                for j in range(k + 1, size):
+                    matrix[i, j] -= share * matrix[k, j]
+                right[i] -= share * right[k]
+    for k in range(size - 1, -1, -1):
+        total = right[k]
+        for j in range(k + 1, size):
+            total -= matrix[k, j] * right[j]
+        right[k] = total / matrix[k, k]
+    return True
