@@ -31,13 +31,18 @@ DEADLINE = 20.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 
+def standing_at(angles):
+    """Return a robot that stands there, and does not park however long a busy machine lets it wait."""
+    return CommandFollower(CommandLimits(park_after=1e6), [*angles, 0.035])
+
+
 class FakeSim(Node):
     """The graph around the node under test: a robot that obeys trajectories, an operator, and ears."""
 
     def __init__(self):
         super().__init__("fake_sim")
         self.robot = SpringRobot(slide=0.035)
-        self.follower = CommandFollower(CommandLimits(), [*WORKING, 0.035])
+        self.follower = standing_at(WORKING)
         self.running, self.spoil = True, lambda message: None
         self.states, self.commands, self.diagnostics, self.stamp = [], [], [], 0.0
         self.compliance = self.create_publisher(Compliance, names.COMPLIANCE, RELIABLE)

@@ -10,10 +10,9 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import Imu
 from tripod_msgs.msg import ControlMode, IkStatus
 
-from tests.ik.ik_graph import NAN, WORKING, near, start_alone
+from tests.ik.ik_graph import NAN, WORKING, near, standing_at, start_alone
 from tests.ik.plant import SpringRobot
 from tripod_graph import names
-from tripod_graph.command import CommandFollower, CommandLimits
 from tripod_graph.qos import SENSOR
 from tripod_ik.certificate import kkt_residual
 from tripod_ik.tracker import LONGEST_DT
@@ -173,7 +172,7 @@ def test_without_fresh_compliance_it_falls_silent_and_begins_anew(graph):
     assert sim.states[-1].state == IkStatus.STALE
 
     where = np.array([-1.2, -1.3, -1.4])
-    sim.follower = CommandFollower(CommandLimits(), [*where, 0.035])  # moved by something else meanwhile
+    sim.follower = standing_at(where)  # moved by something else meanwhile
     sim.running = True
     graph.wait(lambda: sim.commands)
     assert list(sim.commands[0].points[0].positions) == pytest.approx(where, abs=1e-9)
@@ -229,7 +228,7 @@ def test_coming_back_in_a_moment_begins_from_where_the_robot_is(graph):
     sim.say_mode(ControlMode.STOP)
     graph.wait_state(IkStatus.IDLE)
     where = np.array([-1.4, -1.5, -1.6])
-    sim.follower = CommandFollower(CommandLimits(), [*where, 0.035])
+    sim.follower = standing_at(where)
     sim.say_mode(ControlMode.IK)
     graph.spin(0.02)
     sim.commands.clear()
