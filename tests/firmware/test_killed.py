@@ -5,7 +5,6 @@ The processes are those of `tripod up --demo`, in motion; the board is the real 
 
 import contextlib
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -39,11 +38,11 @@ def terminal(board: SimulatedBoard) -> Iterator[TerminalBoard]:
 
 
 @pytest.fixture
-def suite(terminal: TerminalBoard, tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
+def suite(terminal: TerminalBoard, tmp_path: Path, domain: int) -> Iterator[subprocess.Popen[bytes]]:
     environment = dict(
         os.environ,
         PYTHONPATH=str(ROOT),
-        ROS_DOMAIN_ID=str(random.SystemRandom().randint(1, 100)),
+        ROS_DOMAIN_ID=str(domain),
         ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
         XDG_RUNTIME_DIR=str(tmp_path),
     )

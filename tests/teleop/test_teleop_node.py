@@ -3,7 +3,6 @@
 import fcntl
 import os
 import pty
-import random
 import select
 import signal
 import struct
@@ -47,10 +46,7 @@ START = (-0.3, -0.4, -0.5, 0.01)
 class Session:
     """A teleop node on a pseudo-terminal, and a node that stands for the rest of the graph."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
-        domain = random.randint(1, 100)
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    def __init__(self, domain: int, *arguments: str) -> None:
         self.master, self.slave = pty.openpty()
         fcntl.ioctl(self.slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 120, 0, 0))
         self.before = termios.tcgetattr(self.slave)
@@ -145,8 +141,8 @@ class Session:
 
 
 @pytest.fixture
-def session(monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
-    made = Session(monkeypatch, "pose_time:=1.0")
+def session(domain: int) -> Iterator[Session]:
+    made = Session(domain, "pose_time:=1.0")
     yield made
     made.close()
 
@@ -334,9 +330,9 @@ def test_bad_messages_are_counted_and_change_nothing(session: Session) -> None:
     ],
 )
 def test_a_bad_parameter_is_refused_before_the_terminal_is_touched(
-    monkeypatch: pytest.MonkeyPatch, parameter: str, message: str
+    domain: int, parameter: str, message: str
 ) -> None:
-    session = Session(monkeypatch, parameter)
+    session = Session(domain, parameter)
     try:
         code, errors = session.end()
         assert (code, errors) == (2, f"teleop: {message}\n")
