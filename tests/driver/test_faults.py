@@ -4,7 +4,7 @@ import random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.driver.bench import LIMITS, TICK, Bench
@@ -126,6 +126,18 @@ def test_a_reset_in_motion_holds_says_so_and_greets_the_board_anew() -> None:
     assert bench.safety.message == ""
 
 
+def test_a_reset_at_rest_is_noticed_by_the_next_hello() -> None:
+    bench = Bench()
+    bench.run(0.2)
+    bench.safety.deactivate()
+    bench.run(1.5)
+    assert bench.safety.state is State.READY
+    bench.board.restart()
+    bench.run(1.5)
+    assert bench.link.session.diagnostics["board resets"] == 1
+    assert bench.states[-2:] == [State.CONNECTING, State.READY]
+
+
 def test_a_board_that_resets_again_and_again_is_a_fault() -> None:
     bench = Bench().moving()
     for _ in range(3):
@@ -207,6 +219,7 @@ event = st.one_of(
 
 
 @settings(max_examples=200)
+@example([("park", None), ("mode", Mode.STOP)])
 @given(st.lists(event, max_size=12))
 def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silence_is_noticed(events) -> None:
     bench = Bench()

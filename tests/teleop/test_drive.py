@@ -182,6 +182,14 @@ def test_followers_move_with_the_key_from_its_press_on_without_lag_or_pause(phas
     assert joints[-1] == pytest.approx([-1.0 + SPEED * HOLD, -1.0, -1.0 - SPEED * HOLD], abs=1e-12)
 
 
+@pytest.mark.parametrize("phase", [0.0, 0.013, 0.049])
+def test_followers_answer_the_same_key_again_as_fast_as_the_first_time(phase: float) -> None:
+    again = 0.4 + phase
+    times, joints = followed(drive_at(-1.0, -1.0, -1.0), {0.1: Move(0, 1), again: Move(0, 1)}, 0.8)
+    wanted = -1.0 + SPEED * (np.clip(times - 0.1, 0.0, HOLD) + np.clip(times - again, 0.0, HOLD))
+    assert joints[:, 0] == pytest.approx(wanted, abs=1e-3)
+
+
 @pytest.mark.parametrize("after", [0.007, 0.05, 0.081, 0.149])
 def test_followers_turn_where_they_are_when_the_other_key_is_pressed(after: float) -> None:
     times, joints = followed(drive_at(0.0, 0.0, 0.0), {0.1: Move(0, -1), 0.1 + after: Move(0, 1)}, 0.6)
