@@ -107,11 +107,10 @@ def check_contact(scene: "Scene") -> None:
         if scene.obstacles:
             raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
         return
-    if not (scene.inertia and scene.inertia.scheme == "implicit_euler"):
+    if not (scene.inertia and scene.inertia.scheme in ("implicit_euler", "auto")):
         has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is no inertia"
         raise SceneError(f"contact needs inertia.scheme = 'implicit_euler'; {has}")
     for name, why in (
-        ("strain_limit", "what the one moves the other would undo"),
         ("ball", "the ball touches nothing but the soft body; make it a [[rigid]] with shape = 'ball'"),
         ("time_error", "the estimate knows nothing of contacts"),
         ("reduced", "the reduced model moves the surface in the shapes that it has learned"),
@@ -141,7 +140,9 @@ def check_time_error(scene: "Scene") -> None:
         raise SceneError(
             "time_error and strain_limit exclude each other: the estimate knows nothing of the bound"
         )
-    if scene.springs and scene.solver.linear == "cg":
+    chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.scheme == "auto"
+    explicit = scene.springs is not None and chosen
+    if scene.springs and scene.solver.linear == "cg" and not explicit:
         raise SceneError("solver.linear is 'cg'; time_error of springs needs auto or ldl, a factorisation")
     if scene.reduced:
         raise SceneError("time_error and reduced exclude each other: the estimate is of the full model")
@@ -149,6 +150,11 @@ def check_time_error(scene: "Scene") -> None:
         raise SceneError(
             "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "
             "time_error.estimate to auto or global"
+        )
+    if explicit and wanted.estimate == "global":
+        raise SceneError(
+            "time_error.estimate is 'global', but the explicit steps of springs that dt = 'auto' takes by itself carry "
+            "no error along; name an implicit inertia.scheme, such as tr_bdf2, or set time_error.estimate to auto"
         )
     if not scene.inertia or scene.inertia.scheme in EXPLICIT:
         has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is none"

@@ -7,6 +7,7 @@ import pytest
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact import start_kernels as kernels
+from tripod_sim.errors import SceneError
 from tripod_sim.mesh.topology import directed_edges
 
 NODES, SIZE, DISTANCE = 7, 0.6, 0.004
@@ -122,3 +123,34 @@ def test_a_second_sheet_of_the_same_file_lies_on_the_first(
     assert (
         np.abs(simulation.state.velocities).max() < 0.2
     )  # it lies there: 1.5 s of free fall would be 15 m/s
+
+
+def test_sheets_that_pass_through_each_other_at_the_start_are_named(tmp_path: Path) -> None:
+    """A flat sheet in any direction does not pass through itself, whatever rounding says; one across it does."""
+    turn = np.deg2rad([17.0, 31.0])
+    sheet = np.array([(0.1 * i, 0.1 * j, 0.0) for i in range(5) for j in range(5)])
+    for axis, angle in zip((0, 2), turn, strict=True):
+        a, b = np.delete(np.arange(3), axis)
+        c, s = np.cos(angle), np.sin(angle)
+        sheet[:, a], sheet[:, b] = c * sheet[:, a] - s * sheet[:, b], s * sheet[:, a] + c * sheet[:, b]
+    cells = [(5 * i + j + 1, 5 * i + j + 6, 5 * i + j + 7, 5 * i + j + 2) for i in range(4) for j in range(4)]
+
+    def scene(name: str, sheets: list[np.ndarray], *words: str) -> Simulation:
+        text = "".join(f"v {x:.9f} {y:.9f} {z:.9f}\n" for part in sheets for x, y, z in part)
+        for k in range(len(sheets)):
+            text += "".join("f " + " ".join(str(n + 25 * k) for n in cell) + "\n" for cell in cells)
+        (tmp_path / name).write_text(text)
+        given = [f"springs.source={tmp_path / name}", "obstacles=[]", "contact.self_contact=true", *words]
+        return Simulation(load_scene("drape", given))
+
+    scene("one.obj", [sheet])
+    beside = sheet + np.array([0.013, 0.007, 0.03])
+    scene("beside.obj", [sheet, beside])
+    centre = sheet.mean(axis=0)
+    across = centre + (sheet - centre)[:, [2, 0, 1]] + np.array([0.013, 0.007, 0.0])
+    for start in ("refuse", "lift"):
+        with pytest.raises(SceneError, match=r"nodes .* pass through the body itself at the start") as caught:
+            scene("across.obj", [sheet, across], f"contact.start={start}")
+        assert "\n" not in str(caught.value)
+    scene("across.obj", [sheet, across], "contact.self_contact=false", "obstacles=[{source='sphere.obj'}]",
+          "springs.position=[0, 0, 2]")  # fmt: skip

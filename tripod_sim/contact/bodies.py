@@ -1,6 +1,6 @@
 """What moves in a step with contact: nodes tied by springs, and rigid bodies. Each is a potential in its unknowns."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy import sparse
@@ -12,6 +12,9 @@ from tripod_sim.springs.linear_kernels import assemble
 from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.springs.strain_limit import Bound
 
 
 class Body(Protocol):
@@ -46,11 +49,13 @@ class Nodes(Body, Protocol):
     Attributes:
         base, width: First unknown of each vertex, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
         held: Which vertices do not yield, whatever presses them, shape (k,).
+        bounded: Whether strains are.
     """
 
     base: Any
     width: Any
     held: Any
+    bounded: bool
 
     def load(self, state: State, joints: FloatArray, dt: float) -> None:
         """Begin a step of `dt` [s] from `state`, in which driven frames move to `joints`."""
@@ -73,6 +78,12 @@ class Nodes(Body, Protocol):
     def give(self, out: FloatArray) -> None:
         """Write 1 / mass of each unknown [1/kg, 1/(kg m²)], 0 of given ones."""
 
+    def exceeds(self, u: FloatArray) -> bool:
+        """Return whether strains after the moves `u` are larger than their bound."""
+
+    def tighten(self) -> None:
+        """Stiffen what bounds the strains."""
+
     def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
         """Let the moves `u`, which lead to `ends`, be made in `h` [s]; `v`: velocities of the unknowns afterwards."""
 
@@ -91,16 +102,21 @@ class SpringNodes:
 
         M |u - h v|² / (2 h²) + a M |u|² / (2 h) + b / (2 h) u^T K_n u + E(x + u) + D(x + u) - F . u
 
+    and with a limit of strains sum of K max(0, l(x + u) - (1 - s) l_max)² / 2 (see `springs.strain_limit`).
+
     Attributes:
         x, v: Positions [m] and velocities [m/s] of all nodes at the start of the step, shape (n, 3).
-        base, width, held, yielding: See `Nodes`.
+        base, width, held, bounded, yielding: See `Nodes`.
         weight: M/h² + a M/h of each node [N/m], shape (n,).
     """
 
-    def __init__(self, system: SpringSystem, *, drag: float = 0.0, rayleigh: float = 0.0) -> None:
-        """`drag`: a of the force -a M v [1/s]; `rayleigh`: b of the force -b K v [s]."""
+    def __init__(
+        self, system: SpringSystem, *, drag: float = 0.0, rayleigh: float = 0.0, bound: "Bound | None" = None
+    ) -> None:
+        """`drag`: a of the force -a M v [1/s]; `rayleigh`: b of the force -b K v [s]; `bound`: of strains."""
         body = system.body
-        self._system, self._drag, self._rayleigh = system, drag, rayleigh
+        self._system, self._drag, self._rayleigh, self._bound = system, drag, rayleigh, bound
+        self.bounded = bound is not None
         self.unknowns, self._free = system.unknowns, body.free
         sides = body.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(
             -1, 2
@@ -125,7 +141,9 @@ class SpringNodes:
         state.positions[:], state.velocities[:] = self.x, self.v
 
     def forget(self) -> None:
-        """Drop what was kept from earlier steps: nothing."""
+        """Drop what was kept from earlier steps: how stiff the bound is."""
+        if self._bound:
+            self._bound.relax()
 
     def place(self, positions: FloatArray, arm: FloatArray) -> None:
         """Write where the nodes are."""
@@ -143,6 +161,16 @@ class SpringNodes:
     def give(self, out: FloatArray) -> None:
         """Write 1 / mass of each unknown, with its damping."""
         out[:] = np.repeat(1 / (self._h * self._h * self.weight[self._free]), 3)
+
+    def exceeds(self, u: FloatArray) -> bool:
+        """Return whether springs are longer than their bound after the moves `u`."""
+        self._place(u)
+        return self._bound is not None and self._bound.exceeded(self._at)
+
+    def tighten(self) -> None:
+        """Stiffen the bound of strains."""
+        if self._bound:
+            self._bound.harden()
 
     def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
         """Let the moves be made."""
@@ -189,6 +217,8 @@ class SpringNodes:
         phi += float(add_gradient(self._at, s.links, self._rate, self._reference, g))
         if self._rayleigh:
             phi += float(add_products(s.body.ends, self._lagged, d, self._rayleigh / self._h, g))
+        if self._bound:
+            phi += float(add_gradient(self._at, self._bound.links, 0.0, self._reference, g))
         out += g[self._free].ravel()
         return phi
 
@@ -199,6 +229,10 @@ class SpringNodes:
         tangents(self._at, s.links, self._rate, self._reference, project, self._blocks)
         if self._rayleigh:
             self._blocks += (self._rayleigh / self._h) * self._lagged
+        if self._bound:
+            more = np.empty_like(self._blocks)
+            tangents(self._at, self._bound.links, 0.0, self._reference, project, more)
+            self._blocks += more
         assemble(s.body.ends, self._blocks, self.weight, s.body.free, s.number, self._slots)
 
 

@@ -10,7 +10,7 @@ from tripod_sim.build import Parts
 from tripod_sim.contact.bodies import Nodes, SpringNodes
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rotations import turned_by
-from tripod_sim.contact.start import check_start, lift
+from tripod_sim.contact.start import check_itself, check_start, lift
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
@@ -59,6 +59,7 @@ def upward(scene: Scene) -> FloatArray:
 def placed(body: SpringBody, scene: Scene, contact: Contact) -> SpringBody:
     """Return the body where it can start: as it is, or lifted. Raises SceneError if it passes through an obstacle."""
     part, obstacles = body_part(body, contact), obstacle_parts(scene)
+    check_itself(part, contact.contact_distance)
     if contact.start == "refuse" or not obstacles:
         check_start(part, obstacles)
         return body
@@ -91,10 +92,13 @@ def contact_stepper(
 
 def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "ChainSkin | None") -> Parts:
     """Return the parts of a simulation of a spring body, and rigid ones if there are any, among obstacles."""
-    damping, body = scene.damping, system.body
-    nodes = SpringNodes(
-        system, drag=damping.mass if damping else 0.0, rayleigh=damping.stiffness if damping else 0.0
-    )
+    damping, body, bound = scene.damping, system.body, None
+    if scene.strain_limit:
+        from tripod_sim.springs.strain_limit import Bound  # noqa: PLC0415 - an effect that is absent
+
+        bound = Bound(system, scene.strain_limit.stretch, scene.dt)
+    drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
+    nodes = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound)
     part = body_part(body, contact)
     if not scene.rigid:
         return Parts(body, system.mass, system, contact_stepper(scene, contact, (nodes, part)), skin=skin)

@@ -50,10 +50,12 @@ class Outcome:
         residual: Largest error of a gap, of complementarity or of a slip [m].
         smallest: Smallest gap beyond the contact distance [m].
         done: Whether more solves are of no use: the tolerance is met, or as many made as are allowed.
+        solved: Whether the tolerance is met.
     """
 
     rounds: int = 0
     done: bool = True
+    solved: bool = True
     residual: float = 0.0
     smallest: float = np.inf
 
@@ -77,8 +79,15 @@ class Response:
     FEW, FIRST = 4, 0.05
     """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
 
-    def __init__(self, law: Law, problem: StepProblem, contacts: ContactSet) -> None:
+    THOROUGH = 10
+    """How many times more solves a body takes whose strains are bounded, as stiffly as that is done."""
+
+    def __init__(
+        self, law: Law, problem: StepProblem, contacts: ContactSet, *, bounded: bool = False
+    ) -> None:
+        """`bounded`: whether strains of a body are."""
         self.law, self._problem, self._contacts = law, problem, contacts
+        self._times = self.THOROUGH if bounded else 1
         self._pressure, self._friction = np.zeros(256), np.zeros((256, 3))
 
     def solve(self, u: FloatArray, *, rough: bool = False) -> Outcome:
@@ -97,13 +106,13 @@ class Response:
         kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.NORMAL, self.TANGENTIAL)
         outcome, aim, error = Outcome(), law.tolerance * law.distance, self.FIRST * law.distance
         enough, most = (max(aim, error), min(self.ROUGH, law.max_solves)) if rough else (aim, law.max_solves)
-        spent = 0
+        spent, most, few = 0, self._times * most, self._times * self.FEW
         while True:
             kernels.set_limits(c.arrays, c.count, law.friction)
             # no more exact than the multipliers are: Newton's last steps are wasted on a wrong potential
             tolerance = 0.1 * max(aim, error)
             before = self._problem.effort.iterations
-            size = self._problem.descend(u, tolerance, self.FEW)
+            size = self._problem.descend(u, tolerance, few)
             spent += self._problem.effort.iterations - before
             gap, slip, outcome.smallest = self._forces(u)
             outcome.rounds += 1
@@ -111,7 +120,8 @@ class Response:
             outcome.residual = max(error, size)
             self._take()
             if outcome.residual <= enough or spent >= most:
-                outcome.done = outcome.residual <= aim or not rough
+                outcome.solved = outcome.residual <= aim
+                outcome.done = outcome.solved or not rough
                 return outcome
 
     def _harden(self, factor: float) -> None:

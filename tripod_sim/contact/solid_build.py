@@ -8,7 +8,7 @@ import numpy as np
 from tripod_sim.build import Parts
 from tripod_sim.contact.build import contact_stepper, obstacle_parts, place_rigid, upward
 from tripod_sim.contact.solid_nodes import SolidNodes
-from tripod_sim.contact.start import check_start, lift
+from tripod_sim.contact.start import check_itself, check_start, lift
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.anchor import Anchor
@@ -36,6 +36,7 @@ def solid_part(mesh: SolidMesh, contact: Contact) -> tuple[Part, IndexArray]:
 def placed_solid(mesh: SolidMesh, scene: Scene, contact: Contact) -> SolidMesh:
     """Return the solid where it can start: as it is, or lifted. Raises SceneError if it passes through an obstacle."""
     part, obstacles = solid_part(mesh, contact)[0], obstacle_parts(scene)
+    check_itself(part, contact.contact_distance)
     if scene.servos or contact.start == "refuse" or not obstacles:
         if not scene.servos:  # else where the servos bring it
             check_start(part, obstacles)

@@ -39,7 +39,10 @@ class SolidNodes:
         base, width: First unknown of each of them, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
         held: Which of them do not yield: driven and fixed ones, shape (k,).
         yielding: Unknowns that are not driven.
+        bounded: Whether strains are: no.
     """
+
+    bounded = False
 
     def __init__(self, stage: ImplicitStage, mass: FloatArray, nodes: IndexArray, tolerance: float) -> None:
         """Take part in steps with contact.
@@ -225,6 +228,13 @@ class SolidNodes:
             inertia = (m @ (r**2).sum(axis=1)) * np.eye(3) - (r * m[:, None]).T @ r
             k = first + 6 * b
             out[k : k + 3], out[k + 3 : k + 6] = 1 / m.sum(), np.trace(np.linalg.inv(inertia)) / 3
+
+    def exceeds(self, u: FloatArray) -> bool:
+        """Strains of a solid have no bound."""
+        return False
+
+    def tighten(self) -> None:
+        """There is nothing to stiffen."""
 
     def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
         """Let the moves `u` be made, with the velocities `v` of the unknowns, which restitution may have changed."""

@@ -49,6 +49,31 @@ def _closed(part: Part) -> bool:
     return bool((surfaces.faces[:, 1] >= 0).all())
 
 
+THIN = 1e-6
+"""Share of the contact distance by which an edge must reach through a triangle of its own body to pass through it."""
+
+
+def check_itself(body: Part, distance: float) -> None:
+    """Raise SceneError that names vertices where `body`, if it touches itself, passes through itself.
+
+    `distance`: of contact [m].
+    """
+    if not body.self_contact or not len(body.triangles):
+        return
+    surfaces, x = join([body])
+    query, target = Boxes(surfaces.edges), Boxes(surfaces.triangles)
+    for boxes in (query, target):
+        boxes.sweep(x, x, 0.0)
+    tree, marked = Tree(target), np.zeros(len(x), dtype=np.bool_)
+    tree.update()
+    kernels.mark_piercing(tree.pairs(query), surfaces.edges, surfaces.triangles, x, THIN * distance, marked)
+    if marked.any():
+        raise SceneError(
+            f"nodes {names_of(np.flatnonzero(marked))} of the body pass through the body itself at the start, and no "
+            "lift parts it; change its shape, or set contact.self_contact = false"
+        )
+
+
 def check_start(body: Part, obstacles: list[Part]) -> None:
     """Raise SceneError that names the vertices of `body` that pass through an obstacle."""
     for i, obstacle in enumerate(obstacles):

@@ -45,6 +45,26 @@ def mark_passing(pairs: Array, edges: Array, triangles: Array, x: Array, out: Ar
 
 
 @njit(cache=True, error_model="numpy")
+def mark_piercing(pairs: Array, edges: Array, triangles: Array, x: Array, least: float, out: Array) -> None:
+    """As `mark_passing`, of edges with both ends farther than `least` [m] from the plane of the triangle.
+
+    In a surface that is flat, but for rounding, nothing does.
+    """
+    for k in range(pairs.shape[0]):
+        e, t = pairs[k, 0], pairs[k, 1]
+        p, q = edges[e, 0], edges[e, 1]
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        if p in (a, b, c) or q in (a, b, c):
+            continue
+        normal = np.cross(x[b] - x[a], x[c] - x[a])
+        size = np.sqrt((normal * normal).sum())
+        one, two = abs(_side(x[a], x[b], x[c], x[p])), abs(_side(x[a], x[b], x[c], x[q]))
+        if min(one, two) > least * size and passes(x[p], x[q], x[a], x[b], x[c]):
+            for v in (p, q, a, b, c):
+                out[v] = True
+
+
+@njit(cache=True, error_model="numpy")
 def winding(p: Array, x: Array, triangles: Array) -> float:
     """Return how often a closed surface winds about point p: 1 inside, 0 outside [VanOosteromStrackee1983]."""
     total = 0.0

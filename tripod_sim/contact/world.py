@@ -17,7 +17,7 @@ from tripod_sim.contact.bodies import Body, Nodes, RigidBodies
 from tripod_sim.contact.contact_set import ContactSet, inherit
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.problem import DescentError, StepProblem
-from tripod_sim.contact.response import Law, Response
+from tripod_sim.contact.response import Law, Outcome, Response
 from tripod_sim.contact.restitution_kernels import restitute
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.mesh.solid_mesh import FloatArray
@@ -64,7 +64,7 @@ class World:
         problem: Potential of the step.
     """
 
-    MOST_PASSES, MOST_HALVINGS = 8, 6
+    MOST_PASSES, MOST_HALVINGS, MOST_RAISES = 8, 6, 8
 
     PART_SPEED = 0.5
     """At which bodies that begin too close are parted [m/s]."""
@@ -117,7 +117,8 @@ class World:
         self._some_held = bool(nodes and nodes[0].held.any())
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
-        self.response = Response(law, self.problem, self.contacts)
+        self._bounded = nodes[0] if nodes and nodes[0].bounded else None
+        self.response = Response(law, self.problem, self.contacts, bounded=self._bounded is not None)
         self._ends = np.zeros_like(self.positions)
         self._u = np.zeros(self.problem.unknowns)
         self._place()
@@ -235,10 +236,7 @@ class World:
                     self._drop_held()
                 kernels.prepare(c.arrays, c.count, self.positions, self._free, self.PART_SPEED * h)
                 self.problem.renew()
-            outcome = self.response.solve(u, rough=rough)
-            report.passes += 1
-            report.rounds += outcome.rounds
-            report.residual, report.smallest_gap = outcome.residual, outcome.smallest
+            outcome = self._solve(u, report, rough=rough)
             self._ends_of(u)
             before = c.count
             share = self.detector.met(self.positions, self._ends, c, take_all=number > 2)
@@ -251,6 +249,29 @@ class World:
                 return share  # not solved: once more would not help, a shorter step does
             report.met += c.count - before
         return share
+
+    def _solve(self, u: FloatArray, report: ContactReport, *, rough: bool) -> Outcome:
+        """Move `u` to the minimum with the present contacts, and within the bound of strains if there is one."""
+        why = f"not in {self.MOST_RAISES} rounds"
+        for _ in range(1 + self.MOST_RAISES):
+            try:
+                outcome = self.response.solve(u, rough=rough)
+            except DescentError as error:
+                if not (self._bounded and self._bounded.exceeds(u)):
+                    raise
+                why = str(error)
+                break
+            report.passes += 1
+            report.rounds += outcome.rounds
+            report.residual, report.smallest_gap = outcome.residual, outcome.smallest
+            if not (self._bounded and outcome.done and self._bounded.exceeds(u)):
+                return outcome
+            if not outcome.solved:
+                why = f"gaps, slips or moves are still {outcome.residual:.2g} m off"
+                break
+            self._bounded.tighten()
+            self.problem.renew()
+        raise DescentError(f"strain_limit cannot be met: {why}")
 
     def _cut(self, u: FloatArray, share: float) -> None:
         """Shorten the moves `u` until nothing is passed."""

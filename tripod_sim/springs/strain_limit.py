@@ -7,6 +7,9 @@ The positions x that a step arrived at become the minimum over x' of
 with K raised until l <= l_max everywhere; the velocities change by (x' - x) / h. Since the forces of that potential are
 internal and central, the momentum stays. Of a body that nothing holds, a rotation of all velocities, (M r x w) r, gives
 back the angular momentum that moving the nodes took [GoldenthalEtAl2007].
+
+With contact a move afterwards would press bodies into each other: there the same potential, without h², is a term of
+the one that the step minimises (`contact.bodies.SpringNodes`), and K is raised until that minimum keeps the bound.
 """
 
 import numpy as np
@@ -28,6 +31,52 @@ RAISES = 12
 """Of the stiffness K, tenfold each, before the step counts as failed."""
 
 
+class Bound:
+    """How long springs may become, and what pulls those that are longer.
+
+    Attributes:
+        links: Springs of stiffness K that are slack up to (1 - s) l_max.
+    """
+
+    def __init__(self, system: SpringSystem, stretch: float, dt: float) -> None:
+        """`stretch`: largest elongation over the rest length; `dt`: time step [s]."""
+        body = system.body
+        self._springs, self.longest = system.links, (1 + stretch) * body.rest_length
+        self._length = np.zeros(len(body.ends))
+        self._first = self._stiffness = 100.0 * float(system.mass.max()) / dt**2
+        self.links = self._links()
+
+    def _links(self) -> Links:
+        count = len(self.longest)
+        return Links(
+            self._springs.ends,
+            (1 - MARGIN) * self.longest,
+            np.full(count, self._stiffness),
+            np.zeros(count),
+            True,
+        )
+
+    def relax(self) -> None:
+        """Make K what it was at first."""
+        self._stiffness = self._first
+        self.links = self._links()
+
+    def harden(self) -> None:
+        """Make K ten times larger."""
+        self._stiffness *= 10
+        self.links = self._links()
+
+    def exceeded(self, x: FloatArray) -> bool:
+        """Return whether a spring is longer than its bound at `x` [m], shape (n, 3)."""
+        lengths(x, self._springs, self._length)
+        return bool((self._length > self.longest).any())
+
+    @property
+    def worst(self) -> float:
+        """Largest length over its bound, where `exceeded` was last asked."""
+        return float((self._length / self.longest).max())
+
+
 class StrainLimited:
     """A time integrator whose steps end with no spring longer than its bound."""
 
@@ -43,31 +92,23 @@ class StrainLimited:
             options: Of the solver.
             dt: Time step [s].
         """
-        body = system.body
         self._system, self._stepper = system, stepper
-        self._longest = (1 + stretch) * body.rest_length
-        self._length = np.zeros(len(body.ends))
-        reach = float(np.median(self._longest))
+        self._bound = Bound(system, stretch, dt)
+        reach = float(np.median(self._bound.longest))
         heaviest = float(system.mass.max())
         self._tolerance = 1e-5 * heaviest * reach / dt**2  # nodes to 1e-5 of a spring
-        self._first = self._stiffness = 100.0 * heaviest / dt**2
         self._options = options._replace(share=0.0, tolerance=self._tolerance)
-        links = self._links(self._stiffness)
         self._solver = SpringSolver(system, self._options, drag=0.0, rayleigh=0.0, moving=False)
         self._solver.problem = self._solver.problem._replace(
-            links=links, force=np.zeros_like(system.force), rounding=0.0
+            links=self._bound.links, force=np.zeros_like(system.force), rounding=0.0
         )
         self._keep: State | None = None
-
-    def _links(self, stiffness: float) -> Links:
-        ends, none = self._system.body.ends, np.zeros(len(self._longest))
-        return Links(ends, (1 - MARGIN) * self._longest, np.full(len(ends), stiffness), none, True)
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps."""
         self._stepper.forget()
         self._solver.work.kept[0] = 0.0
-        self._stiffness = self._first
+        self._bound.relax()
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance by one step, in place. Raises StepError and leaves `state`."""
@@ -75,7 +116,7 @@ class StrainLimited:
             self._keep = state.copy()
         state.copy_to(self._keep)
         report = self._stepper.step(state, joints, dt)
-        if self._exceeded(state.positions):
+        if self._bound.exceeded(state.positions):
             try:
                 self._pull_back(state, dt)
             except StepError:
@@ -87,28 +128,24 @@ class StrainLimited:
             report.factorisations += done.factorisations
         return report
 
-    def _exceeded(self, x: FloatArray) -> bool:
-        lengths(x, self._system.links, self._length)
-        return bool((self._length > self._longest).any())
-
     def _pull_back(self, state: State, h: float) -> None:
         solver, work, system = self._solver, self._solver.work, self._system
         x, v = state.positions.copy(), state.velocities
         moved, rate = state.positions.copy(), np.zeros_like(x)
         momentum = np.cross(x, system.mass[:, None] * v).sum(axis=0)
         for _ in range(RAISES):
-            solver.problem = solver.problem._replace(links=self._links(self._stiffness))
+            solver.problem = solver.problem._replace(links=self._bound.links)
             work.z[:], work.u[:], work.kept[0] = x, 0.0, 0.0
             outcome = kernels.solve_stage(
                 moved, rate, h, solver.problem, solver.factor, solver.options, work, solver.counts
             )
-            if outcome == kernels.SOLVED and not self._exceeded(moved):
+            if outcome == kernels.SOLVED and not self._bound.exceeded(moved):
                 break
-            self._stiffness *= 10
+            self._bound.harden()
         else:
             raise StepError(
                 f"step {state.step} at {state.time:.4g} s: strain_limit cannot be met, the longest spring is at "
-                f"{float((self._length / self._longest).max()):.4g} of its bound"
+                f"{self._bound.worst:.4g} of its bound"
             )
         state.positions[:] = moved
         v += (moved - x) / h
