@@ -78,6 +78,11 @@ def _contact_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if contact := result.get("contact"):
         pressed = f"{contact['pressed']} of {contact['contacts']} pressed"
         rows.append(("contacts", f"{pressed}, normal forces {contact['force']:.4g} N in sum"))
+        if contact["smallest_gap"] is not None:
+            gap = f"smallest {contact['smallest_gap'] * 1e3:.2g} mm beyond the contact distance"
+            rows.append(
+                ("gaps", f"{gap}; error {contact['residual'] * 1e3:.2g} mm after {contact['rounds']} rounds")
+            )
     return rows
 
 

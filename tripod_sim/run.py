@@ -60,9 +60,10 @@ def run(
         [N m], short [rad]), stalled_time (of each servo [s]), with the scene's `time_error` the estimate at the end
         (effector, largest, node, added) and at its worst (worst_effector, worst, worst_added) [m], NaN and node -1
         for what is not estimated, with a ball its position [m] and
-        event (words), with contact what it took in the last step (contacts, those pressed, force [N], smallest_gap
-        beyond the contact distance [m], cut) and with rigid bodies their poses, notes on the scene if there are any,
-        and step_ms, the wall time of a step [ms], median and 99th percentile.
+        event (words), with contact what it took in the last step (contacts, those pressed, force [N], rounds of the
+        response, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m], cut) and with rigid
+        bodies their poses, notes on the scene if there are any, and step_ms, the wall time of a step [ms],
+        median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
@@ -149,6 +150,8 @@ def _contact_summary(simulation: Simulation) -> dict[str, Any]:
             "contacts": contact.contacts,
             "pressed": contact.pressed,
             "force": contact.force,
+            "rounds": contact.rounds,
+            "residual": contact.residual,
             "smallest_gap": contact.smallest_gap if contact.contacts else None,
             "cut": contact.cut,
         }

@@ -126,12 +126,14 @@ def test_a_scene_without_effector_and_servos_has_a_table_too(fake_run: FakeRun) 
 
 def test_rigid_bodies_and_contacts_have_rows(fake_run: FakeRun) -> None:
     body = {"position": [0.1, 0.0, 0.0512341], "quaternion": [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]}
-    contact = {"contacts": 12, "pressed": 8, "force": 17.658, "smallest_gap": -1e-9, "cut": 0.0}
+    contact = {"contacts": 12, "pressed": 8, "force": 17.658, "rounds": 3, "residual": 2.5e-7, "smallest_gap": -1e-6,
+               "cut": 0.0}  # fmt: skip
     fake_run.result.update(effector=None, angles=[], torques=[], rigid=[body], contact=contact)
     lines = tripod("run", "stack").stdout.splitlines()
-    assert [re.split("  +", line) for line in lines][2:4] == [
+    assert [re.split("  +", line) for line in lines][2:5] == [
         ["rigid.0", "100.000, 0.000, 51.234 mm, turned 90.00 degrees"],
         ["contacts", "8 of 12 pressed, normal forces 17.66 N in sum"],
+        ["gaps", "smallest -0.001 mm beyond the contact distance; error 0.00025 mm after 3 rounds"],
     ]
 
 
