@@ -123,19 +123,14 @@ def shipped() -> None:
 
 def variations(duration: float) -> None:
     """The report's variations, as `tripod study drape` has them, with the finer cloth and in CPU time."""
-    cases = drape.cases(full=False)
     print(
         "\n| " + " | ".join(column.title for column in drape.COLUMNS) + " |\n|" + "---|" * len(drape.COLUMNS)
     )
-    for response in drape.RESPONSES:
-        for case in cases:
-            row = {"response": response, **case}
-            row |= drape.measure(
-                response, case, nodes=drape.FULL_NODES, duration=duration, clock=time.thread_time
-            )
-            print(
-                "| " + " | ".join(column.text(row[column.key]) for column in drape.COLUMNS) + " |", flush=True
-            )
+    for case in drape.cases(full=False):
+        for response in drape.RESPONSES:
+            row = {"response": response, "nodes": drape.FULL_NODES, **case}
+            row |= drape.measure(**row, duration=duration, clock=time.thread_time)
+            print("| " + " | ".join(column.cell(row) for column in drape.COLUMNS) + " |", flush=True)
 
 
 def main() -> None:

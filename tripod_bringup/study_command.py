@@ -49,7 +49,7 @@ def study_command(
         reports, plans = _chosen(scene, every=every, part=part, knobs=knobs, quick=quick)
         out.mkdir(parents=True, exist_ok=True)
         for name in reports:
-            printed["report"] = report(name, out, full=full, shown=shown, text=not as_json)
+            printed["report"] = report(name, out, full=full, fresh=fresh, shown=shown, text=not as_json)
         execute = _executor(scheduler, jobs) if plans else None
         for made in plans:
             assert execute
@@ -160,26 +160,35 @@ def _version() -> str:
         return "not installed"
 
 
-def report(name: str, out: Path, *, full: bool, shown: bool, text: bool) -> dict[str, Any]:
-    """Run the course report's variations of a scene, print and write their table and return it. Raises OSError."""
-    from tripod_sim.study.catalogue import study  # noqa: PLC0415 - not needed for the help
+def report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: bool) -> dict[str, Any]:
+    """Run the course report's variations of a scene, print and write their table and return it. Raises OSError.
+
+    Rows that are done are kept and not measured again, unless `fresh`.
+    """
+    from tripod_bringup.study_store import Store  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.study.catalogue import study  # noqa: PLC0415
 
     made = study(name, full=full)
     path = out / f"{name}_report.csv"
     path.open("a").close()  # before the work, not after it
     rows: list[dict[str, Any]] = []
-    with bar(f"{name} report", shown=shown) as progress:
-        for row in made.rows:
-            rows.append(row)
+    with (
+        Store(out / f"{name}_report.jsonl", fresh=fresh) as store,
+        bar(f"{name} report", shown=shown) as progress,
+    ):
+        for case in made.cases:
+            if (key := made.key(case)) not in store.records:
+                store.add(key, {"row": plain(made.row(case))})
+            rows.append(store.records[key]["row"])
             if progress:
-                progress(len(rows), made.count)
+                progress(len(rows), len(made.cases))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, [column.key for column in made.columns])
         writer.writeheader()
         writer.writerows(rows)
     if text:
         cells = [[column.title for column in made.columns]]
-        cells += [[column.text(row[column.key]) for column in made.columns] for row in rows]
+        cells += [[column.cell(row) for column in made.columns] for row in rows]
         widths = [max(len(line[i]) for line in cells) for i in range(len(made.columns))]
         print(made.title)
         for line in cells:

@@ -36,12 +36,12 @@ def test_the_verdicts_on_the_pendulum(change: dict, scheme: str, substeps: str, 
 
 def test_every_value_of_the_report_is_varied() -> None:
     made = study("pendulum", full=False)
-    assert made.count == 9 * len(pendulum.SCHEMES)
-    assert study("pendulum", full=True).count == 72 * len(pendulum.SCHEMES)
+    assert len(made.cases) == 9 * len(pendulum.SCHEMES)
+    assert len(study("pendulum", full=True).cases) == 72 * len(pendulum.SCHEMES)
     cases = pendulum._cases(False)
     for name, values in pendulum.VARIED.items():
         assert {c[name] for c in cases} == set(values)
-    first = next(made.rows)
+    first = made.row(made.cases[0])
     assert set(first) == {c.key for c in made.columns}
 
 
@@ -73,8 +73,41 @@ def test_the_command_prints_one_table_and_writes_it(tmp_path: Path) -> None:
     assert [row["stable"] for row in rows] == [True, True, False, True]
 
 
+@pytest.mark.usefixtures("short")
+def test_rows_that_are_done_are_kept_and_taken_up_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The report that was stopped in its third row makes the last two when it is asked for again."""
+    made, measured, words = pendulum.measure, list[str](), ["study", "pendulum", "--part", "report"]
+
+    def measure(stop_at: int) -> None:
+        def one(**case: object) -> dict:
+            if len(measured) == stop_at:
+                raise KeyboardInterrupt
+            measured.append(str(case["scheme"]))
+            return made(**case)
+
+        monkeypatch.setattr(pendulum, "measure", one)
+
+    measure(2)
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path)])
+    assert done.exit_code == 130
+    assert done.stderr.strip().endswith("the same command goes on")
+    measure(-1)
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path)])
+    assert done.exit_code == 0
+    assert measured == ["semi_implicit_euler", "implicit_euler"] * 2
+    assert len(done.stdout.splitlines()) == 2 + 4 + 1
+    again = CliRunner().invoke(app, [*words, "--out", str(tmp_path)])
+    assert again.stdout == done.stdout
+    assert len(measured) == 4
+    CliRunner().invoke(app, [*words, "--fresh", "--out", str(tmp_path)])
+    assert len(measured) == 8
+
+
 def test_every_study_can_be_made() -> None:
     for name in STUDIES:
         made = study(name, full=False)
-        assert made.count > 0
+        assert made.cases
+        assert len({made.key(case) for case in made.cases}) == len(made.cases)
         assert made.columns

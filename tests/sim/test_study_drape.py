@@ -41,17 +41,21 @@ def test_what_pierces_and_what_has_passed_in_one_step_is_seen() -> None:
 
 @pytest.mark.parametrize("response", drape.RESPONSES)
 def test_a_cloth_that_falls_is_stable_and_held(response: str) -> None:
-    row = drape.measure(response, drape.BASE, **SHORT)
+    row = drape.measure(response=response, **drape.BASE, **SHORT)
     assert row["stable"]
     assert not row["tunnelled"]
     assert 0 <= row["penetration"] < drape.BASE["distance"]
     assert row["rest"] is None
     assert row["wall"] > 0
+    assert row["parts"] >= 1
+    assert -1.0 < row["drift"] < 0
+    assert 0.1 < row["amplitude"] < 1.0
+    assert 0.0 < row["stretch"] < 0.1
 
 
 @pytest.mark.parametrize("response", drape.RESPONSES)
 def test_the_time_to_rest_is_told_and_ends_the_run(response: str) -> None:
-    row = drape.measure(response, drape.BASE, nodes=7, overrides=("damping.mass=20",))
+    row = drape.measure(response=response, **drape.BASE, nodes=7, overrides=("damping.mass=20",))
     assert row["stable"]
     assert 0.5 < row["rest"] < drape.DURATION - 1
 
@@ -59,23 +63,45 @@ def test_the_time_to_rest_is_told_and_ends_the_run(response: str) -> None:
 def test_without_contact_the_cloth_is_seen_to_tunnel(monkeypatch: pytest.MonkeyPatch) -> None:
     """The verdicts can fail: here steps go on as if nothing had any force."""
     monkeypatch.setattr(World, "_respond", lambda self, u, *_: self._ends_of(u) or 1.0)
-    row = drape.measure("lagrange", {**drape.BASE, "speed": 1.0}, **SHORT)
+    row = drape.measure(response="lagrange", **{**drape.BASE, "speed": 1.0}, **SHORT)
     assert row["tunnelled"]
     monkeypatch.setattr(drape, "SHARE", -math.inf)
-    assert not drape.measure("lagrange", drape.BASE, **SHORT)["stable"]
+    assert not drape.measure(response="lagrange", **drape.BASE, **SHORT)["stable"]
 
 
 def test_every_value_of_the_report_is_varied() -> None:
     made = study("drape", full=False)
-    assert made.count == 7 * len(drape.RESPONSES)
-    assert study("drape", full=True).count == 27 * len(drape.RESPONSES)
+    assert len(made.cases) == len(drape.cases(full=False)) * len(drape.RESPONSES)
+    assert len(study("drape", full=True).cases) == 27 * len(drape.RESPONSES)
     for name, values in drape.VARIED.items():
         assert {case[name] for case in drape.cases(full=False)} == set(values)
 
 
 def test_rows_have_the_columns_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(drape, "DURATION", 0.05)
+    monkeypatch.setattr(drape, "MOST_STEPS", 5)
     made = study("drape", full=False)
-    row = next(made.rows)
+    row = made.row(made.cases[0])
     assert set(row) == {column.key for column in made.columns}
-    assert all(column.text(row[column.key]) for column in made.columns)
+    assert row["rest"] is None
+    cells = dict(
+        zip((column.key for column in made.columns), (c.cell(row) for c in made.columns), strict=True)
+    )
+    assert cells["rest"] == "-"
+    assert all(cells.values())
+
+
+def test_what_a_row_sets_reaches_the_scene() -> None:
+    """Each setting changes what the run shows."""
+    short = {"nodes": 5, "duration": 0.3}
+    base = drape.measure(response="lagrange", **drape.BASE, **short)
+    changed = {"distance": 0.005, "mass": 2.2, "speed": 5.0, "dt": 0.02, "k": 0.1, "g": 1000.0, "limit": 1e-3}
+    assert set(changed) == set(drape.BASE)
+    for name, value in changed.items():
+        row = drape.measure(response="lagrange", **{**drape.BASE, name: value}, **short)
+        assert any(row[key] != base[key] for key in ("amplitude", "drift", "stretch", "penetration")), name
+    assert (
+        drape.measure(response="lagrange", **{**drape.BASE, "k": 0.1}, **short)["stretch"]
+        > 10 * base["stretch"]
+    )
+    limited = drape.measure(response="lagrange", **{**drape.BASE, "k": 0.1, "limit": 0.02}, **short)
+    assert 0.01 < limited["stretch"] <= 0.02

@@ -1,6 +1,7 @@
-"""The studies by name. Each is a module with `TITLE`, `COLUMNS`, `rows`; only the one that runs is imported."""
+"""The course report's tables by name. Each is a module with `study(full=...)`; only the one that runs is imported."""
 
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -24,6 +25,10 @@ class Column:
     title: str
     text: Callable[[Any], str] = str
 
+    def cell(self, row: dict[str, Any]) -> str:
+        """Return the value of a row as text; a dash where there is none."""
+        return "-" if row[self.key] is None else self.text(row[self.key])
+
 
 @dataclass(frozen=True)
 class Study:
@@ -32,14 +37,24 @@ class Study:
     Attributes:
         title: One line.
         columns: Of the table.
-        count: Number of rows.
-        rows: Yields them one after the other, by key.
+        cases: What each row sets, by key.
+        measure: Returns what a row shows besides, by key.
+        version: Raised when what `measure` returns for a case changes; rows of another one are measured again.
     """
 
     title: str
     columns: tuple[Column, ...]
-    count: int
-    rows: Iterator[dict[str, Any]]
+    cases: tuple[dict[str, Any], ...]
+    measure: Callable[[dict[str, Any]], dict[str, Any]]
+    version: int
+
+    def row(self, case: dict[str, Any]) -> dict[str, Any]:
+        """Measure and return the row of `case`, by key."""
+        return {**case, **self.measure(case)}
+
+    def key(self, case: dict[str, Any]) -> str:
+        """Return the name under which the row of `case` is kept."""
+        return json.dumps([self.version, case], sort_keys=True)
 
 
 def study(name: str, *, full: bool) -> Study:

@@ -1,9 +1,11 @@
 """The course report's variations of a cloth that falls on a sphere, by both responses to contact."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import product
 from typing import Any
+
+import numpy as np
 
 from tripod_sim.contact.build import body_part, obstacle_parts
 from tripod_sim.contact.crossings import Crossings
@@ -13,22 +15,35 @@ from tripod_sim.simulation import Simulation
 from tripod_sim.springs.build import spring_body
 from tripod_sim.study.catalogue import Column, Study
 
-BASE = {"distance": 0.002, "mass": 0.22, "speed": 0.0}
-"""Contact distance [m], mass of the cloth [kg], speed at which it is thrown down [m/s]: where one of them is varied."""
+BASE = {"distance": 0.002, "mass": 0.22, "speed": 0.0, "dt": 0.01, "k": 100.0, "g": 9.81, "limit": 0.0}
+"""Contact distance [m], mass of the cloth [kg], speed at which it is thrown down [m/s], step [s], stiffness along edges
+[N/m], gravity [m/s²], limit of strains (0: none): where one of them is varied."""
 
 VARIED = {
     "distance": (0.0002, 0.002, 0.005),
-    "mass": (0.022, 0.22, 2.2),
+    "mass": (0.081, 0.22, 2.2, 81.0, 405_000.0),
     "speed": (0.0, 5.0, 50.0),
+    "dt": (0.4, 0.01, 0.005, 1e-5),
+    "k": (0.0, 0.1, 100.0, 1500.0, 5000.0),
+    "g": (9.81, 1000.0),
+    "limit": (0.0, 0.02),
 }
+
+"""Masses of 1 g, 1 kg and 5 t a node, steps, stiffness and gravity are those of the report's pendulum."""
+
+CURED = {"mass": 81.0, "limit": 0.02}
+"""The heavy cloth that stretches like rubber, with a limit of strains."""
+
+COMBINED = {"distance": VARIED["distance"], "mass": (0.081, 0.22, 2.2), "speed": VARIED["speed"]}
+"""What the full study varies in all combinations; the other values stay those of `BASE`."""
 
 RESPONSES = ("lagrange", "penalty")
 
 NODES, FULL_NODES, SIZE = 9, 21, 0.8
 """Nodes along an edge of the cloth, without and with all combinations; length of the edge [m]."""
 
-DURATION = 10.0
-"""Simulated time [s], unless the cloth is at rest before."""
+DURATION, MOST_STEPS = 10.0, 20_000
+"""Simulated time [s], unless the cloth is at rest before or that are more steps."""
 
 REST, STILL = 1e-8, 0.2
 """Kinetic energy of a cloth at rest [J], and for how long it stays below that before a run ends [s]."""
@@ -41,78 +56,91 @@ SHARE = 0.01
 
 COLUMNS = (
     Column("response", "response"),
+    Column("nodes", "nodes"),
     Column("distance", "distance [mm]", lambda v: f"{1e3 * v:g}"),
     Column("mass", "mass [kg]", lambda v: f"{v:g}"),
     Column("speed", "speed [m/s]", lambda v: f"{v:g}"),
+    Column("dt", "dt [s]", lambda v: f"{v:g}"),
+    Column("k", "k [N/m]", lambda v: f"{v:g}"),
+    Column("g", "g [m/s²]", lambda v: f"{v:g}"),
+    Column("limit", "limit [%]", lambda v: f"{100 * v:g}"),
     Column("stable", "stable", lambda v: "yes" if v else "NO"),
-    Column("tunnelled", "tunnelled", lambda v: "YES" if v else "no"),
+    Column("parts", "sub-steps", lambda v: f"{v:.3g}"),
+    Column("amplitude", "amplitude [m]", lambda v: f"{v:.3g}"),
+    Column("drift", "energy drift", lambda v: f"{100 * v:+.2g} %"),
+    Column("stretch", "stretch [%]", lambda v: f"{100 * v:.3g}"),
     Column("penetration", "penetration [mm]", lambda v: f"{1e3 * v:.3g}"),
     Column("cut", "cut", lambda v: f"{v:.2g}"),
-    Column("rest", "at rest after [s]", lambda v: "-" if v is None else f"{v:.2f}"),
+    Column("tunnelled", "tunnelled", lambda v: "YES" if v else "no"),
+    Column("rest", "at rest after [s]", lambda v: f"{v:.2f}"),
     Column("wall", "wall [s/s]", lambda v: f"{v:.2g}"),
 )
-"""distance: at which surfaces are held; penetration: by how much they came closer than that, at most; tunnelled:
-whether anything of the cloth passed through the sphere, or it through the cloth; cut: the largest part of a step that
-was given up to prevent that; wall: time of the machine for each simulated second."""
+"""nodes: along an edge; distance: at which surfaces are held; limit: of strains, none at 0; sub-steps: parts of a step,
+on average; amplitude: the largest distance of a node from where it began; drift: change of the whole energy over the
+largest that the fall can set free; stretch: of the longest spring, at most; penetration: by how much surfaces came
+closer than the contact distance, at most; cut: the largest part of a step that was given up to let nothing pass;
+tunnelled: whether anything of the cloth passed through the sphere, or it through the cloth; wall: time of the machine
+for each simulated second."""
 
 
 def study(*, full: bool) -> Study:
-    """Return the study; `full`: all combinations of the values, with the finer cloth."""
+    """Return the study; `full`: all combinations of distance, mass and speed, with the finer cloth."""
     nodes = FULL_NODES if full else NODES
-    how = "all combinations" if full else "one value varied at a time"
-    return Study(
-        f"Cloth of {nodes} x {nodes} nodes falls on a sphere; {how}", COLUMNS, len(cases(full=full)) * len(RESPONSES),
-        _rows(cases(full=full), nodes),
-    )  # fmt: skip
+    how = "all combinations of distance, mass and speed" if full else "one value varied at a time"
+    rows = tuple(
+        {"response": response, "nodes": nodes, **case} for case in cases(full=full) for response in RESPONSES
+    )
+    return Study(f"A cloth falls on a sphere; {how}", COLUMNS, rows, lambda case: measure(**case), version=1)
 
 
 def cases(*, full: bool) -> list[dict[str, float]]:
     """Return the settings, by the names of `measure`; `full`: all combinations of the values."""
     if full:
-        return [dict(zip(VARIED, values, strict=True)) for values in product(*VARIED.values())]
+        return [
+            {**BASE, **dict(zip(COMBINED, values, strict=True))} for values in product(*COMBINED.values())
+        ]
     found = [BASE]
     for name, values in VARIED.items():
         found += [{**BASE, name: value} for value in values if value != BASE[name]]
-    return found
-
-
-def _rows(settings: list[dict[str, float]], nodes: int) -> Iterator[dict[str, Any]]:
-    for case in settings:
-        for response in RESPONSES:
-            yield {"response": response, **case, **measure(response, case, nodes=nodes)}
+    return [*found, {**BASE, **CURED}]
 
 
 def measure(
-    response: str, case: dict[str, float], *, nodes: int = NODES, duration: float = DURATION,
-    clock: Callable[[], float] = time.perf_counter, overrides: tuple[str, ...] = (),
+    *, response: str, distance: float, mass: float, speed: float, dt: float, k: float, g: float, limit: float,
+    nodes: int = NODES, duration: float = DURATION, clock: Callable[[], float] = time.perf_counter,
+    overrides: tuple[str, ...] = (),
 ) -> dict[str, Any]:  # fmt: skip
     """Return what one run shows: the values of `COLUMNS` from `stable` on.
 
     Args:
         response: Of contact.
-        case: `distance` of contact [m], `mass` of the cloth [kg], `speed` at which it is thrown down [m/s].
+        distance, mass, speed, dt, k, g, limit: See `BASE`; springs across cells and bending springs are as many times
+            softer than those along edges as in the scene.
         nodes: Along an edge of the cloth.
         duration: Simulated time [s], unless the cloth is at rest before.
         clock: What tells the machine's time [s].
         overrides: More settings of the scene.
     """
-    distance, mass, speed = case["distance"], case["mass"], case["speed"]
     scene = load_scene(
         "drape",
         [
-            "springs.source=grid", f"springs.nodes={nodes}", f"springs.size={SIZE}",
+            "springs.source=grid", f"springs.nodes={nodes}", f"springs.size={SIZE}", f"dt={dt}",
             f"springs.node_mass={mass / nodes**2}", f"contact.response={response}",
+            f"springs.stiffness={k}", f"springs.shear={0.3 * k}", f"springs.bending={0.01 * k}",
+            f"gravity.acceleration=[0, 0, -{g}]", *([f"strain_limit.stretch={limit}"] if limit else []),
             f"contact.contact_distance={distance}", f"contact.alarm_distance={ALARM * distance}", *overrides,
         ],
     )  # fmt: skip
     simulation = Simulation(scene)
     assert scene.contact
     assert scene.springs
-    watch = Crossings(body_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+    body = spring_body(scene, scene.springs)
+    watch = Crossings(body_part(body, scene.contact), obstacle_parts(scene))
     simulation.state.velocities[:, 2] -= speed
-    start, scale = _energy(simulation), mass * 9.81 * SIZE + 0.5 * mass * speed**2
-    sunk, cut, still, tunnelled, stable, wall = 0.0, 0.0, 0, False, True, 0.0
-    for _ in range(round(duration / scene.dt)):
+    first, start, scale = simulation.positions.copy(), _energy(simulation), mass * (g * SIZE + 0.5 * speed**2)
+    sunk, cut, reach, longest, still, parts = 0.0, 0.0, 0.0, 0.0, 0, 0
+    tunnelled, stable, wall, drift = False, True, 0.0, 0.0
+    for _ in range(min(round(duration / dt), MOST_STEPS)):
         begin = clock()
         try:
             report = simulation.step()
@@ -122,19 +150,29 @@ def measure(
         finally:
             wall += clock() - begin
         assert report.contact
+        parts += report.contact.parts
         sunk, cut = max(sunk, -report.contact.smallest_gap), max(cut, report.contact.cut)
-        tunnelled |= watch.found(simulation.positions, straight=report.contact.parts == 1)
-        stable &= _energy(simulation) - start <= SHARE * scale
+        x = simulation.positions
+        tunnelled |= watch.found(x, straight=report.contact.parts == 1)
+        reach = max(reach, float(np.linalg.norm(x - first, axis=1).max()))
+        length = np.linalg.norm(x[body.ends[:, 1]] - x[body.ends[:, 0]], axis=1)
+        longest = max(longest, float((length / body.rest_length).max()) - 1)
+        drift = (_energy(simulation) - start) / scale
+        stable &= drift <= SHARE
         still = still + 1 if simulation.energies().kinetic < REST else 0
-        if still * scene.dt >= STILL:
+        if still * dt >= STILL:
             break
-    time_passed = simulation.state.time
+    time_passed, steps = simulation.state.time, simulation.state.step
     return {
         "stable": stable,
-        "tunnelled": tunnelled,
+        "parts": parts / steps if steps else 0.0,
+        "amplitude": reach,
+        "drift": drift,
+        "stretch": longest,
         "penetration": sunk,
         "cut": cut,
-        "rest": time_passed - (still - 1) * scene.dt if still * scene.dt >= STILL else None,
+        "tunnelled": tunnelled,
+        "rest": time_passed - (still - 1) * dt if still * dt >= STILL else None,
         "wall": wall / time_passed if time_passed else 0.0,
     }
 

@@ -1,7 +1,6 @@
 """The course report's variations of the pendulum, under each time integrator."""
 
 import time
-from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
@@ -41,15 +40,14 @@ SHARE = 0.5
 
 def study(*, full: bool) -> Study:
     """Return the study; `full`: all combinations of the values."""
-    cases = _cases(full)
-    return Study(
-        "10 nodes, the first fixed, swing down from the horizontal; one value varied at a time"
-        if not full
-        else "10 nodes, the first fixed, swing down from the horizontal; all combinations",
-        COLUMNS,
-        len(cases) * len(SCHEMES),
-        _rows(cases),
+    how = "all combinations" if full else "one value varied at a time"
+    cases = tuple(
+        {"scheme": scheme, "substeps": substeps or "-", **case}
+        for case in _cases(full)
+        for scheme, substeps in SCHEMES
     )
+    title = f"10 nodes, the first fixed, swing down from the horizontal; {how}"
+    return Study(title, COLUMNS, cases, lambda case: measure(**case), version=1)
 
 
 COLUMNS = (
@@ -79,17 +77,11 @@ def _cases(full: bool) -> list[dict[str, float]]:
     return cases
 
 
-def _rows(cases: list[dict[str, float]]) -> Iterator[dict[str, Any]]:
-    for case in cases:
-        for scheme, substeps in SCHEMES:
-            yield {"scheme": scheme, "substeps": substeps or "-", **case, **measure(scheme, substeps, **case)}
-
-
 def measure(scheme: str, substeps: str, dt: float, k: float, m: float, g: float) -> dict[str, Any]:
     """Return what one run shows: the values of `COLUMNS` from `stable` on."""
     words = [f"dt={dt}", f"springs.stiffness={k}", f"springs.node_mass={m}", f"gravity.acceleration=[0, 0, -{g}]",
              f"inertia.scheme={scheme}"]  # fmt: skip
-    if substeps:
+    if substeps not in ("", "-"):
         words.append(f"inertia.substeps={substeps}")
     scene = load_scene("pendulum", words)
     simulation = Simulation(scene)
