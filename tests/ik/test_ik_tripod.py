@@ -35,8 +35,8 @@ def test_a_lead_makes_up_for_the_lag_of_real_servos():
 
 
 def test_tilts_of_a_third_of_a_radian_are_followed_in_both_axes():
-    """The scene's steps are of one linear solve, which leaves the effector a little unrest; Newton's do not."""
-    for mode, bound in (("one_solve", 0.2), ("newton", 0.01)):
+    """The scene's steps are of one linear solve; Newton's know nothing of older poses."""
+    for mode, bound in (("one_solve", 0.08), ("newton", 0.01)):
         settings = TrackerSettings(goal=Goal.ORIENTATION, **FAST)
         found = follow(tilting, settings, (COARSE, f"solver.mode={mode}"), seconds=3.0)
         largest = np.abs(found.target_normals[:, :2]).max(axis=0)
@@ -45,3 +45,11 @@ def test_tilts_of_a_third_of_a_radian_are_followed_in_both_axes():
         assert np.sqrt(np.mean((found.effector - found.target)[:, 2] ** 2)) < 1e-4
         assert np.ptp(found.effector[:, :2], axis=0).max() > 1e-3  # x and y are free
         assert found.limits == frozenset()
+
+
+def test_the_scene_as_it_is_follows_slow_tilts():
+    """What steps of one solve leave over does not add up to a lag: 0.2 degrees rms are asked for, a step moves 0.14."""
+    found = follow(tilting, TrackerSettings(goal=Goal.ORIENTATION, **FAST), seconds=3.5)
+    step = np.arccos(np.clip(np.sum(found.target_normals[1:] * found.target_normals[:-1], axis=1), -1, 1))
+    assert np.degrees(step).mean() == pytest.approx(0.135, abs=0.01)
+    assert np.degrees(found.tilt_rms) < 0.1

@@ -3,8 +3,8 @@
 Every step goes down: the Hessian is made positive definite (first as it is; if it is not, with each point's tangent
 projected; at last with a shift), and a step is shortened until the potential falls [NocedalWright2006, chapter 3].
 A factorisation is kept while it still halves the residual (chord steps), also from one solve to the next, and renewed
-where it does not. In one-solve mode one linear solve is enough where it leaves little of the unbalanced force; where it
-leaves more, Newton's method goes on to the tolerance.
+where it does not. In one-solve mode one linear solve is enough where it leaves little of the unbalanced force, and the
+next step takes that along (`left_over`); where it leaves more, Newton's method goes on to the tolerance.
 """
 
 import math
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.integrators.left_over import LeftOver
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -73,6 +74,7 @@ class Newton:
         """
         self.system, self.tolerance, self.max_iterations = system, tolerance, max_iterations
         self._share = share
+        self._left_over = LeftOver(system.unknowns) if share else None
         self._dx = np.zeros_like(system.rest)
         self._trial: State | None = None
         self._kept: float | None = None
@@ -112,10 +114,18 @@ class Newton:
         if driven:
             self.system.drive(trial, joints)
             self._add_drive(state, trial)
-        enough = max(self.tolerance, self._share * self.system.unbalanced())
+        size = self.system.unbalanced()
+        enough = max(self.tolerance, self._share * size)
+        if self._left_over and (driven or size > self.tolerance):
+            self._left_over.add_to(self.system.residual, keep)
         if driven:
             phi = self._drive(state, trial, report)
-        self._descend(state, trial, phi, report, enough)
+            size = self.system.unbalanced()
+        self._descend(state, trial, phi, size, report, enough)
+        if self._left_over and report.iterations == 1 and not report.factorisations:
+            self._left_over.note(self.system.residual)
+        elif self._left_over:
+            self._left_over.drop()
         if report.iterations <= self.FEW:
             self._kept = keep
             if self.store and keep:
@@ -136,10 +146,14 @@ class Newton:
         self._dx[:] = 0.0
         return phi
 
-    def _descend(self, state: State, trial: State, phi: float, report: NewtonReport, enough: float) -> None:
-        """Iterate from an evaluated `state` until the residual is below the tolerance; `enough` is, after one solve."""
+    def _descend(
+        self, state: State, trial: State, phi: float, size: float, report: NewtonReport, enough: float
+    ) -> None:
+        """Iterate from an evaluated `state` until the residual, now of `size` [N], is below the tolerance.
+
+        Below `enough` [N] is enough after one solve.
+        """
         system = self.system
-        size = system.unbalanced()
         while not size <= (
             enough if report.iterations == 1 else self.tolerance
         ):  # so that NaN counts as unsolved
@@ -180,6 +194,8 @@ class Newton:
         system = self.system
         phi = np.inf
         report.factorisations += 1
+        if self._left_over:
+            self._left_over.drop()
         for project in (False, True):
             if system.assemble(state, project=project) >= 0:
                 continue
