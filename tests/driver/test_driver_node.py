@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
-from tests.driver.operator import EXACT, Operator, changes, near
-from tripod_driver.protocol import RESOLUTION, AngleMapping, LegacyProtocol
+from tests.driver.operator import EXACT, LONGEST_STEP, Operator, changes, near
+from tripod_driver.protocol import AngleMapping, LegacyProtocol
 from tripod_graph import names
 from tripod_graph.mode import Mode
 
@@ -222,9 +222,7 @@ def test_a_signal_parks_the_servos_and_ends_in_order(number, board, operator, cl
     client.wait(lambda: board.packets[-1] == park, "the park position")
     way = np.array(board.packets[moved - 1 :])
     assert len(changes(way)) > 10  # 1.5 rad at 4 rad/s, in steps
-    assert (
-        np.abs(np.diff(way, axis=0)).max() <= 4.0 * 0.04 + 2 * RESOLUTION
-    )  # no step longer than two periods
+    assert np.abs(np.diff(way, axis=0)).max() <= LONGEST_STEP
 
 
 @pytest.mark.ros

@@ -12,12 +12,12 @@ pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
 from tests.driver.conftest import Board
-from tests.driver.operator import near
+from tests.driver.operator import LONGEST_STEP, near
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed_messages import BoardState
 from tripod_driver.node import PARAMETERS, make_driver
 from tripod_driver.ports.mock_board import MockBoard
-from tripod_driver.protocol import RESOLUTION, LegacyProtocol
+from tripod_driver.protocol import LegacyProtocol
 from tripod_graph import names
 from tripod_graph.mode import Mode
 from tripod_graph.qos import RELIABLE, SENSOR
@@ -54,7 +54,7 @@ def test_a_port_that_vanishes_and_returns_is_opened_again(board, operator, clien
         meanwhile=lambda: operator.send([-1.6] * 3),
     )
     way = np.array(board.packets[count:])
-    assert np.abs(np.diff(way, axis=0)).max() <= 4.0 * 0.04 + 2 * RESOLUTION
+    assert np.abs(np.diff(way, axis=0)).max() <= LONGEST_STEP
     assert operator.status.message == ""
     assert driver.process.poll() is None
 

@@ -308,7 +308,7 @@ def test_recordings_are_started_and_stopped_by_service(graph: Graph, tmp_path: P
 
 def test_a_place_that_will_not_do_is_refused_at_the_start(graph: Graph, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    for arguments, message in (
+    refusals = [
         (
             [f"directory:={tmp_path}/file"],
             f"cannot record into {tmp_path}/file: File exists; choose another directory, or make this one writable",
@@ -321,8 +321,10 @@ def test_a_place_that_will_not_do_is_refused_at_the_start(graph: Graph, tmp_path
         ([f"directory:={tmp_path}", f"min_free:={10**17}"], f"cannot record into {tmp_path}: "),
         (["compression:=rar"], "parameter 'compression' is 'rar'; allowed: one of none, lz4, zstd"),
         (["sync_period:=2.0"], "parameter 'sync_period' is 2.0; allowed: 0.05 to 1 s"),
-    ):
-        code, out, errors = finish(graph.record(*arguments), None)
+    ]
+    refused = [(graph.record(*arguments), message) for arguments, message in refusals]  # all at once
+    for process, message in refused:
+        code, out, errors = finish(process, None)
         assert (code, out) == (2, "")
         assert errors.startswith(f"record: {message}")
         assert errors.count("\n") == 1
