@@ -106,6 +106,44 @@ def test_obj_polygons_are_divided_and_numbers_may_count_back() -> None:
     assert not found.watertight
 
 
+CONCAVE = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [1, 0.2, 0], [0, 2, 0.0]])
+"""A crown of area 2.2: from its first corner it would be divided into triangles that overlap."""
+
+
+@pytest.mark.parametrize("first", range(5))
+@pytest.mark.parametrize("back", [False, True])
+def test_obj_polygons_that_are_not_convex_keep_their_shape(first: int, back: bool) -> None:
+    corners = np.roll(CONCAVE, -first, axis=0) @ np.array([[1, 0, 0], [0, 0.6, 0.8], [0, -0.8, 0.6]])
+    face = "f 5 4 3 2 1\n" if back else "f 1 2 3 4 5\n"
+    mesh = read_bytes(
+        ("".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in corners.tolist()) + face).encode(), "x.obj"
+    )
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    area = 0.5 * np.cross(b - a, c - a) @ np.array([0, -0.8, 0.6] if not back else [0, 0.8, -0.6])
+    assert len(area) == 3
+    assert area.min() > 0.1
+    assert area.sum() == pytest.approx(2.2)
+
+
+def test_an_obj_polygon_may_have_corners_in_a_line_and_a_spiral_is_one() -> None:
+    text = b"v 0 0 0\nv 1 0 0\nv 2 0 0\nv 1 1 0\nf 1 2 3 4\n"
+    np.testing.assert_allclose(_areas(read_bytes(text, "x.obj")), 0.5)
+    turns = np.linspace(0, 5 * np.pi, 60)
+    arm = [(r * np.cos(t), r * np.sin(t), 0.0) for t, r in zip(turns, 1 + turns, strict=True)]
+    inner = [(0.7 * x, 0.7 * y, 0.0) for x, y, _ in reversed(arm)]
+    spiral = "".join(f"v {x} {y} {z}\n" for x, y, z in [*arm, *inner])
+    mesh = read_bytes((spiral + "f " + " ".join(str(k + 1) for k in range(120)) + "\n").encode(), "x.obj")
+    x, y, _ = np.array([*arm, *inner]).T
+    area = 0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    assert _areas(mesh).sum() == pytest.approx(area)
+    assert _areas(mesh).min() > 0
+
+
+def _areas(mesh: SurfaceMesh) -> np.ndarray:
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    return 0.5 * np.cross(b - a, c - a)[:, 2]
+
+
 def test_an_ascii_stl_may_hold_several_solids_in_any_case() -> None:
     first, second = TETRAHEDRON, SurfaceMesh(TETRAHEDRON.vertices + 5, TETRAHEDRON.triangles)
     found = read_bytes(ascii_stl(first) + b"\n\n" + ascii_stl(second).upper(), "a.stl")
@@ -192,6 +230,10 @@ def test_a_sliver_is_judged_by_its_shape_and_not_by_its_size() -> None:
         (b"v 0 0 0\nf 1.5 1 1\n", "line 2: '1.5' is not the number of a vertex"),
         (b"v 0 0 0\nf /1 1 1\n", "line 2: '' is not the number of a vertex"),
         (b"v 0 0 0\nf 1 1 1\n", "triangles 0 have no area"),
+        (
+            b"v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n",
+            "line 5: a face of 4 vertices crosses itself, or is not convex",
+        ),
         (b"hello\n", "line 1: 'hello' is no OBJ statement for polygons"),
         (b"v 0 0 0 \\\n", "the last line is continued, but the file ends"),
         (b"\x00" * 70000, "line 1: longer than 65536 bytes"),

@@ -2,13 +2,13 @@
 
 from array import array
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.lines import numbered_lines, to_coordinates, to_integer, word
+from tripod_sim.mesh.polygon import MOST_CORNERS, triangulate
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 LEFT_OUT = frozenset(
@@ -26,8 +26,8 @@ MOST_WORDS = 100_000
 def read_obj(path: Path, name: str, owner: "array[int] | None" = None) -> tuple[FloatArray, IndexArray]:
     """Return the vertices (n, 3), in the file's unit, and the triangles (m, 3) of an OBJ file.
 
-    Polygons are divided into triangles from their first vertex, as is right for convex ones. Negative numbers count
-    back from the last vertex so far.
+    Polygons are divided into triangles, convex ones from their first vertex. Negative numbers count back from the last
+    vertex so far.
 
     Args:
         path: The file.
@@ -50,8 +50,10 @@ def read_obj(path: Path, name: str, owner: "array[int] | None" = None) -> tuple[
             polygon = [_vertex(value, count, where) for value in values]
             if len(polygon) < 3:
                 raise SceneError(f"{where}: a face needs at least 3 vertices, found {len(polygon)}")
-            for second, third in pairwise(polygon[1:]):
-                corners.extend((polygon[0], second, third))
+            if len(polygon) == 3:
+                corners.extend(polygon)
+            else:
+                corners.extend(_divided(polygon, xyz, where))
             if owner is not None:
                 owner.extend([faces] * (len(polygon) - 2))
             faces += 1
@@ -60,6 +62,17 @@ def read_obj(path: Path, name: str, owner: "array[int] | None" = None) -> tuple[
         elif keyword not in LEFT_OUT:
             raise SceneError(f"{where}: {word(keyword)} is no OBJ statement for polygons")
     return np.array(xyz).reshape(-1, 3), np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def _divided(polygon: list[int], xyz: "array[float]", where: str) -> list[int]:
+    """Return the triangles of a polygon, one after the other. Raises SceneError."""
+    found = triangulate([(xyz[3 * v], xyz[3 * v + 1], xyz[3 * v + 2]) for v in polygon])
+    if not found:
+        raise SceneError(
+            f"{where}: a face of {len(polygon)} vertices crosses itself, or is not convex and has more than "
+            f"{MOST_CORNERS}; divide it into triangles"
+        )
+    return [polygon[corner] for triangle in found for corner in triangle]
 
 
 def _statements(path: Path, name: str) -> Iterator[tuple[int, list[bytes]]]:
