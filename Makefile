@@ -19,7 +19,7 @@ demo: setup ## Bring up the simulated robot following a target; ARGS="..." goes 
 	@$(BIN)/tripod up --demo $(ARGS)
 
 test: lint ## Lint, then run all tests on a ROS domain of their own; ARGS="..." goes to pytest
-	ROS_DOMAIN_ID=$$(( $$$$ % 100 + 1 )) $(BIN)/python -m pytest $(ARGS)
+	ROS_DOMAIN_ID=$$(( $$$$ % 100 + 1 )) $(BIN)/python -m tools.run_tests $(ARGS)
 
 lint: setup ## Check style, format and types
 	$(BIN)/ruff check
