@@ -23,7 +23,7 @@ POINTS = [  # dt [s], relative bound, CPU time for a simulated second [s]
     (0.0005, 0.0006, 3.0),
 ]
 
-PROMISED = 1.5 * 0.9 + 0.1
+PROMISED = 4 * 0.9 + 0.1
 """Error to expect over the bound: the pendulum's margin times the error, which is 0.9 of it, and the reference's."""
 
 
@@ -59,13 +59,13 @@ def same_speed() -> float:
 @pytest.mark.parametrize(
     ("accuracy", "dt"),
     [
-        ("20%", 0.01),
-        ("14.5 %", 0.01),
-        ("14.4%", 0.005),
+        ("50%", 0.01),
+        ("37 %", 0.01),
+        ("36.9%", 0.005),
         ("5%", 0.002),
-        ("1%", 0.002),
-        ("0.1%", 0.0005),
-        ("draft", 0.01),
+        ("2.5%", 0.002),
+        ("0.3%", 0.0005),
+        ("draft", 0.005),
         ("real-time", 0.002),
         ("reference", 0.0005),
     ],
@@ -106,10 +106,10 @@ def test_a_study_of_a_gentle_motion_gets_a_larger_margin(tmp_path: Path) -> None
     path = tmp_path / "cloth.json"
     points = [{**p, "settings": {"dt": p["settings"].get("dt", 0.01)}} for p in made_up()["points"]]
     path.write_text(json.dumps(made_up(study="cloth", scene="cloth", points=points)))
-    choice = choose("cloth", "5%", study=path, speed=same_speed)
+    choice = choose("cloth", "7%", study=path, speed=same_speed)
     assert choice.settings == {"dt": 0.002}
-    assert choice.error == pytest.approx((8 * 0.9 + 0.1) * 0.006)
-    assert choose("cloth", "4.3%", study=path, speed=same_speed).settings == {"dt": 0.0005}
+    assert choice.error == pytest.approx((12 * 0.9 + 0.1) * 0.006)
+    assert choose("cloth", "6.5%", study=path, speed=same_speed).settings == {"dt": 0.0005}
 
 
 def test_a_study_that_was_not_checked_gets_a_margin_too(tmp_path: Path) -> None:
@@ -123,14 +123,14 @@ def test_a_study_that_was_not_checked_gets_a_margin_too(tmp_path: Path) -> None:
 def test_what_no_setting_reaches_is_told_with_the_best(study: Path) -> None:
     with pytest.raises(
         SceneError,
-        match=r"--accuracy 0\.01 %: no setting of study 'pendulum' is so exact; the best promises 0\.087 %",
+        match=r"--accuracy 0\.01 %: no setting of study 'pendulum' is so exact; the best promises 0\.22 %",
     ):
         choose("pendulum", "0.01%", study=study, speed=same_speed)
 
 
 def test_overrides_of_the_user_win_and_are_named(study: Path) -> None:
     choice = choose(
-        "pendulum", "1%", ["dt=0.004", "gravity.acceleration=[0, 0, -3]"], study=study, speed=same_speed
+        "pendulum", "3%", ["dt=0.004", "gravity.acceleration=[0, 0, -3]"], study=study, speed=same_speed
     )
     scene = load_scene("pendulum", choice.overrides)
     assert scene.dt == 0.004
@@ -139,7 +139,7 @@ def test_overrides_of_the_user_win_and_are_named(study: Path) -> None:
     assert choice.outside == ("dt=0.004", "gravity.acceleration=[0, 0, -3]")
     told = "outside the study, which promises nothing then: dt=0.004; gravity.acceleration=[0, 0, -3]"
     assert choice.sentence.endswith(told)
-    inside = choose("pendulum", "1%", ["dt=0.002", "duration=9.0"], study=study, speed=same_speed)
+    inside = choose("pendulum", "3%", ["dt=0.002", "duration=9.0"], study=study, speed=same_speed)
     assert inside.outside == ()
 
 
@@ -166,15 +166,15 @@ def test_static_solves_are_for_scenes_without_inertia(tmp_path: Path) -> None:
     )
     path.write_text(json.dumps(static))
     still = ["inertia=off", "damping=off"]  # each alone is no scene
-    choice = choose("tripod", "20%", still, study=path, speed=same_speed)
+    choice = choose("tripod", "40%", still, study=path, speed=same_speed)
     assert choice.outside == ()
     assert load_scene("tripod", choice.overrides).inertia is None
-    assert choice.sentence.startswith("accuracy 20%: mesh.level=1 (quick study pendulum)"), (
+    assert choice.sentence.startswith("accuracy 40%: mesh.level=1 (quick study pendulum)"), (
         "what is as it was is left out"
     )
     assert "for each solve" in choice.sentence
     with pytest.raises(SceneError, match="is of static solves, and the scene moves"):
-        choose("tripod", "20%", study=path, speed=same_speed)
+        choose("tripod", "40%", study=path, speed=same_speed)
     with pytest.raises(SceneError, match="real-time needs a study of a motion"):
         choose("tripod", "real-time", still, study=path, speed=same_speed)
 

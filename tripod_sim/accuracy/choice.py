@@ -22,7 +22,7 @@ from tripod_sim.scene_file import load_scene
 MARGIN = 3.0
 """Error in other cases over that in a study's own, where it was not measured."""
 
-MEASURED = {"tripod_static": 1.5, "tripod_dynamic": 3.0, "pendulum": 1.5, "cloth": 8.0}
+MEASURED = {"tripod_static": 1.5, "tripod_dynamic": 3.5, "pendulum": 4.0, "cloth": 12.0}
 """The same by study, measured by benchmarks/accuracy_promise.py. A study that moves one servo, or lets a cloth fall, is
 gentler than motions in which all servos turn, or cloths that are thrown and fold."""
 

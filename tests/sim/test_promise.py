@@ -1,0 +1,185 @@
+"""What measures whether `--accuracy` holds its promise: rows say what they are of, and nothing is mixed or lost."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import accuracy_promise, promise_cases
+from benchmarks.accuracy_promise import ROOT, Runner, error_of, measure, reference_of, rungs_of
+from benchmarks.promise_cases import KINDS, Case
+from benchmarks.promise_table import HEADS, MARK, rows_of, written
+from tripod_sim import Simulation, StepError, load_scene
+from tripod_sim.accuracy.choice import asked, margin, pick
+from tripod_sim.accuracy.stored import read_study
+from tripod_sim.study.plans.tripod_dynamic import SLIDE
+
+STUDIES = ROOT / "tripod_sim" / "studies"
+PENDULUM = STUDIES / "pendulum.json"
+
+
+def row(found: list[list[str]], accuracy: str) -> dict[str, str]:
+    """Return a study's row by the table's heads."""
+    return next(dict(zip(HEADS, cells, strict=True)) for cells in found if cells[1] == accuracy)
+
+
+def test_a_row_says_of_how_many_cases_and_of_which_it_is() -> None:
+    found, cut = measure(PENDULUM, range(5, 8), None, 2)
+    assert not cut
+    assert [cells[:2] for cells in found] == [["pendulum", "10%"], ["pendulum", "5%"], ["pendulum", "1%"]]
+    made = row(found, "1%")
+    assert (made["cases"], made["seeds"], made["under the asked [%]"]) == ("3", "5 to 7", "100.0")
+    assert 0 < float(made["median error [%]"]) <= float(made["worst [%]"]) < 1
+    assert made["reference off by [%]"] == "", "the study's reference is no setting of the scene"
+
+
+def test_the_reference_is_checked_where_the_study_has_a_finer_setting(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    study = read_study(PENDULUM)
+    coarse = next(
+        p for p in study.points if p.settings["dt"] == 0.005 and p.settings["inertia.scheme"] == "bdf2"
+    )
+    monkeypatch.setattr(accuracy_promise, "rungs_of", lambda table: [coarse])
+    off = row(measure(PENDULUM, range(5, 8), None, 2)[0], "1%")["reference off by [%]"]
+    assert off.endswith(" (2 cases)")
+    assert 0.1 < float(off.partition(" ")[0]) / (100 * coarse.error) < 10
+
+
+def test_cases_that_are_kept_are_not_run_again_unless_the_code_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep, runs = tmp_path / "cases.jsonl", list[str]()
+
+    def counted(scene: Any) -> Simulation:
+        runs.append(scene.name)
+        return Simulation(scene)
+
+    monkeypatch.setattr(accuracy_promise, "Simulation", counted)
+    first = measure(PENDULUM, range(2), keep, 0)
+    assert len(runs) == 2 * 3, "the reference and two settings: 10 and 5 % take the same"
+    with keep.open("a") as file:
+        file.write('{"key": "torn')
+    assert measure(PENDULUM, range(2), keep, 0) == first
+    assert len(runs) == 6
+    monkeypatch.setattr(accuracy_promise, "fingerprint", lambda module: "other")
+    measure(PENDULUM, range(2), keep, 0)
+    assert len(runs) == 12
+
+
+def test_ctrl_c_leaves_a_row_of_the_cases_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, _ = measure(PENDULUM, range(2), None, 0)
+    run = Runner.run
+
+    def interrupted(self: Runner, settings: Any, seed: int) -> Any:
+        if seed == 2 and settings["inertia.scheme"] != "rk4":
+            raise KeyboardInterrupt
+        return run(self, settings, seed)
+
+    monkeypatch.setattr(Runner, "run", interrupted)
+    found, cut = measure(PENDULUM, range(4), None, 0)
+    assert cut
+    assert [[*cells[:12], *cells[13:]] for cells in found] == [[*cells[:12], *cells[13:]] for cells in whole]
+    assert row(found, "5%")["cases"] == "2"
+
+
+def test_what_fails_is_an_error_and_what_has_no_reference_is_no_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, fine = Runner.run, reference_of(read_study(PENDULUM), ()).settings
+
+    def failing(self: Runner, settings: Any, seed: int) -> Any:
+        if (settings == fine) == (seed == 1):
+            return None
+        return run(self, settings, seed)
+
+    monkeypatch.setattr(Runner, "run", failing)
+    made = row(measure(PENDULUM, range(3), None, 0)[0], "10%")
+    assert (made["cases"], made["under the asked [%]"], made["worst [%]"]) == ("2", "0.0", "inf")
+
+
+def test_rows_of_studies_that_were_not_run_stay() -> None:
+    new = [["cloth", "5%", *[str(k) for k in range(len(HEADS) - 2)]]]
+    old = [[name, "5%", *["old"] * (len(HEADS) - 2)] for name in ("pendulum", "cloth", "tripod_static")]
+    text = written(f"Before.\n\n{MARK}\n\n<!-- end -->\n\nAfter.\n", old, "fast", Path("d.md"))
+    assert rows_of(text) == old
+    text = written(text, new, "slow", Path("d.md"))
+    assert rows_of(text) == [old[0], new[0], old[2]]
+    assert text.startswith("Before.\n\n## Measured\n\n`python benchmarks/accuracy_promise.py --write d.md`")
+    assert text.endswith("\nslow\n\n<!-- end -->\n\nAfter.\n")
+    assert "fast" not in text
+
+
+def test_the_document_is_of_these_margins() -> None:
+    rows = rows_of((ROOT / "docs" / "accuracy_promise.md").read_text(encoding="utf-8"))
+    assert rows
+    for cells in rows:
+        made = dict(zip(HEADS, cells, strict=True))
+        if made["cases"]:
+            assert float(made["margin"]) == margin(read_study(STUDIES / f"{made['study']}.json"))
+            assert float(made["factor"]) <= float(made["margin"])
+            assert int(made["cases"]) >= 200
+            assert float(made["under the asked [%]"]) >= 95
+
+
+def test_the_tripods_cases_are_held_against_another_element_than_is_picked() -> None:
+    path = STUDIES / "tripod_dynamic.json"
+    study, table = read_study(path), json.loads(path.read_text())
+    fine = reference_of(study, rungs_of(table))
+    for accuracy in ("10%", "5%"):
+        picked = pick(study, asked(accuracy), None)
+        assert picked.settings["mesh.element"] != fine.settings["mesh.element"]
+        assert picked.error > fine.error
+        assert picked.settings["dt"] >= fine.settings["dt"]
+    finest = rungs_of(table)[-1]
+    assert finest.settings["mesh.level"] > fine.settings["mesh.level"]
+    assert set(finest.settings) == set(study.points[0].settings)
+
+
+def test_an_error_is_relative_to_the_cases_travel_or_to_the_studys() -> None:
+    reference = np.array([[0.0, 0, 0], [0, 3, 4]])
+    rows = reference + np.array([[0.0, 0, 0], [0.5, 0, 0]])
+    assert error_of(rows, reference, None) == pytest.approx(0.1)
+    assert error_of(rows, reference, 2.0) == pytest.approx(0.25)
+    wide = np.hstack([reference] * 4), np.hstack([rows] * 4)
+    assert error_of(wide[1], wide[0], None) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_cases_are_scenes_and_seeds_repeat_them(name: str) -> None:
+    study = read_study(STUDIES / f"{name}.json")
+    kind = KINDS[name]
+    first, again, other = kind.make(7), kind.make(7), kind.make(8)
+    assert first == again
+    assert first.overrides != other.overrides or not first.overrides
+    load_scene(study.scene, list(first.overrides))
+
+
+def test_the_servos_of_a_case_turn_and_hold() -> None:
+    made = Simulation(
+        load_scene("tripod", ["mesh.level=1", f"servos.slide={SLIDE}", "servos.angles=[-1.5, -1.5, -1.5]"])
+    )
+    joints = promise_cases._driven(
+        made, np.array([0.2, 0, -0.1]), 0.04, np.array([0.02, 0.04, 0.1]), lambda: made.state.joints
+    )
+    assert joints == pytest.approx(
+        np.array([[-1.4, -1.5, -1.55, SLIDE], [-1.3, -1.5, -1.6, SLIDE], [-1.3, -1.5, -1.6, SLIDE]])
+    )
+
+
+def test_a_kick_moves_what_is_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Simulation(load_scene("pendulum", ["gravity.acceleration=[0, 0, -1e-9]"]))
+    rows = promise_cases.kicked_rows(made, Case((), 3))
+    assert rows.shape == (11, made.positions.size)
+    assert np.linalg.norm(rows[1:] - rows[0], axis=1).min() > 1e-3
+    assert np.array_equal(rows[-1].reshape(-1, 3)[made._mass == 0], rows[0].reshape(-1, 3)[made._mass == 0])
+
+
+def test_a_case_that_breaks_off_has_no_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(simulation: Simulation, case: Case) -> Any:
+        raise StepError("no")
+
+    monkeypatch.setitem(KINDS, "pendulum", replace(KINDS["pendulum"], rows=broken))
+    study = read_study(PENDULUM)
+    assert Runner(study, None).run(study.points[0].settings, 0) is None
