@@ -97,10 +97,15 @@ class Graph:
                 self.heard[topic].append(message)
 
         kind, qos = PUBLISHED[topic]
-        deep = QoSProfile(
-            depth=1000, reliability=qos.reliability, durability=qos.durability
-        )  # nothing is lost
-        return self.ear.create_subscription(kind, topic, keep, deep)
+        return self.ear.create_subscription(kind, topic, keep, qos)
+
+    def listen_to_all(self, topic: str) -> list[Any]:
+        """Return a list that gets every message of a reliable topic from now on, however late this machine is."""
+        kind, qos = PUBLISHED[topic]
+        every: list[Any] = []
+        deep = QoSProfile(depth=10_000, reliability=qos.reliability, durability=qos.durability)
+        self.ear.create_subscription(kind, topic, every.append, deep)
+        return every
 
     def wait(self, condition: Callable[[], Any], what: str) -> Any:
         deadline = time.monotonic() + DEADLINE

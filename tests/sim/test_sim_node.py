@@ -26,6 +26,7 @@ MESH = y_piece(LEVELS[1])
 
 
 def test_it_publishes_every_topic_of_its_table_with_the_right_sizes(make) -> None:
+    began = time.time()
     graph = make().start()
     for topic in QUIET:
         graph.listen(topic)
@@ -57,7 +58,7 @@ def test_it_publishes_every_topic_of_its_table_with_the_right_sizes(make) -> Non
     assert len(marker.points) == 3 * len(MESH.surface)
     for header in (m.header for m in (body, status, joints, compliance, cloud, marker)):
         assert header.frame_id == "world"
-        assert abs(header.stamp.sec - time.time()) < DEADLINE
+        assert began - 1 < header.stamp.sec <= time.time()
 
     assert status.scene == "tripod"
     assert status.dt == 0.005
@@ -132,8 +133,8 @@ def test_it_follows_a_command_within_its_limits(make) -> None:
     """At 2 rad/s, 0.8 rad take 0.4 s and more; one step moves no more than 0.1 s of it, however late it comes."""
     graph = make(angle_speed=2.0, slide_speed=0.05, pose_rate=1000.0, timeout=5.0).start()
     graph.choose(ControlMode.TELEOP)
-    heard = graph.heard[names.SIM_JOINT_STATES]
-    graph.joints()
+    heard = graph.listen_to_all(names.SIM_JOINT_STATES)
+    graph.wait(lambda: heard, "the joints")
     began = time.monotonic()
     target = [-0.8, -0.4, 0.2, 0.01]
     graph.command(target[::-1], [*names.SERVOS, names.SLIDE][::-1])
