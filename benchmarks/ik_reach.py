@@ -1,6 +1,6 @@
 """How well inverse kinematics finds its targets: the whole set, beside a search that knows no Jacobian's branch.
 
-    python benchmarks/ik_reach.py [--targets 500] [--limited 100] [--held 40] [--seeds 9 21 33] [--ways 60]
+    python benchmarks/ik_reach.py [--targets 500] [--limited 100] [--held 40] [--seeds 9 21 33] [--ways 60] [--moving]
 
 1. Targets over the reachable set: angles drawn evenly from the range in which the strips are stretched, the equilibrium
    there is the target, every solution begins in the working pose. Error at rest, KKT residual, iterations.
@@ -10,7 +10,7 @@
    (`tests/ik/search.py`); and how many of these solutions a search from one pose alone does not find.
 4. Tilts of up to 0.3 rad in all directions, at a height that has room for them.
 5. Targets in all corners, slack ones too, each solved after several random ways: how far the solutions are apart.
-6. Moving targets on the dynamic simulator: rms and lag, with ideal and with S90 servos.
+6. Moving targets on the dynamic simulator: rms and lag, with ideal and with S90 servos. `--moving`: these alone.
 """
 
 import argparse
@@ -229,6 +229,15 @@ def moving() -> list[dict[str, object]]:
     return rows
 
 
+def show_moving() -> list[dict[str, object]]:
+    rows = moving()
+    print("\nmoving targets, dynamic simulator at 5 ms")
+    for row in rows:
+        figures = ", ".join(f"{k} {v:.3g}" for k, v in row.items() if k != "path")
+        print(f"  {row['path']:44s} {figures}")
+    return rows
+
+
 def show(title: str, values: dict[str, float]) -> None:
     print(f"\n{title}")
     for name, value in values.items():
@@ -242,9 +251,15 @@ def main() -> None:
     parser.add_argument("--held", type=int, default=40)
     parser.add_argument("--seeds", type=int, nargs="+", default=[9, 21, 33])
     parser.add_argument("--ways", type=int, default=60)
+    parser.add_argument("--moving", action="store_true", help="moving targets only")
     parser.add_argument("--json", type=Path, help="write all figures here")
     wanted = parser.parse_args()
     print(f"calibration: 1000 x 1000 float64 product {1e3 * calibration():.1f} ms")
+    if wanted.moving:
+        rows = show_moving()
+        if wanted.json:
+            wanted.json.write_text(json.dumps({"moving": rows}, indent=1, default=float))
+        return
     model = StaticModel(load_scene("tripod"))
     home = model.save()
     found = {"reachable": reachable(model, home, wanted.targets)}
@@ -258,11 +273,7 @@ def main() -> None:
     show(f"tilts within 0.3 rad of roll and pitch, at {1e3 * HEIGHT:g} mm", found["tilts"])
     found["ways"] = ways(model, home, wanted.ways)
     show("random ways to targets in all corners", found["ways"])
-    rows = moving()
-    print("\nmoving targets, dynamic simulator at 5 ms")
-    for row in rows:
-        figures = ", ".join(f"{k} {v:.3g}" for k, v in row.items() if k != "path")
-        print(f"  {row['path']:44s} {figures}")
+    rows = show_moving()
     if wanted.json:
         wanted.json.write_text(json.dumps({**found, "held": bounds, "moving": rows}, indent=1, default=float))
 
