@@ -1,0 +1,55 @@
+"""What README.md names is there: its links, the commands, their options and the files that they read."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = sorted(
+    {
+        command.split("#")[0].strip()
+        for text in (
+            *re.findall(r"`(tripod [^`]+)`", README),
+            *re.findall(r"^(tripod .+)$", README, re.MULTILINE),
+        )
+        for command in text.split(" && ")
+    }
+)
+GIVEN = {"robot.yaml", "reach.csv", "reach.png", "run.npz", "recordings", "recordings/NAME"}
+"""Files of the user."""
+
+
+def test_links_lead_somewhere() -> None:
+    links = re.findall(r"\]\(([^)#]+)\)", README)
+    assert len(links) > 15
+    assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_programs_that_are_named_exist() -> None:
+    programs = re.findall(r"`(?:python )?((?:benchmarks|docs|tripod_\w+)/[\w./-]+)[ `]", README)
+    assert len(programs) > 3
+    assert [name for name in programs if not (ROOT / name).exists()] == []
+
+
+def test_there_are_commands() -> None:
+    assert len(COMMANDS) > 40
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_each_command_has_the_options_and_finds_the_files_that_it_is_shown_with(line: str) -> None:
+    from typer.main import get_command
+
+    from tripod_bringup.cli import app
+
+    words = shlex.split(line)[1:]
+    command = get_command(app)
+    while words and words[0] in getattr(command, "commands", {}):
+        command = command.commands[words.pop(0)]
+    assert not getattr(command, "commands", {}), f"{line!r} names no command"
+    options = {name for parameter in command.params for name in parameter.opts}
+    assert {word for word in words if word.startswith("--")} <= options
+    files = {word for word in words if re.search(r"\.[a-z]{2,4}$|^[a-z]+/", word) and "=" not in word}
+    assert {name for name in files - GIVEN if not (ROOT / name).exists()} == set()
