@@ -3,14 +3,13 @@
 A is the static tangent with the servo angles as unknowns. With K the block of the body's unknowns, K_s its
 coupling to the angles and K_ss theirs, and H_e the rows of the effector,
 
-    S = K_ss - K_s^T K^-1 K_s          dtau / dangle
+    F = H_e K^-1 H_e^T                 d(effector) / dforce, the angles held
     J = -H_e K^-1 K_s                  d(effector) / dangle
-    W = [H_e K^-1 H_e^T + J S^-1 J^T, J S^-1; (J S^-1)^T, S^-1]
+    S = K_ss - K_s^T K^-1 K_s          dtau / dangle
+    W = [F + J S^-1 J^T, J S^-1; (J S^-1)^T, S^-1]
 
-[Duriez2013], [CoevoetEtAl2017]. What contact holds adds rows C dx + C_q dangle + E lambda = 0 of multipliers lambda
-(see `contact.rest`). With B = C_q - C K^-1 K_s and D = C K^-1 C^T + E, D^+ its pseudo-inverse,
-
-    H_e K^-1 H_e^T loses H_e K^-1 C^T D^+ C K^-1 H_e^T,   J loses H_e K^-1 C^T D^+ B,   S gains B^T D^+ B.
+[Duriez2013], [CoevoetEtAl2017]. What holds the body besides joins in as `Holding`, by the same F, J, S of the few
+unknowns that it has to do with: nothing is factored again.
 """
 
 from collections.abc import Sequence
@@ -22,18 +21,59 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import quaternion
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.linear.solver import LinearError
+from tripod_sim.linear.solver import LinearError, solve_columns
 from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.contact.rest import Rest
+    from tripod_sim.contact.rest_rows import Rest
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 REDUNDANT = 1e-10
 """Share of the largest eigenvalue of D, its rows of one size, up to which other rows hold a combination already."""
+
+SMALLEST = 1e-4
+"""Size of a row of D, as a share of the largest, below which it is not scaled up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Holding:
+    """What holds the body at some of its unknowns x, at its driven angles q and by further unknowns y.
+
+    Its energy is z^T Z z / 2 + r . y with z = (x, q, y), under the conditions C z = 0.
+
+    Attributes:
+        unknowns: Numbers of x, ascending, shape (u,).
+        stiffness: Z, symmetric, shape (u + s + b, u + s + b).
+        rows: C, independent, shape (m, u + s + b).
+        unbalanced: r [N, N m], shape (b,).
+        scale: Size of a unit of y [m, m/rad], shape (b,).
+    """
+
+    unknowns: IndexArray
+    stiffness: FloatArray
+    rows: FloatArray
+    unbalanced: FloatArray
+    scale: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """How some unknowns x of the body and the servos' torques answer: x = F f + J q + d, dtau = S q - J^T f.
+
+    Attributes:
+        flexibility: F [m/N, ...], shape (z, z).
+        jacobian: J [m/rad, rad/rad], shape (z, s).
+        stiffness: S [N m/rad], shape (s, s).
+        fall: d, to the equilibrium [m, rad], shape (z,).
+    """
+
+    flexibility: FloatArray
+    jacobian: FloatArray
+    stiffness: FloatArray
+    fall: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +122,7 @@ def compliance(
     """
     if not system.groups.rigid:
         raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
-    reduction, linear, s = system.reduction, system.linear, len(system.groups.driven)
+    s = len(system.groups.driven)
     for project in (False, True):
         if system.assemble(state, project=project) < 0:
             break
@@ -96,31 +136,25 @@ def compliance(
             f"the static tangent is singular at {state.time:.4g} s (or indefinite, with solver.linear = 'cholmod'); "
             "the compliance is not defined"
         )
-    first = 3 * reduction.free_count
-    effector = slice(first, first + 6)
-    answers = np.empty((reduction.unknowns, 6 + s))
+    first = 3 * system.reduction.free_count
+    effector = first + np.arange(6)
     try:
-        for k in range(6):
-            unit = np.zeros(reduction.unknowns)
-            unit[first + k] = 1.0
-            answers[:, k] = linear.solve(unit)
-        for k in range(s):
-            answers[:, 6 + k] = linear.solve(reduction.drive[:, k].copy())
-        fall = -linear.solve(system.residual)
-        holding = _holding(system, held) if held else None
+        if held:
+            holding = held.holding(system)
+            inside = (holding.unknowns >= first) & (holding.unknowns < first + 6)
+            free = _response(system, np.concatenate([effector, holding.unknowns[~inside]]))
+            where = np.where(inside, holding.unknowns - first, 5 + np.cumsum(~inside))
+            answer = held_response(free, holding, where)
+        else:
+            answer = _response(system, effector)
     except LinearError as error:
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
+    except np.linalg.LinAlgError:
+        raise StepError(
+            f"what presses the body at {state.time:.4g} s makes it unstable; the compliance is not defined"
+        ) from None
+    jacobian, stiffness = answer.jacobian[:6], answer.stiffness
     w = np.empty((6 + s, 6 + s))
-    jacobian = -answers[effector, 6:]
-    stiffness = reduction.drive_drive - reduction.drive.T @ answers[:, 6:]
-    yields, offset = answers[effector, :6].copy(), fall[effector].copy()
-    if holding:
-        rows, turns, back, answer = holding
-        push, coupling = back[effector] @ answer, turns - rows @ answers[:, 6:]
-        yields -= push @ (rows @ answers[:, :6])
-        jacobian -= push @ coupling
-        offset -= push @ (rows @ fall)
-        stiffness += coupling.T @ answer @ coupling
     try:
         inverse = np.linalg.inv(0.5 * (stiffness + stiffness.T))
     except np.linalg.LinAlgError:
@@ -130,24 +164,76 @@ def compliance(
     w[6:, 6:] = inverse
     w[:6, 6:] = jacobian @ inverse
     w[6:, :6] = w[:6, 6:].T
-    w[:6, :6] = yields + w[:6, 6:] @ jacobian.T
+    w[:6, :6] = answer.flexibility[:6, :6] + w[:6, 6:] @ jacobian.T
     w = 0.5 * (w + w.T)
     return Compliance(
         w, state.joints[:-1].copy(), float(state.joints[-1]), torques, state.centres[0].copy(),
-        quaternion(state.rotations[0]), offset,
+        quaternion(state.rotations[0]), answer.fall[:6].copy(),
     )  # fmt: skip
 
 
-def _holding(system: System, held: "Rest") -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return C, shape (r, n), C_q, shape (r, s), K^-1 C^T, shape (n, r), and D^+, shape (r, r)."""
-    rows, turns, give = held.rows(system)
-    back = np.empty((system.unknowns, len(give)))
-    for k, row in enumerate(rows):
-        back[:, k] = system.linear.solve(row.copy())
-    d = rows @ back
-    size = np.sqrt(np.abs(np.diag(d)) + np.abs(give))
-    d = (0.5 * (d + d.T) + np.diag(give)) / np.outer(size, size)
-    values, vectors = np.linalg.eigh(d)
+def _response(system: System, unknowns: IndexArray) -> Response:
+    """Return how `unknowns`, shape (z,), answer by the factored tangent. Raises LinearError."""
+    reduction, z, s = system.reduction, len(unknowns), len(system.groups.driven)
+    right = np.zeros((reduction.unknowns, z + s + 1))
+    right[unknowns, np.arange(z)] = 1.0
+    right[:, z:-1], right[:, -1] = reduction.drive, system.residual
+    answers = solve_columns(system.linear, right)
+    here, stiffness = answers[unknowns], reduction.drive_drive - reduction.drive.T @ answers[:, z:-1]
+    return Response(here[:, :z], -here[:, z:-1], stiffness, -here[:, -1])
+
+
+def held_response(free: Response, holding: Holding, where: IndexArray) -> Response:
+    """Return how a body answers that `holding` holds.
+
+    With Z = [Z_xx, Z_xq, Z_xy; ...] and M = (I + F Z_xx)^-1, its stiffness makes of F, J, d and S
+
+        M F,   M J - M F Z_xq,   M d,   S + J^T (Z_xx J' + Z_xq) + Z_qx J' + Z_qq,   J' = M J - M F Z_xq.
+
+    Then y and the multipliers of C are forces n with rows G: with N = [Z_yy, C_y^T; C_y, 0], D = G_x F G_x^T - N,
+    D^+ its pseudo-inverse and B = G_q + G_x J,
+
+        F loses F G_x^T D^+ G_x F,   J loses F G_x^T D^+ B,   d loses F G_x^T D^+ (G_x d + r),   S gains B^T D^+ B.
+
+    Args:
+        free: Response of the body by itself, to forces on z of its unknowns.
+        holding: What holds it.
+        where: Places of its x among these z, shape (u,).
+
+    Raises:
+        LinAlgError: I + F Z_xx is singular.
+    """
+    z, s = free.jacobian.shape
+    b, m = len(holding.unbalanced), len(holding.rows)
+    whole, rows = np.zeros((z + s + b, z + s + b)), np.zeros((m, z + s + b))
+    at = np.concatenate([where, np.arange(z, z + s + b)])
+    whole[at[:, None], at], rows[:, at] = holding.stiffness, holding.rows
+    x, q, y = slice(z), slice(z, z + s), slice(z + s, None)
+    right = np.concatenate([free.flexibility, free.jacobian, free.fall[:, None]], axis=1)
+    solved = np.linalg.solve(np.eye(z) + free.flexibility @ whole[x, x], right)
+    F, fall = solved[:, :z], solved[:, -1]
+    J = solved[:, z:-1] - F @ whole[x, q]
+    S = free.stiffness + free.jacobian.T @ (whole[x, x] @ J + whole[x, q]) + whole[q, x] @ J + whole[q, q]
+    if not b + m:
+        return Response(F, J, S, fall)
+    G, N = np.concatenate([whole[y], rows]), np.zeros((b + m, b + m))
+    N[:b, :b], N[:b, b:], N[b:, :b] = whole[y, y], rows[:, y].T, rows[:, y]
+    push, missing = F @ G[:, x].T, np.concatenate([holding.unbalanced, np.zeros(m)])
+    own = G[:, x] @ push
+    size = np.sqrt(np.abs(np.diag(own)))
+    largest = size[b:].max(initial=0.0) or 1.0
+    size = np.maximum(size, SMALLEST * largest)
+    size[:b] = holding.scale / largest
+    answer = _pseudo_inverse(0.5 * (own + own.T) - N, size)
+    push, B = push @ answer, G[:, q] + G[:, x] @ J
+    return Response(
+        F - push @ (G[:, x] @ F), J - push @ B, S + B.T @ answer @ B, fall - push @ (G[:, x] @ fall + missing)
+    )
+
+
+def _pseudo_inverse(d: FloatArray, size: FloatArray) -> FloatArray:
+    """Return the pseudo-inverse of `d`, symmetric, shape (k, k), whose rows have the given sizes."""
+    values, vectors = np.linalg.eigh(d / np.outer(size, size))
     new = np.abs(values) > REDUNDANT * np.abs(values).max(initial=0.0)
     vectors = vectors[:, new] / size[:, None]
-    return rows, turns, back, (vectors / values[new]) @ vectors.T
+    return np.asarray((vectors / values[new]) @ vectors.T)

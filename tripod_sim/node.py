@@ -301,8 +301,14 @@ def known(value: float | None) -> float:
 def notices(snapshot: Snapshot) -> str:
     """Return what an operator should know of a snapshot, empty if nothing."""
     report = snapshot.report
-    words = (stalls(snapshot), report.instability, report.beyond, snapshot.event)
+    words = (stalls(snapshot), report.instability, report.beyond, snapshot.event, left_out(snapshot))
     return "; ".join(word for word in words if word)
+
+
+def left_out(snapshot: Snapshot) -> str:
+    """Return which rigid bodies the compliance leaves out, empty if it has all."""
+    names = ", ".join(f"rigid.{k}" for k in snapshot.left_out)
+    return f"the compliance leaves out {names}: nothing keeps it from rolling or sliding" if names else ""
 
 
 def stalls(snapshot: Snapshot) -> str:

@@ -50,6 +50,7 @@ class Snapshot:
         report, energies: Of this step.
         ball: Pose of the ball, or None.
         event: What has become of the ball, in words; empty while nothing has.
+        left_out: Rigid bodies that the last compliance leaves out; empty while nobody needs any.
     """
 
     stamp: int
@@ -64,6 +65,7 @@ class Snapshot:
     energies: Energies
     ball: Pose | None = None
     event: str = ""
+    left_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -206,7 +208,7 @@ class RealTime(threading.Thread):
         return Snapshot(
             clock.time_ns(), state.step, state.time, simulation.positions.copy(), state.joints.copy(),
             simulation.torques.copy(), simulation.effector, answer, simulation.report, simulation.energies(),
-            simulation.ball, simulation.ball_event,
+            simulation.ball, simulation.ball_event, simulation.left_out if self.want_compliance else (),
         )  # fmt: skip
 
     def speed(self) -> Speed:

@@ -68,6 +68,7 @@ class Simulation:
         state: Positions, velocities, joints, time; read it, change it only through the methods.
         report: What the last step took.
         torques: Torque that each servo exerts on the body, about its axis towards growing angle [N m], shape (s,).
+        left_out: Rigid bodies on the body that the last compliance leaves out, since nothing keeps them in place.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -98,6 +99,7 @@ class Simulation:
             self.state.rigid = parts.rigid.start.copy()
         self.torques = np.zeros(count)
         self.report = StepReport()
+        self.left_out: tuple[int, ...] = ()
         self._servos: ServoMotion | None = parts.servos
         self._ball = parts.ball
         undeformed = self.state.copy()
@@ -384,7 +386,8 @@ class Simulation:
     def compliance(self) -> Compliance:
         """Return the linearised static response about the present state, the ball lying where it is.
 
-        Obstacles and the body itself hold it where they pressed it at the end of the last step.
+        Obstacles, the body itself and rigid bodies that lie still on it hold it where they pressed it at the end of the
+        last step; see `left_out` for those that do not.
 
         Raises:
             SceneError: the scene has no effector.
@@ -405,7 +408,7 @@ class Simulation:
         from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact
         from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415
 
-        held = rest_of(self._stepper, len(system.rest))
+        held, self.left_out = rest_of(self._stepper, system, self.state, self._parts.rigid)
         if not held:
             return compliance(system, self.state)
         before, system.loads = system.loads, NodalLoads(system.rest)

@@ -13,7 +13,7 @@ from tripod_sim.build import build
 from tripod_sim.linear import choice
 from tripod_sim.linear.cg import ConjugateGradients
 from tripod_sim.linear.ldl import Ldl
-from tripod_sim.linear.solver import LinearError
+from tripod_sim.linear.solver import LinearError, solve_columns
 
 EPS = np.finfo(float).eps
 NAMES = (
@@ -67,6 +67,16 @@ def test_ldl_solves_the_tangent(level: int) -> None:
     assert solver.factor()
     assert solver.is_positive()
     close(solver.solve(b), A, b)
+
+
+@pytest.mark.parametrize("columns", [1, 3, 17])
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.6])
+def test_ldl_solves_many_columns_as_one_by_one(share: float, columns: int) -> None:
+    upper = scattered(40, share, seed=5)
+    solver, b = Ldl(upper), np.random.default_rng(columns).standard_normal((40, columns))
+    assert solver.factor()
+    found, single = solver.solve_many(b), np.stack([solver.solve(c) for c in b.T.copy()], axis=1)
+    np.testing.assert_allclose(found, single, atol=1e-10 * np.abs(single).max())
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -140,6 +150,8 @@ def test_every_solver_solves_the_tangent(name: str) -> None:
     assert solver.factor()
     assert solver.is_positive()
     exact, x = np.linalg.solve(A, b), solver.solve(b)
+    both = solve_columns(solver, np.stack([b, -2 * b], axis=1))
+    np.testing.assert_allclose(both, np.stack([x, -2 * x], axis=1), rtol=1e-9, atol=1e-9 * np.abs(x).max())
     # a relative residual t in the norm of M^-1 bounds the error by t times the condition number of M^-1 A
     M = np.zeros_like(A)
     for first, end in zip(blocks_of(len(A))[:-1], blocks_of(len(A))[1:], strict=True):
@@ -289,7 +301,8 @@ def test_a_solver_that_gives_up_fails_the_step_and_leaves_the_state(monkeypatch:
     simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
     before = simulation.state.positions.tobytes()
     for system in (simulation._system, simulation._static.system):
-        monkeypatch.setattr(system.linear, "solve", give_up)
+        for name in ("solve", "solve_many"):
+            monkeypatch.setattr(system.linear, name, give_up)
     with pytest.raises(StepError, match=r"step 1 .* cannot be saved.*no solution to be had"):
         simulation.step(np.array([-0.1, 0, 0, 0]))
     assert simulation.state.positions.tobytes() == before

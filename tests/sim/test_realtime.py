@@ -25,7 +25,7 @@ class FakeSimulation:
         self.scene = SimpleNamespace(dt=dt)
         self.during = during
         self.effector, self.report = None, StepReport()
-        self.ball, self.ball_event = None, ""
+        self.ball, self.ball_event, self.left_out = None, "", tuple[int, ...]()
         self.torques = np.zeros(3)
         self.state = SimpleNamespace(positions=np.zeros((3, 3)), joints=np.zeros(4), step=0, time=0.0)
         self.singular = False
@@ -393,6 +393,7 @@ def test_a_failing_listener_stops_the_physics_visibly(start) -> None:
 def test_compliances_come_at_their_period_while_wanted(start) -> None:
     seen: list[Snapshot] = []
     simulation = FakeSimulation()
+    simulation.left_out = (1,)
     physics = start(simulation, compliance_period=0.004, on_snapshot=seen.append)
     physics.pause(True)
     for wanted, singular in ((False, False), (True, False), (True, True)):
@@ -406,6 +407,7 @@ def test_compliances_come_at_their_period_while_wanted(start) -> None:
         given = [s.step for s in seen if s.compliance is not None]
         assert given == ([s.step for s in due] if wanted and not singular else [])
         assert all(s.compliance.step == s.step for s in seen if s.compliance)
+        assert {s.left_out for s in seen} == {(1,) if wanted else ()}
 
 
 @pytest.mark.parametrize("state", ["running", "paused", "failed", "not started"])

@@ -1,10 +1,8 @@
-"""What holds a solid at rest in contact: forces and the rows of its contacts, in the unknowns of the static body.
+"""What holds a solid at rest in contact: forces, and the rows of its contacts with obstacles and rigid bodies.
 
 To first order a contact that presses keeps its gap, and one that sticks its place: with n . sum_k w_k x_k the gap of
-contact c, its row is the gradient of that in the unknowns x and in the driven angles q. A spring of penalty of
-stiffness rho yields by 1 / rho. With these rows,
-
-    C_x dx + C_q dq + E lambda = 0,   E = diag(1 / rho), 0 with multipliers.
+contact c, its row is the gradient of that in the moves of its four points. A spring of penalty of stiffness rho yields
+by 1 / rho. A rigid body goes along as its contacts and its weight let it.
 
 The pressure p turns and shifts with the surfaces: the stiffness -p d²g/dx² of the gap g. With t where on the two sides
 the nearest points are, d = g n between them, e_t = dd/dt and v_kt = dw_k/dt, that g is a minimum over t gives
@@ -12,15 +10,22 @@ the nearest points are, d = g n between them, e_t = dd/dt and v_kt = dw_k/dt, th
     d²g/dx_k dx_j = [w_k w_j (I - n nᵀ) - sum_ts m_kt (e_t . e_s)^-1 m_jsᵀ] / g,   m_kt = v_kt d + w_k e_t.
 """
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_sim.contact.rest_bodies import Touching, loose
+from tripod_sim.contact.rest_rows import Points, Rest
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
+from tripod_sim.contact.surfaces import BoolArray
 from tripod_sim.contact.world import World
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+from tripod_sim.state import State
 from tripod_sim.system import System
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.contact.rigid_set import RigidSet
 
 PRESSES = 1e-3
 """Share of the largest pressure from which on a contact holds: those below may open at the next moment."""
@@ -28,141 +33,142 @@ PRESSES = 1e-3
 STICKS = 0.999
 """Share of Coulomb's limit up to which friction holds: a contact at its limit slides, its friction a dead force."""
 
-REPEATED = 1e-12
-"""Square of how much of a row may be new, over the largest, for it to be a sum of the others."""
-
-
-SLIGHT = 1e-6
-"""Share of the largest stiffness of a turning pressure below which it is left out."""
-
 PARALLEL = 1e-3
 """Square of the sine between two edges below which it is not clear where they touch, nor how that moves."""
 
 
-@dataclass(frozen=True, eq=False)
-class Rest:
-    """Contacts of a solid at one state.
+def rest_of(
+    stepper: object, system: System, state: State, rigid: "RigidSet | None" = None
+) -> tuple[Rest | None, tuple[int, ...]]:
+    """Return what presses the solid that `stepper` advances, None if nothing does, and the rigid bodies on it that are
+    left out of that, since nothing keeps them where they are.
 
-    Attributes:
-        force: On the nodes [N], shape (n, 3).
-        nodes: Of the solid, for each row, shape (m, 4).
-        vectors: How a row counts the moves of these nodes, shape (m, 4, 3); zero for those that do not count.
-        give: 1 / stiffness of each row [m/N], 0 for multipliers, shape (m,).
+    Args:
+        stepper: Of a simulation, with contact or without.
+        system: The static one of its solid; its levers are written.
+        state: At the end of the last step.
+        rigid: The rigid bodies of the scene.
     """
-
-    force: FloatArray
-    nodes: IndexArray
-    vectors: FloatArray
-    give: FloatArray
-
-    def rows(self, system: System) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return C_x [m, m/rad], shape (r, unknowns), C_q [m/rad], shape (r, s), and the diagonal of E, shape (r,).
-
-        Rows of multipliers are turned into as many orthogonal ones as are independent: a disc on many points is held in
-        six directions at most. The levers of `system` must be those of the state.
-        """
-        reduction, m = system.reduction, len(self.give)
-        rows = np.zeros((m, reduction.unknowns + reduction.driven))
-        nodal = np.zeros_like(self.force)
-        for k in range(m):
-            nodal[:] = 0.0
-            np.add.at(nodal, self.nodes[k], self.vectors[k])
-            x, q = rows[k, : reduction.unknowns], rows[k, reduction.unknowns :]
-            reduction.gradient(nodal, system.lever, system.axes, x, q)
-        firm, springs = rows[self.give == 0.0], rows[self.give != 0.0]
-        shares, turned = np.linalg.eigh(firm @ firm.T)
-        new = shares > REPEATED * shares.max(initial=0.0)
-        rows = np.concatenate([(turned[:, new] / np.sqrt(shares[new])).T @ firm, springs])
-        give = np.concatenate([np.zeros(int(new.sum())), self.give[self.give != 0.0]])
-        return rows[:, : reduction.unknowns], rows[:, reduction.unknowns :], give
-
-
-def rest_of(stepper: object, count: int) -> Rest | None:
-    """Return what presses the solid that `stepper` advances, of `count` nodes; None if nothing does."""
     stepper = getattr(stepper, "awake", stepper)  # of one that may sleep
     if not isinstance(stepper, ContactStepper) or not isinstance(stepper.world.nodes, SolidNodes):
-        return None
-    return rest(stepper.world, stepper.world.nodes.nodes, count)
+        return None, ()
+    world, nodes = stepper.world, stepper.world.nodes.nodes
+    touching = Touching(world, len(nodes), rigid)
+    linked = touching.linked()
+    carried = linked.copy()
+    system.update_levers(state)
+    while True:
+        found = _rest(world, nodes, len(system.rest), touching, carried)
+        falls = loose(found.holding(system)) if found and carried.any() else carried[:0]
+        if not falls.any():
+            return found, tuple(np.flatnonzero(linked & ~carried).tolist())
+        carried[np.flatnonzero(carried)[falls]] = False
 
 
-def rest(world: World, nodes: IndexArray, count: int) -> Rest | None:
-    """Return what presses the solid at the end of the last step; None if nothing does.
-
-    Contacts with rigid bodies, which go where they are pushed, are left out.
+def _rest(world: World, nodes: IndexArray, count: int, touching: Touching, carried: BoolArray) -> Rest | None:
+    """Return what presses the solid; None if nothing does.
 
     Args:
         world: Of a simulation with a solid.
         nodes: Of the mesh, for the first vertices of the world, shape (k,).
         count: Of nodes of the mesh.
+        touching: What presses.
+        carried: Which rigid bodies count, shape (b,); contacts with others are left out.
     """
-    c, of = world.contacts.arrays, slice(0, world.contacts.count)
-    vertex, weight = c.vertex[of], c.weight[of]
-    solid, counts = vertex < len(nodes), weight != 0.0
-    part = world.surfaces.body[vertex]
-    moved = (part >= 1) & (part <= len(world.rigid.mass)) if world.rigid else np.zeros_like(solid)
-    touching = (solid & counts).any(axis=1) & ~(moved & counts).any(axis=1)
-    pressing = np.flatnonzero(touching & (c.pressure[of] > 0.0))
-    if not len(pressing):
+    of = touching.among(carried)
+    if not of.any():
         return None
-    pressure, friction, normal = c.pressure[pressing], c.friction[pressing], c.normal[pressing]
-    own = nodes[np.where(solid[pressing], vertex[pressing], 0)]
-    weights = np.where(solid[pressing], weight[pressing], 0.0)
+    c, pressing, soft = world.contacts.arrays, touching.contacts[of], touching.soft[of]
+    vertex, weight, normal = c.vertex[pressing], c.weight[pressing], c.normal[pressing]
+    pressure, friction = c.pressure[pressing], c.friction[pressing]
+    bodies = np.append(np.cumsum(carried) - 1, -1)[touching.bodies[of]]
+    moves = soft | (bodies >= 0)
+    weights = np.where(moves, weight, 0.0)
+    forces = weights[:, :, None] * (pressure[:, None] * normal + friction)[:, None]
+    own = nodes[np.where(soft, vertex, 0)]
     force = np.zeros((count, 3))
-    np.add.at(force, own, weights[:, :, None] * (pressure[:, None] * normal + friction)[:, None])
+    np.add.at(force, own[soft], forces[soft])
+    arms = touching.arms[of]
+    levers = arms - (np.sign(weights) * touching.radius[of])[:, :, None] * normal[:, None]
+
     holds = pressure > PRESSES * pressure.max()
     sticks = holds & (np.linalg.norm(friction, axis=1) < STICKS * world.law.friction * pressure)
     one, two = _across(normal[sticks])
-    which = np.concatenate([np.flatnonzero(holds), np.flatnonzero(sticks), np.flatnonzero(sticks)])
+    rows = np.concatenate([np.flatnonzero(holds), np.flatnonzero(sticks), np.flatnonzero(sticks)])
     directions = np.concatenate([normal[holds], one, two])
-    give = np.zeros(len(which))
+    sides = arms + _to_touch(world, vertex, weight, normal, bodies)
+    touched = np.concatenate([levers[holds], sides[sticks], sides[sticks]])
+    give = np.zeros(len(rows))
     if world.law.response == "penalty":
         stiffness = c.stiffness[pressing]
         give = 1.0 / np.concatenate([stiffness[holds, 0], stiffness[sticks, 1], stiffness[sticks, 1]])
-    vectors = [weights[which][:, :, None] * directions[:, None]]
-    at, gives = [own[which]], [give]
-    for k in np.flatnonzero(holds):
-        second = _curvature(world.positions[vertex[pressing[k]]], weight[pressing[k]], normal[k])
-        second *= np.repeat(weights[k] != 0.0, 3) & np.repeat(weights[k] != 0.0, 3)[:, None]
-        values, shapes = np.linalg.eigh(-pressure[k] * second)
-        some = np.abs(values) > SLIGHT * np.abs(values).max()
-        vectors.append(shapes[:, some].T.reshape(-1, 4, 3))
-        at.append(np.tile(own[k], (int(some.sum()), 1)))
-        gives.append(1.0 / values[some])
-    return Rest(force, np.concatenate(at), np.concatenate(vectors), np.concatenate(gives))
+    second = curvature(world.positions[vertex], weight, normal)
+    both = np.repeat(moves & holds[:, None], 3, axis=1)
+    second *= -pressure[:, None, None] * (both[:, :, None] & both[:, None])
+    return Rest(
+        force, Points(own, bodies, arms, moves & holds[:, None]), second, rows,
+        weights[rows][:, :, None] * directions[:, None], touched, give,
+        touching.carried(bodies, carried, arms, levers, forces),
+    )  # fmt: skip
 
 
-def _curvature(corners: FloatArray, weights: FloatArray, n: FloatArray) -> FloatArray:
-    """Return d²g/dx² of a contact, shape (12, 12); zero where it is not clear.
+def _to_touch(
+    world: World, vertex: IndexArray, weight: FloatArray, normal: FloatArray, bodies: IndexArray
+) -> FloatArray:
+    """Return the way from the nearest point of each vertex's side to where that is touched [m], shape (c, 4, 3).
+
+    Where it sticks that is the point of the other side, so that a body that turns along with the solid does not slip;
+    between two bodies the middle.
+    """
+    x, first = world.positions[vertex], weight > 0.0
+    one, other = (np.einsum("ck,cki->ci", np.where(side, np.abs(weight), 0.0), x) for side in (first, ~first))
+    radius = [
+        np.where(side & (weight != 0.0), world.surfaces.radius[vertex], 0.0).max(axis=1)
+        for side in (first, ~first)
+    ]
+    touch, touched = one - radius[0][:, None] * normal, other + radius[1][:, None] * normal
+    both = ((bodies >= 0) & first).any(axis=1) & ((bodies >= 0) & ~first).any(axis=1)
+    middle = 0.5 * (touch + touched)
+    touch[both], touched[both] = middle[both], middle[both]
+    return np.where(first[:, :, None], (touched - one)[:, None], (touch - other)[:, None])
+
+
+def curvature(corners: FloatArray, weights: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return d²g/dx² of contacts, shape (c, 12, 12); zero where it is not clear.
 
     Args:
-        corners: x [m], shape (4, 3).
-        weights: w, positive on the one side, negative on the other, zero where a vertex does not count, shape (4,).
-        n: From the other side to the one.
+        corners: x [m], shape (c, 4, 3).
+        weights: w, positive on the one side, negative on the other, zero where a vertex does not count, shape (c, 4).
+        normals: n, from the other side to the one, shape (c, 3).
     """
-    out, used = np.zeros((12, 12)), np.flatnonzero(weights)
-    x, w = corners[used], weights[used]
-    one, other = np.flatnonzero(w > 0), np.flatnonzero(w < 0)
-    shift = np.zeros((len(w), len(w) - 2))  # v
-    for t, k in enumerate(one[1:]):
-        shift[[one[0], k], t] = -1.0, 1.0
-    for t, k in enumerate(other[1:], len(one) - 1):
-        shift[[other[0], k], t] = 1.0, -1.0
-    gap, along = float(n @ (w @ x)), x.T @ shift  # e
-    square = along.T @ along
-    scale = np.sqrt(np.diag(square))
-    if gap > 0.0 and np.linalg.det(square / np.outer(scale, scale)) > PARALLEL:
-        m = (gap * shift[:, None, :] * n[:, None] + w[:, None, None] * along.reshape(1, 3, -1)).reshape(
-            3 * len(w), -1
-        )
-        across = np.eye(3) - np.outer(n, n)
-        second = (np.kron(np.outer(w, w), across) - m @ np.linalg.solve(square, m.T)) / gap
-        rows = (3 * used[:, None] + np.arange(3)).ravel()
-        out[np.ix_(rows, rows)] = second
-    return out
+    c, side = len(weights), np.sign(weights)
+    first = np.where(side > 0, (side > 0).argmax(axis=1)[:, None], (side < 0).argmax(axis=1)[:, None])
+    slides = (side != 0) & (
+        first != np.arange(4)
+    )  # the nearest point may move from the first vertex to each other
+    i, k = slides.nonzero()
+    shift = np.zeros((c, 4, 4))  # v, t numbered as these vertices
+    shift[i, k, k], shift[i, first[i, k], k] = side[i, k], -side[i, k]
+    gap = np.einsum("ci,ck,cki->c", normals, weights, corners)
+    along = corners.transpose(0, 2, 1) @ shift  # e
+    scale = np.linalg.norm(along, axis=1)
+    scale[scale == 0.0] = 1.0
+    along, shift = along / scale[:, None], shift / scale[:, None]
+    square = along.transpose(0, 2, 1) @ along + np.eye(4) * ~slides[:, None]
+    clear = (gap > 0.0) & (np.linalg.det(square) > PARALLEL)
+    square[~clear], gap[~clear] = np.eye(4), np.inf
+    m = gap[:, None, None, None] * shift[:, :, None] * normals[:, None, :, None]
+    m = (m + weights[:, :, None, None] * along[:, None]).reshape(c, 12, 4)
+    across = np.eye(3) - normals[:, :, None] * normals[:, None]
+    second = (weights[:, :, None] * weights[:, None])[:, :, None, :, None] * across[:, None, :, None]
+    second = second.reshape(c, 12, 12) - m @ np.linalg.solve(square, m.transpose(0, 2, 1))
+    return np.where(clear[:, None, None], second / gap[:, None, None], 0.0)
 
 
 def _across(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two unit vectors at right angles to each of `normals` and to each other, each of shape (m, 3)."""
+    if not len(normals):
+        return normals, normals
     axis = np.eye(3)[np.abs(normals).argmin(axis=1)]
     one = np.cross(normals, axis)
     one /= np.linalg.norm(one, axis=1, keepdims=True)

@@ -195,3 +195,50 @@ def solve(
             y[own + k] = x[k]
     for k in range(n):
         out[order[k]] = y[k]
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def solve_many(
+    b: Array,
+    order: Array,
+    pivots: Array,
+    rows: Array,
+    first_row: Array,
+    panel: Array,
+    factors: Array,
+    inverse: Array,
+    largest: int,
+    out: Array,
+) -> None:
+    """Write A^-1 b to `out`, both of shape (n, k): the factor is read once for all k columns."""
+    n, k = b.shape
+    y, x = np.empty((n, k)), np.empty((largest, k))
+    for i in range(n):
+        y[i] = b[order[i]]
+    for s in range(first_row.shape[0] - 1):
+        begin, own, at = first_row[s], pivots[s], panel[s]
+        size, width = first_row[s + 1] - begin, pivots[s + 1] - own
+        x[:size] = 0.0
+        for i in range(width):
+            z, sums, d = y[own + i], x[i], inverse[own + i]
+            for c in range(k):
+                z[c] = (z[c] - sums[c]) * d
+            for j in range(i + 1, size):
+                u, part = factors[at + i * size + j], x[j]
+                for c in range(k):
+                    part[c] += u * z[c]
+        for j in range(width, size):
+            row, part = y[rows[begin + j]], x[j]
+            for c in range(k):
+                row[c] -= part[c]
+    for s in range(first_row.shape[0] - 2, -1, -1):
+        begin, own, at = first_row[s], pivots[s], panel[s]
+        size, width = first_row[s + 1] - begin, pivots[s + 1] - own
+        for i in range(width - 1, -1, -1):
+            z, d = y[own + i], inverse[own + i]
+            for j in range(i + 1, size):
+                u, part = factors[at + i * size + j] * d, y[rows[begin + j]]
+                for c in range(k):
+                    z[c] -= u * part[c]
+    for i in range(n):
+        out[order[i]] = y[i]

@@ -1,5 +1,6 @@
 """What Newton's method asks of a linear solver."""
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -30,6 +31,12 @@ class LinearSolver(Protocol):
 
     def solve(self, b: FloatArray) -> FloatArray:
         """Return A^-1 b, a new array; `b` is contiguous, shape (n,). Raises LinearError (iterative solvers only)."""
+
+
+def solve_columns(linear: LinearSolver, b: FloatArray) -> FloatArray:
+    """Return A^-1 b for k right-hand sides, both of shape (n, k), at once where `linear` can. Raises LinearError."""
+    many: Callable[[FloatArray], FloatArray] | None = getattr(linear, "solve_many", None)
+    return many(b) if many else np.stack([linear.solve(column) for column in b.T.copy()], axis=1)
 
 
 Pattern = Any
