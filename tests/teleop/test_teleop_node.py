@@ -117,6 +117,18 @@ class Session:
     def positions(self) -> np.ndarray:
         return np.array([m.points[-1].positions for _, m in self.commands])
 
+    def effect(self, keys: bytes) -> np.ndarray:
+        """Press a key once; return by how much the set-point has moved when it rests again."""
+        count, before = len(self.commands), self.last()
+        self.type(keys)
+
+        def rests() -> bool:
+            path = self.positions()[count:]
+            return len(path) > 2 and np.ptp(path[-3:], axis=0).max() == 0 != np.abs(path[-1] - before).max()
+
+        self.until(rests, f"the effect of {keys!r}")
+        return self.last() - before
+
     def decided(self, mode: Mode) -> bool:
         return bool(self.modes) and self.modes[-1].mode == mode
 
@@ -130,14 +142,14 @@ class Session:
         return termios.tcgetattr(self.slave)
 
     def close(self) -> None:
-        self.process.kill()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+        self.process.kill()  # after the graph was left: see tests/domains.py
         self.process.communicate()
         for fd in (self.master, self.slave):
             if fd >= 0:
                 os.close(fd)
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown(context=self.context)
 
 
 @pytest.fixture
@@ -172,12 +184,16 @@ def test_keys_drive_and_q_leaves(session: Session) -> None:
         (b"+", 2, 1),
         (b"-", 2, -1),
     ):
-        expected = session.last()
-        expected[servo] += sign * 0.5 * 0.2
-        session.type(keys)
-        session.until(  # two of them: then the joints are there, and the press has ended
-            lambda e=expected: np.abs(session.positions()[-2:] - e).max() < 1e-6, f"the effect of {keys!r}"
-        )
+        for _ in range(
+            10
+        ):  # a node that the machine holds up for long moves less, never more: then once more
+            moved = sign * session.effect(keys)
+            assert np.abs(np.delete(moved, servo)).max() < 1e-6
+            assert 0 < moved[servo] < 0.5 * 0.2 + 1e-6
+            if moved[servo] > 0.5 * 0.2 - 1e-6:
+                break
+        else:
+            pytest.fail(f"the effect of {keys!r} is {moved}")
 
     session.type(b"\x01")  # Ctrl+A
     session.until(lambda: np.abs(session.last() - WORKING_POSE).max() < 1e-9, "the working pose")
@@ -228,7 +244,7 @@ def test_a_press_is_answered_at_once_and_the_next_set_point_comes_when_that_is_r
     for rest, commands in found:
         moved = [np.abs(np.array(m.points[0].positions) - rest).max() for m in commands]
         answer = next(i for i, way in enumerate(moved) if way > 1e-9)
-        assert moved[answer] == pytest.approx(0.5 * 0.05, abs=2e-3)  # where a period's motion leads
+        assert 0.5 * 0.05 - 1e-6 <= moved[answer] < 0.5 * 0.1  # where a period's motion leads
         assert nanoseconds(commands[answer].points[0].time_from_start) == 50_000_000
         assert moved[answer + 1] > moved[answer]
         stamps = [nanoseconds(m.header.stamp) for m in commands[answer - 1 : answer + 2]]
@@ -241,13 +257,16 @@ def test_the_repeats_of_a_key_that_is_down_are_not_answered_one_by_one(session: 
     session.ready()
     session.type(b"t")
     session.until(lambda: len(session.commands) >= 3, "set-points")
-    count = len(session.commands)
+    count, presses = len(session.commands), []
     for _ in range(30):
         session.type(b"\x1b[A")
-        end = time.monotonic() + 0.033
-        session.until(lambda e=end: time.monotonic() > e, "the next repeat")
+        presses.append(time.monotonic())
+        session.until(lambda e=presses[-1] + 0.033: time.monotonic() > e, "the next repeat")
     stamps = [nanoseconds(m.header.stamp) for _, m in session.commands[count:]]
-    assert len(stamps) <= (stamps[-1] - stamps[0]) / 50e6 + 3  # the regular ones, and the answer to the first
+    answers = 1 + int(
+        (np.diff(presses) > 0.1).sum()
+    )  # on a busy machine a press may end before its repeat comes
+    assert len(stamps) <= (stamps[-1] - stamps[0]) / 50e6 + 2 + answers
 
 
 def nanoseconds(time_or_duration: Any) -> int:
