@@ -1,9 +1,13 @@
 """The domains that tests hold: no two at once."""
 
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from tests import domains
 from tests.domains import DOMAINS, own_domain
 
 OTHER = """
@@ -44,3 +48,13 @@ def test_another_process_gets_another_until_this_one_lets_go() -> None:
     with start(mine) as other:  # a killed process holds nothing
         assert int(other.stdout.readline()) == mine
         other.communicate("")
+
+
+def test_a_domain_where_somebody_listens_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    with own_domain() as one, own_domain() as two:
+        pass
+    monkeypatch.setattr(domains, "_turn", iter([one, two]))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.bind(("127.0.0.1", 7400 + 250 * one + 13))  # the second participant's messages
+        with own_domain() as taken:
+            assert taken == two

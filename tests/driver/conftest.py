@@ -147,6 +147,9 @@ class Client:
         return call(self.node, kind, name, request, server="driver", wait=self.wait)
 
     def close(self) -> None:
+        """Leave the graph; a second time does nothing."""
+        if not self.context.ok():
+            return
         self._executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
@@ -159,7 +162,8 @@ def namespace() -> str:
 
 
 @pytest.fixture
-def client(domain: int, namespace: str) -> Iterator[Client]:
+def client(domain: int, namespace: str, start_driver: Callable[..., DriverProcess]) -> Iterator[Client]:
+    """It leaves the graph before the drivers are killed: see `tests/domains.py`."""
     client = Client(domain, namespace)
     yield client
     client.close()

@@ -53,6 +53,7 @@ class Graph:
         self.node = Node("probe", context=self.context)
         self.executor.add_node(self.node)
         self.processes: list[subprocess.Popen[str]] = []
+        self.local: list[Node] = []
         self.health: dict[str, DiagnosticStatus] = {}
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
 
@@ -62,13 +63,18 @@ class Graph:
     def health_of(self, name: str) -> DiagnosticStatus:
         return self.health.get(name, DiagnosticStatus())
 
+    def leave(self) -> None:
+        """Leave the graph; before a process in it is killed: see `tests/domains.py`."""
+        self.executor.shutdown()
+        for node in (*self.local, self.node):
+            node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+
     def close(self) -> None:
+        self.leave()
         for process in self.processes:
             process.kill()
             process.wait()
-        self.executor.shutdown()
-        self.node.destroy_node()
-        rclpy.try_shutdown(context=self.context)
 
     def until(self, done: Callable[[], Any], what: str) -> Any:
         end = time.monotonic() + DEADLINE
@@ -117,6 +123,7 @@ class Graph:
         finally:
             Node.__init__ = original  # type: ignore[method-assign]
         self.executor.add_node(recorder)
+        self.local.append(recorder)
         return recorder
 
 
@@ -252,6 +259,7 @@ def test_kill_9_leaves_all_but_the_last_second(graph: Graph, tmp_path: Path) -> 
         publisher.publish(String(data=str(len(sent))))
         sent.append(time.time_ns())
         graph.executor.spin_once(timeout_sec=0.005)
+    graph.leave()
     killed = time.time_ns()
     assert finish(process, signal.SIGKILL)[0] == -signal.SIGKILL
     found = read_with_rosbags(path.parent)["/count"]  # a strict reader, no repair
