@@ -1,17 +1,21 @@
 """`dt = "auto"` beside fixed dt: CPU time to reach a given error, side by side in one run.
 
-Every case runs under every scheme with a ladder of fixed dt, and with `dt = "auto"` under several tolerances, with a
-local and with a global estimate (`time_error.estimate`); the error is the largest distance of a node from a reference,
-over all intervals of the motion. `ratio` is the time of an automatic run over the time of the fixed dt that reaches the
-same error: on the curve of its own scheme (interpolated in the logarithms of both), and on the best curve of all
-schemes. Runs of one case take turns, and the least time of each counts.
+Every case runs under every scheme with a ladder of fixed dt (explicit ones undivided, as far as they are stable), with
+`dt = "auto"` alone, and with `dt = "auto"` and a named scheme, with a local and with a global estimate
+(`time_error.estimate`), each under several tolerances. The error is the largest distance of a node from a reference,
+over all intervals of the motion. `ratio` is the time of an automatic run over the time of the fixed dt that reaches
+the same error, interpolated in the logarithms of both: on the curve of its own scheme, and on the best curve of all.
+The verdict is of `dt = "auto"` alone: for every error between the least and the largest of the fixed dt, the time in
+which the tolerances of the table reach it over that in which the fixed dt of any scheme do, both interpolated alike;
+and the same where neither is interpolated but the cheapest run that reaches the error counts.
+Runs of one case take turns, and the least time of each counts.
 `python benchmarks/auto_dt.py --help` lists the options.
 """
 
 import argparse
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
@@ -20,8 +24,12 @@ import numpy as np
 from doc_parts import write_part
 
 from tripod_sim import Simulation, load_scene
+from tripod_sim.tables.motion import EXPLICIT
 
 WORKING = (-1.4965, -1.4965, -1.4965, 0.035)
+
+BOUND = 1.3
+"""Asked of the verdict."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +42,11 @@ class Case:
         joints: What is asked at a time [s]; None leaves all as it is.
         duration: [s], a multiple of the interval.
         interval: Between two commands, and the times at which errors are measured [s].
-        schemes: To compare.
-        divisions: Fixed dt are the interval over these.
-        tolerances: Of the automatic steps [m].
+        fixed: Over what the interval is divided for the fixed dt of each scheme.
+        tolerances: Of automatic steps whose scheme is chosen, too [m].
+        named: The same where the scheme is named, for all implicit ones [m].
         reference: Overrides of the reference, and over what the interval is divided there.
+        turns: How many times as often it is repeated, being short.
     """
 
     scene: str
@@ -45,16 +54,22 @@ class Case:
     joints: Callable[[float], np.ndarray] | None
     duration: float
     interval: float
-    schemes: tuple[str, ...]
-    divisions: tuple[int, ...]
+    fixed: Mapping[str, tuple[int, ...]]
     tolerances: tuple[float, ...]
+    named: tuple[float, ...]
     reference: tuple[tuple[str, ...], int]
+    turns: int = 1
 
 
 def tripod_step(t: float) -> np.ndarray:
     """Return the joints at `t` [s]: servo 0 turns by 0.3 rad in 30 ms from the working pose."""
     return np.array(WORKING) + np.array([0.3 * min(t / 0.03, 1.0), 0.0, 0.0, 0.0])
 
+
+IMPLICIT = ("implicit_euler", "bdf2", "tr_bdf2")
+COARSE = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+CHAIN = (5, 7, 10, 14, 20, 28, 40, 80, 160, 320, 640, 1280, 2560)
+CLOTH = (80, 112, 128, 144, 160, 192, 256, 384, 512, 768, 1024, 2048)
 
 CASES = {
     "tripod_step": Case(
@@ -63,8 +78,8 @@ CASES = {
         tripod_step,
         0.2,
         0.01,
-        ("implicit_euler", "bdf2", "tr_bdf2"),
-        (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64),
+        dict.fromkeys(IMPLICIT, COARSE),
+        tuple(np.geomspace(4e-3, 3e-7, 36).round(8).tolist()),
         (3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6),
         (("inertia.scheme=tr_bdf2", "solver.tolerance=1e-9"), 320),
     ),
@@ -74,10 +89,11 @@ CASES = {
         None,
         2.0,
         0.1,
-        ("implicit_euler", "bdf2", "tr_bdf2"),
-        (5, 10, 20, 40, 80, 160, 320, 640),
+        {**dict.fromkeys(IMPLICIT, CHAIN[:6:2] + CHAIN[6:11]), "semi_implicit_euler": CHAIN, "rk4": CHAIN},
+        tuple(float(f"{x:.1e}") for x in np.geomspace(1e-1, 1e-11, 31)),
         (1e-4, 3e-5, 1e-5, 3e-6, 1e-6),
-        (("inertia.scheme=tr_bdf2", "solver.tolerance=1e-10"), 4000),
+        (("inertia.scheme=rk4", "inertia.substeps=off"), 10_000),
+        10,
     ),
     "cloth": Case(
         "cloth",
@@ -85,10 +101,10 @@ CASES = {
         None,
         1.0,
         0.05,
-        ("implicit_euler", "bdf2", "tr_bdf2"),
-        (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64),
+        {**dict.fromkeys(IMPLICIT, COARSE), "semi_implicit_euler": CLOTH, "rk4": CLOTH},
+        (1e-2, 1e-3, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 1e-9, 3e-10),
         (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5),
-        (("inertia.scheme=tr_bdf2", "solver.tolerance=1e-9"), 1600),
+        (("inertia.scheme=rk4", "inertia.substeps=off"), 4000),
     ),
 }
 
@@ -98,12 +114,12 @@ class Run:
     """One setting of a case.
 
     Attributes:
-        scheme: Its own.
+        scheme: Its own; `auto` where that is chosen.
         setting: dt [s], or the tolerance [m].
-        estimate: Of an automatic run, `local` or `global`; empty with a fixed dt.
+        estimate: Of an automatic run, `local` or `global`, or `auto`; empty with a fixed dt.
         simulation: Built once.
         error: Largest distance of a node from the reference [m].
-        seconds: Least CPU time of the motion [s].
+        times: CPU time of the motion, each time it was made [s].
         parts: Steps that it took in all, and how many more were taken back.
     """
 
@@ -112,8 +128,20 @@ class Run:
     estimate: str
     simulation: Simulation
     error: float = np.nan
-    seconds: float = np.inf
+    times: list[float] = field(default_factory=list)
     parts: tuple[int, int] = (0, 0)
+
+    @property
+    def seconds(self) -> float:
+        """Least CPU time of the motion [s]."""
+        return min(self.times)
+
+    @property
+    def name(self) -> str:
+        """The setting in words."""
+        if not self.estimate:
+            return f"{1e3 * self.setting:.4g} ms"
+        return f"{1e6 * self.setting:g} um" + (f", {self.estimate}" if self.estimate != "auto" else "")
 
 
 def motion(case: Case, simulation: Simulation) -> tuple[np.ndarray, float, tuple[int, int]]:
@@ -138,40 +166,88 @@ def built(case: Case, *words: str) -> Simulation:
     return Simulation(load_scene(case.scene, [*case.words, *words]))
 
 
-def settings(case: Case, mode: Sequence[str]) -> list[Run]:
-    """Return all runs of a case, not yet made."""
+def settings(case: Case, mode: Sequence[str], *, named: bool) -> list[Run]:
+    """Return all runs of a case, not yet made; `named`: also automatic ones with a scheme."""
     runs = []
-    for scheme in case.schemes:
+    for scheme, divisions in case.fixed.items():
         own = (f"inertia.scheme={scheme}", *mode)
-        for division in case.divisions:
+        if scheme in EXPLICIT:
+            own = (*own, "inertia.substeps=off")
+        for division in divisions:
             dt = case.interval / division
-            runs.append(Run(scheme, dt, "", built(case, *own, f"dt={dt!r}")))
-        for tolerance in case.tolerances:
-            words = (f"dt={case.interval!r}", "dt=auto", f"time_error.tolerance={tolerance!r}")
+            simulation = built(case, *own, f"dt={dt!r}")
+            if dt < getattr(simulation._stepper, "limit", np.inf):
+                runs.append(Run(scheme, dt, "", simulation))
+    automatic = (*mode, f"dt={case.interval!r}", "dt=auto")
+    for tolerance in case.tolerances:
+        simulation = built(case, *automatic, f"time_error.tolerance={tolerance!r}")
+        runs.append(Run("auto", tolerance, "auto", simulation))
+    for scheme in IMPLICIT if named else ():
+        for tolerance in case.named:
+            words = (*automatic, f"inertia.scheme={scheme}", f"time_error.tolerance={tolerance!r}")
             for estimate in ("local", "global"):
-                simulation = built(case, *own, *words, f"time_error.estimate={estimate}")
+                simulation = built(case, *words, f"time_error.estimate={estimate}")
                 runs.append(Run(scheme, tolerance, estimate, simulation))
     return runs
 
 
-def time_at(fixed: Sequence[Run], error: float) -> float:
-    """Return the CPU time [s] in which fixed dt reach `error` [m], interpolated; NaN below the least error there."""
-    best = np.inf
-    for a in fixed:
+def cheapest(runs: Sequence[Run], error: float, *, between: bool = True) -> tuple[float, str]:
+    """Return the CPU time [s] in which `runs` reach `error` [m], and which of them.
+
+    `between`: whether it is interpolated between neighbours on a ladder. NaN below the least error.
+    """
+    best = (np.inf, "none")
+    for i, a in enumerate(runs):
         if a.error <= error:
-            best = min(best, a.seconds)
-        for b in fixed:
-            if b.error < error < a.error and b.seconds > a.seconds:
+            best = min(best, (a.seconds, f"{a.scheme} {a.name}"))
+            continue
+        for b in runs[max(0, i - 1) : i + 2] if between else ():
+            if (b.scheme, b.estimate) == (a.scheme, a.estimate) and b.error < error and b.seconds > a.seconds:
                 share = np.log(a.error / error) / np.log(a.error / b.error)
-                if _neighbours(fixed, a, b):
-                    best = min(best, a.seconds * (b.seconds / a.seconds) ** share)
-    return best if np.isfinite(best) else np.nan
+                seconds = float(a.seconds * (b.seconds / a.seconds) ** share)
+                best = min(best, (seconds, f"{a.scheme} {a.name} to {b.name}"))
+    return best if np.isfinite(best[0]) else (np.nan, "none")
 
 
-def _neighbours(runs: Sequence[Run], a: Run, b: Run) -> bool:
-    """Return whether two fixed dt are neighbours on the ladder of one scheme."""
-    ladder = [r for r in runs if r.scheme == a.scheme]
-    return b in ladder and abs(ladder.index(a) - ladder.index(b)) == 1
+def verdict(automatic: Sequence[Run], fixed: Sequence[Run]) -> str:
+    """Return in one line by how much `dt = "auto"` alone is slower than the best fixed dt, at worst."""
+    least = max(min(r.error for r in runs) for runs in (automatic, fixed))
+    most = max(r.error for r in fixed)
+    rows, steps = [], []
+    for error in np.geomspace(1.0001 * least, most, 400):
+        (own, by), (best, of) = cheapest(automatic, error), cheapest(fixed, error)
+        rows.append((own / best, error, by, of))
+        own, best = (cheapest(runs, error, between=False)[0] for runs in (automatic, fixed))
+        steps.append(own / best)
+    ratio, error, by, of = max(rows)
+    ratios = [row[0] for row in rows]
+    within = np.mean(np.array(ratios) <= BOUND)
+    return (
+        f'`dt = "auto"` alone: at most {ratio:.2f} times the time of the best fixed dt of any scheme (asked: {BOUND}), '
+        f"median {np.median(ratios):.2f}, within the bound on {100 * within:.0f} % of the errors from "
+        f"{1e6 * least:.2g} to {1e6 * most:.2g} um (even in their logarithm); most at {1e6 * error:.3g} um: {by}, "
+        f"against {of}. Not interpolated: at most {max(steps):.2f}, median {np.median(steps):.2f}."
+    )
+
+
+def table(runs: Sequence[Run]) -> list[str]:
+    """Return the rows of a case."""
+    fixed = [r for r in runs if not r.estimate]
+    lines = [
+        "| scheme | dt or tolerance | error [um] | time [ms] | parts | taken back | ratio, same | ratio, best |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for run in runs:
+        ratios = ["", ""]
+        if run.estimate:
+            same = [r for r in fixed if r.scheme == run.scheme]
+            found = [run.seconds / cheapest(front, run.error)[0] for front in (same, fixed)]
+            ratios = [f"{ratio:.2f}" if np.isfinite(ratio) else "" for ratio in found]
+        lines.append(
+            f"| {run.scheme} | {run.name} | {1e6 * run.error:.3g} | {1e3 * run.seconds:.2f} | {run.parts[0]} | "
+            f"{run.parts[1]} | {ratios[0]} | {ratios[1]} |"
+        )
+    return lines
 
 
 def main() -> None:
@@ -180,12 +256,15 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("cases", nargs="*", default=list(CASES), help=f"of {', '.join(CASES)} (default all)")
-    parser.add_argument("--repeats", type=int, default=5, help="runs of each setting (default 5)")
+    parser.add_argument("--repeats", type=int, default=7, help="runs of each setting (default 7)")
     parser.add_argument("--set", action="append", default=[], help="override of the scene, as of tripod run")
+    parser.add_argument("--default", action="store_true", help='of automatic runs only `dt = "auto"` alone')
     parser.add_argument("--write", action="store_true", help="write the tables to docs/time_error.md, too")
     options = parser.parse_args()
     if unknown := [c for c in options.cases if c not in CASES]:
         parser.error(f"unknown case {unknown[0]!r}; cases: {', '.join(CASES)}")
+    if options.repeats < 1:
+        parser.error(f"--repeats is {options.repeats}; it must be at least 1")
     machine = calibration()
     print(f"calibration: 1000 x 1000 product {1e3 * machine:.1f} ms")
     for name in options.cases:
@@ -194,36 +273,21 @@ def main() -> None:
         exact, _, _ = motion(case, built(case, *words, f"dt={case.interval / division!r}"))
         half, _, _ = motion(case, built(case, *words, f"dt={2 * case.interval / division!r}"))
         own = np.linalg.norm(exact - half, axis=2).max()
-        print(f"\n## {name}\n\nreference: differs by {1e6 * own:.2g} um from twice its dt\n")
-        runs = settings(case, options.set)
-        for _ in range(options.repeats):
+        told = f"Reference: {words[0].partition('=')[2]}, dt {1e3 * case.interval / division:g} ms; it differs by "
+        told += f"{1e6 * own:.2g} um from twice its dt. Calibration {1e3 * machine:.1f} ms"
+        told += f"; {', '.join(f'`{w}`' for w in options.set)}." if options.set else "."
+        print(f"\n## {name}\n\n{told}\n", flush=True)
+        runs = settings(case, options.set, named=not options.default)
+        for _ in range(options.repeats * case.turns):
             for run in runs:
                 positions, seconds, run.parts = motion(case, run.simulation)
                 run.error = float(np.linalg.norm(positions - exact, axis=2).max())
-                run.seconds = min(run.seconds, seconds)
-        fixed = [r for r in runs if not r.estimate]
-        lines = [
-            "| scheme | dt or tolerance | error [um] | time [ms] | parts | taken back | ratio, same | ratio, best |",
-            "|---|---|---|---|---|---|---|---|",
-        ]
-        for run in runs:
-            of = (
-                f"{1e6 * run.setting:g} um, {run.estimate}" if run.estimate else f"{1e3 * run.setting:.4g} ms"
-            )
-            ratios = ["", ""]
-            if run.estimate:
-                same = [r for r in fixed if r.scheme == run.scheme]
-                ratios = [f"{run.seconds / time_at(front, run.error):.2f}" for front in (same, fixed)]
-            lines.append(
-                f"| {run.scheme} | {of} | {1e6 * run.error:.3g} | {1e3 * run.seconds:.2f} | {run.parts[0]} | "
-                f"{run.parts[1]} | {ratios[0]} | {ratios[1]} |"
-            )
-        print("\n".join(lines))
+                run.times.append(seconds)
+        found = verdict([r for r in runs if r.scheme == "auto"], [r for r in runs if not r.estimate])
+        lines = table(runs)
+        print("\n".join([*lines, "", found]), flush=True)
         if options.write:
-            words = f"; {', '.join(f'`{w}`' for w in options.set)}" if options.set else ""
-            write_part(
-                "time_error.md", f"auto {name}", [f"Calibration {1e3 * machine:.1f} ms{words}.", "", *lines]
-            )
+            write_part("time_error.md", f"auto {name}", [told, "", found, "", *lines])
 
 
 if __name__ == "__main__":

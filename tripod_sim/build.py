@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion
+    from tripod_sim.springs.automatic import AutomaticSprings
     from tripod_sim.springs.body import SpringBody
     from tripod_sim.springs.estimated import EstimatedSprings
     from tripod_sim.springs.skin import ChainSkin
@@ -79,7 +80,7 @@ class Parts:
     skin: "ChainSkin | JoinedSkin | None" = None
     plate: "Plate | None" = None
     ball: "MazeBall | BodyBall | None" = None
-    errors: "ErrorTransport | EstimatedSprings | None" = None
+    errors: "ErrorTransport | EstimatedSprings | AutomaticSprings | None" = None
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
     notes: tuple[str, ...] = ()
@@ -194,17 +195,23 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
         from tripod_sim.integrators.schemes import make_scheme
 
         most = scene.solver.max_halvings
-        scheme = make_scheme(scene.inertia.scheme, newton, inertia, mass, drag, most)
+        mixed = (
+            scene.inertia.scheme == "auto"
+            and scene.time_error is not None
+            and scene.time_error.steps == "auto"
+        )
+        name = "tr_bdf2" if mixed else scene.inertia.scheme
+        scheme = make_scheme(name, newton, inertia, mass, drag, most)
         if wanted := scene.time_error:
             from tripod_sim.integrators.time_error import ErrorTransport
 
             scheme.errors = ErrorTransport(
-                system, inertia, mass, local=wanted.steps == "auto", carried=wanted.estimate != "local"
+                system, inertia, mass, local=wanted.steps == "auto", carried=wanted.carries
             )
             if wanted.steps == "auto":
                 from tripod_sim.integrators.auto_steps import AutoSteps
 
-                return AutoSteps(scheme, newton, most, wanted.tolerance, wanted.shortest)
+                return AutoSteps(scheme, newton, most, wanted.tolerance, wanted.shortest, mixed=mixed)
         return scheme
     from tripod_sim.integrators.explicit import ExplicitSolid
 

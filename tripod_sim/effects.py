@@ -69,6 +69,8 @@ TABLE: dict[str, Effect] = {
             "integrators.time_error_kernels",
             "integrators.auto_steps",
             "integrators.factor_store",
+            "springs.automatic",
+            "springs.automatic_kernels",
             "springs.estimated",
             "springs.error_kernels",
         ),

@@ -48,11 +48,13 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
     except ValueError as error:
         raise SceneError(f"scene {str(source)!r} is not valid TOML: {error}") from None
     interval = table.get("dt")
+    named = interval == AUTO
     for word in overrides:
         override(table, word)
         interval = interval if table.get("dt") == AUTO else table.get("dt")
+        named |= word.partition("=")[0].strip() in ("inertia", "inertia.scheme")
     if table.get("dt") == AUTO:
-        _choose_steps(table, interval)
+        _choose_steps(table, interval, keep_scheme=named)
     lists = [part for part in (table.get("obstacles"), table.get("rigid")) if isinstance(part, list)]
     for part in (
         table.get("mesh"),
@@ -66,8 +68,18 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
     return scene
 
 
-def _choose_steps(table: dict[str, Any], interval: Any) -> None:
-    """Write `dt = "auto"` of a parsed scene out, in place; `interval` is the dt [s] that was given before, if any."""
+def _choose_steps(table: dict[str, Any], interval: Any, *, keep_scheme: bool) -> None:
+    """Write `dt = "auto"` of a parsed scene out, in place.
+
+    Args:
+        table: The scene.
+        interval: The dt [s] that was given before, if any.
+        keep_scheme: Whether a scheme that the scene names goes with that; else it belongs to a fixed dt, and the scheme
+            is left to choice, too, as it is where none is named.
+    """
+    inertia = table.get("inertia")
+    if isinstance(inertia, dict) and not (keep_scheme and "scheme" in inertia):
+        inertia["scheme"] = AUTO
     if interval == AUTO:
         del table["dt"]
     else:

@@ -70,7 +70,8 @@ def test_the_error_falls_with_the_tolerance(scheme: str) -> None:
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_parts_nest_and_rejected_ones_leave_no_trace(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same lengths without the rejected parts between give the same motion, history included."""
-    simulation = tripod(scheme, "dt=0.01", "dt=auto", "time_error.tolerance=2e-5", "solver.tolerance=1e-9")
+    words = ("dt=0.01", "dt=auto", "time_error={tolerance=2e-5, estimate='global'}", "solver.tolerance=1e-9")
+    simulation = tripod(scheme, *words)
     tried, worst = lengths(simulation, monkeypatch), 0.0
     rejected = 0
     for k in range(5):
@@ -199,7 +200,7 @@ def test_the_local_estimate_steers_to_the_same_bits_and_tells_no_more(scheme: st
         report, state = simulation.report, simulation.state.errors
         assert report.time_error
         assert state
-        told, carried = report.time_error, "time_error.estimate=local" not in more
+        told, carried = report.time_error, "time_error.estimate=global" in more
         assert (told.largest > 0) == (told.effector > 0) == (told.node >= 0) == carried == state.error.any()
         assert np.isnan(told.largest) == np.isnan(told.effector) == (not carried)
         found.append((positions.tobytes(), report.parts, report.rejected, told.added))

@@ -23,6 +23,7 @@ IMPLICIT = (
     "tripod_sim.springs.estimated.EstimatedSprings",
 )
 EXPLICIT = "tripod_sim.springs.explicit.ExplicitSprings"
+AUTOMATIC = "tripod_sim.springs.automatic.AutomaticSprings"
 
 
 def kernel_stages(simulation: Simulation, report: StepReport, steps: int) -> dict[str, float]:
@@ -39,6 +40,8 @@ def kernel_stages(simulation: Simulation, report: StepReport, steps: int) -> dic
             return _implicit(value, simulation, report, steps)
         if kind == EXPLICIT:
             return _explicit(value, simulation, report, steps)
+        if kind == AUTOMATIC:
+            return _automatic(value, simulation, report, steps)
     return {}
 
 
@@ -97,9 +100,22 @@ def _explicit(stepper: Any, simulation: Simulation, report: StepReport, steps: i
     scheme = simulation.scene.inertia.scheme if simulation.scene.inertia else ""
     calls = (4 if scheme == "rk4" else 1) * report.parts / steps
     return {
-        "spring forces": calls * _least(lambda n: kernels.accelerations(n, x, v, links, load, scratch[0])),
+        "spring forces": calls * _forces(stepper, simulation),
         "watch over the energy": _least(lambda n: kernels.watch(n, x, v, origin, links, load, scratch[0])),
     }
+
+
+def _automatic(stepper: Any, simulation: Simulation, report: StepReport, steps: int) -> dict[str, float]:
+    return {"spring forces": stepper.forces * report.parts / steps * _forces(stepper, simulation)}
+
+
+def _forces(stepper: Any, simulation: Simulation) -> float:
+    """Return the time of one evaluation of the springs' forces [s]."""
+    from tripod_sim.explain import repeat_kernels as kernels  # noqa: PLC0415
+
+    state, links = simulation.state, stepper._system.links
+    x, v, load, a = state.positions, state.velocities, stepper._load, stepper._scratch[0]
+    return _least(lambda n: kernels.accelerations(n, x, v, links, load, a))
 
 
 def _least(run: Callable[[int], object]) -> float:

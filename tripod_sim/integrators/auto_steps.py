@@ -11,9 +11,13 @@ the error, in parts of the tolerance, that a part of H would have added,
 
 The error is bounded for each part and not for each unit of time: equal errors of all parts are what reaches a given
 error at the end with the fewest of them.
+
+With `mixed` the parts are steps of implicit Euler where these get further with the same work than those of TR-BDF2. Its
+parts of an interval are equal unless one is taken back, and twice as long after an interval of small errors.
 """
 
 import math
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +35,21 @@ SAFETY = 0.9
 SHRINK, GROW = 0.1, 4.0
 """Bounds of the ratio of two lengths."""
 
+FIRST, SECOND = 1, 2
+"""Orders of implicit Euler and TR-BDF2."""
+
+SPARE = 0.15
+"""Part of the tolerance that a step of implicit Euler may add: it damps, so that the errors of all steps add up."""
+
+CALM = 0.3
+"""Part of that below which its steps become longer."""
+
+CHEAPER = 1.2
+"""Implicit Euler takes over where it gets so many times further with the same work."""
+
+WORK = 4.5
+"""Steps of implicit Euler that take as long as one of TR-BDF2."""
+
 LEAST = 1e-4
 """Smallest error, in parts of the tolerance, that the controller takes note of."""
 
@@ -39,7 +58,14 @@ class AutoSteps(Substeps):
     """Divides the steps of a scheme, which must carry its error along."""
 
     def __init__(
-        self, scheme: Substeps, newton: Newton, max_halvings: int, tolerance: float, shortest: float
+        self,
+        scheme: Substeps,
+        newton: Newton,
+        max_halvings: int,
+        tolerance: float,
+        shortest: float,
+        *,
+        mixed: bool = False,
     ) -> None:
         """Prepare.
 
@@ -50,9 +76,11 @@ class AutoSteps(Substeps):
                 smaller if the tolerance asks for that.
             tolerance: Error that a part may add to the position of a node [m].
             shortest: Length of a part that is accepted whatever its error [s].
+            mixed: Whether parts may be steps of implicit Euler; `scheme` is then TR-BDF2, which such a step starts
+                afresh.
         """
         super().__init__(newton, max_halvings)
-        self._scheme, self._tolerance, self._shortest = scheme, tolerance, shortest
+        self._scheme, self._tolerance, self._shortest, self._mixed = scheme, tolerance, shortest, mixed
         self.errors = scheme.errors
         newton.store = FactorStore(newton.system)
 
@@ -68,17 +96,27 @@ class AutoSteps(Substeps):
         Raises:
             StepError: the step could not be saved; `state` is unchanged.
         """
-        errors, scheme = self.errors, self._scheme
-        if errors is None or state.errors is None:
-            return scheme.step(state, joints, dt)
+        errors, estimate = self.errors, state.errors
+        if errors is None or estimate is None:
+            return self._scheme.step(state, joints, dt)
         if self._backup is None:
             self._backup, self._origin = state.copy(), state.copy()
-        backup, estimate = self._backup, state.errors
         state.copy_to(self._origin)
+        report = StepReport()
+        worst = self._divided(state, joints, dt, report)
+        state.time += dt
+        state.step += 1
+        report.time_error = errors.report(estimate, worst)
+        return report
+
+    def _divided(self, state: State, joints: FloatArray, dt: float, report: StepReport) -> float:
+        """Advance in parts; return the most that one added [m]. Raises StepError and leaves `state`."""
+        errors, scheme, estimate, backup = self.errors, self._scheme, state.errors, self._backup
+        assert errors and estimate and backup
         allowed = max(0, math.floor(math.log2(dt / self._shortest) + 1e-9))
         units = 2 ** max(allowed, self._max_halvings)
-        least, start, report, worst = units >> allowed, state.joints.copy(), StepReport(), 0.0
-        done, again = 0, False
+        least, start, worst, most = units >> allowed, state.joints.copy(), 0.0, 0.0
+        done, again, euler = 0, False, self._mixed and estimate.order != SECOND
         size = self._rung(estimate.proposed / dt * units if estimate.proposed else units)
         while done < units:
             size = min(max(size, least), units if done == 0 else done & -done)
@@ -86,39 +124,73 @@ class AutoSteps(Substeps):
             goal = joints if end == units else start + (end / units) * (joints - start)
             state.copy_to(backup)
             scheme.keep_history()
+            if euler:
+                scheme._drop_history()
             try:
                 result = scheme._part(state, goal, h)
             except NewtonError as error:
                 backup.copy_to(state)
+                scheme.recall_history()
                 report.halvings += 1
                 if size == 1:
-                    self._origin.copy_to(state)
-                    self.forget()
-                    raise StepError(
-                        f"step {state.step + 1} at {state.time:.4g} s cannot be saved, even in parts of "
-                        f"{1 / units:.2g} of it: {error}"
-                    ) from error
+                    self._give_up(state, 1 / units, error)
                 size, least, again = size // 2, min(least, size // 2), True
                 continue
             report.iterations += result.iterations
             report.factorisations += result.factorisations
-            ratio = errors.largest_added / self._tolerance
+            added = errors.largest_added
+            ratio = added / (SPARE * self._tolerance if euler else self._tolerance)
             if not ratio <= 1 and size > least:  # so that NaN counts as too much
                 backup.copy_to(state)
                 scheme.recall_history()
                 report.rejected += 1
-                estimate.proposed, again = h * self._shrink(ratio, errors.order), True
+                estimate.proposed = h * self._shrink(ratio, errors.order)
+                euler, again = euler and self._euler_suffices(estimate, dt), True
                 size = self._rung(estimate.proposed / dt * units)
                 continue
-            self._follow(estimate, ratio, h, 1.0 if again else GROW)
-            estimate.proposed = min(max(estimate.proposed, dt * least / units), dt)
+            most = max(most, ratio)
+            if euler:
+                grown = 2 * h if end == units and most < CALM else h
+                estimate.proposed, estimate.last = min(max(grown, dt * least / units), dt), 1.0
+            else:
+                self._follow(estimate, ratio, h, 1.0 if again else GROW)
+                estimate.proposed = min(max(estimate.proposed, dt * least / units), dt)
             size, again = self._rung(estimate.proposed / dt * units), False
             report.residual, report.parts = result.residual, report.parts + 1
-            done, worst = end, max(worst, ratio * self._tolerance)
-        state.time += dt
-        state.step += 1
-        report.time_error = errors.report(estimate, worst)
-        return report
+            done, worst = end, max(worst, added)
+        if self._mixed:
+            estimate.order = FIRST if euler or self._euler_returns(estimate, dt) else SECOND
+        return worst
+
+    def _give_up(self, state: State, part: float, error: NewtonError) -> NoReturn:
+        self._origin.copy_to(state)
+        self.forget()
+        raise StepError(
+            f"step {state.step + 1} at {state.time:.4g} s cannot be saved, even in parts of {part:.2g} of it: {error}"
+        ) from error
+
+    def _euler_suffices(self, estimate: ErrorState, dt: float) -> bool:
+        """Return whether steps of implicit Euler of the proposed length go on; if not, propose one of TR-BDF2."""
+        assert self.errors
+        length = min(estimate.proposed, dt)
+        other = self.errors.would_add(SECOND, length) / self._tolerance
+        longer = min(length * self._shrink(other, SECOND), dt)
+        if length * WORK >= longer:
+            return True
+        if estimate.known == 0:  # it starts with such a step, too
+            longer = min(longer, length / math.sqrt(SPARE))
+        estimate.proposed = longer
+        return False
+
+    def _euler_returns(self, estimate: ErrorState, dt: float) -> bool:
+        """Return whether steps of implicit Euler now get further than those of TR-BDF2; if so, propose one."""
+        assert self.errors
+        length = min(estimate.proposed, dt) / WORK
+        ratio = self.errors.would_add(FIRST, length) / (SPARE * self._tolerance)
+        if not ratio * CHEAPER**2 <= SAFETY**2:
+            return False
+        estimate.proposed = min(length * self._shrink(ratio, FIRST), dt) if ratio > 0 else dt
+        return True
 
     def _follow(self, estimate: ErrorState, ratio: float, h: float, most: float) -> None:
         """Write what follows an accepted part of `h` [s], at `most` so many times as long, to `proposed`."""

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 def make_scheme(
     name: str, newton: Newton, inertia: Anchor, mass: FloatArray, mass_damping: float, max_halvings: int
 ) -> Substeps:
-    """Return the scheme `implicit_euler`, `bdf2` or `tr_bdf2` for one system.
+    """Return the scheme `implicit_euler`, which `auto` is with a fixed dt, `bdf2` or `tr_bdf2` for one system.
 
     Args:
         name: Of the scheme.

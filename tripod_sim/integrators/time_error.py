@@ -35,6 +35,10 @@ from tripod_sim.system import System
 
 FloatArray = NDArray[np.float64]
 
+G = 2 - np.sqrt(2)
+TR_BDF2 = float((-3 * G**2 + 4 * G - 2) / (12 * (2 - G)))
+"""Of TR-BDF2's defect, times h³ j: the sum of those of its stages."""
+
 
 @dataclass(frozen=True)
 class TimeErrorReport:
@@ -68,6 +72,7 @@ class ErrorState:
         missing: Length of a first step whose part of the error that comes of j waits for the next step [s], else 0.
         proposed: Length of the next step, where the simulator chooses it [s]; 0 before the first.
         last: Error that the last step added, in parts of the tolerance.
+        order: Of the scheme proposed for the next step, where the simulator chooses that, too; 0 before the first.
     """
 
     error: FloatArray
@@ -79,19 +84,20 @@ class ErrorState:
     missing: float = 0.0
     proposed: float = 0.0
     last: float = 1.0
+    order: int = 0
 
     def copy_to(self, other: "ErrorState") -> None:
         """Overwrite `other` with this state, without allocating."""
         for name in ("error", "before", "velocities", "accelerations"):
             getattr(other, name)[:] = getattr(self, name)
-        for name in ("known", "length", "missing", "proposed", "last"):
+        for name in ("known", "length", "missing", "proposed", "last", "order"):
             setattr(other, name, getattr(self, name))
 
     def copy(self) -> "ErrorState":
         """Return an independent copy."""
         arrays = (self.error, self.before, self.velocities, self.accelerations)
         error, before, velocities, accelerations = (a.copy() for a in arrays)
-        numbers = (self.known, self.length, self.missing, self.proposed, self.last)
+        numbers = (self.known, self.length, self.missing, self.proposed, self.last, self.order)
         return ErrorState(error, before, velocities, accelerations, *numbers)
 
 
@@ -111,7 +117,7 @@ class ErrorTransport:
         self._system, self._inertia, self._mass = system, inertia, mass
         self.local, self.carried = local, carried
         n = len(mass)
-        self.order = 1
+        self.order, self._s = 1, 1.0
         self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))
         self._known, self._middle, self._alone = np.zeros((2, n, 3)), np.zeros((2, n, 3)), np.zeros((2, n, 3))
         self._y, self._force, self._move = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
@@ -166,6 +172,8 @@ class ErrorTransport:
             self._stage(state.error, 1.0, state.error, 0.0, 0, factor, h, self._left[0], state.error)
             if keep_rates:
                 self._measure_rates(state, 0, factor, h)
+        if state.known == 1:  # for the choice of the length as if the acceleration had begun at zero
+            np.divide(self._differences[0], h, out=self._differences[1])
         self.order = 1
         self._measure_added(0, factor, h)
 
@@ -202,7 +210,16 @@ class ErrorTransport:
             self._stage(middle, p, state.error, -q, 1, second, k, self._left[1], state.error)
             self._measure_rates(state, 1, second, k)
         self.order = 2
-        self._measure_added(1, (-3 * g**2 + 4 * g - 2) / (12 * (2 - g)) * h**3, k)
+        self._measure_added(1, TR_BDF2 * h**3, k)
+
+    def would_add(self, order: int, h: float) -> float:
+        """Return what a step of `h` [s] in place of the last would have added, as `largest_added` [m].
+
+        order: 1 for implicit Euler, 2 for TR-BDF2. The matrix is that of the last step.
+        """
+        derivative, factor = (0, -(h**2) / 2) if order == 1 else (1, TR_BDF2 * h**3)
+        self._measure_added(derivative, factor, self._s)
+        return self.largest_added
 
     def report(self, state: ErrorState, added: float) -> TimeErrorReport:
         """Return the distances of `state`; `added`: as in the report [m]."""
@@ -226,6 +243,7 @@ class ErrorTransport:
 
         Velocities at the start that somebody has changed are a new start.
         """
+        self._s = s
         if not np.array_equal(start, state.velocities):
             state.known, state.missing = 0, 0.0
         kernels.differences(

@@ -17,8 +17,10 @@ from tripod_sim.springs.skin import ChainSkin
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.tables.bodies import Springs
 from tripod_sim.tables.method import TimeError
+from tripod_sim.tables.motion import Inertia
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.springs.automatic import AutomaticSprings
     from tripod_sim.springs.estimated import EstimatedSprings
     from tripod_sim.springs.implicit_kernels import Options
 
@@ -148,7 +150,7 @@ def _stepper(scene: Scene, system: SpringSystem) -> Stepper:
 
     return ImplicitSprings(
         system,
-        scene.inertia.scheme,
+        _implicit(scene.inertia),
         _options(scene, system),
         drag=drag,
         rayleigh=rayleigh,
@@ -156,20 +158,33 @@ def _stepper(scene: Scene, system: SpringSystem) -> Stepper:
     )
 
 
-def _estimated(scene: Scene, system: SpringSystem, wanted: TimeError) -> "EstimatedSprings":
-    """Return what carries the error of the time steps along."""
+def _implicit(inertia: Inertia) -> str:
+    """Return the scheme of implicit steps of a fixed dt."""
+    return "implicit_euler" if inertia.scheme == "auto" else inertia.scheme
+
+
+def _estimated(
+    scene: Scene, system: SpringSystem, wanted: TimeError
+) -> "EstimatedSprings | AutomaticSprings":
+    """Return what carries the error of the time steps along, or takes steps as long as what they add allows."""
+    assert scene.inertia
+    damping = scene.damping
+    drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
+    if scene.inertia.scheme == "auto" and wanted.steps == "auto":
+        from tripod_sim.springs.automatic import AutomaticSprings  # noqa: PLC0415 - an effect that is absent
+
+        return AutomaticSprings(system, wanted.tolerance, wanted.shortest, drag=drag, rayleigh=rayleigh)
     from tripod_sim.springs.estimated import EstimatedSprings  # noqa: PLC0415 - an effect that is absent
 
-    assert scene.inertia
-    options, damping = _options(scene, system), scene.damping
+    options = _options(scene, system)
     if not options.direct:
         raise SceneError(
             f"time_error needs a factorisation, and solver.linear = 'auto' iterates above {LARGE} unknowns; the body "
             f"has {system.unknowns}: choose solver.linear = 'ldl'"
         )
     return EstimatedSprings(
-        system, scene.inertia.scheme, options, wanted, drag=damping.mass if damping else 0.0,
-        rayleigh=damping.stiffness if damping else 0.0, max_halvings=scene.solver.max_halvings,
+        system, _implicit(scene.inertia), options, wanted, drag=drag, rayleigh=rayleigh,
+        max_halvings=scene.solver.max_halvings,
     )  # fmt: skip
 
 

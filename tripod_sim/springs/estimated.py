@@ -39,7 +39,7 @@ class EstimatedSprings:
         """`wanted`: the scene's table; the others as for `ImplicitSprings`, `options` of the direct solver."""
         self._solver = SpringSolver(system, options, drag=drag, rayleigh=rayleigh, moving=True)
         self._scheme, self._halvings, self._wanted = SCHEMES[scheme], max_halvings, wanted
-        self._carried = wanted.estimate == "global" or (wanted.estimate == "auto" and wanted.steps == "fixed")
+        self._carried = wanted.carries
         n, m = len(system.body.nodes), len(system.body.ends)
         self._history, self._past, self._clock = np.zeros((5, n, 3)), np.zeros((3, m)), np.zeros(1)
         scratch = [*np.zeros((2, 2, n, 3)), *np.zeros((8, n, 3)), np.zeros((3, n, 3)), np.zeros((m, 6))]

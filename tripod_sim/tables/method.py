@@ -41,14 +41,19 @@ class TimeError:
         tolerance: Error that a part of a step may add to the position of any node [m].
         shortest: Length of a part that is accepted whatever its error [s].
         estimate: `global`: the error since the start is carried along and told; `local`: only what each part of a step
-            adds is estimated, which is all that `steps = "auto"` needs, and cheaper; `auto`: `local` where a body of
-            springs takes automatic steps, else `global`.
+            adds is estimated, which is all that `steps = "auto"` needs, and cheaper; `auto`: `local` with automatic
+            steps, else `global`.
     """
 
     steps: str = one_of("fixed", "auto", default="fixed")
     tolerance: float = number(1e-6, unit="m", above=0, high=1.0)
     shortest: float = number(1e-6, unit="s", low=1e-9, high=1.0)
     estimate: str = one_of("auto", "global", "local", default="auto")
+
+    @property
+    def carries(self) -> bool:
+        """Whether the error since the start is carried along."""
+        return self.estimate == "global" or (self.estimate == "auto" and self.steps == "fixed")
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ class Inertia:
     Attributes:
         scheme: Time integrator: `implicit_euler` (first order), `bdf2` or `tr_bdf2` (second order); explicit are
             `semi_implicit_euler` (first order), `rk4` (fourth order) and `explicit_euler` (first order, unstable: what
-            is not damped grows whatever the step; for teaching).
+            is not damped grows whatever the step; for teaching). `auto`: with a fixed dt implicit Euler; with
+            `dt = "auto"`, which asks for it unless a scheme is named beside it, chosen with the steps: for a solid
+            implicit Euler and TR-BDF2, for springs Verlet and RK4, whichever does with less.
         substeps: Of explicit schemes: `auto` divides a step until it is stable; `off` shows the instability.
     """
 
@@ -38,6 +40,7 @@ class Inertia:
         "semi_implicit_euler",
         "explicit_euler",
         "rk4",
+        "auto",
         default="implicit_euler",
     )
     substeps: str = one_of("auto", "off", default="auto")

@@ -1,0 +1,99 @@
+"""Steps of spring bodies whose scheme and lengths the simulator chooses: what `dt = "auto"` asks for by default."""
+
+import math
+
+import numpy as np
+
+from tripod_sim.errors import SceneError, StepError
+from tripod_sim.integrators.stability import longest_step
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.time_error import ErrorState, TimeErrorReport
+from tripod_sim.springs import automatic_kernels as kernels
+from tripod_sim.springs.body import FloatArray
+from tripod_sim.springs.explicit import MOST_PARTS
+from tripod_sim.springs.explicit_kernels import FINE, Load
+from tripod_sim.springs.stability import network_bound
+from tripod_sim.springs.system import SpringSystem
+from tripod_sim.state import State
+
+SHARE = 0.9
+"""Of Verlet's stability limit that its longest part takes; RK4's has that margin in it."""
+
+
+class AutomaticSprings:
+    """Advances a spring body by explicit steps of Verlet and RK4, whichever needs fewer forces (see the kernels).
+
+    With w the largest frequency and d the largest rate of damping the stability limit of Verlet, which takes dampers at
+    the velocity that the last acceleration leads to, is 2 / (w sqrt(d² / w² + 1) + d), that of semi-implicit Euler with
+    twice the damping.
+
+    Attributes:
+        forces: Evaluations of the forces that a part took in the last call, in the mean.
+    """
+
+    def __init__(
+        self, system: SpringSystem, tolerance: float, shortest: float, *, drag: float, rayleigh: float
+    ) -> None:
+        """Prepare.
+
+        Args:
+            system: The body.
+            tolerance: Error that a part may add to the position of a node [m].
+            shortest: Length of a part that is accepted whatever its error [s].
+            drag: a of the force -a M v [1/s].
+            rayleigh: b of the force -b K v [s].
+        """
+        body = system.body
+        self._system, self._tolerance, self._shortest = system, tolerance, shortest
+        inverse = np.divide(1.0, system.mass, out=np.zeros_like(system.mass), where=system.mass > 0)
+        self._load = Load(system.force, inverse, system.mass, drag, rayleigh)
+        square = network_bound(body, body.stiffness)
+        omega, rate = math.sqrt(square), drag + rayleigh * square + network_bound(body, body.damping)
+        self.forces = 0.0
+        self._verlet = SHARE * longest_step("semi_implicit_euler", omega, 2.0 * rate)
+        self._runge_kutta = longest_step("rk4", omega, rate)
+        self._scratch = np.zeros((9, *body.nodes.shape))
+
+    def start(self, velocities: FloatArray) -> ErrorState:
+        """Return what is remembered at the start: no errors, since none are carried along."""
+        none = np.zeros((2, 0, 3))
+        return ErrorState(none, none.copy(), np.zeros((0, 3)), none.copy())
+
+    def forget(self) -> None:
+        """Nothing is kept from earlier steps but in the state."""
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """Advance by `dt` [s], in place. Raises StepError and leaves `state`."""
+        return self.advance(state, joints, dt, 1)
+
+    def advance(self, state: State, joints: FloatArray, dt: float, count: int) -> StepReport:
+        """Advance by `count` steps of `dt` [s] in one compiled loop, in place; the same bits as one by one.
+
+        Raises:
+            SceneError: a step would take too many parts.
+            StepError: a number left the range of floating point; `state` is the last good one.
+        """
+        remembered = state.errors
+        assert remembered
+        if not dt / self._runge_kutta <= MOST_PARTS:
+            raise SceneError(
+                f"dt is {dt:g} s: a step would take {dt / self._runge_kutta:.2g} parts of {self._runge_kutta:.2g} s to "
+                f"be stable (at most {MOST_PARTS}); choose inertia.scheme = 'tr_bdf2' or a smaller dt"
+            )
+        outcome, done, parts, rejected, forces, worst, order, proposed = kernels.automatic_steps(
+            count, dt, self._tolerance, self._shortest, self._verlet, self._runge_kutta, remembered.order,
+            remembered.proposed, state.positions, state.velocities, self._system.links, self._load, self._scratch,
+        )  # fmt: skip
+        remembered.order, remembered.proposed = order, proposed
+        self.forces = forces / max(1, parts)
+        for _ in range(done):
+            state.time += dt
+        state.step += done
+        if outcome != FINE:
+            raise StepError(
+                f"step {state.step + 1} at {state.time:.4g} s overflows, even in parts of {self._shortest:g} s; "
+                "inertia.scheme = 'tr_bdf2' needs no limit"
+            )
+        report = StepReport(parts=parts, rejected=rejected, dt_limit=self._runge_kutta)
+        report.time_error = TimeErrorReport(np.nan, np.nan, -1, worst)
+        return report
