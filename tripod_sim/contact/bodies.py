@@ -81,8 +81,8 @@ class Nodes(Body, Protocol):
     def exceeds(self, u: FloatArray) -> bool:
         """Return whether strains after the moves `u` are larger than their bound."""
 
-    def tighten(self) -> None:
-        """Stiffen what bounds the strains."""
+    def settle(self, u: FloatArray) -> float:
+        """Give what bounds the strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
 
     def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
         """Let the moves `u`, which lead to `ends`, be made in `h` [s]; `v`: velocities of the unknowns afterwards."""
@@ -102,7 +102,7 @@ class SpringNodes:
 
         M |u - h v|² / (2 h²) + a M |u|² / (2 h) + b / (2 h) u^T K_n u + E(x + u) + D(x + u) - F . u
 
-    and with a limit of strains sum of K max(0, l(x + u) - (1 - s) l_max)² / 2 (see `springs.strain_limit`).
+    and, with a limit of strains, that of the springs beyond their bound (see `springs.strain_limit`).
 
     Attributes:
         x, v: Positions [m] and velocities [m/s] of all nodes at the start of the step, shape (n, 3).
@@ -141,7 +141,7 @@ class SpringNodes:
         state.positions[:], state.velocities[:] = self.x, self.v
 
     def forget(self) -> None:
-        """Drop what was kept from earlier steps: how stiff the bound is."""
+        """Drop what was kept from earlier steps: the tensions at the bound."""
         if self._bound:
             self._bound.relax()
 
@@ -167,10 +167,10 @@ class SpringNodes:
         self._place(u)
         return self._bound is not None and self._bound.exceeded(self._at)
 
-    def tighten(self) -> None:
-        """Stiffen the bound of strains."""
-        if self._bound:
-            self._bound.harden()
+    def settle(self, u: FloatArray) -> float:
+        """Give the bound of strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
+        self._place(u)
+        return self._bound.settle(self._at) if self._bound else 0.0
 
     def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
         """Let the moves be made."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_sim.contact import response_kernels as kernels
+from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.problem import StepProblem
 from tripod_sim.mesh.solid_mesh import FloatArray
@@ -79,14 +80,14 @@ class Response:
     FEW, FIRST = 4, 0.05
     """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
 
-    THOROUGH = 10
+    THOROUGH = 4
     """How many times more solves a body takes whose strains are bounded, as stiffly as that is done."""
 
     def __init__(
-        self, law: Law, problem: StepProblem, contacts: ContactSet, *, bounded: bool = False
+        self, law: Law, problem: StepProblem, contacts: ContactSet, bounded: Nodes | None = None
     ) -> None:
-        """`bounded`: whether strains of a body are."""
-        self.law, self._problem, self._contacts = law, problem, contacts
+        """`bounded`: the first body of `problem`, if its strains are bounded."""
+        self.law, self._problem, self._contacts, self._bounded = law, problem, contacts, bounded
         self._times = self.THOROUGH if bounded else 1
         self._pressure, self._friction = np.zeros(256), np.zeros((256, 3))
 
@@ -116,7 +117,7 @@ class Response:
             spent += self._problem.effort.iterations - before
             gap, slip, outcome.smallest = self._forces(u)
             outcome.rounds += 1
-            error = max(gap, slip)
+            error = max(gap, slip, self._settle(u, aim))
             outcome.residual = max(error, size)
             self._take()
             if outcome.residual <= enough or spent >= most:
@@ -146,18 +147,25 @@ class Response:
             change = np.abs(law.friction * found - limit[: c.count]) / np.maximum(
                 c.arrays.stiffness[: c.count, 1], 1e-300
             )
-            outcome.residual = max(float(change.max(initial=0.0)), size if size > tolerance else 0.0)
+            stretch = self._settle(u, law.tolerance * law.distance)
+            change_most = max(float(change.max(initial=0.0)), stretch)
+            outcome.residual = max(change_most, size if size > tolerance else 0.0)
             limit[: c.count] = law.friction * found
+            outcome.solved = change_most <= law.tolerance * law.distance
             if outcome.rounds >= law.max_rounds:
                 break
             deep = kernels.stiffen(c.arrays, c.count, u, self.DEEPEST * law.distance, 4.0)
             if deep:
                 self._problem.renew()
-            elif float(change.max(initial=0.0)) <= law.tolerance * law.distance:
+            elif outcome.solved:
                 break
         self._forces(u)
         self._take()
         return outcome
+
+    def _settle(self, u: FloatArray, aim: float) -> float:
+        """Let the bound of strains take its tensions from `u`; return the error, `aim` [m] where it is small enough."""
+        return aim * self._bounded.settle(u[: self._bounded.unknowns]) if self._bounded else 0.0
 
     def _forces(self, u: FloatArray) -> tuple[float, float, float]:
         c = self._contacts

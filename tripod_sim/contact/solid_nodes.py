@@ -233,8 +233,9 @@ class SolidNodes:
         """Strains of a solid have no bound."""
         return False
 
-    def tighten(self) -> None:
-        """There is nothing to stiffen."""
+    def settle(self, u: FloatArray) -> float:
+        """There is nothing that bounds strains."""
+        return 0.0
 
     def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
         """Let the moves `u` be made, with the velocities `v` of the unknowns, which restitution may have changed."""

@@ -64,7 +64,7 @@ class World:
         problem: Potential of the step.
     """
 
-    MOST_PASSES, MOST_HALVINGS, MOST_RAISES = 8, 6, 8
+    MOST_PASSES, MOST_HALVINGS = 8, 6
 
     PART_SPEED = 0.5
     """At which bodies that begin too close are parted [m/s]."""
@@ -118,7 +118,7 @@ class World:
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
         self._bounded = nodes[0] if nodes and nodes[0].bounded else None
-        self.response = Response(law, self.problem, self.contacts, bounded=self._bounded is not None)
+        self.response = Response(law, self.problem, self.contacts, self._bounded)
         self._ends = np.zeros_like(self.positions)
         self._u = np.zeros(self.problem.unknowns)
         self._place()
@@ -252,25 +252,21 @@ class World:
 
     def _solve(self, u: FloatArray, report: ContactReport, *, rough: bool) -> Outcome:
         """Move `u` to the minimum with the present contacts, and within the bound of strains if there is one."""
-        why = f"not in {self.MOST_RAISES} rounds"
-        for _ in range(1 + self.MOST_RAISES):
-            try:
-                outcome = self.response.solve(u, rough=rough)
-            except DescentError as error:
-                if not (self._bounded and self._bounded.exceeds(u)):
-                    raise
-                why = str(error)
-                break
+        bounded, why = self._bounded, ""
+        try:
+            outcome = self.response.solve(u, rough=rough)
+        except DescentError as error:
+            if not (bounded and bounded.exceeds(u[: bounded.unknowns])):
+                raise
+            why = str(error)
+        else:
             report.passes += 1
             report.rounds += outcome.rounds
             report.residual, report.smallest_gap = outcome.residual, outcome.smallest
-            if not (self._bounded and outcome.done and self._bounded.exceeds(u)):
+            if not (bounded and outcome.done and bounded.exceeds(u[: bounded.unknowns])):
                 return outcome
-            if not outcome.solved:
-                why = f"gaps, slips or moves are still {outcome.residual:.2g} m off"
-                break
-            self._bounded.tighten()
-            self.problem.renew()
+            why = f"gaps, slips or lengths are still {outcome.residual:.2g} m off"
+        bounded.forget()
         raise DescentError(f"strain_limit cannot be met: {why}")
 
     def _cut(self, u: FloatArray, share: float) -> None:

@@ -8,8 +8,11 @@ with K raised until l <= l_max everywhere; the velocities change by (x' - x) / h
 internal and central, the momentum stays. Of a body that nothing holds, a rotation of all velocities, (M r x w) r, gives
 back the angular momentum that moving the nodes took [GoldenthalEtAl2007].
 
-With contact a move afterwards would press bodies into each other: there the same potential, without h², is a term of
-the one that the step minimises (`contact.bodies.SpringNodes`), and K is raised until that minimum keeps the bound.
+With contact a move afterwards would press bodies into each other: there a term of the potential that the step minimises
+(`contact.bodies.SpringNodes`) is, with multipliers t, the tensions [N], that are set after each minimisation to what it
+asks for [NocedalWright2006, chapter 17],
+
+    sum of max(0, t + K (l(x) - (1 - s) l_max))² / 2 K:   springs of rest length (1 - s) l_max - t / K that do not push.
 """
 
 import numpy as np
@@ -75,6 +78,16 @@ class Bound:
     def worst(self) -> float:
         """Largest length over its bound, where `exceeded` was last asked."""
         return float((self._length / self.longest).max())
+
+    def settle(self, x: FloatArray) -> float:
+        """Set the tensions to those that `x` asks for; return by how much lengths were off, over half their margin."""
+        rest = self.links.rest
+        lengths(x, self._springs, self._length)
+        aimed = (1 - MARGIN) * self.longest
+        asked = aimed - np.maximum(0.0, self._length - rest)
+        off = np.abs(asked - rest) / (0.5 * MARGIN * self.longest)
+        rest[:] = asked
+        return float(off.max(initial=0.0))
 
 
 class StrainLimited:
