@@ -1,13 +1,14 @@
 """Time of one step of inverse kinematics, beside a matrix product that tells how fast this machine is.
 
-    python benchmarks/ik.py [--steps 2000]
+    python benchmarks/ik.py [--steps 2000] [--lying 300]
 
 The loop is closed over the simulated Tripod in its working pose. The target runs through the workspace and now and
 then far out of it, so that limits come and go as in use. "QP" is all of the solver: the limits active last time tried
 again, where they do not do the update of OSQP's data, its solve and the polish, and the certificate; "QP by OSQP" is
 the same program without the first of these, solved beside it. "step" is all that happens between compliance and
 command, checks and the building of the QP included; "relinearised" is that and the compliance of the present state.
-Times are CPU times of the one thread that computes.
+After that the same with something on the robot or under it, which the compliance has to count: a ball at rest in the
+maze, posts and a rigid body. Times are CPU times of the one thread that computes.
 """
 
 import argparse
@@ -29,6 +30,23 @@ from tripod_sim import Simulation, load_scene
 
 WARM_UP = 50
 DT = 0.01  # [s]
+
+
+POST = "obstacles=[{source='cube.obj', scale=%s, position=%s}]"
+TOUCH = "contact={contact_distance=5e-4, alarm_distance=1.5e-3, friction=%s, response='%s'}"
+CALM = ["dt=0.02", "solver.mode=newton", "damping={mass=20.0, stiffness=2e-3}"]
+UNDER_DISC, UNDER_STRIP = POST % (0.1, [0, 0, -0.0155]), POST % (0.03, [0.028, 0.001, -0.0075])
+BALL = "rigid=[{shape='ball', radius=0.008, mass=0.05, position=[0.0004,0.0002,0.0115]}]"
+
+LYING = (
+    ("a ball at rest in the maze", "maze", [], None),
+    ("the disc on a post, sliding", "tripod", [*CALM, UNDER_DISC, TOUCH % (0.0, "lagrange")], 0.036),
+    ("the disc on a post, sticking", "tripod", [*CALM, UNDER_DISC, TOUCH % (10.0, "lagrange")], 0.036),
+    ("a strip on a post, sticking", "tripod", [*CALM, UNDER_STRIP, TOUCH % (4.0, "lagrange")], 0.036),
+    ("a strip on a post, by penalty", "tripod", [*CALM, UNDER_STRIP, TOUCH % (0.0, "penalty")], 0.036),
+    ("a rigid ball in the disc's hole", "tripod", [*CALM, BALL, TOUCH % (0.0, "lagrange")], 0.036),
+)
+"""What there is, its scene with what is set, and the angle of all servos [rad]; None for that of the scene."""
 
 
 def in_working_pose() -> Simulation:
@@ -105,10 +123,44 @@ def run(steps: int, name: str) -> dict[str, np.ndarray]:
     return {what: np.array(values) for what, values in found.items()}
 
 
+def run_lying(
+    steps: int, scene: str, words: list[str], angle: float | None
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return times of the compliance and of a relinearised step [s], and how many contacts press at the end."""
+    limits = (AngleLimit(-2.1, 0.6), StepLimit(0.5), SpeedLimit(3.0))
+    simulation = Simulation(load_scene(scene, words))
+    rest = simulation.state.joints.copy() if angle is None else np.array([angle] * 3 + [0.0])
+    for k in range(150):
+        simulation.step(rest if angle is None else rest * min(1.0, (k + 1) / 20))
+    solver, home, command = IkSolver(3), simulation.compliance().position, rest[:3]
+    taken = []
+    for k in range(steps):
+        begin = time.thread_time()
+        c = simulation.compliance()
+        known = time.thread_time()
+        state = LinearState(SERVOS, c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w)
+        target = home + 1e-4 * np.array([np.cos(0.1 * k), np.sin(0.1 * k), 0.0])
+        problem = build_ik(state, [PositionTask(target)], limits, previous=command, dt=DT)
+        result = solver.solve(problem)
+        taken.append((known - begin, time.thread_time() - begin))
+        if not result.ok:
+            raise RuntimeError(f"step {k} was not solved: {result.status}")
+        simulation.step(rest + 1e-4 * np.sin(k) * np.array([1.0, 0.0, 0.0, 0.0]))
+    if simulation.left_out:
+        raise RuntimeError("the compliance leaves the rigid body out")
+    contact = simulation.report.contact
+    compliance, whole = np.array(taken).T
+    return compliance, whole, contact.pressed if contact else 0
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="time of one step of inverse kinematics")
     parser.add_argument("--steps", type=int, default=2000)
-    steps = parser.parse_args().steps
+    parser.add_argument(
+        "--lying", type=int, default=300, help="steps of each scene with something on the robot"
+    )
+    given = parser.parse_args()
+    steps = given.steps
     print(f"calibration: 1000 x 1000 float64 product {1e3 * calibration():.1f} ms")
     for title, name in (
         ("angle, step, speed", "none"),
@@ -126,6 +178,14 @@ def main() -> None:
             print(
                 f"  {what:14s} median {np.median(times):7.3f} ms   p99 {np.percentile(times, 99):7.3f} ms   "
                 f"max {times.max():7.3f} ms"
+            )
+    print("with something on the robot or under it:")
+    for title, scene, words, angle in LYING if given.lying else ():
+        *times, pressed = run_lying(given.lying, scene, words, angle)
+        for what, column in zip(("compliance", "relinearised"), times, strict=True):
+            median, late = 1e3 * np.median(column), 1e3 * np.percentile(column, 99)
+            print(
+                f"  {title:32s} {pressed:3d} press   {what:12s} median {median:6.3f} ms   p99 {late:6.3f} ms"
             )
 
 

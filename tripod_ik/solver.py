@@ -34,6 +34,11 @@ CERTAIN = 1e-9
 CHANGES = 2
 """Guesses of the active rows from those of the solution before; where these do not do, OSQP is faster."""
 
+NO_BOUND = float(osqp.constant("OSQP_INFTY"))
+"""A bound from which on OSQP takes it for none."""
+
+INTERRUPTED = int(osqp.SolverStatus.OSQP_SIGINT)
+
 ACTIVE = 1e-7
 """Multiplier [rad] from which on a limit counts as active: it keeps the effector from coming closer."""
 
@@ -131,6 +136,7 @@ class IkSolver:
             adaptive_rho_interval=25,
             polishing=False,
         )
+        self._core = self._osqp._solver  # what computes: to copy all that it tells of itself takes far longer
 
     def solve(self, problem: IkProblem) -> IkResult:
         """Return the solution, or the previous command with the reason why there is none.
@@ -150,8 +156,7 @@ class IkSolver:
                 self._last = x, y
                 return _solved(problem, x, y, 0, "solved")
             self._osqp.warm_start(*last)
-        P, A = problem.P.ravel()[self._P_entries], problem.A.ravel()[self._A_entries]
-        self._osqp.update(q=problem.q, l=problem.l, u=problem.u, Px=P, Ax=A)
+        self._update(problem)
         x, y, kkt, iterations, status = self._attempt(problem)
         for retry in RETRIES if self._polishing else ():
             if kkt <= KKT_TOLERANCE:
@@ -166,16 +171,25 @@ class IkSolver:
         self._last = x, y
         return _solved(problem, x, y, iterations, status)
 
+    def _update(self, problem: IkProblem) -> None:
+        """Give OSQP the numbers of `problem`."""
+        low, high = np.maximum(problem.l, -NO_BOUND), np.minimum(problem.u, NO_BOUND)
+        P, A = problem.P.ravel()[self._P_entries], problem.A.ravel()[self._A_entries]
+        self._core.update_data_vec(q=problem.q, l=low, u=high)
+        self._core.update_data_mat(P_x=P, P_i=None, A_x=A, A_i=None)
+
     def _attempt(self, problem: IkProblem) -> tuple[FloatArray, FloatArray, float, int, str]:
-        found = self._osqp.solve(raise_error=False)
-        if found.info.status_val == osqp.SolverStatus.OSQP_SIGINT:
+        core = self._core
+        core.solve()
+        found = core.info
+        if found.status_val == INTERRUPTED:
             signal.raise_signal(signal.SIGINT)  # OSQP takes Ctrl-C for itself while it runs: pass it on
-        x, y = np.array(found.x), np.array(found.y)
+        x, y = np.array(core.solution.x), np.array(core.solution.y)
         if self._polishing:
             x, y, kkt = polish(problem, x, y)
         else:
             kkt = kkt_residual(problem, x, y)
-        return x, y, kkt, int(found.info.iter), str(found.info.status)
+        return x, y, kkt, int(found.iter), str(found.status)
 
 
 def solve_ik(problem: IkProblem) -> IkResult:
