@@ -123,6 +123,23 @@ def test_the_stiffness_is_that_of_the_pressures(bridged: Bridge) -> None:
         assert column @ stiffness @ column == pytest.approx(expected, rel=1e-3)
 
 
+def test_a_plank_that_turns_along_with_the_disc_slips_on_the_post_alone(bridged: Bridge) -> None:
+    """Though the surfaces are the contact distance apart."""
+    simulation, world, system, rest = bridged
+    c, of, count = world.contacts.arrays, pressing(world), len(pressing(world))
+    rows = rest.rows(system, rest.holding(system).unknowns)
+    assert len(rows) == 3 * count  # all stick
+    assert simulation.state.rigid
+    centres = simulation.state.centres[0], simulation.state.rigid.centres[0]
+    turn, about = np.array([0.3, -0.5, 0.8]), np.array([0.01, 0.02, -0.03])
+    shifts = [np.cross(turn, centre - about) for centre in centres]
+    column = np.concatenate([shifts[0], turn, np.zeros(3), shifts[1], turn])
+    slips = np.abs(rows @ column).reshape(3, count).max(axis=0)
+    on_disc = [2 not in world.surfaces.body[c.vertex[k]] for k in of]
+    assert 0 < sum(on_disc) < count
+    assert ((slips < 1e-15) == on_disc).all()
+
+
 def distance(x: FLOATS, weights: FLOATS) -> float:
     used = np.flatnonzero(weights)
     return gap(x[used], np.sign(weights[used]))[0]

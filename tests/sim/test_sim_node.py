@@ -2,7 +2,8 @@
 
 import time
 from collections.abc import Callable
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,7 +18,9 @@ from tests.sim.sim_graph import DEADLINE, PUBLISHED, QUIET
 from tripod_graph import names
 from tripod_graph.qos import LATCHED
 from tripod_sim import messages
+from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
+from tripod_sim.node import notices
 
 pytestmark = pytest.mark.ros
 
@@ -242,3 +245,12 @@ def test_the_newest_of_several_operators_decides_for_a_late_simulator(make) -> N
     graph.spin(0.2)
     assert graph.node._mode.mode == ControlMode.IK
     assert graph.status().rejected_commands == 0
+
+
+def test_the_status_names_rigid_bodies_that_the_compliance_leaves_out() -> None:
+    def words(*left_out: int) -> str:
+        snapshot = SimpleNamespace(report=StepReport(), event="", left_out=left_out)
+        return notices(cast(Any, snapshot))
+
+    assert words() == ""
+    assert words(0, 2) == "the compliance leaves out rigid.0, rigid.2: nothing keeps them in place"
