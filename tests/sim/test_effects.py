@@ -37,6 +37,7 @@ SCENES = {
     "stack": ("stack",),
     "explicit solid": (*SOLID, "damping=off", "inertia.scheme=semi_implicit_euler"),
     "estimating springs": ("pendulum", "inertia.scheme=bdf2", 'time_error={steps="auto"}'),
+    "choosing springs": ("pendulum", "dt=auto"),
     "sleeping solid": (*SOLID, "sleep={}"),
     "estimating robot": (*ROBOT, 'time_error={steps="auto"}'),
     "reduced robot": (*ROBOT, "reduced={modes=4, samples=8}"),
