@@ -56,31 +56,31 @@ SHARE = 0.01
 
 COLUMNS = (
     Column("response", "response"),
-    Column("nodes", "nodes"),
-    Column("distance", "distance [mm]", lambda v: f"{1e3 * v:g}"),
-    Column("mass", "mass [kg]", lambda v: f"{v:g}"),
-    Column("speed", "speed [m/s]", lambda v: f"{v:g}"),
+    Column("nodes", "n"),
+    Column("distance", "d [mm]", lambda v: f"{1e3 * v:g}"),
+    Column("mass", "m [kg]", lambda v: f"{v:g}"),
+    Column("speed", "v [m/s]", lambda v: f"{v:g}"),
     Column("dt", "dt [s]", lambda v: f"{v:g}"),
     Column("k", "k [N/m]", lambda v: f"{v:g}"),
-    Column("g", "g [m/s²]", lambda v: f"{v:g}"),
-    Column("limit", "limit [%]", lambda v: f"{100 * v:g}"),
+    Column("g", "g", lambda v: f"{v:g}"),
+    Column("limit", "limit", lambda v: f"{100 * v:g} %" if v else "-"),
     Column("stable", "stable", lambda v: "yes" if v else "NO"),
     Column("parts", "sub-steps", lambda v: f"{v:.3g}"),
     Column("amplitude", "amplitude [m]", lambda v: f"{v:.3g}"),
     Column("drift", "energy drift", lambda v: f"{100 * v:+.2g} %"),
-    Column("stretch", "stretch [%]", lambda v: f"{100 * v:.3g}"),
+    Column("stretch", "stretch", lambda v: f"{100 * v:.3g} %"),
     Column("penetration", "penetration [mm]", lambda v: f"{1e3 * v:.3g}"),
     Column("cut", "cut", lambda v: f"{v:.2g}"),
     Column("tunnelled", "tunnelled", lambda v: "YES" if v else "no"),
-    Column("rest", "at rest after [s]", lambda v: f"{v:.2f}"),
+    Column("rest", "at rest [s]", lambda v: f"{v:.2f}"),
     Column("wall", "wall [s/s]", lambda v: f"{v:.2g}"),
 )
-"""nodes: along an edge; distance: at which surfaces are held; limit: of strains, none at 0; sub-steps: parts of a step,
-on average; amplitude: the largest distance of a node from where it began; drift: change of the whole energy over the
-largest that the fall can set free; stretch: of the longest spring, at most; penetration: by how much surfaces came
-closer than the contact distance, at most; cut: the largest part of a step that was given up to let nothing pass;
-tunnelled: whether anything of the cloth passed through the sphere, or it through the cloth; wall: time of the machine
-for each simulated second."""
+"""n: nodes along an edge; d: contact distance; m: mass of the cloth; v: speed at which it is thrown down; k: stiffness
+along edges; limit: of strains; sub-steps: parts of a step, on average; amplitude: the largest distance of a node from
+where it began; drift: change of the whole energy over the largest that the fall can set free; stretch: of the longest
+spring, at most; penetration: by how much surfaces came closer than the contact distance, at most; cut: the largest part
+of a step that was given up to let nothing pass; tunnelled: whether anything of the cloth passed through the sphere, or
+it through the cloth; at rest: since when; wall: time of the machine for each simulated second."""
 
 
 def study(*, full: bool) -> Study:
