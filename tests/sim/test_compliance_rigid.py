@@ -7,7 +7,7 @@ import pytest
 
 from tests.sim.test_compliance_contact import CALM, GOAL, bare, contact, gap, settle
 from tripod_sim import Simulation, load_scene
-from tripod_sim.compliance import Holding
+from tripod_sim.compliance import Holding, Response, held_response
 from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.contact.rest import rest_of
 from tripod_sim.contact.rest_bodies import loose
@@ -206,3 +206,34 @@ def test_of_two_bodies_the_loose_one_is_named() -> None:
     assert loose(held(both)).tolist() == [False, True]
     alone = np.concatenate([np.zeros((9, 6)), STICKS], axis=1)
     assert loose(held(alone)).tolist() == [True, False]
+
+
+def test_the_response_of_a_held_body_is_that_of_one_dense_system() -> None:
+    """Of a body, its angles, further unknowns and multipliers together; nothing is in balance."""
+    rng = np.random.default_rng(6)
+    n, s, b, m, ports, where = 8, 2, 6, 3, np.array([0, 2, 1, 4, 5]), np.array([2, 3, 4])
+    root = rng.standard_normal((n, n))
+    K, Ks, Kss = root @ root.T + np.eye(n), rng.standard_normal((n, s)), 9.0 * np.eye(s)
+    unbalanced, r = rng.standard_normal(n), rng.standard_normal(b)
+    half = rng.standard_normal((3 + s + b, 3 + s + b))
+    Z, C = half @ half.T, rng.standard_normal((m, 3 + s + b))
+    back = np.linalg.inv(K)
+    free = Response(
+        back[np.ix_(ports, ports)], -(back @ Ks)[ports], Kss - Ks.T @ back @ Ks, -(back @ unbalanced)[ports]
+    )
+    found = held_response(free, Holding(ports[where], Z, C, r, np.ones(b)), where)
+
+    size, place = n + b + m + s, np.concatenate([ports[where], n + b + m + np.arange(s), n + np.arange(b)])
+    whole = np.zeros((size, size))  # x, y, multipliers, angles
+    whole[:n, :n], whole[:n, -s:], whole[-s:, :n], whole[-s:, -s:] = K, Ks, Ks.T, Kss
+    whole[np.ix_(place, place)] += Z
+    rows = n + b + np.arange(m)
+    whole[np.ix_(rows, place)], whole[np.ix_(place, rows)] = C, C.T
+    inner, coupling, loads = whole[:-s, :-s], whole[:-s, -s:], np.zeros(size - s)
+    loads[:n], loads[n : n + b] = unbalanced, r
+    answer = np.linalg.inv(inner)
+    close = {"rtol": 1e-8, "atol": 1e-10}
+    np.testing.assert_allclose(found.flexibility, answer[np.ix_(ports, ports)], **close)
+    np.testing.assert_allclose(found.jacobian, -(answer @ coupling)[ports], **close)
+    np.testing.assert_allclose(found.fall, -(answer @ loads)[ports], **close)
+    np.testing.assert_allclose(found.stiffness, whole[-s:, -s:] - coupling.T @ answer @ coupling, **close)
