@@ -75,7 +75,7 @@ def test_an_unstable_scheme_is_told_in_the_status_and_stops_at_the_last_good_sta
 
 
 def test_the_estimated_error_of_the_steps_and_their_parts_are_in_the_status(make) -> None:
-    graph = make(set="inertia.scheme=bdf2;dt=auto;time_error.tolerance=1e-7").start()
+    graph = make(set="inertia.scheme=bdf2;dt=auto;time_error={tolerance=1e-7,estimate='global'}").start()
     status = graph.next(names.SIM_STATUS, lambda s: s.step > 5)
     assert status.parts >= 1
     assert 0 <= status.effector_time_error <= status.time_error < 1e-3
