@@ -184,9 +184,8 @@ def test_keys_drive_and_q_leaves(session: Session) -> None:
         (b"+", 2, 1),
         (b"-", 2, -1),
     ):
-        for _ in range(
-            10
-        ):  # a node that the machine holds up for long moves less, never more: then once more
+        # a node that the machine holds up for long moves less, never more: then once more
+        for _ in range(10):
             moved = sign * session.effect(keys)
             assert np.abs(np.delete(moved, servo)).max() < 1e-6
             assert 0 < moved[servo] < 0.5 * 0.2 + 1e-6
