@@ -96,3 +96,27 @@ def test_a_limit_that_cannot_be_met_ends_with_the_last_good_state() -> None:
         simulation.step()
     assert "\n" not in str(caught.value)
     np.testing.assert_array_equal(simulation.positions, kept)
+
+
+def test_a_limited_cloth_catches_a_heavy_ball() -> None:
+    """Its moves come first among the unknowns, those of the ball behind them."""
+    words = [
+        "springs.nodes=7", "springs.size=0.6", "springs.fixed_corners=[0,1,2,3]", "springs.stiffness=500",
+        "damping={mass=2.0, stiffness=0.0}", "contact={contact_distance=0.002, alarm_distance=0.006}", "dt=0.01",
+        "rigid=[{shape='ball', mass=2.0, radius=0.06, position=[0.01,0.02,0.07]}]",
+    ]  # fmt: skip
+    free = Simulation(load_scene("cloth", words))
+    for _ in range(30):
+        free.step()
+    simulation = Simulation(load_scene("cloth", [*words, "strain_limit.stretch=0.02"]))
+    worst, b = 0.0, simulation._system.body
+    for _ in range(30):
+        report = simulation.step()
+        assert report.contact
+        assert report.contact.smallest_gap > -0.002
+        x = simulation.positions
+        length = np.linalg.norm(x[b.ends[:, 1]] - x[b.ends[:, 0]], axis=1) / b.rest_length
+        worst = max(worst, float(length.max()) - 1)
+    assert 0.01 < worst <= 0.02
+    assert free.rigid[0].position[2] < simulation.rigid[0].position[2] - 0.01
+    assert report.contact.pressed > 0

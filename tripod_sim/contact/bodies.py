@@ -81,6 +81,9 @@ class Nodes(Body, Protocol):
     def exceeds(self, u: FloatArray) -> bool:
         """Return whether strains after the moves `u` are larger than their bound."""
 
+    def tighten(self) -> None:
+        """Stiffen what bounds the strains."""
+
     def settle(self, u: FloatArray) -> float:
         """Give what bounds the strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
 
@@ -166,6 +169,11 @@ class SpringNodes:
         """Return whether springs are longer than their bound after the moves `u`."""
         self._place(u)
         return self._bound is not None and self._bound.exceeded(self._at)
+
+    def tighten(self) -> None:
+        """Stiffen the bound of strains."""
+        if self._bound:
+            self._bound.harden()
 
     def settle(self, u: FloatArray) -> float:
         """Give the bound of strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""

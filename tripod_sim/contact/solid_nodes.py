@@ -233,6 +233,9 @@ class SolidNodes:
         """Strains of a solid have no bound."""
         return False
 
+    def tighten(self) -> None:
+        """There is nothing that bounds strains."""
+
     def settle(self, u: FloatArray) -> float:
         """There is nothing that bounds strains."""
         return 0.0

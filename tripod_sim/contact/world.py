@@ -64,7 +64,7 @@ class World:
         problem: Potential of the step.
     """
 
-    MOST_PASSES, MOST_HALVINGS = 8, 6
+    MOST_PASSES, MOST_HALVINGS, MOST_RAISES = 8, 6, 4
 
     PART_SPEED = 0.5
     """At which bodies that begin too close are parted [m/s]."""
@@ -253,20 +253,24 @@ class World:
     def _solve(self, u: FloatArray, report: ContactReport, *, rough: bool) -> Outcome:
         """Move `u` to the minimum with the present contacts, and within the bound of strains if there is one."""
         bounded, why = self._bounded, ""
-        try:
-            outcome = self.response.solve(u, rough=rough)
-        except DescentError as error:
-            if not (bounded and bounded.exceeds(u[: bounded.unknowns])):
-                raise
-            why = str(error)
-        else:
+        for _ in range(1 + self.MOST_RAISES):
+            try:
+                outcome = self.response.solve(u, rough=rough)
+            except DescentError as error:
+                if not (bounded and bounded.exceeds(u[: bounded.unknowns])):
+                    raise
+                why = str(error)
+                break
             report.passes += 1
             report.rounds += outcome.rounds
             report.residual, report.smallest_gap = outcome.residual, outcome.smallest
             if not (bounded and outcome.done and bounded.exceeds(u[: bounded.unknowns])):
                 return outcome
             why = f"gaps, slips or lengths are still {outcome.residual:.2g} m off"
-        bounded.forget()
+            bounded.tighten()  # what hangs on the body may be far heavier than its nodes
+            self.problem.renew()
+        if bounded:
+            bounded.forget()
         raise DescentError(f"strain_limit cannot be met: {why}")
 
     def _cut(self, u: FloatArray, share: float) -> None:

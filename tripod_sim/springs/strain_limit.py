@@ -65,9 +65,11 @@ class Bound:
         self.links = self._links()
 
     def harden(self) -> None:
-        """Make K ten times larger."""
+        """Make K ten times larger; the tensions stay."""
+        aimed, links = (1 - MARGIN) * self.longest, self.links
+        links.rest[:] = aimed - 0.1 * (aimed - links.rest)
         self._stiffness *= 10
-        self.links = self._links()
+        links.stiffness[:] = self._stiffness
 
     def exceeded(self, x: FloatArray) -> bool:
         """Return whether a spring is longer than its bound at `x` [m], shape (n, 3)."""
@@ -83,8 +85,7 @@ class Bound:
         """Set the tensions to those that `x` asks for; return by how much lengths were off, over half their margin."""
         rest = self.links.rest
         lengths(x, self._springs, self._length)
-        aimed = (1 - MARGIN) * self.longest
-        asked = aimed - np.maximum(0.0, self._length - rest)
+        asked = (1 - MARGIN) * self.longest - np.maximum(0.0, self._length - rest)
         off = np.abs(asked - rest) / (0.5 * MARGIN * self.longest)
         rest[:] = asked
         return float(off.max(initial=0.0))
