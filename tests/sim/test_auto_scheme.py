@@ -1,6 +1,7 @@
 """`dt = "auto"` alone chooses the scheme, too: implicit Euler and TR-BDF2 for solids."""
 
 import itertools
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -121,9 +122,10 @@ def test_both_schemes_take_turns_and_what_is_taken_back_leaves_no_trace(
     monkeypatch.setattr(scheme, "_part", part)
     monkeypatch.setattr(scheme, "recall_history", recalled)
     rejected = 0
-    for k in range(40):
+    for k in range(10):  # at rest all would end alike
         rejected += simulation.step(turned(0.01 * (k + 1))).rejected
     assert rejected > 0
+    assert np.abs(simulation.state.velocities).max() > 1e-3
     assert 3 < sum(euler for _, euler, _ in tried) < len(tried) - 3
     assert sum(a[1] != b[1] for a, b in itertools.pairwise(tried)) >= 2
     again = tripod("inertia.scheme=tr_bdf2", "time_error={}", "solver.tolerance=1e-9")
@@ -153,3 +155,17 @@ def test_reset_and_restore_bring_the_choice_back() -> None:
         simulation.restore(saved)
         after.append(go(4, 8))
     assert after[0] == after[1]
+
+
+def test_nothing_that_the_estimate_remembers_is_lost_in_a_copy() -> None:
+    estimate = tripod("dt=auto").state.errors
+    assert estimate
+    for k, field in enumerate(fields(estimate)):
+        value = getattr(estimate, field.name)
+        setattr(estimate, field.name, np.full_like(value, k + 1) if isinstance(value, np.ndarray) else k + 1)
+    other = tripod("dt=auto").state.errors
+    assert other
+    estimate.copy_to(other)
+    for copy in (other, estimate.copy()):
+        for k, field in enumerate(fields(estimate)):
+            np.testing.assert_array_equal(getattr(copy, field.name), k + 1)
