@@ -1,5 +1,6 @@
-"""The domains that tests hold: no two at once."""
+"""The domains that tests hold: no two at once, and none where somebody is."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -14,10 +15,20 @@ OTHER = """
 import sys
 from tests import domains
 domains._turn = iter([int(sys.argv[1]), *domains.DOMAINS])
+domains._is_empty = lambda domain: True
 with domains.own_domain() as number:
     print(number, flush=True)
     sys.stdin.read()
 """
+
+
+@pytest.fixture
+def apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Locks that no other run of tests on this machine has, and no look at what others do."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    locks = os.open(tmp_path / f"tripod-tests-{os.getuid()}.domains", os.O_RDWR | os.O_CREAT, 0o600)
+    monkeypatch.setattr(domains, "_locks", lambda: locks)
+    monkeypatch.setattr(domains, "_is_empty", lambda domain: True)
 
 
 def start(first: int) -> subprocess.Popen[str]:
@@ -27,6 +38,7 @@ def start(first: int) -> subprocess.Popen[str]:
     return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=root)
 
 
+@pytest.mark.usefixtures("apart")
 def test_one_process_gets_them_in_turn() -> None:
     seen = []
     with own_domain() as outer:
@@ -38,6 +50,7 @@ def test_one_process_gets_them_in_turn() -> None:
     assert set(seen) < set(DOMAINS)
 
 
+@pytest.mark.usefixtures("apart")
 def test_another_process_gets_another_until_this_one_lets_go() -> None:
     with own_domain() as mine, start(mine) as other:
         assert int(other.stdout.readline()) != mine
@@ -51,10 +64,18 @@ def test_another_process_gets_another_until_this_one_lets_go() -> None:
 
 
 def test_a_domain_where_somebody_listens_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    with own_domain() as one, own_domain() as two:
-        pass
-    monkeypatch.setattr(domains, "_turn", iter([one, two]))
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        stranger.bind(("127.0.0.1", 7400 + 250 * one + 13))  # the second participant's messages
-        with own_domain() as taken:
-            assert taken == two
+    with own_domain() as mine:
+        assert domains._is_empty(mine)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.bind(("127.0.0.1", 7400 + 250 * mine + 13))  # the second participant's messages
+            assert not domains._is_empty(mine)
+    looked: list[int] = []
+
+    def is_empty(domain: int) -> bool:
+        looked.append(domain)
+        return len(looked) > 3
+
+    monkeypatch.setattr(domains, "_is_empty", is_empty)
+    with own_domain() as mine:
+        assert mine == looked[-1]
+        assert len(set(looked)) == 4
