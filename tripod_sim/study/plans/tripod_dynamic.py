@@ -42,7 +42,8 @@ def finest(_: Settings) -> tuple[Settings, ...]:
     """Return the reference of the whole error: H27 on fine meshes, edges as 1/2 to 1/3, and small steps.
 
     What limits it is the mesh: at the edge of the sharp clamp the solution is singular (docs/convergence.md). Steps err
-    by less than 0.1 %.
+    by less than 0.1 %. H20 on level 9 agrees with the finest to 0.6 % in this motion, but leaves the smooth branch in a
+    quarter of others (docs/accuracy_promise.md): it is neither reference nor point.
     """
     fine = {**DEFAULT, **FINE, "mesh.element": "h27", "solver.tolerance": 1e-5}
     return ({**fine, "mesh.level": 9, "dt": 5e-4}, {**fine, "mesh.level": 10, "dt": 2.5e-4})
@@ -74,12 +75,6 @@ def plan(*, quick: bool) -> Plan:
             *grid(
                 {**DEFAULT, "mesh.element": "h27", "solver.mode": "newton"},
                 mesh__level=(1, 9),
-                dt=(0.001, 0.0005),
-                inertia__scheme=("tr_bdf2",),
-            ),
-            *grid(
-                {**DEFAULT, "mesh.element": "h20", "solver.mode": "newton"},
-                mesh__level=(9,),
                 dt=(0.001, 0.0005),
                 inertia__scheme=("tr_bdf2",),
             ),
