@@ -13,6 +13,7 @@ Runs of one case take turns, and the least time of each counts.
 """
 
 import argparse
+import textwrap
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -287,7 +288,7 @@ def main() -> None:
         lines = table(runs)
         print("\n".join([*lines, "", found]), flush=True)
         if options.write:
-            write_part("time_error.md", f"auto {name}", [told, "", found, "", *lines])
+            write_part("time_error.md", f"auto {name}", [told, "", *textwrap.wrap(found, 120), "", *lines])
 
 
 if __name__ == "__main__":
