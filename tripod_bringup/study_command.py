@@ -163,12 +163,13 @@ def _version() -> str:
 def report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: bool) -> dict[str, Any]:
     """Run the course report's variations of a scene, print and write their table and return it. Raises OSError.
 
-    Rows that are done are kept and not measured again, unless `fresh`.
+    Rows that are done are kept and not measured again, unless `fresh` or by other code.
     """
     from tripod_bringup.study_store import Store  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.study.catalogue import study  # noqa: PLC0415
+    from tripod_sim.study.catalogue import STUDIES, study  # noqa: PLC0415
+    from tripod_sim.study.fingerprint import fingerprint  # noqa: PLC0415
 
-    made = study(name, full=full)
+    made, code = study(name, full=full), fingerprint(STUDIES[name])
     path = out / f"{name}_report.csv"
     path.open("a").close()  # before the work, not after it
     rows: list[dict[str, Any]] = []
@@ -177,7 +178,7 @@ def report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: 
         bar(f"{name} report", shown=shown) as progress,
     ):
         for case in made.cases:
-            if (key := made.key(case)) not in store.records:
+            if (key := f"{code} {made.key(case)}") not in store.records:
                 store.add(key, {"row": plain(made.row(case))})
             rows.append(store.records[key]["row"])
             if progress:

@@ -103,6 +103,9 @@ def test_rows_that_are_done_are_kept_and_taken_up_again(
     assert len(measured) == 4
     CliRunner().invoke(app, [*words, "--fresh", "--out", str(tmp_path)])
     assert len(measured) == 8
+    monkeypatch.setattr("tripod_sim.study.fingerprint.fingerprint", lambda _: "physics that changed")
+    CliRunner().invoke(app, [*words, "--out", str(tmp_path)])
+    assert len(measured) == 12
 
 
 def test_every_study_can_be_made() -> None:
