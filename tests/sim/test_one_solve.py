@@ -60,15 +60,27 @@ def test_nothing_is_left_over_where_the_matrix_is_that_of_another_pose() -> None
     lags = []
     for carried in (False, True):
         left_over, x = LeftOver(3), np.zeros(3)
-        for k in range(1, 61):
+        for k in range(1, 121):
             residual = stiffness @ (x - k * pull)
             if carried:
                 left_over.add_to(residual, 0.01)
             x -= np.linalg.solve(factored, residual)
             left_over.note(stiffness @ (x - k * pull))
-        lags.append(60 * pull - x)
+        lags.append(120 * pull - x)
     np.testing.assert_allclose(lags[0], (factored @ np.linalg.inv(stiffness) - np.eye(3)) @ pull, atol=1e-9)
     assert np.abs(lags[1]).max() < 1e-6
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.5, 1.0, 1.5, 1.95])
+def test_what_is_carried_makes_no_mode_unstable_that_was_stable(ratio: float) -> None:
+    """One solve with k0 for a spring of k is stable for k < 2 k0, and so it stays."""
+    left_over, x = LeftOver(1), np.ones(1)
+    for _ in range(600):
+        residual = ratio * x
+        left_over.add_to(residual, 0.01)
+        x -= residual
+        left_over.note(ratio * x)
+    assert abs(x[0]) < 1e-3
 
 
 def test_what_is_left_over_belongs_to_one_length_and_one_factorisation() -> None:
