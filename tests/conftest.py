@@ -12,9 +12,11 @@ from tests.domains import own_domain
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
-# Under `nohup` SIGHUP is ignored, also by the processes that tests start and hang up; what is handled is not inherited.
-if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
-    signal.signal(signal.SIGHUP, lambda *_: None)
+# In the background, or under `nohup`, a shell has SIGINT or SIGHUP ignored, and so would the processes that tests start
+# and send them. What is handled is not inherited.
+for _number in (signal.SIGINT, signal.SIGHUP):
+    if signal.getsignal(_number) is signal.SIG_IGN:
+        signal.signal(_number, lambda *_: None)
 
 
 @pytest.fixture
