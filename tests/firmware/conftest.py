@@ -6,6 +6,7 @@ import pytest
 
 from tests.firmware import build
 from tests.firmware.simulated_board import SimulatedBoard
+from tests.firmware.terminal_board import TerminalBoard
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
@@ -38,3 +39,11 @@ def board(make_board: Callable[..., SimulatedBoard]) -> SimulatedBoard:
     board = make_board()
     board.run(0.010)
     return board
+
+
+@pytest.fixture
+def terminal(board: SimulatedBoard) -> Iterator[TerminalBoard]:
+    """The same board at the far end of a pseudo-terminal."""
+    terminal = TerminalBoard(board)
+    yield terminal
+    terminal.close()

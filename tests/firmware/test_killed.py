@@ -17,7 +17,6 @@ import pytest
 pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make setup`")
 
 from tests.firmware.session import PERIOD, is_row_of, rows
-from tests.firmware.simulated_board import SimulatedBoard
 from tests.firmware.terminal_board import TerminalBoard
 from tripod_driver.framed import Decoder, SetPulses
 
@@ -28,13 +27,6 @@ DEADLINE = 120.0
 WATCHDOG = 0.5
 PARKED = (24000, 24000, 24000)
 """Pulses of the flat piece [0.1 us]."""
-
-
-@pytest.fixture
-def terminal(board: SimulatedBoard) -> Iterator[TerminalBoard]:
-    terminal = TerminalBoard(board)
-    yield terminal
-    terminal.close()
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ import pytest
 import serial
 
 from tests.firmware.session import is_row_of, rows
-from tests.firmware.simulated_board import SimulatedBoard
 from tests.firmware.terminal_board import TerminalBoard
 from tripod_driver.framed import (
     Acknowledgement,
@@ -24,13 +23,6 @@ from tripod_driver.protocol import LegacyProtocol
 
 DEADLINE = 20.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
-
-
-@pytest.fixture
-def terminal(board: SimulatedBoard) -> Iterator[TerminalBoard]:
-    terminal = TerminalBoard(board)
-    yield terminal
-    terminal.close()
 
 
 @pytest.fixture
