@@ -27,7 +27,7 @@ def write_files(result: Result, folder: Path) -> list[Path]:
 
 
 def write_csv(result: Result, path: Path) -> None:
-    """Write one row a point, SI units, errors relative and absolute."""
+    """Write one row a point, SI units, errors relative and absolute; the accuracies that it is fastest for in one."""
     fields = [knob["field"] for knob in result["knobs"]]
     quantities = [(q["name"], q["unit"]) for q in result["quantities"]]
     plain = (
@@ -45,10 +45,11 @@ def write_csv(result: Result, path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         errors = [word for name, unit in quantities for word in (f"{name} [{unit}]", f"{name}, relative")]
-        writer.writerow(["label", *fields, *plain, "on_front", *errors])
-        for point in result["points"]:
+        writer.writerow(["label", *fields, *plain, "on_front", "fastest_within", *errors])
+        for i, point in enumerate(result["points"]):
             cells = [point["label"], *(point["settings"][f] for f in fields), *(point[key] for key in plain)]
-            cells.append(point["on_front"])
+            levels = [level for level, best in result["cheapest"].items() if best == i]
+            cells += [point["on_front"], "; ".join(levels)]
             for name, _ in quantities:
                 error = point["errors"].get(name, {})
                 cells += [error.get("absolute"), error.get("relative")]

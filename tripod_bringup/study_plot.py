@@ -1,6 +1,6 @@
 """The picture of a study: error over cost, the front marked; beside it error over the step where orders are fitted."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ def draw(result: Result, path: Path) -> None:
     if orders:
         _steps(axes[1], result)
     figure.suptitle(result["title"] + (" (quick)" if result["quick"] else ""), fontsize=11)
+    handles, names = axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=4 if orders else 3, fontsize=7.5)
     figure.savefig(path, dpi=110)
 
 
@@ -39,27 +41,27 @@ def _work_precision(axes: Any, result: Result) -> None:
     from tripod_sim.study.advice import short  # noqa: PLC0415
 
     points = [p for p in result["points"] if p["error"] is not None]
+    grouping = next(k for k in result["knobs"] if k["field"] == result["group"])
     for value, (colour, marker) in _styles(result).items():
         own = [p for p in points if p["settings"][result["group"]] == value]
         if own:
             axes.loglog(
                 [p["cpu"] for p in own], [_height(p) for p in own], marker, color=colour, ms=5, alpha=0.75,
-                label=str(value),
+                label=_word(grouping, value),
             )  # fmt: skip
     best = [result["points"][i] for i in result["front"]]
     axes.loglog([p["cpu"] for p in best], [_height(p) for p in best], "-", color="0.2", lw=1.2, label="front")
     if points:
         heights, costs = [_height(p) for p in points], [p["cpu"] for p in points]
         axes.set_ylim(min(heights) / 3, max(heights) * 3)
-        axes.set_xlim(min(costs) / 2, max(costs) * 4)
-    chosen = {i for i in result["cheapest"].values() if i is not None}
-    for i in sorted(chosen):
-        p = result["points"][i]
-        names = [level for level, j in result["cheapest"].items() if j == i]
-        _note(axes, p, f"{', '.join(names)}: {short(p['settings'], result)}", above=False, bold=True)
+        axes.set_xlim(min(costs) / 3, max(costs) * 2)
+    for i, levels in _fastest(result).items():
+        _ring(axes, result["points"][i], levels, short(result["points"][i]["settings"], result))
+    if missing := [level.rstrip("%") for level, i in result["cheapest"].items() if i is None]:
+        axes.plot([], [], " ", label=f"none is surely within {', '.join(missing)} %")
     for p in points:
-        if p["label"] and not (p["on_front"] and result["points"].index(p) in chosen):
-            _note(axes, p, p["label"], above=True, bold=False)
+        if p["label"]:
+            _note(axes, p)
     for level in (10, 5, 1, 0.1):
         axes.axhline(level, color="0.8", lw=0.8, zorder=0)
     if result["reference"] and result["reference"]["own_error"]:
@@ -67,18 +69,44 @@ def _work_precision(axes: Any, result: Result) -> None:
     axes.set(xlabel=f"CPU time [{result['cpu']}]", ylabel=f"error of {result['quantities'][0]['name']} [%]")
     axes.grid(visible=True, which="major", alpha=0.25)
     axes.tick_params(axis="x", which="minor", labelsize=6, labelrotation=45)
-    axes.legend(loc="lower left", fontsize=7.5)
 
 
-def _note(axes: Any, point: Result, text: str, *, above: bool, bold: bool) -> None:
-    """Write beside a point, beneath the markers, towards the middle of the picture."""
+def _word(knob: Mapping[str, Any], value: Any) -> str:
+    """Return a knob's value for a legend, with the knob's name where it is a number."""
+    return value if isinstance(value, str) else f"{knob['name']} {value}"
+
+
+def _fastest(result: Result) -> dict[int, list[str]]:
+    """Return the accuracies [%] for which a point is the fastest, by the point's index, cheapest first."""
+    found: dict[int, list[str]] = {}
+    for level, i in result["cheapest"].items():
+        if i is not None:
+            found.setdefault(i, []).append(level.rstrip("%"))
+    return found
+
+
+def _ring(axes: Any, point: Result, levels: Sequence[str], setting: str) -> None:
+    """Mark the fastest point within `levels` [%], named in the legend; left of and below the front nothing else is."""
+    within = f"{', '.join(levels)} %"
+    at = (point["cpu"], _height(point))
+    axes.loglog(
+        *at, "o", ms=11, mfc="none", mec="0.1", mew=1.3, zorder=4, label=f"fastest within {within}: {setting}"
+    )
+    axes.annotate(
+        within, at, xytext=(-7, -5), textcoords="offset points", ha="right", va="top", fontsize=8,
+        fontweight="bold", zorder=5,
+    )  # fmt: skip
+
+
+def _note(axes: Any, point: Result) -> None:
+    """Write a point's label above it, above all markers, with a line that leads to it."""
     low, high = axes.get_xlim()
     right = point["cpu"] > (low * high) ** 0.5
     axes.annotate(
-        text, (point["cpu"], _height(point)), xytext=(-6 if right else 6, 7 if above else -13),
-        textcoords="offset points", ha="right" if right else "left", fontsize=7, zorder=1.5,
-        fontweight="bold" if bold else "normal", color="0.15",
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.5},
+        point["label"], (point["cpu"], _height(point)), xytext=(-20 if right else 20, 34), textcoords="offset points",
+        ha="right" if right else "left", fontsize=8, zorder=5, color="0.1",
+        bbox={"facecolor": "white", "edgecolor": "0.6", "lw": 0.6, "alpha": 0.9, "pad": 1.5},
+        arrowprops={"arrowstyle": "-", "color": "0.5", "lw": 0.8, "ls": ":", "shrinkA": 0, "shrinkB": 3},
     )  # fmt: skip
 
 
@@ -107,8 +135,8 @@ def _steps(axes: Any, result: Result) -> None:
 def _family(family: Result, result: Result) -> str:
     """Return what tells a family of points from the others, and its order."""
     varied = [
-        k["field"] for k in result["knobs"]
+        k for k in result["knobs"]
         if len({str(f["settings"].get(k["field"])) for f in result["orders"]}) > 1
     ]  # fmt: skip
-    words = [str(family["settings"][f]) for f in varied if f in family["settings"]]
+    words = [_word(k, family["settings"][k["field"]]) for k in varied if k["field"] in family["settings"]]
     return f"{', '.join(words)}: order {family['order']:.1f}"
