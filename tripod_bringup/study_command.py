@@ -170,6 +170,7 @@ def report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: 
     from tripod_sim.study.fingerprint import fingerprint  # noqa: PLC0415
 
     made, code = study(name, full=full), fingerprint(STUDIES[name])
+    columns = {column.key for column in made.columns}
     path = out / f"{name}_report.csv"
     path.open("a").close()  # before the work, not after it
     rows: list[dict[str, Any]] = []
@@ -178,7 +179,9 @@ def report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: 
         bar(f"{name} report", shown=shown) as progress,
     ):
         for case in made.cases:
-            if (key := f"{code} {made.key(case)}") not in store.records:
+            key = f"{code} {made.key(case)}"
+            kept = store.records.get(key, {}).get("row")
+            if not (isinstance(kept, dict) and columns <= kept.keys()):  # none, or a damaged one
                 store.add(key, {"row": plain(made.row(case))})
             rows.append(store.records[key]["row"])
             if progress:

@@ -1,7 +1,8 @@
 """Running a study's points, here or on a cluster, keeping each as it is done."""
 
+import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import TYPE_CHECKING, Any
 
@@ -58,7 +59,7 @@ def run_plan(
     rungs, others = plan.runs()
     random.Random(seed).shuffle(others)
     jobs = {plan.key(s): (plan.key(s), plan.module, s, plan.limit) for s in [*rungs, *others]}
-    work = [job for key, job in jobs.items() if not _stands(store.records.get(key, LOST), here)]
+    work = [job for key, job in jobs.items() if not _stands(plan, store.records.get(key, LOST), here)]
     done = len(jobs) - len(work)
     if progress:
         progress(done, len(jobs))
@@ -76,12 +77,42 @@ def outdated(plan: "Plan", store: Store) -> int:
     """Return how many points of a study the store has from other code than this: they are measured again."""
     here, records = fingerprint(plan.module), store.records
     keys = {plan.key(s) for some in plan.runs() for s in some}
-    return sum(
-        not _stands(records[key], here) and records[key]["status"] not in AGAIN
-        for key in keys & records.keys()
+    found = [records[key] for key in keys & records.keys() if whole(plan, records[key])]
+    return sum(record["status"] not in AGAIN and record.get("code") != here for record in found)
+
+
+def whole(plan: "Plan", record: Mapping[str, Any]) -> bool:
+    """Return whether a record from a file has all that a result is made of; a damaged one is measured again."""
+    words = (record.get("status"), record.get("message"))
+    numbers, observed = record.get("cpu"), record.get("observed")
+    if not (all(isinstance(word, str) for word in words) and isinstance(numbers, list)):
+        return False
+    if not all(record.get(key) is None or _positive(record[key]) for key in ("unknowns", "calibration")):
+        return False
+    if words[0] != "ok":
+        return True
+    return (
+        bool(numbers)
+        and all(_positive(number) for number in [*numbers, record.get("amount")])
+        and isinstance(observed, dict)
+        and all(_rows(observed.get(quantity.key)) for quantity in plan.quantities)
     )
 
 
-def _stands(record: dict[str, Any], here: str) -> bool:
+def _positive(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
+
+
+def _rows(value: Any) -> bool:
+    """Return whether a value is a table of finite numbers."""
+    if not (isinstance(value, list) and value and all(isinstance(row, list) and row for row in value)):
+        return False
+    cells = [cell for row in value for cell in row]
+    return len({len(row) for row in value}) == 1 and all(
+        isinstance(cell, int | float) and math.isfinite(cell) for cell in cells
+    )
+
+
+def _stands(plan: "Plan", record: dict[str, Any], here: str) -> bool:
     """Return whether a point need not be measured again; `here`: fingerprint of the code that would do it."""
-    return record["status"] not in AGAIN and record.get("code") == here
+    return whole(plan, record) and record["status"] not in AGAIN and record.get("code") == here

@@ -12,15 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from tests.bringup import toy_study
 from tripod_bringup import study_command
 from tripod_bringup.cli import app
+from tripod_bringup.study_plot import draw
 from tripod_bringup.study_run import Job, local, outdated, run_plan
 from tripod_bringup.study_store import Store
 from tripod_bringup.study_worker import Worker, lost
 from tripod_sim.study.fingerprint import fingerprint
+from tripod_sim.study.result import assemble
 
 ROOT = Path(__file__).parents[2]
 
@@ -111,6 +114,51 @@ def test_points_of_other_code_are_measured_again(code: str | None, tmp_path: Pat
         assert outdated(made, store) == 0
     assert len(lines(log)) - before == 4, "these two and the two that crash"
     assert records[made.key(ok)]["code"] == fingerprint(made.module)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"status": None},
+        {"status": ["ok"]},
+        {"message": 3},
+        {"cpu": []},
+        {"cpu": None},
+        {"cpu": ["1"]},
+        {"cpu": [0.0]},
+        {"unknowns": "5"},
+        {"calibration": "fast"},
+        {"amount": 0},
+        {"amount": float("inf")},
+        {"observed": None},
+        {"observed": {}},
+        {"observed": {"x": 1.0}},
+        {"observed": {"x": []}},
+        {"observed": {"x": [[1.0], [1.0, 2.0]]}},
+        {"observed": {"x": [[1.0, "2"]]}},
+        {"observed": {"x": [[float("nan"), 1.0]]}},
+    ],
+    ids=str,
+)
+def test_a_damaged_point_is_measured_again(damage: dict[str, Any], tmp_path: Path) -> None:
+    made, path = toy_study.make(steps=(0.4, 0.2)), tmp_path / "toy.jsonl"
+    whole = {"message": "", "status": "ok", "cpu": [1.0], "amount": 1.0, "observed": {"x": [[1.0, 0.1]]}}
+    whole["code"] = fingerprint(made.module)
+    asked: list[str] = []
+
+    def execute(work: Sequence[Job]) -> Iterator[tuple[str, dict[str, Any]]]:
+        asked.extend(job[0] for job in work)
+        yield from ((job[0], whole) for job in work)
+
+    with Store(path) as store:
+        keys = list(run_plan(made, store, execute))
+        store.add(keys[1], {**whole, **damage})
+    asked.clear()
+    with Store(path) as store:
+        assert outdated(made, store) == 0
+        found = run_plan(made, store, execute)
+    assert asked == [keys[1]]
+    assert found[keys[1]]["observed"] == whole["observed"]
 
 
 def test_what_other_code_of_a_cluster_measures_is_refused(tmp_path: Path) -> None:
@@ -230,6 +278,7 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path) -> None:
     table = list(csv.DictReader((tmp_path / "out" / "toy.csv").open(newline="")))
     result = json.loads((tmp_path / "out" / "toy.json").read_text())
     assert [float(row["error"]) for row in table] == [p["error"] for p in result["points"]]
+    assert [row["fastest_within"] for row in table] == ["", "10%; 5%", ""]
     assert (tmp_path / "out" / "toy.png").read_bytes()[:4] == b"\x89PNG"
     assert result["versions"]["code"] == fingerprint("tests.bringup.toy_study")
     assert "other code" not in done.stderr
@@ -241,6 +290,24 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path) -> None:
     assert said == [
         f"tripod study: toy: points in {tmp_path / 'out'} of other code: 1; they are measured again"
     ]
+
+
+def test_the_picture_names_the_fastest_and_what_none_reaches(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, drawn = toy_study.make(), list[Figure]()
+    with Store(tmp_path / "toy.jsonl") as store:
+        result = assemble(made, run_plan(made, store, local(2)), "0")
+    result["points"][0]["label"] = "the default"
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    draw(result, tmp_path / "toy.png")
+    names = [text.get_text() for text in drawn[0].legends[0].get_texts()]
+    assert names == ["ok", "front", "fastest within 10, 5 %: dt 0.2", "none is surely within 1, 0.1 %"]
+    axes = drawn[0].axes[0]
+    assert {text.get_text() for text in axes.texts} == {"10, 5 %", "the default"}
+    ring = next(line for line in axes.lines if str(line.get_label()).startswith("fastest"))
+    best = result["points"][result["cheapest"]["5%"]]
+    assert ring.get_xydata().tolist() == [[best["cpu"], pytest.approx(100 * best["error"])]]
 
 
 @pytest.mark.usefixtures("toy")

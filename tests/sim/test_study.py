@@ -101,11 +101,17 @@ def test_rows_that_are_done_are_kept_and_taken_up_again(
     again = CliRunner().invoke(app, [*words, "--out", str(tmp_path)])
     assert again.stdout == done.stdout
     assert len(measured) == 4
+    rows = tmp_path / "pendulum_report.jsonl"
+    kept = [json.loads(line) for line in rows.read_text().splitlines()]
+    del kept[0]["row"], kept[1]["row"]["stable"]
+    rows.write_text("".join(json.dumps(record) + "\n" for record in kept))
+    assert CliRunner().invoke(app, [*words, "--out", str(tmp_path)]).exit_code == 0
+    assert measured[4:] == measured[:2], "the damaged rows"
     CliRunner().invoke(app, [*words, "--fresh", "--out", str(tmp_path)])
-    assert len(measured) == 8
+    assert len(measured) == 10
     monkeypatch.setattr("tripod_sim.study.fingerprint.fingerprint", lambda _: "physics that changed")
     CliRunner().invoke(app, [*words, "--out", str(tmp_path)])
-    assert len(measured) == 12
+    assert len(measured) == 14
 
 
 def test_every_study_can_be_made() -> None:

@@ -92,8 +92,12 @@ def stored_studies() -> list[Path]:
 def read_study(path: Path) -> StoredStudy:
     """Return the study of a JSON file. Raises SceneError, naming the file and what is wrong with it."""
     try:
-        if path.exists() and not path.is_file():
-            raise SceneError(f"study {str(path)!r} is not a file")
+        is_other = path.exists() and not path.is_file()
+    except (OSError, ValueError):  # opening tells
+        is_other = False
+    if is_other:
+        raise SceneError(f"study {str(path)!r} is not a file; it must be the JSON file of a study")
+    try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
