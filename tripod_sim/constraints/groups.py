@@ -4,13 +4,13 @@ A node is free, belongs to a rigid body (six unknowns), to a driven frame (moved
 coordinate that matters for torque and compliance), or is fixed.
 """
 
-import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.constraints.rotation_kernels import write_rotation
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 
@@ -98,20 +98,9 @@ class Groups:
 
 def rotation_matrix(rotation: FloatArray) -> FloatArray:
     """Return the matrix of the rotation vector `rotation` [rad], shape (3, 3) (Rodrigues' formula)."""
-    x, y, z = rotation.tolist()
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = x / angle, y / angle, z / angle
-    c, s = math.cos(angle), math.sin(angle)
-    d = 1 - c
-    return np.array(
-        [
-            [c + d * x * x, d * x * y - s * z, d * x * z + s * y],
-            [d * x * y + s * z, c + d * y * y, d * y * z - s * x],
-            [d * x * z - s * y, d * y * z + s * x, c + d * z * z],
-        ]
-    )
+    out = np.empty((3, 3))
+    write_rotation(*rotation.tolist(), out)
+    return out
 
 
 def quaternion(matrix: FloatArray) -> FloatArray:

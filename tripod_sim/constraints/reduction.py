@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tripod_sim.constraints.groups import Groups, Kind
+from tripod_sim.constraints.rotation_kernels import write_rotation
 from tripod_sim.errors import SceneError
 
 Array = Any
@@ -255,7 +256,7 @@ def move_bodies(
     out_centres: Array,
     out_rotations: Array,
 ) -> None:
-    """Write where `scale` times a step puts the bodies: c + scale u, and exp([scale w]x) R (Rodrigues' formula).
+    """Write where `scale` times a step puts the bodies: c + scale u, and exp([scale w]x) R.
 
     Args:
         centres, rotations: Where they are [m], shape (b, 3), and matrices, shape (b, 3, 3).
@@ -269,15 +270,7 @@ def move_bodies(
         k = first + 6 * b
         for i in range(3):
             out_centres[b, i] = centres[b, i] + scale * solution[k + i]
-        x, y, z = scale * solution[k + 3], scale * solution[k + 4], scale * solution[k + 5]
-        angle = math.sqrt(x * x + y * y + z * z)
-        if angle > 0.0:
-            x, y, z = x / angle, y / angle, z / angle
-        c, s = math.cos(angle), math.sin(angle)
-        d = 1 - c
-        turn[0, 0], turn[0, 1], turn[0, 2] = c + d * x * x, d * x * y - s * z, d * x * z + s * y
-        turn[1, 0], turn[1, 1], turn[1, 2] = d * x * y + s * z, c + d * y * y, d * y * z - s * x
-        turn[2, 0], turn[2, 1], turn[2, 2] = d * x * z - s * y, d * y * z + s * x, c + d * z * z
+        write_rotation(scale * solution[k + 3], scale * solution[k + 4], scale * solution[k + 5], turn)
         for i in range(3):
             for j in range(3):
                 out_rotations[b, i, j] = (
