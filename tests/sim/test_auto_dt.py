@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tripod_sim import SceneError, Simulation, StepError, load_scene
+from tripod_sim.integrators import auto_steps
 from tripod_sim.integrators.auto_steps import AutoSteps
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.substeps import Substeps
@@ -70,6 +71,7 @@ def test_the_error_falls_with_the_tolerance(scheme: str) -> None:
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_parts_nest_and_rejected_ones_leave_no_trace(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same lengths without the rejected parts between give the same motion, history included."""
+    monkeypatch.setattr(auto_steps, "UNSOLVED", 0.0)
     words = ("dt=0.01", "dt=auto", "time_error={tolerance=2e-5, estimate='global'}", "solver.tolerance=1e-9")
     simulation = tripod(scheme, *words)
     tried, worst = lengths(simulation, monkeypatch), 0.0
@@ -100,6 +102,46 @@ def test_parts_nest_and_rejected_ones_leave_no_trace(scheme: str, monkeypatch: p
     np.testing.assert_allclose(state.positions, simulation.state.positions, rtol=0, atol=1e-9)
     assert state.errors and simulation.state.errors
     np.testing.assert_allclose(state.errors.error[0], simulation.state.errors.error[0], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("scheme", [*SCHEMES, "auto"])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5])
+def test_solves_end_where_they_are_exact_enough_for_the_step(
+    scheme: str, tolerance: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They take fewer iterations, and their ends shift the motion by half of what its steps do at most."""
+    exact, found, iterations = motion(tripod("tr_bdf2", "dt=1.25e-4"), 6, 1.25e-4), [], []
+    simulation = tripod(scheme, "dt=0.01", "dt=auto", f"time_error.tolerance={tolerance}")
+    for share in (0.0, auto_steps.UNSOLVED):
+        monkeypatch.setattr(auto_steps, "UNSOLVED", share)
+        simulation.reset()
+        iterations.append(0)
+        positions = []
+        for k in range(6):
+            iterations[-1] += simulation.step(turned(0.01 * (k + 1))).iterations
+            positions.append(simulation.state.positions.copy())
+        found.append(np.array(positions))
+    assert iterations[1] < 0.85 * iterations[0]
+    errors = [np.linalg.norm(x - exact, axis=2).max() for x in found]
+    assert errors[1] < 1.5 * errors[0]
+
+
+def test_the_shorter_a_part_the_better_it_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a solve leaves is a velocity, too: over h."""
+    simulation = tripod("implicit_euler", "dt=0.02", "dt=auto", "time_error.tolerance=1e-5")
+    stepper, left = simulation._stepper, {}
+    assert isinstance(stepper, AutoSteps)
+    plain = stepper._scheme._part
+
+    def part(state, joints, h):
+        left[round(0.02 / h)] = stepper._newton.near
+        return plain(state, joints, h)
+
+    monkeypatch.setattr(stepper._scheme, "_part", part)
+    simulation.step(turned(0.02))
+    assert len(left) > 2
+    for parts, near in left.items():
+        assert near == pytest.approx(auto_steps.UNSOLVED * 1e-5 * min(1.0, 2 / parts))
 
 
 def test_the_same_bits_after_reset_and_restore() -> None:

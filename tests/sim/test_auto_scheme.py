@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
+from tripod_sim.integrators import auto_steps
 from tripod_sim.integrators.auto_steps import AutoSteps
 from tripod_sim.scene_file import scene_to_toml
 
@@ -67,7 +68,10 @@ def test_with_a_fixed_dt_it_is_implicit_euler_to_the_bit(name: str) -> None:
     assert len(set(ends)) == 1
 
 
-def test_where_the_tolerance_allows_an_interval_is_one_step_of_implicit_euler() -> None:
+def test_where_the_tolerance_allows_an_interval_is_one_step_of_implicit_euler(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(auto_steps, "UNSOLVED", 0.0)
     auto, fixed = tripod("dt=auto", "time_error.tolerance=1.0"), tripod("inertia.scheme=implicit_euler")
     for k in range(6):
         report, other = auto.step(turned(0.01 * (k + 1))), fixed.step(turned(0.01 * (k + 1)))
@@ -103,6 +107,7 @@ def test_the_error_falls_with_the_tolerance_and_no_part_adds_more() -> None:
 def test_both_schemes_take_turns_and_what_is_taken_back_leaves_no_trace(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(auto_steps, "UNSOLVED", 0.0)
     simulation = tripod("dt=auto", "time_error.tolerance=6e-5", "solver.tolerance=1e-9")
     stepper, tried = simulation._stepper, []
     assert isinstance(stepper, AutoSteps)
@@ -169,3 +174,24 @@ def test_nothing_that_the_estimate_remembers_is_lost_in_a_copy() -> None:
     for copy in (other, estimate.copy()):
         for k, field in enumerate(fields(estimate)):
             np.testing.assert_array_equal(getattr(copy, field.name), k + 1)
+
+
+def test_where_a_servo_stops_a_step_of_tr_bdf2_does_not_take_over_at_any_length() -> None:
+    """After implicit Euler's was too long, TR-BDF2's estimate for one much longer counts on a smooth motion."""
+    pose = (-1.4965, -1.4965, -1.4965, 0.035)
+    words = (f"servos.angles={list(pose[:3])}", f"servos.slide={pose[3]}", "solver.mode=one_solve")
+    scene = load_scene("tripod", [*words, "dt=0.01", "dt=auto", "time_error.tolerance=3.48e-4"])
+    fine = Simulation(load_scene("tripod", [*words, "inertia.scheme=tr_bdf2", "dt=2.5e-4"]))
+    auto, error = Simulation(scene), 0.0
+    for k in range(8):
+        for part in range(40):
+            fine.step(np.add(pose, [0.3 * min((k + (part + 1) / 40) / 3, 1.0), 0, 0, 0]))
+        auto.step(np.add(pose, [0.3 * min((k + 1) / 3, 1.0), 0, 0, 0]))
+        error = max(error, float(np.linalg.norm(auto.positions - fine.positions, axis=1).max()))
+    assert error < 4.2e-4
+
+
+def test_where_the_step_is_worth_no_more_one_solve_moves_the_servos() -> None:
+    """The first step, along with the driven nodes, has a rate at which the force falls as any other."""
+    simulation = tripod("dt=auto", "time_error.tolerance=0.1")
+    assert [simulation.step(turned(0.001 * (k + 1))).iterations for k in range(5)] == [1] * 5

@@ -14,6 +14,8 @@ error at the end with the fewest of them.
 
 With `mixed` the parts are steps of implicit Euler where these get further with the same work than those of TR-BDF2. Its
 parts of an interval are equal unless one is taken back, and twice as long after an interval of small errors.
+
+The equations of a part are solved as far as its error is worth, not to the scene's `solver.tolerance`.
 """
 
 import math
@@ -38,16 +40,21 @@ SHRINK, GROW = 0.1, 4.0
 FIRST, SECOND = 1, 2
 """Orders of implicit Euler and TR-BDF2."""
 
-SPARE = 0.15
+SPARE = 0.3
 """Part of the tolerance that a step of implicit Euler may add: it damps, so that the errors of all steps add up."""
 
 CALM = 0.3
 """Part of that below which its steps become longer."""
 
+UNSOLVED, SWING = 0.01, 0.01
+"""By what part of the error that a step may add its end may miss the solution of its equations, where the step takes
+SWING [s] or longer. That is a velocity, too, of as much over h, which moves a body by 1 / w of its slowest mode times
+that (5 ms for the Tripod at work): shorter steps are solved as much better."""
+
 CHEAPER = 1.2
 """Implicit Euler takes over where it gets so many times further with the same work."""
 
-WORK = 4.5
+WORK = 3.0
 """Steps of implicit Euler that take as long as one of TR-BDF2."""
 
 LEAST = 1e-4
@@ -111,8 +118,8 @@ class AutoSteps(Substeps):
 
     def _divided(self, state: State, joints: FloatArray, dt: float, report: StepReport) -> float:
         """Advance in parts; return the most that one added [m]. Raises StepError and leaves `state`."""
-        errors, scheme, estimate, backup = self.errors, self._scheme, state.errors, self._backup
-        assert errors and estimate and backup
+        errors, estimate = self.errors, state.errors
+        assert errors and estimate
         allowed = max(0, math.floor(math.log2(dt / self._shortest) + 1e-9))
         units = 2 ** max(allowed, self._max_halvings)
         least, start, worst, most = units >> allowed, state.joints.copy(), 0.0, 0.0
@@ -122,15 +129,11 @@ class AutoSteps(Substeps):
             size = min(max(size, least), units if done == 0 else done & -done)
             h, end = dt * (size / units), done + size
             goal = joints if end == units else start + (end / units) * (joints - start)
-            state.copy_to(backup)
-            scheme.keep_history()
-            if euler:
-                scheme._drop_history()
+            limit = SPARE * self._tolerance if euler else self._tolerance
             try:
-                result = scheme._part(state, goal, h)
+                result = self._try_part(state, goal, h, limit, fresh=euler)
             except NewtonError as error:
-                backup.copy_to(state)
-                scheme.recall_history()
+                self._take_back(state)
                 report.halvings += 1
                 if size == 1:
                     self._give_up(state, 1 / units, error)
@@ -139,10 +142,9 @@ class AutoSteps(Substeps):
             report.iterations += result.iterations
             report.factorisations += result.factorisations
             added = errors.largest_added
-            ratio = added / (SPARE * self._tolerance if euler else self._tolerance)
+            ratio = added / limit
             if not ratio <= 1 and size > least:  # so that NaN counts as too much
-                backup.copy_to(state)
-                scheme.recall_history()
+                self._take_back(state)
                 report.rejected += 1
                 estimate.proposed = h * self._shrink(ratio, errors.order)
                 euler, again = euler and self._euler_suffices(estimate, dt), True
@@ -162,6 +164,24 @@ class AutoSteps(Substeps):
             estimate.order = FIRST if euler or self._euler_returns(estimate, dt) else SECOND
         return worst
 
+    def _try_part(
+        self, state: State, goal: FloatArray, h: float, limit: float, *, fresh: bool
+    ) -> NewtonReport:
+        """Advance by a part of `h` [s] that may add `limit` [m], with its history, or `fresh` without."""
+        assert self._backup
+        state.copy_to(self._backup)
+        self._scheme.keep_history()
+        if fresh:
+            self._scheme._drop_history()
+        self._newton.near = UNSOLVED * limit * min(1.0, h / SWING)
+        return self._scheme._part(state, goal, h)
+
+    def _take_back(self, state: State) -> None:
+        """Undo `_try_part`."""
+        assert self._backup
+        self._backup.copy_to(state)
+        self._scheme.recall_history()
+
     def _give_up(self, state: State, part: float, error: NewtonError) -> NoReturn:
         self._origin.copy_to(state)
         self.forget()
@@ -177,9 +197,9 @@ class AutoSteps(Substeps):
         longer = min(length * self._shrink(other, SECOND), dt)
         if length * WORK >= longer:
             return True
-        if estimate.known == 0:  # it starts with such a step, too
-            longer = min(longer, length / math.sqrt(SPARE))
-        estimate.proposed = longer
+        estimate.proposed = min(
+            longer, length / math.sqrt(SPARE)
+        )  # where servos start or stop, neither error is known
         return False
 
     def _euler_returns(self, estimate: ErrorState, dt: float) -> bool:

@@ -5,6 +5,7 @@ projected; at last with a shift), and a step is shortened until the potential fa
 A factorisation is kept while it still halves the residual (chord steps), also from one solve to the next, and renewed
 where it does not. In one-solve mode one linear solve is enough where it leaves little of the unbalanced force, and the
 next step takes that along (`left_over`); where it leaves more, Newton's method goes on to the tolerance.
+Where the error of the time steps is known, so is what an exact solution is worth (`Newton.near`).
 """
 
 import math
@@ -54,6 +55,9 @@ class Newton:
 
     Attributes:
         store: Keeps factorisations of several time steps; None keeps the last one only.
+        near: A solve also ends where no coordinate of a node is further than this from its solution [m], estimated by
+            |dx| q / (1 - q) with q what the last step dx left of the unbalanced force [HairerWanner1996, section IV.8].
+            0 goes on to the tolerance.
     """
 
     SHORTEST = 1e-4
@@ -79,6 +83,7 @@ class Newton:
         self._trial: State | None = None
         self._kept: float | None = None
         self.store: FactorStore | None = None
+        self.near, self._moved = 0.0, 0.0
 
     def forget(self) -> None:
         """Drop the factorisation kept from earlier solves, so that the next one depends on its state alone."""
@@ -104,6 +109,7 @@ class Newton:
         """
         if self._trial is None:
             self._trial = state.copy()
+            self._trial.errors = None  # no part of a trial
         trial, report = self._trial, NewtonReport()
         state.copy_to(trial)
         self._dx[:] = 0.0
@@ -118,10 +124,11 @@ class Newton:
         enough = max(self.tolerance, self._share * size)
         if self._left_over and (driven or size > self.tolerance):
             self._left_over.add_to(self.system.residual, keep)
+        before = 0.0
         if driven:
-            phi = self._drive(state, trial, report)
+            before, phi = size, self._drive(state, trial, report)
             size = self.system.unbalanced()
-        self._descend(state, trial, phi, size, report, enough)
+        self._descend(state, trial, phi, size, report, enough, before)
         if self._left_over and report.iterations == 1 and not report.factorisations:
             self._left_over.note(self.system.residual)
         elif self._left_over:
@@ -147,16 +154,16 @@ class Newton:
         return phi
 
     def _descend(
-        self, state: State, trial: State, phi: float, size: float, report: NewtonReport, enough: float
-    ) -> None:
-        """Iterate from an evaluated `state` until the residual, now of `size` [N], is below the tolerance.
+        self, state: State, trial: State, phi: float, size: float, report: NewtonReport, enough: float, before: float
+    ) -> None:  # fmt: skip
+        """Iterate from an evaluated `state` until its residual, now `size` [N], is below the tolerance, or it is near.
 
-        Below `enough` [N] is enough after one solve.
+        Below `enough` [N] is enough after one solve. `before`: the residual a step earlier [N], 0 if there was none.
         """
         system = self.system
-        while not size <= (
-            enough if report.iterations == 1 else self.tolerance
-        ):  # so that NaN counts as unsolved
+        while not (
+            size <= (enough if report.iterations == 1 else self.tolerance) or self._is_near(size, before)
+        ):
             if report.iterations >= self.max_iterations:
                 raise NewtonError(
                     f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
@@ -171,6 +178,10 @@ class Newton:
             phi = lower
             trial.copy_to(state)
         report.residual = size
+
+    def _is_near(self, size: float, before: float) -> bool:
+        """Return whether the solution is nearer than `near`, a step having changed `before` [N] to `size` [N]."""
+        return self.near > 0 and size < 0.5 * before and self._moved * size <= self.near * (before - size)
 
     def _newton_step(self, state: State, trial: State, report: NewtonReport) -> float:
         """Renew the Hessian at `state`, write a lower state to `trial` and return its potential."""
@@ -219,6 +230,8 @@ class Newton:
         solution = self._solve()
         np.negative(solution, out=solution)
         system.reduction.moves(solution, system.lever, self._dx)
+        if self.near:
+            self._moved = float(np.abs(self._dx).max())
         system.move(state, solution, self._dx, scale, trial)
         return system.evaluate(trial)
 
