@@ -16,7 +16,7 @@ import argparse
 import textwrap
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
@@ -48,6 +48,7 @@ class Case:
         named: The same where the scheme is named, for all implicit ones [m].
         reference: Overrides of the reference, and over what the interval is divided there.
         turns: How many times as often it is repeated, being short.
+        brief: Whether the document holds the verdict alone.
     """
 
     scene: str
@@ -60,11 +61,21 @@ class Case:
     named: tuple[float, ...]
     reference: tuple[tuple[str, ...], int]
     turns: int = 1
+    brief: bool = False
 
 
-def tripod_step(t: float) -> np.ndarray:
-    """Return the joints at `t` [s]: servo 0 turns by 0.3 rad in 30 ms from the working pose."""
-    return np.array(WORKING) + np.array([0.3 * min(t / 0.03, 1.0), 0.0, 0.0, 0.0])
+def turn(angles: Sequence[float], seconds: float, start: Sequence[float]) -> Callable[[float], np.ndarray]:
+    """Return the joints at a time [s]: servos turn by `angles` [rad] in `seconds` from the joints `start`."""
+    return lambda t: np.array(start) + np.array([*angles, 0.0]) * min(t / seconds, 1.0)
+
+
+def swing(t: float) -> np.ndarray:
+    """Return the joints at `t` [s]: servos 0 and 2 swing at 5 and 8 Hz, commanded every 10 ms."""
+    times = np.arange(0.0, 0.31, 0.01)
+    first = np.interp(t, times, 0.15 * np.sin(2 * np.pi * 5 * times))
+    return np.array(WORKING) + np.array(
+        [first, 0.0, np.interp(t, times, 0.1 * np.sin(2 * np.pi * 8 * times)), 0.0]
+    )
 
 
 IMPLICIT = ("implicit_euler", "bdf2", "tr_bdf2")
@@ -72,17 +83,20 @@ COARSE = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 CHAIN = (5, 7, 10, 14, 20, 28, 40, 80, 160, 320, 640, 1280, 2560)
 CLOTH = (80, 112, 128, 144, 160, 192, 256, 384, 512, 768, 1024, 2048)
 
+POSE = (f"servos.angles={list(WORKING[:3])}", f"servos.slide={WORKING[3]}")
+STEP = (0.3, 0.0, 0.0)
+
 CASES = {
     "tripod_step": Case(
         "tripod",
-        (f"servos.angles={list(WORKING[:3])}", f"servos.slide={WORKING[3]}", "solver.mode=newton"),
-        tripod_step,
+        (*POSE, "solver.mode=newton"),
+        turn(STEP, 0.03, WORKING),
         0.2,
         0.01,
         dict.fromkeys(IMPLICIT, COARSE),
         tuple(np.geomspace(4e-3, 3e-7, 36).round(8).tolist()),
         (3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6),
-        (("inertia.scheme=tr_bdf2", "solver.tolerance=1e-9"), 320),
+        (("inertia.scheme=tr_bdf2", "solver.mode=newton", "solver.tolerance=1e-9"), 320),
     ),
     "pendulum": Case(
         "pendulum",
@@ -107,6 +121,22 @@ CASES = {
         (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5),
         (("inertia.scheme=rk4", "inertia.substeps=off"), 4000),
     ),
+}
+
+FLAT = (0.0, 0.0, 0.0, 0.0)
+
+
+def other(words: tuple[str, ...], joints: Callable[[float], np.ndarray]) -> Case:
+    """Return a case like `tripod_step` of another motion or solver, of which the verdict is enough."""
+    return replace(CASES["tripod_step"], words=words, joints=joints, brief=True)
+
+
+CASES |= {
+    "tripod_one_solve": other(POSE, turn(STEP, 0.03, WORKING)),
+    "tripod_back": other((*POSE, "solver.mode=newton"), turn((0.0, -0.25, 0.0), 0.02, WORKING)),
+    "tripod_together": other((*POSE, "solver.mode=newton"), turn((0.12, 0.12, 0.12), 0.05, WORKING)),
+    "tripod_swing": other((*POSE, "solver.mode=newton"), swing),
+    "tripod_flat": other(("solver.mode=newton",), turn((-0.4, 0.0, 0.0), 0.03, FLAT)),
 }
 
 
@@ -278,7 +308,7 @@ def main() -> None:
         told += f"{1e6 * own:.2g} um from twice its dt. Calibration {1e3 * machine:.1f} ms"
         told += f"; {', '.join(f'`{w}`' for w in options.set)}." if options.set else "."
         print(f"\n## {name}\n\n{told}\n", flush=True)
-        runs = settings(case, options.set, named=not options.default)
+        runs = settings(case, options.set, named=not (options.default or case.brief))
         for _ in range(options.repeats * case.turns):
             for run in runs:
                 positions, seconds, run.parts = motion(case, run.simulation)
@@ -288,7 +318,11 @@ def main() -> None:
         lines = table(runs)
         print("\n".join([*lines, "", found]), flush=True)
         if options.write:
-            write_part("time_error.md", f"auto {name}", [told, "", *textwrap.wrap(found, 120), "", *lines])
+            write_part(
+                "time_error.md",
+                f"auto {name}",
+                [told, "", *textwrap.wrap(found, 120), *([] if case.brief else ["", *lines])],
+            )
 
 
 if __name__ == "__main__":
