@@ -62,6 +62,8 @@ def study_command(
     except (SceneError, ClusterError) as error:
         print("tripod study: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS
+    except BrokenPipeError:  # who read the output left, such as head: that is no fault of --out
+        raise
     except OSError as error:
         print(
             f"tripod study: --out {str(out)!r} cannot be written: {error.strerror or error}", file=sys.stderr

@@ -79,13 +79,15 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
         joints: Angles [rad] and slide [m], shape (s + 1,); None takes those at which the scene starts.
 
     Raises:
-        SceneError: the scene is of springs, nothing holds it, its mesh cannot be halved once more, or `joints` do not
-            fit.
+        SceneError: the scene is of springs or rigid bodies, nothing holds it, its mesh cannot be halved once more, or
+            `joints` do not fit.
         StepError: one of the two meshes has no equilibrium there.
     """
     mesh = scene.mesh
-    if scene.springs or not mesh:
+    if scene.springs:
         raise SceneError("springs have no mesh that could be finer: a scene of springs has no spatial error")
+    if not mesh:
+        raise SceneError("there is no mesh that could be finer: a scene of rigid bodies has no spatial error")
     if not (scene.servos or scene.fixed):
         raise SceneError(
             "nothing holds the body (no servos, no fixed box), so it has no static state to estimate"

@@ -379,6 +379,30 @@ def test_ctrl_c_ends_with_130_and_one_line(tmp_path: Path) -> None:
     assert len(lines(tmp_path / "toy.jsonl")) >= 3
 
 
+LEFT = """
+import sys
+from tests.bringup import toy_study
+from tripod_bringup import study_plans
+study_plans.PLANS["toy"] = "tests.bringup.toy_study"
+from tripod_bringup.cli import main
+sys.argv = ["tripod", "study", "toy", "--quiet", "--jobs", "2", "--out", sys.argv[1]]
+main()
+"""
+
+
+def test_a_reader_that_leaves_is_not_blamed_on_the_folder(tmp_path: Path) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-u", "-c", LEFT, str(tmp_path)], cwd=ROOT,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert child.stdout and child.stderr
+    child.stdout.close()
+    said = child.stderr.read()
+    assert child.wait(timeout=30) == 1
+    assert said == ""
+    assert (tmp_path / "toy.json").exists()
+
+
 def test_the_report_and_the_accuracy_of_one_scene_come_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

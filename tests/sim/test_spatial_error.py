@@ -74,6 +74,7 @@ def test_it_is_the_same_twice_and_leaves_effects_of_motion_out() -> None:
     ("name", "words", "message"),
     [
         ("pendulum", [], "springs have no mesh that could be finer"),
+        ("bounce", [], "there is no mesh that could be finer: a scene of rigid bodies"),
         ("silicone", ["fixed=off"], "nothing holds the body"),
         ("tripod", ["mesh.refine=3"], "mesh.refine is 4; it must be at least 0 and at most 3"),
     ],
