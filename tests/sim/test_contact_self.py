@@ -46,7 +46,7 @@ def passes_itself(simulation: Simulation) -> bool:
     edges = np.unique(np.sort(directed_edges(triangles), axis=1), axis=0)
     pairs = np.stack(np.meshgrid(np.arange(len(edges)), np.arange(len(triangles))), axis=-1).reshape(-1, 2)
     marked = np.zeros(len(x), dtype=np.bool_)
-    kernels.mark_passing(pairs, edges, triangles, x.copy(), marked)
+    kernels.mark_passing(pairs, edges, triangles, x.copy(), 0.0, marked)
     return bool(marked.any())
 
 

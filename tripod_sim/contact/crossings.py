@@ -51,6 +51,6 @@ class Crossings:
             for boxes in (query, target):
                 boxes.sweep(self._x, self._x, 0.0)
             tree.update()
-            kernels.mark_passing(tree.pairs(query), edges, triangles, self._x, self._marked)
+            kernels.mark_passing(tree.pairs(query), edges, triangles, self._x, 0.0, self._marked)
         self._x[-n:] = x
         return bool(self._marked.any())

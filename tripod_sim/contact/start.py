@@ -33,7 +33,7 @@ def passing(body: Part, obstacles: list[Part]) -> IndexArray:
             boxes.sweep(x, x, 0.0)
         tree = Tree(target)
         tree.update()
-        kernels.mark_passing(tree.pairs(query), one, two, x, marked)
+        kernels.mark_passing(tree.pairs(query), one, two, x, 0.0, marked)
     found = np.flatnonzero(marked[:n])
     if found.size:
         return found
@@ -66,7 +66,7 @@ def check_itself(body: Part, distance: float) -> None:
         boxes.sweep(x, x, 0.0)
     tree, marked = Tree(target), np.zeros(len(x), dtype=np.bool_)
     tree.update()
-    kernels.mark_piercing(tree.pairs(query), surfaces.edges, surfaces.triangles, x, THIN * distance, marked)
+    kernels.mark_passing(tree.pairs(query), surfaces.edges, surfaces.triangles, x, THIN * distance, marked)
     if marked.any():
         raise SceneError(
             f"nodes {names_of(np.flatnonzero(marked))} of the body pass through the body itself at the start, and no "

@@ -31,24 +31,20 @@ def passes(p: Array, q: Array, a: Array, b: Array, c: Array) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def mark_passing(pairs: Array, edges: Array, triangles: Array, x: Array, out: Array) -> None:
-    """Mark the vertices of edges and triangles (pairs of their numbers) that pass through each other, `out` (n,)."""
-    for k in range(pairs.shape[0]):
-        e, t = pairs[k, 0], pairs[k, 1]
-        p, q = edges[e, 0], edges[e, 1]
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        if p in (a, b, c) or q in (a, b, c):
-            continue
-        if passes(x[p], x[q], x[a], x[b], x[c]):
-            for v in (p, q, a, b, c):
-                out[v] = True
+def _stand_off(p: Array, q: Array, a: Array, b: Array, c: Array, least: float) -> bool:
+    """Return whether p and q are both farther than `least` [m] from the plane of triangle a b c."""
+    normal = np.cross(b - a, c - a)
+    size = np.sqrt((normal * normal).sum())
+    one, two = abs(_side(a, b, c, p)), abs(_side(a, b, c, q))
+    return bool(min(one, two) > least * size)
 
 
 @njit(cache=True, error_model="numpy")
-def mark_piercing(pairs: Array, edges: Array, triangles: Array, x: Array, least: float, out: Array) -> None:
-    """As `mark_passing`, of edges with both ends farther than `least` [m] from the plane of the triangle.
+def mark_passing(pairs: Array, edges: Array, triangles: Array, x: Array, least: float, out: Array) -> None:
+    """Mark the vertices of edges and triangles (pairs of their numbers) that pass through each other, `out` (n,).
 
-    In a surface that is flat, but for rounding, nothing does.
+    Where `least` [m] is positive only edges count of which both ends are farther than that from the plane of the
+    triangle: in a surface that is flat, but for rounding, none does.
     """
     for k in range(pairs.shape[0]):
         e, t = pairs[k, 0], pairs[k, 1]
@@ -56,10 +52,9 @@ def mark_piercing(pairs: Array, edges: Array, triangles: Array, x: Array, least:
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         if p in (a, b, c) or q in (a, b, c):
             continue
-        normal = np.cross(x[b] - x[a], x[c] - x[a])
-        size = np.sqrt((normal * normal).sum())
-        one, two = abs(_side(x[a], x[b], x[c], x[p])), abs(_side(x[a], x[b], x[c], x[q]))
-        if min(one, two) > least * size and passes(x[p], x[q], x[a], x[b], x[c]):
+        if passes(x[p], x[q], x[a], x[b], x[c]) and (
+            least <= 0.0 or _stand_off(x[p], x[q], x[a], x[b], x[c], least)
+        ):
             for v in (p, q, a, b, c):
                 out[v] = True
 
