@@ -41,6 +41,7 @@ def study_command(
     0 done; 1 a study has no reference, so no errors; 2 bad arguments; 130 stopped by Ctrl-C, to be resumed.
     """
     from tripod_bringup.study_cluster import ClusterError  # noqa: PLC0415 - not needed for the help
+    from tripod_bringup.study_store import StoreBusyError  # noqa: PLC0415
     from tripod_sim.errors import SceneError  # noqa: PLC0415
 
     shown = not quiet and sys.stderr.isatty()
@@ -59,7 +60,7 @@ def study_command(
                 from tripod_bringup.study_files import table  # noqa: PLC0415
 
                 print(table(result), end="\n\n")
-    except (SceneError, ClusterError) as error:
+    except (SceneError, ClusterError, StoreBusyError) as error:
         print("tripod study: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS
     except BrokenPipeError:  # who read the output left, such as head: that is no fault of --out

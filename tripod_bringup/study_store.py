@@ -1,5 +1,7 @@
 """Points that are done, on disk: one JSON object a line, each safe before the next is begun."""
 
+import errno
+import fcntl
 import json
 import os
 from pathlib import Path
@@ -7,21 +9,48 @@ from types import TracebackType
 from typing import Any
 
 
+class StoreBusyError(Exception):
+    """Another process adds to the file; the message names it and says what to do."""
+
+
 class Store:
     """A file of records by key, to which each new one is added and synchronised.
 
     A process that is killed at any moment loses no finished point: a last line that was torn is cut off when the file
-    is opened again.
+    is opened again. One process at a time has the file: two would measure everything twice, and disturb each other's
+    times.
     """
 
     def __init__(self, path: Path, *, fresh: bool = False) -> None:
-        """Open `path` and read what is there; `fresh`: forget that. Raises OSError."""
+        """Open `path` and read what is there; `fresh`: forget that. Raises OSError, StoreBusyError."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self.records: dict[str, dict[str, Any]] = {}
-        if fresh:
-            path.unlink(missing_ok=True)
         self._file = path.open("a+b")
-        self._read()
+        try:
+            self._lock(path)
+            if fresh:
+                self._file.truncate(0)
+            self._read()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _lock(self, path: Path) -> None:
+        """Keep others from the file until it is closed, however this process ends."""
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise StoreBusyError(
+                f"another `tripod study` adds to {str(path)!r}: wait until it has ended, stop it, or name another "
+                "folder by --out"
+            ) from None
+        except OSError as error:
+            if error.errno not in (
+                errno.ENOLCK,
+                errno.ENOSYS,
+                errno.EOPNOTSUPP,
+            ):  # a file system without locks
+                raise
 
     def _read(self) -> None:
         self._file.seek(0)

@@ -311,6 +311,24 @@ def test_the_picture_names_the_fastest_and_what_none_reaches(
 
 
 @pytest.mark.usefixtures("toy")
+@pytest.mark.parametrize("words", [[], ["--fresh"]])
+def test_a_second_study_in_the_same_folder_is_refused(words: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "toy.jsonl"
+    command = ["study", "toy", "--out", str(tmp_path), "--quiet", *words]
+    with Store(path) as store:
+        store.add("a", {"status": "ok"})
+        done = CliRunner().invoke(app, command)
+        store.add("b", {"status": "ok"})
+    assert done.exit_code == 2
+    assert done.stderr.splitlines() == [
+        f"tripod study: another `tripod study` adds to '{path}': wait until it has ended, stop it, or name another "
+        "folder by --out"
+    ]
+    assert [json.loads(line)["key"] for line in lines(path)] == ["a", "b"]
+    assert CliRunner().invoke(app, command).exit_code == 0
+
+
+@pytest.mark.usefixtures("toy")
 def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         toy_study, "rungs", lambda s: tuple({**s, "dt": h, "end": "diverge"} for h in (0.02, 0.01))
