@@ -66,9 +66,8 @@ def study_command(
     except BrokenPipeError:  # who read the output left, such as head: that is no fault of --out
         raise
     except OSError as error:
-        print(
-            f"tripod study: --out {str(out)!r} cannot be written: {error.strerror or error}", file=sys.stderr
-        )
+        path = str(error.filename or out)
+        print(f"tripod study: --out: {path!r} cannot be written: {error.strerror or error}", file=sys.stderr)
         return BAD_ARGUMENTS
     except KeyboardInterrupt:
         print(

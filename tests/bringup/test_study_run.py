@@ -349,7 +349,7 @@ def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pyte
         (["cloth", "--quick", "--knobs", "dt,speed"], "knob 'speed' is unknown; knobs: dt, linear"),
         (["cloth", "--quick", "--knobs", "tolerance"], "varies these alone; add more of: scheme, dt"),
         (["cloth", "--scheduler", "here"], "--scheduler is 'here'; it must be tcp://HOST:PORT"),
-        (["cloth", "--out", "/proc/no/such"], "cannot be written"),
+        (["cloth", "--out", "/proc/no/such"], "--out: '/proc/no' cannot be written: No such file"),
     ],
 )
 def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:
@@ -395,6 +395,15 @@ def test_ctrl_c_ends_with_130_and_one_line(tmp_path: Path) -> None:
         f"tripod study: interrupted; what is done is kept in {tmp_path}, the same command goes on"
     ]
     assert len(lines(tmp_path / "toy.jsonl")) >= 3
+
+
+@pytest.mark.usefixtures("toy")
+def test_the_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "toy.jsonl").mkdir()
+    done = CliRunner().invoke(app, ["study", "toy", "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    path = tmp_path / "toy.jsonl"
+    assert done.stderr.strip() == f"tripod study: --out: '{path}' cannot be written: Is a directory"
 
 
 LEFT = """
