@@ -154,3 +154,14 @@ def test_sheets_that_pass_through_each_other_at_the_start_are_named(tmp_path: Pa
         assert "\n" not in str(caught.value)
     scene("across.obj", [sheet, across], "contact.self_contact=false", "obstacles=[{source='sphere.obj'}]",
           "springs.position=[0, 0, 2]")  # fmt: skip
+
+
+@pytest.mark.parametrize("height", [1e-6, 1e-4])
+def test_an_edge_that_hardly_reaches_through_a_triangle_counts_where_asked(height: float) -> None:
+    """The edge ends at `height` [m] above and at 1 mm below the triangle; nearer than 10 um is but rounding."""
+    x = np.array([[0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0.002, 0.002, height], [0.002, 0.002, -1e-3]])
+    pairs, edges, triangles = np.zeros((1, 2), dtype=np.int64), np.array([[3, 4]]), np.array([[0, 1, 2]])
+    for least, counts in ((0.0, True), (1e-5, height > 1e-5)):
+        marked = np.zeros(len(x), dtype=np.bool_)
+        kernels.mark_passing(pairs, edges, triangles, x, least, marked)
+        assert marked.all() == marked.any() == counts
