@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.rigid_shapes import ball, box, solid_of
 from tripod_sim.contact.surfaces import Part, join
-from tripod_sim.errors import SceneError
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
 from tripod_sim.run import run
 from tripod_sim.springs.generate import grid
@@ -25,10 +25,7 @@ DOWN = np.array([np.cos(TILT), 0.0, -np.sin(TILT)])
 
 
 def refused(scene: str, *overrides: str) -> str:
-    with pytest.raises(SceneError) as caught:
-        Simulation(load_scene(scene, overrides))
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return refusal(scene, overrides)
 
 
 def sliding(friction: float, response: str, steps: int = 200) -> tuple[float, float]:
@@ -248,17 +245,7 @@ def test_bad_rigid_bodies_are_named(tmp_path: Path) -> None:
 
 def test_reset_and_repetition_give_the_same_bits() -> None:
     simulation = Simulation(load_scene("stack", ["rigid.2.position=[0.04, 0, 0.27]"]))
-
-    def motion() -> bytes:
-        for _ in range(40):
-            simulation.step()
-        assert simulation.report.contact
-        assert simulation.report.contact.pressed
-        return simulation.positions.tobytes()
-
-    first = motion()
-    simulation.reset()
-    assert motion() == first
+    assert_same_after_reset(simulation, 40)
 
 
 def test_a_run_tells_poses_and_contacts_and_records_the_vertices(tmp_path: Path) -> None:

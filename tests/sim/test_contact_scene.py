@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact.build import body_part, obstacle_parts
 from tripod_sim.contact.crossings import Crossings
-from tripod_sim.errors import SceneError
 from tripod_sim.springs.build import spring_body
 
 SMALL = ["springs.source=grid", "springs.nodes=9", "springs.size=0.6"]
@@ -19,10 +19,7 @@ MODES = ["lagrange", "penalty"]
 
 
 def refused(*overrides: str) -> str:
-    with pytest.raises(SceneError) as caught:
-        Simulation(load_scene("drape", [*SMALL, *overrides]))
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return refusal("drape", [*SMALL, *overrides])
 
 
 @pytest.mark.parametrize("response", MODES)
@@ -155,17 +152,7 @@ def test_removing_contact_gives_the_bits_of_a_scene_that_never_had_it(tmp_path: 
 
 def test_reset_and_repetition_give_the_same_bits() -> None:
     simulation = Simulation(load_scene("drape", SMALL))
-
-    def motion() -> bytes:
-        for _ in range(40):
-            simulation.step()
-        assert simulation.report.contact
-        assert simulation.report.contact.pressed
-        return simulation.state.positions.tobytes()
-
-    first = motion()
-    simulation.reset()
-    assert motion() == first
+    assert_same_after_reset(simulation, 40)
 
 
 def test_absent_contact_is_not_imported() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.contact.crossings import Crossings
@@ -13,7 +14,6 @@ from tripod_sim.contact.solid_build import solid_part
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
-from tripod_sim.errors import SceneError
 
 G, WEIGHT = 9.81, 0.032 * 9.81
 
@@ -29,10 +29,7 @@ PLATE = "obstacles=[{source='plate.obj', position=[0,0,-0.003]}]"
 
 
 def refused(scene: str, *overrides: str) -> str:
-    with pytest.raises(SceneError) as caught:
-        Simulation(load_scene(scene, [*COARSE, *overrides]))
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return refusal(scene, [*COARSE, *overrides])
 
 
 def contact_force(simulation: Simulation) -> np.ndarray:
@@ -170,17 +167,7 @@ def test_removing_contact_gives_the_bits_of_a_scene_that_never_had_it() -> None:
 def test_reset_and_repetition_give_the_same_bits() -> None:
     words = ["obstacles.0.position=[0,0,-0.024]"]
     simulation = Simulation(load_scene("silicone_drop", [*COARSE, *words]))
-
-    def motion() -> bytes:
-        for _ in range(12):
-            simulation.step()
-        assert simulation.report.contact
-        assert simulation.report.contact.pressed
-        return simulation.state.positions.tobytes()
-
-    first = motion()
-    simulation.reset()
-    assert motion() == first
+    assert_same_after_reset(simulation, 12)
 
 
 def test_gradient_and_potential_agree_with_a_disc_that_turns() -> None:
