@@ -11,6 +11,8 @@ from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneN
 
 commands = typer.Typer()
 
+Slide = Annotated[float, typer.Option(help="Inward slide \\[m].")]
+
 
 @commands.command(
     epilog=examples(
@@ -23,7 +25,7 @@ def reach(
     scene: SceneArgument = "tripod",
     *,
     set_: Overrides = None,
-    slide: Annotated[float, typer.Option(help="Inward slide \\[m].")] = 0.035,
+    slide: Slide = 0.035,
     low: Annotated[float | None, typer.Option(help="Smallest angle \\[rad]; the scene's by default.")] = None,
     high: Annotated[
         float | None, typer.Option(help="Largest angle \\[rad]; by default where the strips are stretched.")
@@ -77,7 +79,7 @@ def ik(
     tilt: Annotated[str, typer.Option(metavar='"ROLL PITCH"', help="Tilt wanted \\[rad].")] = "0 0",
     scene: SceneName = "tripod",
     set_: Overrides = None,
-    slide: Annotated[float, typer.Option(help="Inward slide \\[m].")] = 0.035,
+    slide: Slide = 0.035,
     start: Annotated[
         str | None,
         typer.Option(metavar='"A B C"', help="Angles \\[rad] whose branch is taken; the working pose."),
