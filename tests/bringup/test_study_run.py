@@ -347,7 +347,10 @@ def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pyte
         (["cloth", "--part", "report"], "there is no report of 'cloth'; reports: pendulum, drape"),
         (["cloth", "--part", "some"], "--part is 'some'; allowed: both, accuracy, report"),
         (["cloth", "--quick", "--knobs", "dt,speed"], "knob 'speed' is unknown; knobs: dt, linear"),
-        (["cloth", "--quick", "--knobs", "tolerance"], "varies these alone; add more of: scheme, dt"),
+        (
+            ["cloth", "--quick", "--knobs", "tolerance"],
+            "varies these alone; try without --quick, or --knobs scheme",
+        ),
         (["cloth", "--scheduler", "here"], "--scheduler is 'here'; it must be tcp://HOST:PORT"),
         (["cloth", "--out", "/proc/no/such"], "--out: '/proc/no' cannot be written: No such file"),
     ],

@@ -167,6 +167,18 @@ def test_knobs_limit_a_study_and_unknown_ones_are_named() -> None:
         made.only(["speed"])
 
 
+def test_knobs_that_no_point_varies_alone_are_told_with_others() -> None:
+    both = [Point({**toy().default, "dt": 9.0, "end": "diverge"})]
+    with pytest.raises(
+        SceneError, match=r"no point of toy varies these alone; try --knobs dt,end$"
+    ) as refused:
+        replace(toy(), points=both).only(["end"])
+    assert "--quick" not in str(refused.value)
+    dt_alone = [Point({**toy().default, "dt": 9.0})]
+    with pytest.raises(SceneError, match=r"alone; try without --quick, or --knobs dt$"):
+        replace(toy(), points=dt_alone, quick=True).only(["end"])
+
+
 def test_short_runs_are_repeated_and_long_ones_are_not() -> None:
     assert len(repeated(lambda: 0.01)) == 5
     assert len(repeated(lambda: 0.2)) == 3

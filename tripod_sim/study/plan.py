@@ -174,11 +174,25 @@ class Plan:
             p for p in self.points if p.label or all(p.settings.get(f) == self.default.get(f) for f in held)
         ]
         if not any(not p.label for p in kept):
-            more = ", ".join(known)
             raise SceneError(
-                f"--knobs {','.join(names)}: no point of {self.name} varies these alone; add more of: {more}"
+                f"--knobs {','.join(names)}: no point of {self.name} varies these alone; {self._instead(names)}"
             )
         return tuple(kept)
+
+    def _instead(self, names: Sequence[str]) -> str:
+        """Return which sets of knobs, with one of `names` or else any, points do vary alone; the shortest ones."""
+        varied = {
+            tuple(k.name for k in self.knobs if p.settings.get(k.field) != self.default.get(k.field))
+            for p in self.points
+            if not p.label
+        } - {()}
+        like = sorted((v for v in varied if set(v) & set(names)), key=lambda v: (len(v), v))
+        others = sorted(varied, key=lambda v: (len(v), v))
+        ways = [
+            *(["without --quick"] if self.quick else []),
+            *("--knobs " + ",".join(v) for v in (like or others)[:3]),
+        ]
+        return "try " + ", or ".join(ways)
 
 
 def grid(default: Settings, **values: Sequence[Value]) -> list[Point]:
