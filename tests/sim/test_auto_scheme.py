@@ -195,3 +195,19 @@ def test_where_the_step_is_worth_no_more_one_solve_moves_the_servos() -> None:
     """The first step, along with the driven nodes, has a rate at which the force falls as any other."""
     simulation = tripod("dt=auto", "time_error.tolerance=0.1")
     assert [simulation.step(turned(0.001 * (k + 1))).iterations for k in range(5)] == [1] * 5
+
+
+def test_in_one_solve_mode_too_the_error_falls_as_far_as_the_tolerance() -> None:
+    """With a fixed dt left-over forces set a floor, which shorter steps alone do not lower."""
+    pose = (-1.4965, -1.4965, -1.4965, 0.035)
+    words = (f"servos.angles={list(pose[:3])}", f"servos.slide={pose[3]}", "solver.mode=one_solve")
+    scene = load_scene("tripod", [*words, "dt=0.01", "dt=auto", "time_error.tolerance=1e-6"])
+    exact = ("solver.mode=newton", "solver.tolerance=1e-8", "inertia.scheme=tr_bdf2", "dt=2.5e-4")
+    auto, fine = Simulation(scene), Simulation(load_scene("tripod", [*words, *exact]))
+    error = 0.0
+    for k in range(8):
+        for part in range(40):
+            fine.step(np.add(pose, [0.3 * min((k + (part + 1) / 40) / 3, 1.0), 0, 0, 0]))
+        auto.step(np.add(pose, [0.3 * min((k + 1) / 3, 1.0), 0, 0, 0]))
+        error = max(error, float(np.linalg.norm(auto.positions - fine.positions, axis=1).max()))
+    assert error < 7e-6

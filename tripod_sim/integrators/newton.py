@@ -27,6 +27,10 @@ if TYPE_CHECKING:  # only steps of changing length need it
 FloatArray = NDArray[np.float64]
 
 
+ONCE = 100.0
+"""How many times further than `Newton.near` the first solve of one-solve mode may end: what it leaves is carried on."""
+
+
 class NewtonError(RuntimeError):
     """No solution was found; the message says why and where."""
 
@@ -158,12 +162,16 @@ class Newton:
     ) -> None:  # fmt: skip
         """Iterate from an evaluated `state` until its residual, now `size` [N], is below the tolerance, or it is near.
 
-        Below `enough` [N] is enough after one solve. `before`: the residual a step earlier [N], 0 if there was none.
+        After one solve, below `enough` [N] is enough. `before`: the residual a step earlier [N], 0 if there was none.
         """
         system = self.system
-        while not (
-            size <= (enough if report.iterations == 1 else self.tolerance) or self._is_near(size, before)
-        ):
+        while not (size <= self.tolerance or self._is_near(size, before)):  # so that NaN counts as unsolved
+            if (
+                report.iterations == 1
+                and size <= enough
+                and (not self.near or self._is_near(size, before, ONCE))
+            ):
+                break
             if report.iterations >= self.max_iterations:
                 raise NewtonError(
                     f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
@@ -179,9 +187,10 @@ class Newton:
             trial.copy_to(state)
         report.residual = size
 
-    def _is_near(self, size: float, before: float) -> bool:
-        """Return whether the solution is nearer than `near`, a step having changed `before` [N] to `size` [N]."""
-        return self.near > 0 and size < 0.5 * before and self._moved * size <= self.near * (before - size)
+    def _is_near(self, size: float, before: float, times: float = 1.0) -> bool:
+        """Return whether the solution is within `times` `near`, a step having changed `before` [N] to `size` [N]."""
+        far = times * self.near
+        return far > 0 and size < 0.5 * before and self._moved * size <= far * (before - size)
 
     def _newton_step(self, state: State, trial: State, report: NewtonReport) -> float:
         """Renew the Hessian at `state`, write a lower state to `trial` and return its potential."""
