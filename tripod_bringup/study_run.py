@@ -87,7 +87,9 @@ def whole(plan: "Plan", record: Mapping[str, Any]) -> bool:
     numbers, observed = record.get("cpu"), record.get("observed")
     if not (all(isinstance(word, str) for word in words) and isinstance(numbers, list)):
         return False
-    if not all(record.get(key) is None or _positive(record[key]) for key in ("unknowns", "calibration")):
+    if not all(
+        _positive(record.get(key) or 1.0) for key in ("unknowns", "calibration")
+    ):  # 0 or none: not told
         return False
     if words[0] != "ok":
         return True

@@ -143,7 +143,7 @@ def test_points_of_other_code_are_measured_again(code: str | None, tmp_path: Pat
 def test_a_damaged_point_is_measured_again(damage: dict[str, Any], tmp_path: Path) -> None:
     made, path = toy_study.make(steps=(0.4, 0.2)), tmp_path / "toy.jsonl"
     whole = {"message": "", "status": "ok", "cpu": [1.0], "amount": 1.0, "observed": {"x": [[1.0, 0.1]]}}
-    whole["code"] = fingerprint(made.module)
+    whole.update(code=fingerprint(made.module), unknowns=0, calibration=0.04)
     asked: list[str] = []
 
     def execute(work: Sequence[Job]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks import accuracy_docs
 from tripod_bringup.study_plans import PLANS, plan
+from tripod_bringup.study_run import whole
 from tripod_sim.errors import StepError
 from tripod_sim.mesh.convert import convert_hexahedra
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
@@ -43,7 +44,17 @@ def test_points_of_every_study_run_and_have_all_quantities(name: str) -> None:
         assert found["unknowns"] > 0
         for rows in found["observed"].values():
             assert np.isfinite(np.array(rows)).all()
-        json.dumps(found, allow_nan=False)
+        assert whole(made, json.loads(json.dumps(found, allow_nan=False)))
+
+
+@pytest.mark.parametrize("name", ["pendulum", "ik"])
+def test_a_reference_that_is_no_simulation_is_kept_when_a_study_is_resumed(name: str) -> None:
+    made = plan(name, quick=True)
+    run = import_module(made.module).task
+    own = [s for s in made.runs()[0] if any(field.startswith("reference.") for field in s)]
+    assert own
+    for settings in own:
+        assert whole(made, json.loads(json.dumps(task.outcome(run, settings))))
 
 
 def test_the_tips_of_the_silicone_are_the_same_points_on_every_mesh() -> None:
