@@ -126,7 +126,7 @@ def choose(
 
 
 def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPoint:
-    """Return the point of a study that a wish is best served by.
+    """Return the point of a study that a wish is best served by: none with a reduced model, which is trained first.
 
     Args:
         study: Of the scene.
@@ -136,9 +136,10 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
     Raises:
         SceneError: there is none; the message names the best.
     """
-    if not study.points:
-        raise SceneError(f"study {study.name!r} has no point that worked")
-    exact = min(study.points, key=lambda p: (promised(study, p), p.cpu))
+    points = [p for p in study.points if p.settings.get("reduced", "off") == "off"]
+    if not points:
+        raise SceneError(f"study {study.name!r} has no point that worked and needs no training")
+    exact = min(points, key=lambda p: (promised(study, p), p.cpu))
     if wish == "reference":
         return exact
     if wish == "real-time":
@@ -148,16 +149,16 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
             )
         if scale is None:
             raise SceneError("--accuracy real-time: this machine's speed is not known; name a percentage")
-        fast = [p for p in study.points if p.cpu * scale <= LOAD]
+        fast = [p for p in points if p.cpu * scale <= LOAD]
         if not fast:
-            least = min(study.points, key=lambda p: p.cpu)
+            least = min(points, key=lambda p: p.cpu)
             raise SceneError(
                 f"--accuracy real-time: no setting of study {study.name!r} takes less than {LOAD:g} s of this machine "
                 f"for a simulated second; the fastest takes {least.cpu * scale:.2g} s"
             )
         return min(fast, key=lambda p: (promised(study, p), p.cpu))
     allowed = DRAFT if wish == "draft" else float(wish)
-    within = [p for p in study.points if promised(study, p) <= allowed * (1 + 1e-9)]
+    within = [p for p in points if promised(study, p) <= allowed * (1 + 1e-9)]
     if not within:
         raise SceneError(
             f"--accuracy {percent(allowed)}: no setting of study {study.name!r} is so exact; the best promises "
