@@ -197,9 +197,8 @@ class AutoSteps(Substeps):
         longer = min(length * self._shrink(other, SECOND), dt)
         if length * WORK >= longer:
             return True
-        estimate.proposed = min(
-            longer, length / math.sqrt(SPARE)
-        )  # where servos start or stop, neither error is known
+        # where servos start or stop neither error is known well
+        estimate.proposed = min(longer, length / math.sqrt(SPARE))
         return False
 
     def _euler_returns(self, estimate: ErrorState, dt: float) -> bool:
