@@ -197,8 +197,9 @@ class AutoSteps(Substeps):
         longer = min(length * self._shrink(other, SECOND), dt)
         if length * WORK >= longer:
             return True
-        # where servos start or stop neither error is known well
-        estimate.proposed = min(longer, length / math.sqrt(SPARE))
+        estimate.proposed = min(
+            longer, length / math.sqrt(SPARE)
+        )  # where servos start or stop, neither error is known
         return False
 
     def _euler_returns(self, estimate: ErrorState, dt: float) -> bool:
