@@ -103,6 +103,10 @@ def _chosen(
     reports = [scene] if scene in REPORTS and (part == "report" or (part == "both" and not quick)) else []
     if every and part == "report":
         reports = list(REPORTS)
+    if part == "report" and knobs:
+        raise SceneError(
+            f"--knobs {','.join(knobs)} chooses points of accuracy, and --part report makes none: leave one out"
+        )
     if part == "report":
         return reports, []
     plans = [plan(name, quick=quick) for name in (PLANS if every else names(scene))]

@@ -346,6 +346,10 @@ def test_a_study_without_reference_ends_with_1(tmp_path: Path, monkeypatch: pyte
         (["pendulum", "--all"], "give one scene or --all"),
         (["cloth", "--part", "report"], "there is no report of 'cloth'; reports: pendulum, drape"),
         (["cloth", "--part", "some"], "--part is 'some'; allowed: both, accuracy, report"),
+        (
+            ["drape", "--part", "report", "--knobs", "dt"],
+            "--knobs dt chooses points of accuracy, and --part report makes none: leave one out",
+        ),
         (["cloth", "--quick", "--knobs", "dt,speed"], "knob 'speed' is unknown; knobs: dt, linear"),
         (
             ["cloth", "--quick", "--knobs", "tolerance"],
