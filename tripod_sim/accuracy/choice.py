@@ -80,8 +80,8 @@ def asked(accuracy: str) -> float | str:
     match = PERCENT.fullmatch(text)
     if not match or not 0 < float(match[1]) <= 100:
         raise SceneError(
-            f"--accuracy is {shown(accuracy)}; it must be a percentage above 0 % and up to 100 %, such as 5%, or one "
-            f"of: {', '.join(WORDS)}"
+            f"--accuracy is {shown(accuracy)}; it must be a percentage above 0 % and up to 100 %, in plain digits "
+            f"such as 5%, or one of: {', '.join(WORDS)}"
         )
     return float(match[1]) / 100
 
