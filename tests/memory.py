@@ -1,6 +1,7 @@
 """What steady work keeps of the memory."""
 
 import gc
+import sys
 import tracemalloc
 from collections.abc import Callable, Iterable
 
@@ -28,3 +29,13 @@ def kept(step: Callable[..., object], arguments: Iterable[object], *, warm_up: i
 def _large_blocks() -> int:
     gc.collect()
     return sum(trace.size for trace in tracemalloc.take_snapshot().traces if trace.size >= SMALLEST)
+
+
+def blocks_grown(run: Callable[[], object], *, warm_up: Callable[[], object]) -> int:
+    """Run `warm_up`, then `run`; return how many more objects, small ones too, are held after the latter."""
+    warm_up()
+    gc.collect()
+    before = sys.getallocatedblocks()
+    run()
+    gc.collect()
+    return sys.getallocatedblocks() - before

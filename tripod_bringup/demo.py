@@ -107,9 +107,9 @@ class DemoNode(Node):
 
     def _on_sim_status(self, message: Any) -> None:
         if self._tracking:
-            self.measured.real_time_factor.append(message.real_time_factor)
-            self.measured.step_time_median.append(message.step_time_median)
-            self.measured.step_time_p99.append(message.step_time_p99)
+            self.measured.real_time_factor.add(message.real_time_factor)
+            self.measured.step_time_median.add(message.step_time_median)
+            self.measured.step_time_p99.add(message.step_time_p99)
 
     def _on_ik_status(self, message: Any) -> None:
         if not self._tracking:

@@ -8,6 +8,9 @@ from pathlib import Path
 ERROR_WANTED = 0.5e-3
 """Root mean square of the tracking error that the demo should stay below [m]."""
 
+SAMPLE = 1000
+"""Most numbers of one stream that are kept for their median."""
+
 
 @dataclass
 class Spread:
@@ -30,6 +33,35 @@ class Spread:
 
 
 @dataclass
+class Sample:
+    """Numbers of a stream, evenly spaced over all of it and never more than `SAMPLE`: it may last for days.
+
+    Attributes:
+        values: Every `stride`-th number that came.
+        stride: Doubled, and every second value dropped, whenever there are `SAMPLE`.
+        count: Numbers that came.
+    """
+
+    values: list[float] = field(default_factory=list)
+    stride: int = 1
+    count: int = 0
+
+    def add(self, value: float) -> None:
+        """Take one number."""
+        if self.count % self.stride == 0:
+            self.values.append(value)
+        self.count += 1
+        if len(self.values) == SAMPLE:
+            del self.values[1::2]
+            self.stride *= 2
+
+    @property
+    def median(self) -> float | None:
+        """Median of the values, None before the first."""
+        return statistics.median(self.values) if self.values else None
+
+
+@dataclass
 class Measurements:
     """What the demo node heard while the targets lasted.
 
@@ -48,9 +80,9 @@ class Measurements:
         session_failure: Why the session broke off, empty if it did not.
     """
 
-    real_time_factor: list[float] = field(default_factory=list)
-    step_time_median: list[float] = field(default_factory=list)
-    step_time_p99: list[float] = field(default_factory=list)
+    real_time_factor: Sample = field(default_factory=Sample)
+    step_time_median: Sample = field(default_factory=Sample)
+    step_time_p99: Sample = field(default_factory=Sample)
     tracking: Spread = field(default_factory=Spread)
     ik_residual: Spread = field(default_factory=Spread)
     ik_states: dict[str, int] = field(default_factory=dict)
@@ -84,9 +116,9 @@ def summary_rows(
     """Return the rows of the closing table: what, and the figure or why there is none."""
     tracking, residual = measured.tracking, measured.ik_residual
     return [
-        ("real-time factor, median", _median(measured.real_time_factor, 1.0, "x", 2)),
-        ("step time, median", _median(measured.step_time_median, 1e3, " ms", 2)),
-        ("step time, p99 (median of seconds)", _median(measured.step_time_p99, 1e3, " ms", 2)),
+        ("real-time factor, median", _median(measured.real_time_factor.median, 1.0, "x", 2)),
+        ("step time, median", _median(measured.step_time_median.median, 1e3, " ms", 2)),
+        ("step time, p99 (median of seconds)", _median(measured.step_time_p99.median, 1e3, " ms", 2)),
         ("tracking error after 1 s, rms", _tracking(tracking)),
         ("tracking error after 1 s, largest", _millimetres(tracking.largest if tracking.count else None)),
         ("IK residual, rms", _millimetres(residual.rms)),
@@ -103,7 +135,7 @@ def problems(measured: Measurements, recording: RecordingFacts | None) -> list[s
     found = []
     if measured.session_failure:
         found.append(measured.session_failure)
-    if not measured.real_time_factor:
+    if not measured.real_time_factor.count:
         found.append("no status of the simulation")
     if not measured.body_states:
         found.append("no body states")
@@ -121,8 +153,8 @@ def problems(measured: Measurements, recording: RecordingFacts | None) -> list[s
 NOT_MEASURED = "not measured"
 
 
-def _median(values: list[float], scale: float, unit: str, digits: int) -> str:
-    return f"{statistics.median(values) * scale:.{digits}f}{unit}" if values else NOT_MEASURED
+def _median(value: float | None, scale: float, unit: str, digits: int) -> str:
+    return NOT_MEASURED if value is None else f"{value * scale:.{digits}f}{unit}"
 
 
 def _millimetres(value: float | None) -> str:

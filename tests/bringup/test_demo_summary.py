@@ -6,8 +6,10 @@ import pytest
 
 from tripod_bringup.demo_summary import (
     NOT_MEASURED,
+    SAMPLE,
     Measurements,
     RecordingFacts,
+    Sample,
     Spread,
     problems,
     summary_rows,
@@ -16,11 +18,18 @@ from tripod_bringup.demo_summary import (
 RECORDING = RecordingFacts(Path("recordings/one"), 2_500_000, 1234)
 
 
+def sample(*values: float) -> Sample:
+    taken = Sample()
+    for value in values:
+        taken.add(value)
+    return taken
+
+
 def full() -> Measurements:
     measured = Measurements(
-        real_time_factor=[0.9, 1.0, 1.0],
-        step_time_median=[0.5e-3, 0.7e-3, 0.6e-3],
-        step_time_p99=[2e-3, 3e-3, 10e-3],
+        real_time_factor=sample(0.9, 1.0, 1.0),
+        step_time_median=sample(0.5e-3, 0.7e-3, 0.6e-3),
+        step_time_p99=sample(2e-3, 3e-3, 10e-3),
         ik_states={"TRACKING": 50},
         body_states=60,
         packets=300,
@@ -65,7 +74,7 @@ def test_what_was_not_measured_is_no_number() -> None:
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        ({"real_time_factor": []}, "no status of the simulation"),
+        ({"real_time_factor": Sample()}, "no status of the simulation"),
         ({"body_states": 0}, "no body states"),
         ({"tracking": Spread()}, "the effector was not measured against the target"),
         ({"ik_residual": Spread()}, "inverse kinematics solved nothing"),
@@ -84,3 +93,12 @@ def test_each_missing_part_of_the_chain_is_a_problem(change: dict[str, object], 
 def test_an_empty_or_torn_recording_is_a_problem() -> None:
     assert problems(full(), RecordingFacts(Path("x"), 10, 0)) == ["nothing was recorded"]
     assert problems(full(), RecordingFacts(Path("x"), 10, None, "torn")) == ["torn"]
+
+
+@pytest.mark.parametrize("count", [SAMPLE - 1, SAMPLE, 10 * SAMPLE + 7, 1_000_000])
+def test_a_demo_of_days_keeps_a_sample_of_its_figures_that_has_their_median(count: int) -> None:
+    taken = sample(*range(count))
+    assert taken.count == count
+    assert len(taken.values) < SAMPLE
+    assert taken.values == [float(i) for i in range(0, count, taken.stride)]
+    assert taken.median == pytest.approx((count - 1) / 2, abs=taken.stride)

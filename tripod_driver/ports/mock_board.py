@@ -1,5 +1,6 @@
 """A board in memory that speaks the `framed` protocol as the firmware does (docs/protocol.md)."""
 
+from collections import deque
 from collections.abc import Callable
 from typing import Final
 
@@ -25,13 +26,15 @@ STEP: Final = 5
 PULSE_RANGE: Final = (5440, 24000)
 """PULSE_MIN and PULSE_MAX of the firmware unless it is built otherwise [0.1 us]."""
 
+MEMORY: Final = 4096
+"""Pulses that are remembered: a board runs for days."""
+
 
 class MockBoard:
     """Answers hellos, takes pulses within its range, holds and releases when the host is silent.
 
     Attributes:
         pulses: What the servos get, or got last [0.1 us]; 0 before the first.
-        history: All pulses that were set, since it was made.
         version: Of the protocol that it speaks.
         pulse_range: Shortest and longest pulse that it makes [0.1 us].
     """
@@ -40,7 +43,7 @@ class MockBoard:
         """`clock` gives the time of its watchdog [s]; without it the watchdog sleeps."""
         self.pulse_range = PULSE_RANGE
         self.version = version
-        self.history: list[Pulses] = []
+        self._history: deque[Pulses] = deque(maxlen=MEMORY)
         self._clock = clock
         self._watchdog = 0.5
         self.restart()
@@ -53,6 +56,11 @@ class MockBoard:
         self._heard_at = self._clock()
         self._sequence: int | None = None
         self._answers = b""
+
+    @property
+    def history(self) -> list[Pulses]:
+        """What pulses were set since it was made, in order; the last MEMORY of them."""
+        return list(self._history)
 
     @property
     def state(self) -> BoardState:
@@ -86,7 +94,7 @@ class MockBoard:
             case SetPulses(pulses) if all(low <= pulse <= high for pulse in pulses):
                 a, b, c = (STEP * round(pulse / STEP) for pulse in pulses)
                 self.pulses = (a, b, c)
-                self.history.append(self.pulses)
+                self._history.append(self.pulses)
                 self._state, self._heard_at = BoardState.ACTIVE, self._clock()
             case SetPulses(pulses):
                 wrong = next(i for i, pulse in enumerate(pulses) if not low <= pulse <= high)
