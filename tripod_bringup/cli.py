@@ -1,6 +1,7 @@
 """The `tripod` command: options and help of every subcommand; what they do is imported when they run."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -192,15 +193,26 @@ def info(
 
 def _add_node_command(name: str, node: NodeInfo) -> None:
     def command(
+        context: typer.Context,
         values: Annotated[
             list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters; see the table below.")
         ] = None,
         *,
         subnet: Subnet = False,
     ) -> None:
-        raise typer.Exit(run_node_command(name, values or [], subnet=subnet))
+        raise typer.Exit(run_node_command(name, values or [], subnet=subnet, ros=context.obj))
 
     app.command(name, cls=NodeCommand, help=node.help, epilog=examples(*node.examples))(command)
+
+
+@app.command(epilog=examples("tripod parameters > tripod.yaml", "tripod parameters driver"))
+def parameters(
+    nodes: Annotated[list[str] | None, typer.Argument(metavar="NODE", help="All nodes by default.")] = None,
+) -> None:
+    """Print the parameters of the nodes as a parameter file of ROS, with their meanings."""
+    from tripod_bringup.parameters_command import parameters_command  # noqa: PLC0415
+
+    raise typer.Exit(parameters_command(nodes or []))
 
 
 app.add_typer(robot_cli.commands)
@@ -212,10 +224,13 @@ for _name, _node in NODES.items():
         _add_node_command(_name, _node)
 
 
-def main() -> None:
-    """Run the command line, as the console script `tripod`; ends by SystemExit with the exit code."""
+def main(words: Sequence[str] | None = None) -> None:
+    """Run the command line, as the console script `tripod`; ends by SystemExit with the exit code.
+
+    `words` stand before those of the command line, as in the programs that `ros2 run tripod NODE` starts.
+    """
     try:
-        app()
+        app([*(words or []), *sys.argv[1:]])
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(130)

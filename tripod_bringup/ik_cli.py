@@ -66,6 +66,7 @@ IK_HELP = (
 
 @commands.command("ik", cls=NodeCommand, help=IK_HELP, epilog=examples(*NODES["ik"].examples))
 def ik(
+    context: typer.Context,
     values: Annotated[
         list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters of the node; see below.")
     ] = None,
@@ -100,7 +101,7 @@ def ik(
 ) -> None:
     """Run the node, or solve once; the help is `IK_HELP`."""
     if target is None:
-        raise typer.Exit(run_node_command("ik", values or [], subnet=subnet))
+        raise typer.Exit(run_node_command("ik", values or [], subnet=subnet, ros=context.obj))
     if values:
         print(
             f"tripod ik: {values[0]!r} is a parameter of the node; with --target give options",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from typer.core import TyperCommand
 
 from tripod_bringup.node_values import ValueSyntaxError, node_arguments, split_word, typed
+from tripod_graph.run import split_ros
 
 if TYPE_CHECKING:
     from tripod_graph.parameters import Parameter
@@ -90,8 +91,8 @@ def unknown_name(what: str, name: str, known: Sequence[str]) -> str:
     return f"no {what} is named {name!r}; {hint}known: {', '.join(known)}"
 
 
-def run_node_command(name: str, words: Sequence[str], *, subnet: bool) -> int:
-    """Run the node `name` until it is told to stop; return its exit code."""
+def run_node_command(name: str, words: Sequence[str], *, subnet: bool, ros: Sequence[str] = ()) -> int:
+    """Run the node `name` until it is told to stop; return its exit code. `ros`: words of `--ros-args`."""
     from tripod_graph.run import keep_local  # noqa: PLC0415
 
     keep_local(subnet=subnet)
@@ -105,7 +106,8 @@ def run_node_command(name: str, words: Sequence[str], *, subnet: bool) -> int:
     except (ValueSyntaxError, UnknownParameterError) as error:
         print(f"tripod {name}: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
-    code: int = module.main([*node_arguments(values), *(["--subnet"] if subnet else [])])
+    own = [*node_arguments(values), *(["--subnet"] if subnet else [])]
+    code: int = module.main([*own, "--ros-args", *ros] if ros else own)
     return code
 
 
@@ -114,7 +116,17 @@ def missing_import(error: ImportError) -> str:
     return f"{error}; run `make setup`, and `tripod doctor` to see what is missing"
 
 
-class NodeCommand(TyperCommand):
+class RosCommand(TyperCommand):
+    """A command that leaves what stands between `--ros-args` and `--` to ROS, in `context.obj`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the command's own words."""
+        own, ctx.obj = split_ros(args)
+        words: list[str] = super().parse_args(ctx, own)
+        return words
+
+
+class NodeCommand(RosCommand):
     """A command whose help ends with the table of the node's parameters."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:

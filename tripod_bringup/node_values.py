@@ -29,7 +29,7 @@ def node_arguments(values: Mapping[str, object]) -> list[str]:
     >>> node_arguments({"scene": "tripod", "port": 8080})
     ['scene:="tripod"', 'port:=8080']
     """
-    return [f"{name}:={_yaml(value)}" for name, value in values.items()]
+    return [f"{name}:={yaml_value(value)}" for name, value in values.items()]
 
 
 class RawYaml(str):
@@ -44,11 +44,12 @@ def typed(text: str, kind: type) -> object:
     return text if kind is str and not quoted else RawYaml(text)
 
 
-def _yaml(value: object) -> str:
+def yaml_value(value: object) -> str:
+    """Return `value` as YAML on one line."""
     if isinstance(value, RawYaml):
         return value
     if isinstance(value, str | Path):
         return json.dumps(str(value), ensure_ascii=False)  # a JSON string is a YAML string
     if isinstance(value, Sequence):
-        return "[" + ", ".join(_yaml(v) for v in value) + "]"
+        return "[" + ", ".join(yaml_value(v) for v in value) + "]"
     return json.dumps(value)

@@ -5,17 +5,20 @@ from typing import Annotated
 
 import typer
 
+from tripod_bringup.node_command import RosCommand
 from tripod_bringup.options import Json, Overrides, Quiet, SceneName, Subnet, examples
 
 commands = typer.Typer()
 
 
 @commands.command(
+    cls=RosCommand,
     epilog=examples(
         "tripod path tilts.csv", "tripod path tilts.json --speed 4", "tripod path tilts.csv --live"
-    )
+    ),
 )
 def path(
+    context: typer.Context,
     file: Annotated[
         Path, typer.Argument(help="CSV or JSON: time and tilt_x, tilt_y (or tilt_x, tilt_z, or x, y, z).")
     ],
@@ -38,20 +41,23 @@ def path(
 
     raise typer.Exit(
         path_command(
-            file, scene=scene, overrides=set_ or [], speed=speed, live=live, subnet=subnet, as_json=json, quiet=quiet
+            file, scene=scene, overrides=set_ or [], speed=speed, live=live, subnet=subnet, ros=context.obj,
+            as_json=json, quiet=quiet,
         )
     )  # fmt: skip
 
 
 @commands.command(
+    cls=RosCommand,
     epilog=examples(
         "tripod solve",
         "tripod solve holes --seed 3",
         "tripod solve random:7 --games 20 --json",
         "tripod solve labyrinth --live",
-    )
+    ),
 )
 def solve(
+    context: typer.Context,
     maze: Annotated[
         str,
         typer.Argument(
@@ -82,7 +88,7 @@ def solve(
     raise typer.Exit(
         solve_command(
             maze, scene=scene, overrides=set_ or [], seed=seed, games=games, noise=noise, delay=delay, limit=limit,
-            live=live, subnet=subnet, as_json=json, quiet=quiet,
+            live=live, subnet=subnet, ros=context.obj, as_json=json, quiet=quiet,
         )
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ def path_command(
     speed: float,
     live: bool,
     subnet: bool,
+    ros: Sequence[str],
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -43,7 +44,7 @@ def path_command(
         if live:
             from tripod_play.node import PathNode  # noqa: PLC0415
 
-            return _in_graph("path", lambda: PathNode(points, path), subnet=subnet)
+            return _in_graph("path", lambda: PathNode(points, path), subnet=subnet, ros=ros)
         simulation, dt = Simulation(description), description.dt
         joints, steps = simulation.command, int(np.ceil(path.times[-1] / description.dt)) + 1
         with progress_bar(shown=shown) as progress:
@@ -86,6 +87,7 @@ def solve_command(
     limit: float,
     live: bool,
     subnet: bool,
+    ros: Sequence[str],
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -99,7 +101,7 @@ def solve_command(
     try:
         description = load_scene(scene, words)
         if live:
-            return _solve_live(description, PlayerSettings(), delay, subnet=subnet)
+            return _solve_live(description, PlayerSettings(), delay, subnet=subnet, ros=ros)
         eye, simulation = Eye(noise=noise, delay=delay), Simulation(description)
         won: list[dict[str, Any]] = []
         with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
@@ -133,7 +135,7 @@ def solve_command(
     return 0 if len(times) == len(won) else NOT_SOLVED
 
 
-def _solve_live(description: Any, settings: Any, delay: float, *, subnet: bool) -> int:
+def _solve_live(description: Any, settings: Any, delay: float, *, subnet: bool, ros: Sequence[str]) -> int:
     from tripod_play.errors import PlayError  # noqa: PLC0415
     from tripod_sim.maze.board import make_board  # noqa: PLC0415
 
@@ -145,7 +147,7 @@ def _solve_live(description: Any, settings: Any, delay: float, *, subnet: bool) 
     from tripod_play.node import SolveNode  # noqa: PLC0415
 
     return _in_graph(
-        "solve", lambda: SolveNode(board, description.maze.offset, settings, delay), subnet=subnet
+        "solve", lambda: SolveNode(board, description.maze.offset, settings, delay), subnet=subnet, ros=ros
     )
 
 
@@ -165,7 +167,7 @@ def maze_command(source: str) -> int:
     return 0
 
 
-def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool) -> int:
+def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool, ros: Sequence[str]) -> int:
     """Run a node until it is done or told to stop."""
     import threading  # noqa: PLC0415
     import time  # noqa: PLC0415
@@ -187,7 +189,7 @@ def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool) -> int:
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=watch, daemon=True).start()
-    code = run_node(name, build, ["--subnet"] if subnet else [])
+    code = run_node(name, build, [*(["--subnet"] if subnet else []), "--ros-args", *ros])
     if made and made[0].done:
         print(made[0].done)
         return code or (0 if made[0].done.startswith(("goal", "path")) else NOT_SOLVED)

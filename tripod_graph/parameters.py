@@ -1,14 +1,18 @@
 """Parameters of a node as one table, from which they are declared, checked and printed."""
 
 import math
+import sys
 from collections.abc import Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
-from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.exceptions import InvalidParameterTypeException
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+
+SHARED: Final[ContextVar[frozenset[str]]] = ContextVar("SHARED", default=frozenset())
+"""Names in blocks of parameter files that are for several nodes: who does not know one leaves it alone."""
 
 
 class ParameterError(ValueError):
@@ -70,37 +74,63 @@ def declare(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
     """
     overrides = node._parameter_overrides  # rclpy offers no other way to list what was set
     names = {p.name for p in table}
-    known = names | {"use_sim_time", "start_type_description_service"}
+    known = names | {"use_sim_time", "start_type_description_service"} | SHARED.get()
     for name in overrides:
         if name not in known and not name.startswith("qos_overrides."):
             raise ParameterError(f"parameter '{name}' is unknown; parameters: {', '.join(sorted(names))}")
     values: dict[str, Any] = {}
     for p in table:
+        kind = _type(p.default)
         given = overrides.get(p.name)
-        if given is not None:
-            overrides[p.name] = RosParameter(p.name, value=_as_float(given.value, p.default))
-        numbers = RosParameter.Type.DOUBLE_ARRAY
-        text = f"{p.help} [{p.unit}]" if p.unit else p.help
-        descriptor = ParameterDescriptor(description=text, additional_constraints=p.allowed, read_only=True)
-        try:
-            value = node.declare_parameter(
-                p.name, numbers if p.default == [] else p.default, descriptor
-            ).value
-        except InvalidParameterTypeException:
+        value = p.default if given is None else _as_float(given.value, p.default)
+        if _type(value) is not kind:
             wanted = "list of numbers" if isinstance(p.default, list) else type(p.default).__name__
-            shown = given.value if given is not None else None
-            raise ParameterError(f"parameter '{p.name}' is {shown!r}; it must be of type {wanted}") from None
-        value = list(value or []) if isinstance(p.default, list) else value
+            raise ParameterError(f"parameter '{p.name}' is {given.value!r}; it must be of type {wanted}")
         p.check(value)
+        if value == []:  # which rclpy takes for bytes, unless it is set with its type
+            overrides.pop(p.name, None)
+            node.declare_parameter(p.name, kind)
+            node.set_parameters([RosParameter(p.name, kind, value)])
+            node.set_descriptor(p.name, descriptor(p))
+        else:
+            overrides[p.name] = RosParameter(p.name, kind, value)
+            node.declare_parameter(p.name, kind, descriptor(p))
         values[p.name] = value
     return values
 
 
+def descriptor(p: Parameter) -> ParameterDescriptor:
+    """Return what ROS tools show of a parameter and check: meaning, unit, range."""
+    text = f"{p.help} [{p.unit}]" if p.unit else p.help
+    kind = _type(p.default).value
+    told = ParameterDescriptor(description=text, type=kind, additional_constraints=p.allowed, read_only=True)
+    if p.low is None and p.high is None:
+        return told
+    if type(p.default) is int:
+        least, most = -(2**63) if p.low is None else int(p.low), 2**63 - 1 if p.high is None else int(p.high)
+        told.integer_range = [IntegerRange(from_value=least, to_value=most)]
+    elif isinstance(p.default, float):
+        end = sys.float_info.max
+        low, high = -end if p.low is None else p.low, end if p.high is None else p.high
+        told.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+    return told
+
+
+def _type(value: Any) -> RosParameter.Type:
+    """Return the type of ROS for `value`, which is one of numbers if it is an empty list."""
+    numbers = isinstance(value, list) and all(isinstance(v, float) for v in value)
+    return RosParameter.Type.DOUBLE_ARRAY if numbers else RosParameter.Type.from_parameter_value(value)
+
+
 def _as_float(value: Any, default: object) -> Any:
-    """Return integers as floats where `default` is a float or a list of floats; anything else as it is."""
+    """Return integers as floats where `default` is a float or a list of floats; anything else as it is.
+
+    An empty list arrives as None: YAML does not tell what would have been in it.
+    """
     if isinstance(default, float) and type(value) is int:
         return float(value)
-    floats = isinstance(default, list) and all(isinstance(v, float) for v in default)
-    if floats and not isinstance(value, str | bytes) and hasattr(value, "__len__"):
+    if isinstance(default, list) and value is None:
+        return []
+    if isinstance(default, list) and not isinstance(value, str | bytes) and hasattr(value, "__len__"):
         return [float(v) if type(v) is int else v for v in value]
     return value

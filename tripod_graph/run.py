@@ -4,6 +4,7 @@ Exit codes: 0 stopped as asked, 1 failed while running, 2 refused its parameters
 """
 
 import os
+import re
 import signal
 import sys
 import threading
@@ -29,8 +30,27 @@ def keep_local(*, subnet: bool = False) -> None:
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET" if subnet else "LOCALHOST"
 
 
+def split_ros(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the program's own words, and those between `--ros-args` and `--` or the end.
+
+    >>> split_ros(["port:=mock", "--ros-args", "-r", "__ns:=/left", "--", "rate:=25", "--ros-args"])
+    (['port:=mock', 'rate:=25'], ['-r', '__ns:=/left'])
+    """
+    own: list[str] = []
+    ros: list[str] = []
+    words = own
+    for word in arguments:
+        if word == "--ros-args":
+            words = ros
+        elif word == "--" and words is ros:
+            words = own
+        else:
+            words.append(word)
+    return own, ros
+
+
 def ros_arguments(arguments: Sequence[str]) -> list[str]:
-    """Turn `name:=value` words into ROS arguments; what follows `--ros-args` passes unchanged.
+    """Turn `name:=value` words into ROS arguments; what stands between `--ros-args` and `--` passes unchanged.
 
     A word sets a parameter, `__ns:=` and `__node:=` remap. ROS refuses lists that mix `1` with `0.5`: their
     numbers become floats here.
@@ -41,9 +61,7 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
     >>> ros_arguments(["port:=mock", "park:=[0, -0.5]"])
     ['--ros-args', '-p', 'port:=mock', '-p', 'park:=[0.0, -0.5]']
     """
-    own = list(arguments)
-    cut = own.index("--ros-args") if "--ros-args" in own else len(own)
-    own, ros = own[:cut], own[cut + 1 :]
+    own, ros = split_ros(arguments)
     words: list[str] = []
     for word in own:
         name, assigns, value = word.partition(":=")
@@ -85,28 +103,34 @@ def run_node(name: str, make: Callable[[], Closable], arguments: Sequence[str] |
         if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, lambda *_: stop.set())
     import rclpy  # noqa: PLC0415 - only after the range of discovery is set
+    from rclpy.exceptions import NameValidationException  # noqa: PLC0415
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415
     from rclpy.node import Node  # noqa: PLC0415
     from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
+    from tripod_graph.parameter_files import parameter_files, shared_names, strangers  # noqa: PLC0415
+    from tripod_graph.parameters import SHARED  # noqa: PLC0415
+
     try:
-        rclpy.init(
-            args=ros_arguments([w for w in words if w != "--subnet"]),
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        ros = ros_arguments([w for w in words if w != "--subnet"])
+        rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001 - rclpy raises several private kinds for bad arguments
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {_one_line(error)}", file=sys.stderr)
         return REFUSED
+    files = parameter_files(ros)
+    SHARED.set(shared_names(files))
     executor = SingleThreadedExecutor()
     node: Closable | None = None
     code = 0
     try:
         try:
             node = make()
-        except (ValueError, OSError) as error:
-            print(f"{name}: {error}", file=sys.stderr)
+        except (ValueError, OSError, NameValidationException) as error:
+            print(f"{name}: {_one_line(error)}", file=sys.stderr)
             return REFUSED
         executor.add_node(cast(Node, node))
+        for line in strangers(files, cast(Node, node).get_fully_qualified_name()):
+            cast(Node, node).get_logger().warning(line)
         while not stop.is_set():
             executor.spin_once(timeout_sec=0.1)
     except ExternalShutdownException:
@@ -125,3 +149,9 @@ def run_node(name: str, make: Callable[[], Closable], arguments: Sequence[str] |
             executor.shutdown()
             rclpy.try_shutdown()
     return code
+
+
+def _one_line(error: Exception) -> str:
+    """Return what `error` says without line breaks, places in the source of ROS, and pointers below a name."""
+    lines = [re.sub(r", at \S+:\d+", "", line.strip()) for line in str(error).splitlines()]
+    return " ".join(line for line in lines if line.strip("^"))

@@ -1,0 +1,101 @@
+"""The launch files say what the programs understand: their arguments and parameters, and those of colcon's build."""
+
+import re
+import runpy
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from tripod_bringup.node_command import NODES, parameter_table
+from tripod_bringup.parameters_command import parameter_file
+
+ROOT = Path(__file__).parents[2]
+NAMED = {"namespace", "scene", "port", "protocol", "calibration", "record", "params_file", "use_sim_time"}
+NAMED |= {"rviz", "foxglove", "autostart"}
+
+
+def test_the_parameter_file_is_as_the_command_writes_it() -> None:
+    written = (ROOT / "config" / "tripod.yaml").read_text(encoding="utf-8")
+    assert written == parameter_file(list(NODES)), "run `tripod parameters > config/tripod.yaml`"
+
+
+@pytest.fixture
+def launched(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """The launch file, with what it takes from launch replaced by what notes it: launch has no wheel."""
+
+    def noting(kind: str) -> Any:
+        return lambda *words, **named: SimpleNamespace(kind=kind, words=words, **named)
+
+    class Configuration:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def perform(self, context: dict[str, str]) -> str:
+            return context[self.name]
+
+    modules: dict[str, dict[str, Any]] = {
+        "launch": {"LaunchContext": dict, "LaunchDescription": list},
+        "launch.actions": {n: noting(n) for n in ("DeclareLaunchArgument", "OpaqueFunction")},
+        "launch.conditions": {"IfCondition": lambda text: text == "true" or text == "True"},
+        "launch.substitutions": {
+            "LaunchConfiguration": Configuration,
+            "PathJoinSubstitution": lambda parts: parts,
+        },
+        "launch_ros": {},
+        "launch_ros.actions": {n: noting(n) for n in ("Node", "LifecycleNode")},
+        "launch_ros.substitutions": {"FindPackageShare": lambda name: name},
+        "launch_ros.parameter_descriptions": {"ParameterValue": lambda value, value_type: value_type(value)},
+    }
+    for name, content in modules.items():
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    return runpy.run_path(str(ROOT / "launch" / "tripod.launch.py"))
+
+
+def defaults(launched: dict[str, Any]) -> dict[str, str]:
+    return {name: default for name, default, _ in launched["ARGUMENTS"]}
+
+
+def test_it_has_the_arguments_that_the_docs_name(launched: dict[str, Any]) -> None:
+    declared = [
+        a.words[0] for a in launched["generate_launch_description"]() if a.kind == "DeclareLaunchArgument"
+    ]
+    assert set(declared) >= NAMED
+
+
+def test_its_nodes_are_programs_of_the_build_and_know_their_parameters(launched: dict[str, Any]) -> None:
+    given = {
+        **defaults(launched),
+        "namespace": "left",
+        "record": "bags",
+        "scene": "maze",
+        "calibration": "r.yaml",
+    }
+    found = [n for n in launched["nodes"](given) if getattr(n, "package", "") == "tripod"]
+    assert [n.executable for n in found] == ["sim", "ik", "view", "driver", "record"]
+    built = re.search(r"foreach\(node (.*)\)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"))
+    assert built and {n.executable for n in found} <= set(built[1].split())
+    for node in found:
+        table = {p.name for p in parameter_table(node.executable)} | {"use_sim_time"}
+        assert node.namespace == "left" and node.name == node.executable
+        assert set(node.parameters[-1]) <= table
+    by_name = {n.executable: n for n in found}
+    assert by_name["sim"].parameters == [{"scene": "maze", "use_sim_time": False}]
+    assert by_name["record"].parameters[-1]["directory"] == "bags" and by_name["record"].condition
+    assert by_name["driver"].kind == "LifecycleNode"
+    assert by_name["driver"].parameters[-1]["autostart"] is True
+    assert not by_name["view"].condition
+
+
+def test_only_what_is_asked_for_runs(launched: dict[str, Any]) -> None:
+    given = {**defaults(launched), "sim": "false", "params_file": "p.yaml", "use_sim_time": "true"}
+    found = launched["nodes"](given)
+    runs = [n.executable for n in found if getattr(n, "condition", True)]
+    assert runs == ["ik", "driver"]
+    assert found[1].parameters == ["p.yaml", {"use_sim_time": True}]
