@@ -95,7 +95,7 @@ def used_packages(root: Path) -> list[str]:
     for path in (root / "package.xml", root / "msgs" / "package.xml"):
         tree = ET.parse(path)
         names |= {e.text or "" for e in tree.getroot() if e.tag.endswith("depend")}
-    return sorted(names - {"tripod_msgs"})
+    return sorted(name for name in names - {"tripod_msgs"} if not name.startswith("python3-"))
 
 
 def _sourced(environ: Mapping[str, str], packages: Sequence[str]) -> RosSource:

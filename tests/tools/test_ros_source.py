@@ -88,3 +88,4 @@ def test_used_packages_are_those_of_both_package_files() -> None:
     packages = used_packages(ROOT)
     assert {"rclpy", "trajectory_msgs", "ament_cmake", "rosidl_default_generators"} <= set(packages)
     assert "tripod_msgs" not in packages
+    assert not [p for p in packages if p.startswith("python3-")], "those are Debian's, not of ROS"
