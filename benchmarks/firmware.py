@@ -22,8 +22,8 @@ SEED = 1
 
 
 def switched_on() -> SimulatedBoard:
-    """Return a board 10 ms after power came."""
-    board = SimulatedBoard(build.simulator(), build.firmware())
+    """Return a board 10 ms after power came, whose pulses may change by any amount."""
+    board = SimulatedBoard(build.simulator(), build.firmware(SLEW=20000))
     board.run(0.010)
     return board
 

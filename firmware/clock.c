@@ -4,10 +4,13 @@
 #include <avr/io.h>
 #include <util/atomic.h>
 
-static volatile uint8_t elapsed;
+enum { LATE = 100 };  // [ms]; the main loop takes less than 5
+
+static volatile uint8_t elapsed __attribute__((section(".noinit")));  // how late the main loop was outlives a reset
 
 void clock_init(void)
 {
+    elapsed = 0;
     TCCR0A = _BV(WGM01);             // count to OCR0A
     OCR0A = F_CPU / 64 / 1000 - 1;
     TIMSK0 = _BV(OCIE0A);
@@ -16,7 +19,13 @@ void clock_init(void)
 
 ISR(TIMER0_COMPA_vect)
 {
-    elapsed++;
+    if (elapsed < UINT8_MAX)
+        elapsed++;
+}
+
+bool clock_was_late(void)
+{
+    return elapsed >= LATE;
 }
 
 uint8_t clock_elapsed(void)

@@ -7,6 +7,7 @@
 #include "clock.h"
 #include "imu.h"
 #include "protocol.h"
+#include "reset.h"
 #include "servo.h"
 #include "uart.h"
 
@@ -42,9 +43,9 @@ static void pass_imu_line(void)
 
 int main(void)
 {
-    MCUSR = 0;
-    wdt_disable();  // a boot loader may have left it on
-    protocol_init(&protocol);
+    uint16_t pulses[SERVO_COUNT];
+    uint8_t cause = reset_begin(pulses);
+    protocol_init(&protocol, cause, pulses);
     servo_init();
     clock_init();
     uart_init();
@@ -52,8 +53,14 @@ int main(void)
     imu_init();
 #endif
     set_sleep_mode(SLEEP_MODE_IDLE);
+    wdt_enable(WDTO_250MS);  // a board whose loop stops is reset, which ends the pulses
     sei();
     for (;;) {
+        wdt_reset();
+        if (servo_period(pulses)) {
+            protocol_period(&protocol, pulses);
+            reset_keep(pulses);
+        }
         receive();
         for (uint8_t ms = clock_elapsed(); ms; ms--)
             protocol_tick(&protocol);

@@ -23,14 +23,16 @@ enum {
     PULSES_SIZE = 2 * SERVO_COUNT,
     LEGACY_HEADER = 255,
     LEGACY_MAX = 180,     // [degree]
-    LEGACY_CREDIT = 2,    // well-formed packets before the first that counts
+    LEGACY_NEAR = 10,     // packets that differ by more do not agree [degree]
+    LEGACY_ROW = 3,       // packets in a row that agree, the last of which counts
     LEGACY_NONE = 255,
-    LEGACY_SILENCE = 3,   // ticks: at least 2 ms
 };
 
-void protocol_init(struct protocol *p)
+void protocol_init(struct protocol *p, uint8_t reset, const uint16_t emitted[SERVO_COUNT])
 {
     memset(p, 0, sizeof *p);
+    p->reset = reset;
+    memcpy(p->emitted, emitted, sizeof p->emitted);
     p->flags = FLAG_RESTARTED;
     p->legacy_count = LEGACY_NONE;
 }
@@ -48,14 +50,31 @@ static uint8_t *put_state(struct protocol *p, uint8_t *at)
     *at++ = p->flags;
     p->flags = 0;
     for (uint8_t i = 0; i < SERVO_COUNT; i++)
-        at = put16(at, p->pulses[i]);
+        at = put16(at, protocol_emits_pulses(p) ? p->pulses[i] : p->emitted[i]);
     return at;
+}
+
+// Set the pulses of the next period: as near to the target as SLEW allows, the target itself where nobody knows how
+// the servo stands.
+static void approach(struct protocol *p)
+{
+    for (uint8_t i = 0; i < SERVO_COUNT; i++) {
+        uint16_t from = p->emitted[i], to = p->target[i];
+        if (from && to > from + SLEW)
+            to = from + SLEW;
+        else if (from && from > to + SLEW)
+            to = from - SLEW;
+        p->pulses[i] = to;
+    }
 }
 
 static void command(struct protocol *p, enum state state)
 {
     p->since_command = 0;
     p->state = state;
+    if (state == STATE_HOLDING)
+        memcpy(p->target, p->pulses, sizeof p->target);
+    approach(p);
 }
 
 static uint8_t *error(uint8_t *at, uint8_t *type, uint8_t code, uint16_t detail)
@@ -100,6 +119,8 @@ static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t lengt
         at = put16(at, PULSE_MIN);
         at = put16(at, PULSE_MAX);
         at = put16(at, WATCHDOG_MS);
+        at = put16(at, SLEW);
+        *at++ = p->reset;
         return put_state(p, at);
     }
     if (*type == SET_PULSES) {
@@ -107,7 +128,7 @@ static uint8_t *carry_out(struct protocol *p, const uint8_t *body, uint8_t lengt
         if (wrong < SERVO_COUNT)
             return error(at, type, ERROR_PULSE, wrong);
         for (uint8_t i = 0; i < SERVO_COUNT; i++)
-            p->pulses[i] = (get16(payload + 2 * i) + PULSE_STEP / 2) / PULSE_STEP * PULSE_STEP;
+            p->target[i] = (get16(payload + 2 * i) + PULSE_STEP / 2) / PULSE_STEP * PULSE_STEP;
         command(p, STATE_ACTIVE);
     } else if (*type == RELEASE) {
         command(p, STATE_RELEASED);
@@ -150,9 +171,7 @@ static void legacy_receive(struct protocol *p, uint8_t byte)
 {
     if (byte == LEGACY_HEADER) {
         if (p->legacy_count != SERVO_COUNT)
-            p->legacy_credit = 0;
-        if (p->silence >= LEGACY_SILENCE)
-            p->legacy_credit = LEGACY_CREDIT;
+            p->legacy_row = 0;
         p->legacy_count = 0;
         return;
     }
@@ -160,15 +179,19 @@ static void legacy_receive(struct protocol *p, uint8_t byte)
         p->legacy_count = LEGACY_NONE;
         return;
     }
-    p->legacy[p->legacy_count++] = byte;
+    uint8_t *last = &p->legacy[p->legacy_count++];
+    bool near = byte <= *last + LEGACY_NEAR && *last <= byte + LEGACY_NEAR;
+    if (!near && p->legacy_row < LEGACY_ROW)
+        p->legacy_row = 0;
+    *last = byte;
     if (p->legacy_count < SERVO_COUNT)
         return;
-    if (p->legacy_credit < LEGACY_CREDIT) {
-        p->legacy_credit++;
+    if (p->legacy_row < LEGACY_ROW)
+        p->legacy_row++;
+    if (p->legacy_row < LEGACY_ROW)
         return;
-    }
     for (uint8_t i = 0; i < SERVO_COUNT; i++)
-        p->pulses[i] = legacy_pulse(p->legacy[i]);
+        p->target[i] = legacy_pulse(p->legacy[i]);
     command(p, STATE_ACTIVE);
 }
 
@@ -176,7 +199,6 @@ uint8_t protocol_receive(struct protocol *p, uint8_t byte, uint8_t reply[FRAME_M
 {
     if (!p->framed)
         legacy_receive(p, byte);
-    p->silence = 0;
     switch (frame_receive(&p->frames, byte)) {
     case FRAME_COMPLETE:
         return answer(p, reply);
@@ -189,16 +211,31 @@ uint8_t protocol_receive(struct protocol *p, uint8_t byte, uint8_t reply[FRAME_M
     }
 }
 
+void protocol_period(struct protocol *p, const uint16_t emitted[SERVO_COUNT])
+{
+    memcpy(p->emitted, emitted, sizeof p->emitted);
+    approach(p);
+}
+
+// No command for the watchdog's time: keep the pulses where they are.
+static void hold(struct protocol *p)
+{
+    if (p->state == STATE_ACTIVE)
+        memcpy(p->target, p->pulses, sizeof p->target);
+    p->state = STATE_HOLDING;
+}
+
 void protocol_tick(struct protocol *p)
 {
-    if (p->silence < UINT8_MAX)
-        p->silence++;
     if (p->since_command < UINT16_MAX)
         p->since_command++;
     if (!protocol_emits_pulses(p) || p->since_command <= WATCHDOG_MS)
         return;
     p->flags |= FLAG_WATCHDOG;
-    p->state = p->since_command <= 2 * WATCHDOG_MS ? STATE_HOLDING : STATE_RELEASED;
+    if (p->since_command <= 2 * WATCHDOG_MS)
+        hold(p);
+    else
+        p->state = STATE_RELEASED;
 }
 
 void protocol_lost_input(struct protocol *p)

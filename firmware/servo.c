@@ -22,8 +22,11 @@ enum step { START, RISE, FALL, SOFT_RISE, SOFT_FALL };
 
 static volatile bool wanted;
 static volatile uint16_t wanted_ticks[3];
-static uint16_t ticks[3];  // of this period
-static uint16_t start;     // of this period
+static volatile uint16_t ticks[3];  // of this period
+static uint16_t start;              // of this period
+static volatile uint8_t periods;    // with pulses, modulo 256
+static volatile uint8_t wanted_in;  // the period that the main loop knew when it wanted this
+static uint8_t known;               // the newest period that the main loop knows
 static enum step step_a;
 static bool fall_b;
 
@@ -46,8 +49,10 @@ static void start_period(void)
         OCR1A = start + PERIOD;
         return;
     }
-    for (uint8_t i = 0; i < 3; i++)
-        ticks[i] = wanted_ticks[i];
+    if (wanted_in == periods)  // else it was not made for what this period follows: once more the same
+        for (uint8_t i = 0; i < 3; i++)
+            ticks[i] = wanted_ticks[i];
+    periods++;
     OCR1A = OCR1B = start + LEAD;
     connect_a(_BV(COM1A1) | _BV(COM1A0));
     connect_b(_BV(COM1B1) | _BV(COM1B0));
@@ -128,5 +133,21 @@ void servo_set(bool on, const uint16_t pulses[3])
         for (uint8_t i = 0; i < 3; i++)
             wanted_ticks[i] = converted[i];
         wanted = on;
+        wanted_in = known;
     }
+}
+
+bool servo_period(uint16_t pulses[3])
+{
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    {
+        if (known == periods)
+            return false;
+        known = periods;
+        for (uint8_t i = 0; i < 3; i++)
+            pulses[i] = ticks[i];
+    }
+    for (uint8_t i = 0; i < 3; i++)
+        pulses[i] *= PULSE_STEP;
+    return true;
 }

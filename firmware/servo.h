@@ -9,7 +9,11 @@ enum { TICKS_PER_US = 2 };  // of Timer 1, which counts freely
 
 void servo_init(void);
 
-// Emit these pulses [0.1 us], or none, from the next period on: all three together, never a part of a pulse.
+// Whether a period with pulses has begun since the last call, and with which [0.1 us].
+bool servo_period(uint16_t pulses[3]);
+
+// Emit these pulses [0.1 us], or none, from the next period on: all three together, never a part of a pulse. Where
+// another period began since the last `servo_period`, that one is repeated.
 void servo_set(bool on, const uint16_t pulses[3]);
 
 #endif

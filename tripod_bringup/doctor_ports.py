@@ -78,7 +78,9 @@ def _asked(port: FoundPort, answer_of: Callable[[str], Answer]) -> Check:
         return Check(NAME, Verdict.FAIL, str(port), str(error))
     if answer.message:
         return Check(NAME, Verdict.WARN, f"{port}: {answer.message}", MUTE)
-    said = f"firmware {answer.firmware}, answers in {1e3 * answer.round_trip:.1f} ms"
+    said = (
+        f"firmware {answer.firmware}, answers in {1e3 * answer.round_trip:.1f} ms, last reset: {answer.reset}"
+    )
     return Check(NAME, Verdict.OK, f"{port}, {said}")
 
 

@@ -19,11 +19,13 @@ class Answer:
 
     Attributes:
         firmware: Version of the firmware; empty if there is no answer, or one that makes it unfit.
+        reset: Why the board was reset last, in a word or two; empty if there is no answer.
         round_trip: Time from hello to answer [s].
         message: Why it cannot be driven; empty if it can.
     """
 
     firmware: str = ""
+    reset: str = ""
     round_trip: float = 0.0
     message: str = ""
 
@@ -46,4 +48,4 @@ def ask(
             if due := session.say(clock()):
                 port.write(due)
             sleep(PAUSE)
-    return Answer(session.firmware, session.round_trip or 0.0, session.message)
+    return Answer(session.firmware, session.reset, session.round_trip or 0.0, session.message)

@@ -5,7 +5,7 @@ from typing import Final
 
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed import VERSION
-from tripod_driver.framed_messages import HelloReply
+from tripod_driver.framed_messages import HelloReply, ResetCause
 from tripod_graph.names import SERVOS
 
 FLASH_ADVICE: Final = "bring it up to date: make -C firmware, then tripod flash"
@@ -19,7 +19,37 @@ STATE_SLACK: Final = 0.05
 
 def other_version(version: int) -> str:
     """Return the message for a board of another protocol version."""
-    return f"its firmware speaks version {version} of the protocol, this driver {VERSION}; {FLASH_ADVICE}"
+    advice = FLASH_ADVICE if version < VERSION else "bring this program up to date, or flash its own firmware"
+    return f"its firmware speaks version {version} of the protocol, this driver {VERSION}; {advice}"
+
+
+_CAUSES: Final = {
+    ResetCause.WATCHDOG: (
+        "watchdog",
+        "the board was reset: by its watchdog, as its firmware hung; if that happens again, flash it anew",
+    ),
+    ResetCause.BROWN_OUT: (
+        "brown-out",
+        "the board was reset: its supply broke down; give the servos a supply of their own",
+    ),
+    ResetCause.POWER_ON: (
+        "power-on",
+        "the board was reset: it was without power; check its supply and cable",
+    ),
+    ResetCause.EXTERNAL: (
+        "external",
+        "the board was reset: by its button, or because a program opened its port",
+    ),
+}
+_UNKNOWN: Final = (
+    "unknown",
+    "the board was reset: its boot loader hides why; check its supply and cable",
+)
+
+
+def reset_told(cause: ResetCause) -> tuple[str, str]:
+    """Return a word for why a board was reset, and what to say of such a reset during a conversation."""
+    return next((told for flag, told in _CAUSES.items() if cause & flag), _UNKNOWN)
 
 
 def why_not(reply: HelloReply, calibration: Calibration) -> str:

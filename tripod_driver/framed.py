@@ -28,6 +28,7 @@ from tripod_driver.framed_messages import (
     OtherVersion,
     Pulses,
     Release,
+    ResetCause,
     SetPulses,
 )
 from tripod_driver.protocol import ProtocolError
@@ -52,13 +53,14 @@ __all__ = [
     "OtherVersion",
     "Pulses",
     "Release",
+    "ResetCause",
     "SetPulses",
     "cobs_decode",
     "cobs_encode",
     "encode",
 ]
 
-VERSION = 1
+VERSION = 2
 """Version of the protocol that this module speaks."""
 
 BODY_MAX = 40
@@ -80,7 +82,7 @@ class Drop(StrEnum):
 
 
 _PULSES = struct.Struct("<3H")
-_HELLO_REPLY = struct.Struct("<4B3H2B3H")
+_HELLO_REPLY = struct.Struct("<4B4H3B3H")
 _ACKNOWLEDGEMENT = struct.Struct("<2B3HH")
 _ERROR = struct.Struct("<2BH")
 
@@ -110,6 +112,8 @@ def _payload(message: Message) -> bytes:
                 m.pulse_min,
                 m.pulse_max,
                 m.watchdog,
+                m.slew,
+                m.reset,
                 m.state,
                 m.flags,
                 *m.pulses,
@@ -139,10 +143,11 @@ def _set_pulses(payload: bytes) -> SetPulses:
 
 
 def _hello_reply(payload: bytes) -> HelloReply:
-    major, minor, protocol, count, low, high, watchdog, state, flags, a, b, c = _HELLO_REPLY.unpack(payload)
-    return HelloReply(
-        (major, minor), protocol, count, low, high, watchdog, BoardState(state), Flags(flags), (a, b, c)
-    )
+    major, minor, protocol, count, low, high, watchdog, slew, *rest = _HELLO_REPLY.unpack(payload)
+    reset, state, flags, a, b, c = rest
+    limits = (low, high, watchdog, slew)
+    told = (ResetCause(reset), BoardState(state), Flags(flags), (a, b, c))
+    return HelloReply((major, minor), protocol, count, *limits, *told)
 
 
 def _acknowledgement(payload: bytes) -> Acknowledgement:

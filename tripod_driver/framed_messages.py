@@ -50,6 +50,19 @@ class Flags(IntFlag):
     """Bytes were lost because the board could not take, or send, them in time."""
 
 
+class ResetCause(IntFlag):
+    """Why the board was reset last; 0 where its boot loader does not let it know."""
+
+    POWER_ON = 1
+    """It was switched on."""
+    EXTERNAL = 2
+    """By its button, or because its port was opened."""
+    BROWN_OUT = 4
+    """Its supply broke down."""
+    WATCHDOG = 8
+    """By its hardware watchdog: the firmware had hung."""
+
+
 class ErrorCode(IntEnum):
     """Why the board refused a message whose CRC was right."""
 
@@ -103,9 +116,12 @@ class HelloReply:
         pulse_min: Shortest pulse that the board emits [0.1 us].
         pulse_max: Longest pulse that the board emits [0.1 us].
         watchdog: Silence after which the board holds, and after as much again releases [ms].
+        slew: Largest change of a pulse from one period of 20 ms to the next [0.1 us].
+        reset: Why the board was reset last.
         state: What the board does with the servos.
         flags: What happened since the last reply.
-        pulses: Pulse widths emitted now or, when there are none, last [0.1 us]; 0 if there never were any.
+        pulses: Pulse widths of the next period or, when there are none, the last ones, also if they were emitted before
+            a reset [0.1 us]; 0 where nobody knows them.
     """
 
     firmware: tuple[int, int]
@@ -114,6 +130,8 @@ class HelloReply:
     pulse_min: int
     pulse_max: int
     watchdog: int
+    slew: int
+    reset: ResetCause
     state: BoardState
     flags: Flags
     pulses: Pulses
@@ -126,6 +144,7 @@ class HelloReply:
             ("firmware", self.firmware[1]),
             ("protocol", self.protocol),
             ("servo_count", self.servo_count),
+            ("reset", self.reset),
             ("flags", self.flags),
         ):
             _check_number(name, value, 0xFF)
@@ -133,6 +152,7 @@ class HelloReply:
             ("pulse_min", self.pulse_min),
             ("pulse_max", self.pulse_max),
             ("watchdog", self.watchdog),
+            ("slew", self.slew),
         ):
             _check_number(name, value, 0xFFFF)
         _check_pulses(self.pulses)
@@ -145,7 +165,8 @@ class Acknowledgement:
     Attributes:
         state: What the board does with the servos now.
         flags: What happened since the last reply.
-        pulses: Pulse widths applied, in the steps of the board's timer [0.1 us]; 0 if there never were any.
+        pulses: As in `HelloReply`: what the servos get after the board's limit of their speed, in the steps of its
+            timer; where that is not yet what was asked for, the board goes on towards it in every period.
         dropped: Frames that reached the board damaged, from the first sound one on, modulo 65536.
     """
 

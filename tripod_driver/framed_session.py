@@ -4,7 +4,14 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
-from tripod_driver.board_checks import FLASH_ADVICE, TENTHS, other_version, why_not, why_not_from
+from tripod_driver.board_checks import (
+    FLASH_ADVICE,
+    TENTHS,
+    other_version,
+    reset_told,
+    why_not,
+    why_not_from,
+)
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed import Decoder, encode
 from tripod_driver.framed_messages import (
@@ -43,6 +50,9 @@ RESETS_MAX, RESET_WINDOW = 3, 10.0
 STRANGERS_MAX, STRANGER_WINDOW = 3, 2.0
 """So many signs of another writer in so many seconds are no accident."""
 
+PULSE_PERIOD: Final = 0.02
+"""From pulse to pulse [s]."""
+
 HEARD_MAX: Final = 64
 """Bytes of what came before the first frame that are kept for the message."""
 
@@ -69,7 +79,7 @@ class FramedSession(Session):
         self._late: set[int] = set()  # hellos sent before the first answer, whose own may still come
         self._hello_due = self._give_up_at = 0.0
         self._heard = bytearray()
-        self._echo = False
+        self._echo = self._restarted = False
         self._reply: HelloReply | None = None
         self._board_dropped = 0
         self._resets: deque[float] = deque(maxlen=RESETS_MAX)
@@ -80,7 +90,7 @@ class FramedSession(Session):
         """Say hello from `now` on, until `ANSWER_TIME` after the board must have booted."""
         self._decoder = Decoder()
         self._heard.clear()
-        self._echo = False
+        self._echo = self._restarted = False
         self._open(now, now + boot_time + ANSWER_TIME)
         self.message = f"waiting up to {boot_time + ANSWER_TIME:g} s for the board's answer"
 
@@ -142,7 +152,8 @@ class FramedSession(Session):
     @property
     def diagnostics(self) -> dict[str, object]:
         """What the board is, and what went wrong on the line."""
-        told: dict[str, object] = {"firmware": self.firmware, **self._counts, "bad frames": self._bad_frames}
+        told: dict[str, object] = {"firmware": self.firmware, "last reset": self.reset, **self._counts}
+        told["bad frames"] = self._bad_frames
         if self.round_trip is not None:
             told["round trip [ms]"] = f"{1e3 * self.round_trip:.1f}"
         return told
@@ -157,6 +168,11 @@ class FramedSession(Session):
         """Shortest and longest pulse that the board makes [us]; None before it has told."""
         reply = self._reply
         return None if reply is None else (reply.pulse_min / TENTHS, reply.pulse_max / TENTHS)
+
+    @property
+    def slew(self) -> float | None:
+        """Largest speed of a pulse that the board makes [us/s]; None before it has told."""
+        return None if self._reply is None else self._reply.slew / TENTHS / PULSE_PERIOD
 
     @property
     def _bad_frames(self) -> int:
@@ -195,6 +211,10 @@ class FramedSession(Session):
         if wrong := why_not(reply, self._needed):
             self._refuse(wrong)
             return
+        self.reset, told = reset_told(reply.reset)
+        if self._restarted:
+            self._restarted = False
+            self.interruption = told
         self._reply = reply
         self.firmware = f"{reply.firmware[0]}.{reply.firmware[1]}"
         self.position = self._told_position(reply.pulses)
@@ -260,7 +280,8 @@ class FramedSession(Session):
                 f"the board was reset {RESETS_MAX} times within {RESET_WINDOW:g} s: give the servos their own supply"
             )
             return
-        self.interruption = "the board was reset; check its supply and cable"
+        self.interruption = "the board was reset"
+        self._restarted = True
         self._open(now, now + ANSWER_TIME)
         self.message = self.interruption
 

@@ -180,8 +180,11 @@ class Safety:
             self._board, self._trouble = State.DISCONNECTED, "the port was not opened yet"
 
     def interrupt(self, now: float, why: str) -> None:
-        """Hold because of `why`, if there is a motion; the next command goes on from there."""
-        if self._active and self._follower.activity is Activity.ACTIVE:
+        """Hold because of `why`, if there is a motion; the next command goes on from there.
+
+        Where it holds for such a reason already, `why` is the better one.
+        """
+        if self._active and (self._notice or self._follower.activity is Activity.ACTIVE):
             self._notice = why
         self._rest(now)
 

@@ -43,6 +43,7 @@ class Session(ABC):
             it does not tell.
         readings: Readings of the IMU that came and were not taken yet, the newest last.
         firmware: What the board says that it runs; empty if it says nothing.
+        reset: Why the board was reset last, in a word; empty if it does not say.
         round_trip: Time from the newest acknowledged frame to its answer [s]; None if the protocol has no answers.
     """
 
@@ -55,7 +56,7 @@ class Session(ABC):
         self.interruption = ""
         self.position: tuple[float, ...] | None = None
         self.readings: list[ImuReading] = []
-        self.firmware = ""
+        self.firmware = self.reset = ""
         self.round_trip: float | None = None
 
     @abstractmethod
@@ -94,6 +95,11 @@ class Session(ABC):
     @property
     def pulse_range(self) -> tuple[float, float] | None:
         """Shortest and longest pulse that the board makes [us]; None if it does not tell or has not told."""
+        return None
+
+    @property
+    def slew(self) -> float | None:
+        """Largest speed of a pulse that the board makes [us/s]; None if it has no limit or has not told."""
         return None
 
     @property

@@ -70,10 +70,12 @@ def test_firmware_and_round_trip_are_told_of_known_boards_when_asked_for() -> No
 
     def answer(device: str) -> Answer:
         asked.append(device)
-        return Answer("1.2", 0.0031)
+        return Answer("1.2", "brown-out", 0.0031)
 
     found, _ = check(UNO, PHONE, answer_of=answer)
-    assert found.verdict is Verdict.OK and found.found.endswith(", firmware 1.2, answers in 3.1 ms")
+    assert found.verdict is Verdict.OK and found.found.endswith(
+        ", firmware 1.2, answers in 3.1 ms, last reset: brown-out"
+    )
     assert asked == [UNO.device]
     (mute,) = check(UNO, answer_of=lambda _: Answer(message="no answer to a hello"))
     assert (mute.verdict, mute.advice) == (Verdict.WARN, MUTE)

@@ -1,10 +1,13 @@
 """The whole driver without ROS on a bench: a board in memory, and a clock."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from tripod_driver.calibration import Calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
 from tripod_driver.driver import Driver
+from tripod_driver.framed import VERSION
+from tripod_driver.framed_messages import BoardState, Flags, HelloReply, ResetCause
 from tripod_driver.link import Link
 from tripod_driver.ports.mock import MockPort
 from tripod_driver.ports.mock_board import MockBoard
@@ -17,6 +20,13 @@ from tripod_graph.names import SERVOS
 TICK = 0.005
 LIMITS = CommandLimits(angle_speed=2.0, park_after=1.0)
 CALIBRATION = Calibration()
+
+
+def hello_reply(**changed: object) -> HelloReply:
+    """What a fresh board of the default build answers to a hello, with fields `changed`."""
+    limits = (5440, 24000, 500, 475)
+    told = (ResetCause.POWER_ON, BoardState.IDLE, Flags(0), (0, 0, 0))
+    return replace(HelloReply((2, 0), VERSION, 3, *limits, *told), **changed)
 
 
 class Clock:

@@ -14,6 +14,7 @@ pytest.importorskip("tripod_msgs")
 from tests.driver.conftest import DEADLINE, Board
 from tests.driver.operator import LONGEST_STEP, near
 from tripod_driver.calibration import Calibration
+from tripod_driver.framed import VERSION
 from tripod_driver.framed_messages import BoardState
 from tripod_driver.node import PARAMETERS, make_driver
 from tripod_driver.ports.mock_board import MockBoard
@@ -221,9 +222,9 @@ def test_another_firmware_is_a_fault_until_the_driver_is_configured_anew(
     answering.firmware.version = 7
     driver = start_driver(f"port:={answering.path}", "boot_time:=0")
     operator.wait_state(6, "the fault")
-    wrong = f"{answering.path}: its firmware speaks version 7 of the protocol, this driver 1; bring it up to date: "
+    wrong = f"{answering.path}: its firmware speaks version 7 of the protocol, this driver 2; bring this program up "
     assert operator.status.message.startswith(wrong)
-    answering.firmware.version = 1  # flashed: the port was free for that
+    answering.firmware.version = VERSION  # flashed: the port was free for that
     assert change(Transition.TRANSITION_DEACTIVATE)
     assert change(Transition.TRANSITION_CLEANUP)
     operator.wait_state(6, "the fault that stays")

@@ -117,7 +117,7 @@ def test_a_reset_in_motion_holds_says_so_and_greets_the_board_anew() -> None:
     bench.board.restart()
     bench.run(0.1)
     assert bench.safety.state is State.HOLDING
-    assert bench.safety.message == "the board was reset; check its supply and cable"
+    assert bench.safety.message == "the board was reset: by its button, or because a program opened its port"
     assert State.CONNECTING in bench.states[-3:]
     bench.run(0.8)
     assert bench.sent[-1][1] == pytest.approx(here, abs=0.05)  # it neither went on nor jumped

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.driver.bench import TICK, Bench, Clock
+from tests.driver.bench import TICK, Bench, Clock, hello_reply
 from tripod_driver.calibration import Calibration, ServoCalibration
 from tripod_driver.driver import Driver
-from tripod_driver.framed_messages import BoardState, Flags, Hello, HelloReply
+from tripod_driver.framed import VERSION
+from tripod_driver.framed_messages import Hello, HelloReply
 from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.protocol import HEADER
 from tripod_driver.safety import State
@@ -111,8 +112,12 @@ def test_a_modem_that_returns_what_it_hears_is_named_after_the_first_of_the_work
     ("changed", "message"),
     [
         (
-            {"protocol": 2},
-            "its firmware speaks version 2 of the protocol, this driver 1; bring it up to date: make -C",
+            {"protocol": 1},
+            "its firmware speaks version 1 of the protocol, this driver 2; bring it up to date: make -C",
+        ),
+        (
+            {"protocol": 3},
+            "its firmware speaks version 3 of the protocol, this driver 2; bring this program up to date, or flash its",
         ),
         ({"servo_count": 2}, "its firmware drives 2 servos, the robot has 3; bring it up to date"),
         ({"pulse_max": 20000}, "servo_0 needs 2400.0 us at 0 rad, the board makes 500 to 2000 us; calibrate"),
@@ -126,7 +131,7 @@ def test_a_board_that_must_not_be_driven_is_a_fault(changed: dict, message: str)
     class Other(MockBoard):
         def _answer(self, message: object):
             if isinstance(message, Hello):
-                good = HelloReply((1, 0), 1, 3, 5000, 25000, 500, BoardState.IDLE, Flags(0), (0, 0, 0))
+                good = hello_reply(pulse_min=5000, pulse_max=25000)
                 return replace(good, **changed)
             return super()._answer(message)
 
@@ -143,9 +148,9 @@ def test_another_version_of_the_protocol_is_a_fault() -> None:
     bench = Bench(MockBoard(version=7)).run(0.5)
     assert bench.safety.state is State.FAULT
     assert bench.safety.message.startswith(
-        "mock: its firmware speaks version 7 of the protocol, this driver 1"
+        "mock: its firmware speaks version 7 of the protocol, this driver 2"
     )
-    bench.board.version = 1
+    bench.board.version = VERSION
     bench.run(3.0)
     assert bench.port.opened == 1  # nobody tries again by himself
     bench.driver.connect()  # somebody has flashed it and configured the driver anew

@@ -3,6 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.driver.bench import hello_reply
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed import Decoder, encode
 from tripod_driver.framed_messages import (
@@ -16,6 +17,7 @@ from tripod_driver.framed_messages import (
     Hold,
     ImuLine,
     Release,
+    ResetCause,
     SetPulses,
 )
 from tripod_driver.framed_session import SILENCE, FramedSession
@@ -24,19 +26,22 @@ from tripod_driver.session import READINGS_MAX, SessionState
 byte, word = st.integers(0, 255), st.integers(0, 65535)
 pulses = st.tuples(word, word, word)
 flags = st.integers(0, 15).map(Flags)
+causes = byte.map(ResetCause)
 state = st.sampled_from(BoardState)
 message = st.one_of(
     st.just(Hello()),
     st.just(Hold()),
     st.just(Release()),
     st.builds(SetPulses, pulses),
-    st.builds(HelloReply, st.tuples(byte, byte), byte, byte, word, word, word, state, flags, pulses),
+    st.builds(
+        HelloReply, st.tuples(byte, byte), byte, byte, word, word, word, word, causes, state, flags, pulses
+    ),
     st.builds(Acknowledgement, state, flags, pulses, word),
     st.builds(Error, st.sampled_from(ErrorCode), byte, word),
     st.builds(ImuLine, st.from_regex(r"[-0-9.,a-z ]{0,32}", fullmatch=True)),
 )
 piece = st.one_of(st.binary(max_size=60), st.builds(encode, message, byte))
-GOOD = HelloReply((1, 2), 1, 3, 5440, 24000, 500, BoardState.IDLE, Flags(0), (0, 0, 0))
+GOOD = hello_reply(firmware=(1, 2))
 
 
 def asked(session: FramedSession, now: float) -> int:

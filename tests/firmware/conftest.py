@@ -42,6 +42,14 @@ def board(make_board: Callable[..., SimulatedBoard]) -> SimulatedBoard:
 
 
 @pytest.fixture
+def free_board(make_board: Callable[..., SimulatedBoard]) -> SimulatedBoard:
+    """A board that lets a pulse differ from the one before it by any amount."""
+    board = make_board(SLEW=20000)
+    board.run(0.010)
+    return board
+
+
+@pytest.fixture
 def terminal(board: SimulatedBoard) -> Iterator[TerminalBoard]:
     """The same board at the far end of a pseudo-terminal."""
     terminal = TerminalBoard(board)

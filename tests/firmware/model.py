@@ -12,11 +12,14 @@ from tripod_driver.framed import (
     Flags,
     HelloReply,
     ImuLine,
+    ResetCause,
     cobs_decode,
     encode,
 )
 
-PULSE_MIN, PULSE_MAX, WATCHDOG = 5440, 24000, 500
+PULSE_MIN, PULSE_MAX, WATCHDOG, SLEW = 5440, 24000, 500, 475
+NEAR, ROW = 10, 3
+UNKNOWN = (0, 0, 0)
 EMITTING = (BoardState.ACTIVE, BoardState.HOLDING)
 
 
@@ -30,29 +33,49 @@ class ModelBoard:
     """A board without a processor: bytes and milliseconds in; replies, state and pulses out."""
 
     state: BoardState = BoardState.IDLE
-    pulses: tuple[int, int, int] = (0, 0, 0)
+    emitted: tuple[int, int, int] = UNKNOWN
+    target: tuple[int, int, int] = UNKNOWN
     flags: Flags = Flags.RESTARTED
     dropped: int = 0
     framed: bool = False
     _sequence: int = 0
     _imu_sequence: int = 0
     _since_command: int = 0
-    _silence: int = 0
     _piece: bytearray = field(default_factory=bytearray)
     _lost: bool = False
     _packet: list[int] | None = None
-    _trust: int = 0
+    _last: tuple[int, ...] = ()
+    _row: int = 0
+
+    @property
+    def pulses(self) -> tuple[int, int, int]:
+        """Those of the next period."""
+        a, b, c = (
+            min(max(to, at - SLEW), at + SLEW) if at else to
+            for at, to in zip(self.emitted, self.target, strict=True)
+        )
+        return a, b, c
+
+    @property
+    def told(self) -> tuple[int, int, int]:
+        """The pulses in a reply."""
+        return self.pulses if self.state in EMITTING else self.emitted
+
+    def period(self) -> None:
+        if self.state in EMITTING:
+            self.emitted = self.pulses
 
     def receive(self, data: bytes) -> bytes:
         return b"".join(self._byte(byte) for byte in data)
 
     def tick(self) -> None:
-        self._silence += 1
         self._since_command += 1
         if self.state in EMITTING and self._since_command > WATCHDOG:
             self.flags |= Flags.WATCHDOG
-            held = self._since_command <= 2 * WATCHDOG
-            self.state = BoardState.HOLDING if held else BoardState.RELEASED
+            if self._since_command <= 2 * WATCHDOG:
+                self.state, self.target = BoardState.HOLDING, self.pulses
+            else:
+                self.state = BoardState.RELEASED
 
     def lose_input(self) -> None:
         self.flags |= Flags.OVERRUN
@@ -70,7 +93,6 @@ class ModelBoard:
     def _byte(self, byte: int) -> bytes:
         if not self.framed:
             self._legacy(byte)
-        self._silence = 0
         if byte:
             self._piece.append(byte)
             return b""
@@ -104,37 +126,41 @@ class ModelBoard:
             return Error(ErrorCode.LENGTH, kind, len(payload))
         if kind == 1:
             flags, self.flags = self.flags, Flags(0)
-            limits = (PULSE_MIN, PULSE_MAX, WATCHDOG)
-            return HelloReply((1, 0), VERSION, 3, *limits, self.state, flags, self.pulses)
+            limits = (PULSE_MIN, PULSE_MAX, WATCHDOG, SLEW)
+            return HelloReply((2, 0), VERSION, 3, *limits, ResetCause.POWER_ON, self.state, flags, self.told)
         if kind == 2:
             asked = [int.from_bytes(payload[i : i + 2], "little") for i in (0, 2, 4)]
             for servo, pulse in enumerate(asked):
                 if not PULSE_MIN <= pulse <= PULSE_MAX:
                     return Error(ErrorCode.PULSE, kind, servo)
             a, b, c = (5 * ((pulse + 2) // 5) for pulse in asked)
-            self.pulses, self.state = (a, b, c), BoardState.ACTIVE
+            self.target, self.state = (a, b, c), BoardState.ACTIVE
         if kind == 3 and self.state in EMITTING:
-            self.state = BoardState.HOLDING
+            self.state, self.target = BoardState.HOLDING, self.pulses
         if kind == 4:
             self.state = BoardState.RELEASED
         self._since_command = 0
         flags, self.flags = self.flags, Flags(0)
-        return Acknowledgement(self.state, flags, self.pulses, self.dropped)
+        return Acknowledgement(self.state, flags, self.told, self.dropped)
 
     def _legacy(self, byte: int) -> None:
         if byte == 255:
-            follows = self._packet is not None and len(self._packet) == 3
-            self._trust = 2 if self._silence >= 3 else self._trust if follows else 0
+            if self._packet is None or len(self._packet) < 3:
+                self._row = 0
             self._packet = []
         elif self._packet is None or len(self._packet) == 3 or byte > 180:
             self._packet = None
         else:
             self._packet.append(byte)
             if len(self._packet) == 3:
-                if self._trust == 2:
-                    a, b, c = map(legacy_pulse, self._packet)
-                    self.pulses, self.state, self._since_command = (a, b, c), BoardState.ACTIVE, 0
-                self._trust = min(2, self._trust + 1)
+                packet, last = tuple(self._packet), self._last
+                agree = bool(self._row) and all(abs(x - y) <= NEAR for x, y in zip(packet, last, strict=True))
+                if self._row < ROW:
+                    self._row = self._row + 1 if agree else 1
+                self._last = packet
+                if self._row == ROW:
+                    a, b, c = map(legacy_pulse, packet)
+                    self.target, self.state, self._since_command = (a, b, c), BoardState.ACTIVE, 0
 
 
 def sound_body(piece: bytes) -> bytes | None:

@@ -1,6 +1,6 @@
 // The firmware's protocol on the machine that runs the tests: operations on standard input, results on standard output.
 // Operation: letter, count (u16, low byte first), for R and I that many bytes.
-//   Z begin anew   R receive bytes   T ticks   L input lost   O output lost   I line of an IMU
+//   Z begin anew   R receive bytes   T ticks   P periods with pulses   L input lost   O output lost   I line of an IMU
 // Result: length of what was sent (u16), those bytes, state (u8), emits pulses (u8), three pulses (u16).
 #include <stddef.h>
 #include <stdio.h>
@@ -45,13 +45,14 @@ _Static_assert(offsetof(struct protocol, frames) + offsetof(struct frame_receive
 int main(void)
 {
     struct protocol *p = malloc(sizeof *p);
-    protocol_init(p);
+    static const uint16_t unknown[SERVO_COUNT];
+    protocol_init(p, RESET_POWER_ON, unknown);
     for (;;) {
         uint8_t operation = get8();
         uint16_t count = get16();
         size_t sent = 0;
         if (operation == 'Z')
-            protocol_init(p);
+            protocol_init(p, RESET_POWER_ON, unknown);
         if (operation == 'L')
             protocol_lost_input(p);
         if (operation == 'O')
@@ -66,9 +67,14 @@ int main(void)
             free(text);
             free(frame);
         }
-        for (uint16_t i = 0; i < count && (operation == 'R' || operation == 'T'); i++) {
+        for (uint16_t i = 0; i < count && (operation == 'R' || operation == 'T' || operation == 'P'); i++) {
             if (operation == 'T') {
                 protocol_tick(p);
+            } else if (operation == 'P') {
+                uint16_t emitted[SERVO_COUNT];
+                memcpy(emitted, p->pulses, sizeof emitted);
+                if (protocol_emits_pulses(p))
+                    protocol_period(p, emitted);
             } else {
                 uint8_t *reply = malloc(FRAME_MAX);
                 uint8_t length = protocol_receive(p, get8(), reply);

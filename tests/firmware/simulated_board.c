@@ -9,6 +9,7 @@
 #include <string.h>
 
 enum { FREQUENCY = 16000000, SERVOS = 3, INPUT = 1 << 16, OUTPUT = 1 << 16, EDGES = 1 << 16 };
+enum { MCUSR = 0x54, PORF = 0, EXTRF = 1, MEMORY = 0x100 };
 enum { TCCR1A = 0x80, UCSR0A = 0xC0, U2X0 = 2, UBRR0L = 0xC4, UBRR0H = 0xC5 };
 
 struct edge {
@@ -25,6 +26,8 @@ struct board {
     uint64_t line_free, out_free;  // when the line is free again, each way
     uint32_t in_head, in_tail, out_head, out_tail, edge_count, lost;
     uint8_t level[SERVOS];
+    void (*reset_processor)(struct avr_t *);
+    int was_reset;
     struct { uint64_t cycle; uint16_t value; } in[INPUT];
     struct { uint64_t cycle; uint8_t value; } out[OUTPUT];
     struct edge edges[EDGES];
@@ -115,6 +118,17 @@ static void quiet(avr_t *avr, const int level, const char *format, va_list argum
     (void)arguments;
 }
 
+static void on_reset(struct avr_t *avr)
+{
+    struct board *b = avr->custom.data;
+    if (b->reset_processor)
+        b->reset_processor(avr);
+    b->was_reset = 1;
+    b->per_byte = 0;
+    for (uint32_t i = 0; i < SERVOS; i++)
+        add_edge(b, i, 0);  // all pins become inputs
+}
+
 void board_free(struct board *b)
 {
     if (b->avr) {
@@ -139,6 +153,9 @@ struct board *board_new(const char *elf, double host_baud)
     b->firmware.frequency = FREQUENCY;
     avr_load_firmware(b->avr, &b->firmware);
     b->avr->frequency = FREQUENCY;
+    b->avr->custom.data = b;
+    b->reset_processor = b->avr->reset;
+    b->avr->reset = on_reset;
     b->avr->sleep = do_not_wait;
     b->line_byte = 10 * FREQUENCY / host_baud + 0.5;
     uint32_t flags = 0;
@@ -177,6 +194,12 @@ int board_run(struct board *b, uint64_t until)
         int state = avr_run(b->avr);
         if (state == cpu_Done || state == cpu_Crashed)
             return 1;
+        if (b->was_reset) {  // by the watchdog: simavr has forgotten its timers
+            b->was_reset = 0;
+            avr_cycle_timer_register(b->avr, until > b->avr->cycle ? until - b->avr->cycle : 1, nothing, b);
+            if (b->in_tail != b->in_head)
+                avr_cycle_timer_register(b->avr, 1, deliver, b);
+        }
         // simavr counts a parity bit that is not there
         if (b->uart->cycles_per_byte != b->per_byte)
             b->uart->cycles_per_byte = b->per_byte = ten_bits(b->avr->data);
@@ -242,14 +265,35 @@ uint32_t board_lost(const struct board *b)
     return b->lost;
 }
 
+// Reset by the button; the memory keeps what it has.
 void board_reset(struct board *b)
 {
     board_cut(b);
     avr_reset(b->avr);
     b->avr->state = cpu_Running;
-    b->per_byte = 0;
-    for (uint32_t i = 0; i < SERVOS; i++)
-        add_edge(b, i, 0);  // all pins become inputs
+    b->avr->data[MCUSR] = 1 << EXTRF;
+    b->was_reset = 0;
+}
+
+// Switched on: the memory has anything in it.
+void board_power(struct board *b, uint32_t seed)
+{
+    board_reset(b);
+    b->avr->data[MCUSR] = 1 << PORF;
+    for (uint32_t i = MEMORY; i <= b->avr->ramend; i++)
+        b->avr->data[i] = (seed = seed * 1664525 + 1013904223) >> 24;
+}
+
+uint16_t board_word(const struct board *b, uint32_t address)
+{
+    return b->avr->flash[address] | b->avr->flash[address + 1] << 8;
+}
+
+// Change an instruction.
+void board_set_word(struct board *b, uint32_t address, uint16_t word)
+{
+    b->avr->flash[address] = word & 0xFF;
+    b->avr->flash[address + 1] = word >> 8;
 }
 
 uint8_t board_memory(const struct board *b, uint16_t address)

@@ -4,7 +4,8 @@ Time passes only while something runs the board: `run`, or a `read` that waits. 
 """
 
 import ctypes
-from collections.abc import Sequence
+import subprocess
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,11 +58,13 @@ class SimulatedBoard:
         if not self._board:
             raise BoardStoppedError(f"simavr cannot load {elf}")
         self.timeout, self.baudrate = timeout, baudrate
+        self._elf, self._seed = elf, 0
         self._rises: list[int | None] = [None] * len(BOARD_PINS)
         self._pulses: list[Pulse] = []
         self._buffer = bytearray()
         self.arrivals: list[float] = []
         """When each byte of the host's buffer came [s]."""
+        self.power_cycle()
 
     def close(self) -> None:
         """Free the simulator."""
@@ -113,8 +116,20 @@ class SimulatedBoard:
         self._c.board_cut(self._board)
 
     def reset(self) -> None:
-        """Press the reset button."""
+        """Press the reset button: the memory keeps what it has."""
         self._c.board_reset(self._board)
+
+    def power_cycle(self) -> None:
+        """Switch the board off and on: what its memory holds then is anything."""
+        self._seed += 1
+        self._c.board_power(self._board, self._seed)
+
+    def hang(self, function: str) -> Callable[[], None]:
+        """Let the firmware stop for ever where it calls `function`; return what undoes that."""
+        address = _address(self._elf, function)
+        before = self._c.board_word(self._board, address)
+        self._c.board_set_word(self._board, address, 0xCFFF)  # rjmp to itself
+        return lambda: self._c.board_set_word(self._board, address, before)
 
     def pulses(self) -> list[Pulse]:
         """Return the pulses that ended since the last call, in the order of their ends."""
@@ -155,6 +170,11 @@ class SimulatedBoard:
             self.arrivals += [cycle / FREQUENCY for cycle in cycles[:count]]
 
 
+def _address(elf: Path, function: str) -> int:
+    listing = subprocess.run(["avr-nm", elf], capture_output=True, text=True, check=True).stdout
+    return next(int(a, 16) for a, _, name in map(str.split, listing.splitlines()) if name == function)
+
+
 def _load(library: Path) -> ctypes.CDLL:
     c = ctypes.CDLL(str(library))
     board, cycle, number = ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint32
@@ -174,6 +194,9 @@ def _load(library: Path) -> ctypes.CDLL:
         ("edges", number, [board, ctypes.POINTER(_Edge)]),
         ("lost", number, [board]),
         ("reset", None, [board]),
+        ("power", None, [board, number]),
+        ("word", ctypes.c_uint16, [board, number]),
+        ("set_word", None, [board, number, ctypes.c_uint16]),
         ("memory", ctypes.c_uint8, [board, ctypes.c_uint16]),
         ("set_memory", None, [board, ctypes.c_uint16, ctypes.c_uint8]),
         ("set_pin", None, [board, ctypes.c_char, ctypes.c_int, ctypes.c_int]),

@@ -26,7 +26,15 @@ def test_the_firmware_fits_with_all_options(tmp_path: Path) -> None:
     assert (tmp_path / "tripod.hex").stat().st_size > 2 * flash
 
 
-@pytest.mark.parametrize("limit", ["FLASH_LIMIT=3000", "RAM_LIMIT=200"])
+def test_the_readme_tells_the_size_of_the_default_build(tmp_path: Path) -> None:
+    flash = int(re.search(r"flash (\d+) B", make(tmp_path).stdout)[1])
+    told = re.search(
+        r"checks its size: ([\d.]+) kB of flash", (build.SOURCES.parent / "README.md").read_text()
+    )
+    assert float(told[1]) == pytest.approx(flash / 1000, rel=0.1)  # compilers differ
+
+
+@pytest.mark.parametrize("limit", ["FLASH_LIMIT=3500", "RAM_LIMIT=200"])
 def test_a_firmware_that_is_too_large_fails_the_build(tmp_path: Path, limit: str) -> None:
     run = make(tmp_path, limit)
     assert run.returncode != 0
@@ -56,6 +64,9 @@ def test_a_changed_parameter_builds_anew_and_an_unchanged_one_does_not(tmp_path:
         ("PULSE_MIN=3995", "4000 <= PULSE_MIN < PULSE_MAX <= 26000"),
         ("PULSE_MIN=24000", "4000 <= PULSE_MIN < PULSE_MAX <= 26000"),
         ("PULSE_MIN=5441", "multiples of 5"),
+        ("SLEW=20005", "SLEW: 5 to 20000"),
+        ("SLEW=0", "SLEW: 5 to 20000"),
+        ("SLEW=472", "SLEW: 5 to 20000, multiples of 5"),
         ("WATCHDOG_MS=99", "100 <= WATCHDOG_MS <= 10000"),
         ("IMU_BAUD=19200", "2400 <= IMU_BAUD <= 9600"),
     ],

@@ -8,9 +8,12 @@ import pytest
 from tests.firmware.session import PERIOD, is_row_of, pulses_so_far, rows
 from tests.firmware.simulated_board import Pulse, SimulatedBoard
 from tests.firmware.test_line import send_imu_line
+from tests.firmware.test_reset import MCUSR
+from tripod_driver.board_checks import reset_told
 from tripod_driver.calibration import Calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
 from tripod_driver.driver import Driver
+from tripod_driver.framed_messages import ResetCause
 from tripod_driver.link import Link
 from tripod_driver.ports.mock import Fault, MockPort
 from tripod_driver.protocol import AngleMapping
@@ -120,7 +123,7 @@ def assert_limits_and_speed(pulses: list[Pulse], speed: float = SPEED) -> None:
 def test_from_the_hello_to_a_motion_of_the_servos(board) -> None:
     host = Host(board).run(0.5)
     assert host.safety.state is State.HOLDING
-    assert host.link.session.firmware.startswith("1.0")
+    assert host.link.session.firmware.startswith("2.0")
     host.goto(-1.2, -0.9, -0.3, time=0.5).run(1.0)
     assert is_row_of(rows(host.pulses[-30:] + pulses_so_far(board))[-1], tenths(-1.2, -0.9, -0.3))
     assert_limits_and_speed(host.pulses)
@@ -159,6 +162,16 @@ def test_a_board_that_resets_in_motion_is_met_again_without_a_jump(board) -> Non
     assert is_row_of(rows(host.pulses[-30:] + pulses_so_far(board))[-1], tenths(-1.0, -1.0, -1.0))
 
 
+@pytest.mark.parametrize("cause", ResetCause)
+def test_a_reset_in_motion_is_told_with_its_cause(board, cause: ResetCause) -> None:
+    host = Host(board).run(0.5).goto(-1.5, -1.5, -1.5, time=1.0).run(0.5)
+    host.wire.reset()
+    board.set_memory(MCUSR, cause)
+    host.run(0.5)
+    word, message = reset_told(cause)
+    assert (host.safety.message, host.link.session.diagnostics["last reset"]) == (message, word)
+
+
 def assert_only_what_was_sent(host: Host, pulses: list[Pulse]) -> None:
     """Each pose at the pins is one that the driver sent, in that order; where frames were lost the next catches up."""
     at = 0
@@ -175,7 +188,8 @@ def assert_sent_at_allowed_speed(host: Host) -> None:
 
 
 @pytest.mark.parametrize("noise", [0.002, 0.02])
-def test_a_bad_line_moves_no_servo_where_it_should_not_be(board, noise: float) -> None:
+def test_a_bad_line_moves_no_servo_where_it_should_not_be(free_board, noise: float) -> None:
+    board = free_board
     host, rng = Host(board).run(0.5), random.Random(3)
     host.wire.noise = noise
     for _ in range(30):
@@ -188,8 +202,9 @@ def test_a_bad_line_moves_no_servo_where_it_should_not_be(board, noise: float) -
 
 @pytest.mark.parametrize("seed", range(6))
 def test_after_any_faults_the_servos_were_only_where_they_were_sent_and_the_watchdog_ends_it(
-    board, seed
+    free_board, seed
 ) -> None:
+    board = free_board
     host, rng = Host(board).run(0.5), random.Random(seed)
     met = set()
     for _ in range(12):

@@ -25,6 +25,7 @@ from tripod_driver.framed import (
     ImuLine,
     OtherVersion,
     Release,
+    ResetCause,
     SetPulses,
     cobs_decode,
     cobs_encode,
@@ -35,12 +36,12 @@ from tripod_driver.protocol import ProtocolError
 u8, u16 = st.integers(0, 0xFF), st.integers(0, 0xFFFF)
 pulses = st.tuples(u16, u16, u16)
 states = st.sampled_from(BoardState)
-flags = u8.map(Flags)
+flags, causes = u8.map(Flags), u8.map(ResetCause)
 texts = st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E), max_size=TEXT_MAX)
 messages = st.one_of(
     st.sampled_from([Hello(), Hold(), Release()]),
     st.builds(SetPulses, pulses),
-    st.builds(HelloReply, st.tuples(u8, u8), u8, u8, u16, u16, u16, states, flags, pulses),
+    st.builds(HelloReply, st.tuples(u8, u8), u8, u8, u16, u16, u16, u16, causes, states, flags, pulses),
     st.builds(Acknowledgement, states, flags, pulses, u16),
     st.builds(Error, st.sampled_from(ErrorCode), u8, u16),
     st.builds(ImuLine, texts),
@@ -69,33 +70,45 @@ def test_the_checksum_is_the_published_one() -> None:
 @pytest.mark.parametrize(
     ("message", "sequence", "frame", "body"),
     [
-        (Hello(), 7, "00 06 0101077ab8 00", "01 01 07"),
-        (Hold(), 255, "00 06 0103ff0fb0 00", "01 03 ff"),
-        (Release(), 0, "00 03 0104 03 6837 00", "01 04 00"),
+        (Hello(), 7, "00 06020107 2ae1 00", "02 01 07"),
+        (Hold(), 255, "00 060203ff 5fe9 00", "02 03 ff"),
+        (Release(), 0, "00 03020403 386e 00", "02 04 00"),
         (
             SetPulses((15000, 5440, 24000)),
             0,
-            "00 03 0102 09 983a4015c05d52ae 00",
-            "01 02 00 983a 4015 c05d",
+            "00 03020209983a4015c05d 1683 00",
+            "02 02 00 983a 4015 c05d",
         ),
         (
-            HelloReply((1, 2), 1, 3, 5440, 24000, 500, BoardState.ACTIVE, Flags(5), (15000, 15005, 257)),
+            HelloReply(
+                (1, 2),
+                2,
+                3,
+                5440,
+                24000,
+                500,
+                475,
+                ResetCause.EXTERNAL | ResetCause.WATCHDOG,
+                BoardState.ACTIVE,
+                Flags(5),
+                (15000, 15005, 257),
+            ),
             7,
-            "00 18 0181070102010340 15c05df4010105983a9d3a0101 dc39 00",
-            "01 81 07 01 02 01 03 4015 c05d f401 01 05 983a 9d3a 0101",
+            "00 1b028107010202034015c05df401db010a0105983a9d3a0101 e680 00",
+            "02 81 07 01 02 02 03 4015 c05d f401 db01 0a 01 05 983a 9d3a 0101",
         ),
         (
             Acknowledgement(BoardState.HOLDING, Flags.WATCHDOG, (15000, 15005, 257), 0x1234),
             1,
-            "00 10 0182010202983a9d3a01013412 ad05 00",
-            "01 82 01 02 02 983a 9d3a 0101 3412",
+            "00 100282010202983a9d3a01013412 08ca 00",
+            "02 82 01 02 02 983a 9d3a 0101 3412",
         ),
-        (Error(ErrorCode.PULSE, 2, 0x1101), 9, "00 0a 01830904020111 a36e 00", "01 83 09 04 02 0111"),
+        (Error(ErrorCode.PULSE, 2, 0x1101), 9, "00 0a02830904020111 21b6 00", "02 83 09 04 02 0111"),
         (
             ImuLine("-3.5,12.25,"),
             2,
-            "00 11 018402 2d332e352c31322e32352c 281c 00",
-            "01 84 02 2d332e352c31322e32352c",
+            "00 110284022d332e352c31322e32352c 8b91 00",
+            "02 84 02 2d332e352c31322e32352c",
         ),
     ],
 )
@@ -191,7 +204,7 @@ def test_what_is_dropped_is_counted_by_its_reason(stream: bytes, reason: Drop) -
     assert decoder.feed(encode(Hello(), 0)) == [Frame(0, Hello())]
 
 
-@pytest.mark.parametrize("version", [0, 2, 255])
+@pytest.mark.parametrize("version", [0, 1, 255])
 def test_a_frame_of_another_version_is_reported_not_understood(version: int) -> None:
     decoder = Decoder()
     assert decoder.feed(framed(body_of(version, 0x81, 4, size=3))) == [Frame(4, OtherVersion(version))]

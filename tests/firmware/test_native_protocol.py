@@ -63,6 +63,9 @@ class NativeProtocol:
     def tick(self, count: int = 1) -> None:
         self._do(b"T", count)
 
+    def period(self, count: int = 1) -> None:
+        self._do(b"P", count)
+
     def lose_input(self) -> None:
         self._do(b"L", 0)
 
@@ -102,7 +105,7 @@ legacy = st.tuples(angle, angle, angle).map(lambda a: bytes([255, *a]))
 bodies = st.builds(
     lambda head, rest: bytes(head) + rest,
     st.tuples(
-        st.sampled_from([0, 1, 1, 1, 2]), st.sampled_from([0, 1, 2, 3, 4, 5, 0x81, 0x83]), st.integers(0, 3)
+        st.sampled_from([0, 1, 2, 2, 2]), st.sampled_from([0, 1, 2, 3, 4, 5, 0x81, 0x83]), st.integers(0, 3)
     ),
     st.binary(max_size=37),
 )
@@ -112,6 +115,7 @@ operations = st.one_of(
     st.tuples(st.just("receive"), bodies.map(framed)),
     st.tuples(st.just("receive"), st.lists(legacy, min_size=1, max_size=4).map(b"".join)),
     st.tuples(st.just("tick"), st.one_of(st.integers(1, 5), st.sampled_from([400, 499, 500, 501, 1001]))),
+    st.tuples(st.just("period"), st.integers(1, 30)),
     st.tuples(st.sampled_from(["lose_input", "lose_output"]), st.none()),
     st.tuples(st.just("imu_line"), st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=32)),
 )
@@ -127,10 +131,10 @@ def test_c_code_and_model_agree_on_any_course_of_events(process, course, rng) ->
         if operation == "receive" and argument and rng.random() < 0.2:  # one byte damaged
             at = rng.randrange(len(argument))
             argument = argument[:at] + bytes([rng.randrange(256)]) + argument[at + 1 :]
-        if operation == "tick":
-            process.tick(argument)
+        if operation in ("tick", "period"):
+            getattr(process, operation)(argument)
             for _ in range(argument):
-                model.tick()
+                getattr(model, operation)()
         elif operation in ("receive", "imu_line"):
             assert getattr(process, operation)(argument) == getattr(model, operation)(argument)
         else:
@@ -176,7 +180,7 @@ def test_all_degrees_of_a_legacy_packet_become_the_pulses_of_the_arduino_library
 ) -> None:
     for degrees in range(181):
         board.tick(10)
-        board.receive(bytes([255, degrees, 180 - degrees, 90]))
+        board.receive(bytes([255, degrees, 180 - degrees, 90]) * 3)
         wanted = [degrees, 180 - degrees, 90]
         assert board.pulses == tuple(10 * (544 + d * 1856 // 180) for d in wanted)
         assert board.pulses == tuple(map(legacy_pulse, wanted))
@@ -187,15 +191,16 @@ def test_garbage_does_not_lock_legacy_out(board: NativeProtocol, before: bytes) 
     board.tick(5)
     board.receive(before)
     board.tick(5)
-    board.receive(bytes([255, 0, 90, 180]))
+    board.receive(bytes([255, 0, 90, 180]) * 3)
     assert board.pulses == (5440, 14720, 24000)
     assert board.state is BoardState.ACTIVE
 
 
-def test_a_legacy_host_that_never_pauses_is_understood_again_after_two_packets(board: NativeProtocol) -> None:
-    packet = bytes([255, 10, 20, 30])
-    board.tick(5)
-    assert board.receive(packet) == b"" and board.state is BoardState.ACTIVE
+def test_a_legacy_host_that_never_pauses_is_understood_again_after_three_packets(
+    board: NativeProtocol,
+) -> None:
+    board.receive(bytes([255, 10, 20, 30]) * 3)
+    assert board.state is BoardState.ACTIVE
     board.receive(b"\x07" + bytes([255, 40, 50, 60]) * 2)
     assert board.pulses == tuple(map(legacy_pulse, (10, 20, 30)))
     board.receive(bytes([255, 40, 50, 60]))
@@ -208,8 +213,7 @@ def test_a_frame_ends_legacy_until_the_next_reset(board: NativeProtocol) -> None
     board.receive(bytes([255, 90, 90, 90]) * 5)
     assert (board.state, board.pulses) == (BoardState.IDLE, (0, 0, 0))
     board.begin()
-    board.tick(10)
-    board.receive(bytes([255, 90, 90, 90]))
+    board.receive(bytes([255, 90, 90, 90]) * 3)
     assert board.state is BoardState.ACTIVE
 
 
@@ -251,7 +255,7 @@ def test_watchdog_holds_then_releases_and_a_command_ends_both(board: NativeProto
     [
         encode(Hello(), 1),
         encode(SetPulses((5439, 15000, 15000)), 1),
-        framed(b"\x02\x02\x01\x98\x3a\x98\x3a\x98\x3a"),
+        framed(b"\x01\x02\x01\x98\x3a\x98\x3a\x98\x3a"),
         encode(SetPulses((15000, 15000, 15000)), 1)[:-3] + b"\x99\x99\0",
         bytes([255, 90, 90, 90]),
     ],
@@ -286,13 +290,14 @@ def test_release_stops_the_pulses_at_once_and_hold_does_not_start_them(board: Na
 @pytest.mark.parametrize(
     ("body", "reply"),
     [
-        (b"\x02\x01\x09", Error(ErrorCode.VERSION, 1, 1)),
-        (b"\x01\x05\x09", Error(ErrorCode.TYPE, 5, 5)),
-        (b"\x01\x00\x09", Error(ErrorCode.TYPE, 0, 0)),
-        (b"\x01\x02\x09" + bytes(5), Error(ErrorCode.LENGTH, 2, 5)),
-        (b"\x01\x01\x09\x00", Error(ErrorCode.LENGTH, 1, 1)),
-        (b"\x01\x02\x09\x98\x3a\xc1\x5d\x98\x3a", Error(ErrorCode.PULSE, 2, 1)),
-        (b"\x01\x02\x09\x3f\x15\xc1\x5d\x98\x3a", Error(ErrorCode.PULSE, 2, 0)),
+        (b"\x01\x01\x09", Error(ErrorCode.VERSION, 1, 2)),
+        (b"\x03\x01\x09", Error(ErrorCode.VERSION, 1, 2)),
+        (b"\x02\x05\x09", Error(ErrorCode.TYPE, 5, 5)),
+        (b"\x02\x00\x09", Error(ErrorCode.TYPE, 0, 0)),
+        (b"\x02\x02\x09" + bytes(5), Error(ErrorCode.LENGTH, 2, 5)),
+        (b"\x02\x01\x09\x00", Error(ErrorCode.LENGTH, 1, 1)),
+        (b"\x02\x02\x09\x98\x3a\xc1\x5d\x98\x3a", Error(ErrorCode.PULSE, 2, 1)),
+        (b"\x02\x02\x09\x3f\x15\xc1\x5d\x98\x3a", Error(ErrorCode.PULSE, 2, 0)),
     ],
 )
 def test_what_cannot_be_carried_out_is_answered_by_its_error(board, body: bytes, reply: Error) -> None:

@@ -64,7 +64,7 @@ def test_hello_pulses_and_a_host_that_falls_silent(port, terminal) -> None:
 
 
 def test_legacy_packets_move_the_servos_and_a_reset_stops_them(port, terminal) -> None:
-    port.write(LegacyProtocol().encode([-0.5, -1.0, -1.5]))
+    port.write(LegacyProtocol().encode([-0.5, -1.0, -1.5]) * 3)
     until(lambda: len(terminal.pulses()) > 9)
     degrees = LegacyProtocol().encode([-0.5, -1.0, -1.5])[1:]
     [row, *_] = rows(terminal.pulses()[:9])

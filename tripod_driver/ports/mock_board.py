@@ -17,6 +17,7 @@ from tripod_driver.framed_messages import (
     Message,
     Pulses,
     Release,
+    ResetCause,
     SetPulses,
 )
 
@@ -28,6 +29,10 @@ PULSE_RANGE: Final = (5440, 24000)
 
 MEMORY: Final = 4096
 """Pulses that are remembered: a board runs for days."""
+
+
+SLEW: Final = 20000
+"""Largest change from pulse to pulse [0.1 us]: all of it at once, which the firmware's default does not allow."""
 
 
 class MockBoard:
@@ -88,9 +93,8 @@ class MockBoard:
             return Error(ErrorCode.VERSION, 1, self.version)
         match message:
             case Hello():
-                return HelloReply(
-                    (0, 0), VERSION, 3, low, high, 500, self._state, self._taken_flags(), self.pulses
-                )
+                limits, told = (low, high, 500, SLEW), (self._state, self._taken_flags(), self.pulses)
+                return HelloReply((0, 0), VERSION, 3, *limits, ResetCause.EXTERNAL, *told)
             case SetPulses(pulses) if all(low <= pulse <= high for pulse in pulses):
                 a, b, c = (STEP * round(pulse / STEP) for pulse in pulses)
                 self.pulses = (a, b, c)
