@@ -121,6 +121,24 @@ def test_legacy_packets_step_no_further_either(board) -> None:
     assert largest_step(pulses) <= SLEW
 
 
+@pytest.mark.parametrize("phase", range(0, 20, 2))
+def test_a_main_loop_that_is_late_by_a_period_does_not_step_twice_as_far(board, phase: int) -> None:
+    """It makes pulses for a period that has passed, and stops again: these must not come after what came since."""
+    session = Session(board)
+    session.stream([(15000, 15000, 15000)] * 5)
+    session.send(SetPulses((20000, 20000, 20000)))
+    board.run(0.004 + 0.001 * phase)
+    mend = board.hang("protocol_receive")
+    session.send(SetPulses((10000, 10000, 10000)))
+    board.run(PERIOD)
+    board.hang("servo_period")
+    mend()
+    board.run(2 * PERIOD)
+    pulses = board.pulses()
+    assert len(pulses) > 17
+    assert largest_step(pulses) <= SLEW
+
+
 def test_hold_stops_the_way_to_a_far_target_at_once_and_so_does_silence(board) -> None:
     session = Session(board)
     session.stream([(6000, 15000, 24000)] * 3 + [(24000, 15000, 6000)] * 5)
