@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -50,6 +51,8 @@ class Watch(Node):
             (names.ROBOT_STATUS, RobotStatus),
         ):
             self.create_subscription(kind, topic, self._keeper(topic), RELIABLE)
+        self._recorder = f"{self.get_namespace().rstrip('/')}/record"
+        self.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self._on_diagnostics, RELIABLE)
         self._diagnostics = Diagnostics(self, self._report)
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
 
@@ -104,7 +107,15 @@ class Watch(Node):
             seen, message = self._heard.get(topic, (float("-inf"), None))
         return message if time.monotonic() - seen < SILENT_AFTER else None
 
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            if status.name == self._recorder:
+                self._keeper(self._recorder)(status)
+
     def _note(self, sim: Any | None, ik: Any | None, robot: Any | None) -> str:
+        record = self._fresh(self._recorder)
+        if record is not None and record.level != bytes([Level.OK]):
+            return f"record: {record.message}"
         for name, message in (("sim", sim), ("ik", ik), ("driver", robot)):
             if message is not None and message.message:
                 return f"{name}: {message.message}"

@@ -1,6 +1,7 @@
-"""Records every topic of the graph to an mcap file.
+"""Records the topics of the graph to an mcap file.
 
-Prints `recording PATH` when it begins and `recorded PATH` with a count when it ends.
+Prints `recording PATH` when it begins, and again when it has to go on elsewhere, and `recorded PATH` with a count when
+it ends. The exit code is 1 if any recording is not whole, or not where it began.
 """
 
 import sys
@@ -19,28 +20,35 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_srvs.srv import Trigger
 
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.names import RECORD_START, RECORD_STOP
+from tripod_graph.names import MARKERS, POINT_CLOUD, RECORD_START, RECORD_STOP
 from tripod_graph.parameters import Parameter, declare
-from tripod_graph.run import run_node
+from tripod_graph.run import FAILED, run_node
+from tripod_record.chunk import COMPRESSIONS
 from tripod_record.definitions import definition_text, message_class
 from tripod_record.errors import RecordError
 from tripod_record.place import MEGABYTE, check_place, recording_directory
 from tripod_record.recorder import Progress, Recorder, State
 from tripod_record.selection import is_selected, listening, patterns
 from tripod_record.topic import Qos, Topic
-from tripod_record.writer import COMPRESSIONS, BagWriter
+from tripod_record.writer import BagWriter
+
+DERIVED = (MARKERS, POINT_CLOUD)
+"""Topics that can be computed from others; they are three quarters of all bytes, and made for those who listen."""
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("directory", "recordings", "Directory in which recordings are made"),
     Parameter("name", "", "Name of the recording; empty: date and time; a number is added if taken"),
     Parameter("topics", "", "Topics or patterns (*, ?) to record, parted by spaces or commas; empty: all"),
     Parameter("exclude", "/rosout /parameter_events", "Topics or patterns not to record"),
+    Parameter("derived", False, f"Record {' and '.join(DERIVED)} too, which follow from other topics"),
     Parameter("autostart", True, "Record from the start on, without waiting for record/start"),
-    Parameter("compression", "zstd", "Compression of the file", choices=tuple(COMPRESSIONS)),
+    Parameter("compression", "zstd", "Compression of the file", choices=COMPRESSIONS),
     Parameter(
-        "sync_period", 0.5, "Time between two writes that reach the disk", unit="s", low=0.05, high=1.0
+        "sync_period", 0.5, "Time between two writes that reach the disk", unit="s", low=0.05, high=0.5
     ),
-    Parameter("min_free", 100 * MEGABYTE, "Free space needed to begin; a tenth of it ends", unit="B", low=0),
+    Parameter(
+        "min_free", 100 * MEGABYTE, "Free space needed to begin; a tenth is left for the end", unit="B", low=0
+    ),
     Parameter("queue_size", 64 * MEGABYTE, "Messages that may wait for the disk", unit="B", low=MEGABYTE),
 )
 
@@ -64,7 +72,11 @@ class Listener:
 
 
 class RecordNode(Node):
-    """Listens to the topics of the graph and hands their bytes to a `Recorder`."""
+    """Listens to the topics of the graph and hands their bytes to a `Recorder`.
+
+    Attributes:
+        whole: Whether every recording that has ended holds all that was heard, where it began.
+    """
 
     def __init__(self) -> None:
         super().__init__("record")
@@ -72,10 +84,13 @@ class RecordNode(Node):
         self._directory = Path(values["directory"]).expanduser()
         self._name: str = values["name"]
         self._wanted = patterns(values["topics"], self.get_namespace())
-        self._unwanted = patterns(values["exclude"], self.get_namespace())
+        excluded = values["exclude"] if values["derived"] else " ".join((values["exclude"], *DERIVED))
+        self._unwanted = patterns(excluded, self.get_namespace())
         self._values = values
         self._recorder: Recorder | None = None
         self._ended: Progress | None = None
+        self._told: Progress | None = None
+        self.whole = True
         self._listeners: dict[str, Listener] = {}
         self._types: dict[str, str] = {}
         self._refused: dict[str, str] = {}
@@ -104,6 +119,7 @@ class RecordNode(Node):
             queue_size=self._values["queue_size"],
             low_space=min_free // 10,
         )
+        self._told = self._recorder.progress
         print(f"recording {writer.path}", flush=True)
         self._look()
         return writer.path
@@ -116,6 +132,7 @@ class RecordNode(Node):
             self.destroy_subscription(listener.subscription)
         self._listeners.clear()
         self._ended, self._recorder = self._recorder.stop(), None
+        self.whole &= self._ended.is_whole
         if self._ended.state is State.FAILED:
             self.get_logger().error(f"recording ended: {self._ended.error}")
         else:
@@ -130,12 +147,29 @@ class RecordNode(Node):
         """Listen to new topics, anew to those that offer less by now; notice that writing failed."""
         if self._recorder is None:
             return
+        self._tell(self._recorder.progress)
         if self._recorder.progress.state is State.FAILED:
             self.stop()
             return
         for name, types in self.get_topic_names_and_types():
             if is_selected(name, self.get_namespace(), self._wanted, self._unwanted):
                 self._look_at(self._recorder, name, types)
+
+    def _tell(self, now: Progress) -> None:
+        """Say at once, on the screen and in the diagnostics, what went wrong with the file and what was mended."""
+        before, self._told = self._told, now
+        if before is None or (now.error, now.rescue) == (before.error, before.rescue):
+            return
+        if now.path != before.path:
+            print(f"recording {now.path}", flush=True)
+        if now.rescue != before.rescue:
+            self.get_logger().error(f"recording: {now.rescue}")
+        if now.state is State.RECORDING and now.error != before.error:
+            if now.error:
+                self.get_logger().error(f"recording: {now.error}")
+            else:
+                self.get_logger().warning(f"recording goes on, {now.dropped} messages were dropped")
+        self._diagnostics.publish()
 
     def _look_at(self, recorder: Recorder, name: str, types: list[str]) -> None:
         kind = self._types.get(name, types[0])
@@ -215,7 +249,8 @@ class RecordNode(Node):
         return response
 
     def _summary(self, progress: Progress) -> str:
-        return f"{progress.messages} messages, {progress.dropped + self._lost} lost"
+        lost = progress.dropped + progress.destroyed + self._lost
+        return f"{progress.messages} messages, {lost} lost"
 
     def _report(self) -> Report:
         progress = self._ended if self._recorder is None else self._recorder.progress
@@ -225,20 +260,29 @@ class RecordNode(Node):
             "path": progress.path,
             "messages": progress.messages,
             "topics": len(self._listeners),
-            "dropped, disk too slow": progress.dropped,
+            "dropped, disk too slow or full": progress.dropped,
+            "destroyed by another program": progress.destroyed,
             "lost, recorder too slow": self._lost,
             "waiting [B]": progress.waiting,
             **{f"refused {name}": reason for name, reason in self._refused.items()},
         }
+        return *self._condition(progress), values
+
+    def _condition(self, progress: Progress) -> tuple[Level, str]:
+        level, text = Level.OK, "recording"
         if progress.state is State.FAILED:
-            return Level.ERROR, f"recording ended: {progress.error}", values
-        if progress.state is State.CLOSED:
-            return Level.OK, "not recording", values
-        if progress.dropped or self._lost:
-            return Level.WARN, f"recording, {progress.dropped + self._lost} messages lost", values
-        if self._refused:
-            return Level.WARN, f"recording without {', '.join(sorted(self._refused))}", values
-        return Level.OK, "recording", values
+            level, text = Level.ERROR, f"recording ended: {progress.error}"
+        elif progress.state is State.CLOSED:
+            text = "not recording"
+        elif progress.error:
+            level, text = Level.ERROR, progress.error
+        elif progress.rescue:
+            level, text = Level.WARN, progress.rescue
+        elif progress.dropped or self._lost:
+            level, text = Level.WARN, f"recording, {progress.dropped + self._lost} messages lost"
+        elif self._refused:
+            level, text = Level.WARN, f"recording without {', '.join(sorted(self._refused))}"
+        return level, text
 
 
 def offered_qos(publisher: TopicEndpointInfo) -> Qos:
@@ -264,7 +308,14 @@ def type_hash(publisher: TopicEndpointInfo) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node; returns its exit code."""
-    return run_node("record", RecordNode, arguments)
+    nodes: list[RecordNode] = []
+
+    def make() -> RecordNode:
+        nodes.append(RecordNode())
+        return nodes[0]
+
+    code = run_node("record", make, arguments)
+    return code or (0 if all(node.whole for node in nodes) else FAILED)
 
 
 if __name__ == "__main__":

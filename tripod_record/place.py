@@ -5,19 +5,20 @@ import tempfile
 from datetime import datetime
 from pathlib import Path
 
+from tripod_record.append_file import make_private_directory
 from tripod_record.errors import RecordError
 
 MEGABYTE = 10**6
 
 
 def check_place(directory: Path, min_free: int) -> None:
-    """Make `directory` if need be; check that a file can be written there and that `min_free` [B] are left.
+    """Check that a file can be written in `directory` and that `min_free` [B] are left.
 
-    Raises RecordError; the message names the directory and says what to do.
+    If need be, the directory is made, for its owner only. Raises RecordError; the message names the directory and says what to do.
     """
     advice = "choose another directory, or make this one writable"
     try:
-        directory.mkdir(parents=True, exist_ok=True)
+        _make(directory)
         with tempfile.TemporaryFile(dir=directory) as probe:
             probe.write(b"\0")
             probe.flush()
@@ -29,6 +30,14 @@ def check_place(directory: Path, min_free: int) -> None:
             f"cannot record into {directory}: {free / MEGABYTE:.1f} MB are free, "
             f"{min_free / MEGABYTE:.1f} MB are needed; delete something or choose another directory"
         )
+
+
+def _make(directory: Path) -> None:
+    try:
+        make_private_directory(directory)
+    except FileExistsError:
+        if not directory.is_dir():
+            raise
 
 
 def free_space(directory: Path) -> int:

@@ -6,10 +6,13 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from enum import IntEnum
 from pathlib import Path
 
-from tripod_record.place import MEGABYTE, free_space
+from tripod_record.errors import FileLostError
+from tripod_record.place import MEGABYTE, free_space, recording_directory
+from tripod_record.structure import messages_kept
 from tripod_record.topic import Topic
 from tripod_record.writer import BagWriter
 
@@ -28,19 +31,28 @@ class Progress:
 
     Attributes:
         state: What the recorder is doing.
-        error: Why it failed, empty otherwise.
+        error: Why it failed, or why it cannot write at present; empty otherwise.
         path: The mcap file.
         messages: Messages on the disk.
-        dropped: Messages lost because the disk was too slow for the queue.
+        dropped: Messages lost because the disk was too slow or too full for the queue.
         waiting: Size of the messages not yet written [B].
+        destroyed: Messages lost because another program destroyed them in the file.
+        rescue: What another program did to the file and what was done about it; empty if nothing.
     """
 
     state: State
     error: str
     path: Path
     messages: int
-    dropped: int
-    waiting: int
+    dropped: int = 0
+    waiting: int = 0
+    destroyed: int = 0
+    rescue: str = ""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all that was offered is, or will be, where the recording began."""
+        return self.state is not State.FAILED and not self.dropped and not self.rescue
 
 
 @dataclass(frozen=True)
@@ -59,10 +71,12 @@ def steady_stamps() -> Callable[[], int]:
 
 
 class Recorder:
-    """Writes what it is offered until it is stopped, the disk is full, or writing fails.
+    """Writes what it is offered until it is stopped.
 
-    Everything offered is on the disk after at most `period` and the time that the disk takes. The queue is
-    bounded: when the disk is too slow for it, messages are dropped and counted, and recording goes on.
+    Everything offered is on the disk after at most `period` and the time that the disk takes. What a full disk does
+    not take waits in the queue and is tried again each `period`. The queue is bounded: when the disk is too slow or
+    too full for it, messages are dropped and counted, and recording goes on. A file that another program deletes,
+    moves, replaces or cuts goes on in a new directory beside, with all that can still be read of it.
     """
 
     def __init__(
@@ -73,6 +87,7 @@ class Recorder:
         queue_size: int = 64 * MEGABYTE,
         low_space: int = 0,
         stamp: Callable[[], int] | None = None,
+        system_time: Callable[[], int] = time.time_ns,
         free: Callable[[Path], int] = free_space,
     ) -> None:
         """Begin.
@@ -81,16 +96,18 @@ class Recorder:
             writer: Belongs to the recorder from now on.
             period: Time between two syncs to the disk [s].
             queue_size: Size of messages that may wait for the disk [B].
-            low_space: The recording ends in order when less is free [B].
+            low_space: Only the end of the recording is written when less is free [B].
             stamp: Clock of the messages [ns since 1970]; None takes `steady_stamps()`.
+            system_time: Clock of the publishers [ns since 1970].
             free: Measures the space left.
         """
         self._writer, self._period, self._queue_size = writer, period, queue_size
-        self._low_space, self._stamp, self._free = low_space, stamp or steady_stamps(), free
+        self._low_space, self._free = low_space, free
+        self._stamp, self._system_time = stamp or steady_stamps(), system_time
         self._queue: deque[_Message | Topic] = deque()
         self._waiting = 0
-        self._dropped = 0
-        self._state, self._error = State.RECORDING, ""
+        self._offered = self._dropped = self._destroyed = 0
+        self._state, self._error, self._rescued = State.RECORDING, "", ""
         self._stopping = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -101,7 +118,14 @@ class Recorder:
         """How far the recording is, now."""
         with self._changed:
             return Progress(
-                self._state, self._error, self._writer.path, self._writer.kept, self._dropped, self._waiting
+                self._state,
+                self._error,
+                self._writer.path,
+                self._writer.kept,
+                self._dropped,
+                self._waiting,
+                self._destroyed,
+                self._rescued,
             )
 
     def add_topic(self, topic: Topic) -> None:
@@ -112,14 +136,21 @@ class Recorder:
             self._changed.notify()
 
     def offer(self, topic: str, data: bytes, *, publish_time: int = 0, sequence: int = 0) -> bool:
-        """Take one message, stamped now, and return at once; False if it is lost (see `dropped`)."""
+        """Take one message, stamped now, and return at once; False if it is lost (see `dropped`).
+
+        `publish_time`, by the clock of the publishers, becomes a time of the clock of the stamps, which no step of the
+        system's clock disturbs: the stamp less the time since then. 0 if unknown.
+        """
         with self._changed:
             if self._state is not State.RECORDING or self._stopping:
                 return False
+            self._offered += 1
             if self._waiting + len(data) > self._queue_size:
                 self._dropped += 1
                 return False
-            self._queue.append(_Message(topic, data, self._stamp(), publish_time, sequence))
+            stamp = self._stamp()
+            sent = stamp - max(0, self._system_time() - publish_time) if publish_time else 0
+            self._queue.append(_Message(topic, data, stamp, sent, sequence))
             self._waiting += len(data)
             if self._is_crowded():
                 self._changed.notify()
@@ -139,28 +170,46 @@ class Recorder:
                 self._state, self._error = State.FAILED, f"{self._writer.path}: the disk does not answer"
         return self.progress
 
-    def _is_crowded(self) -> bool:
-        return self._waiting > self._queue_size // 2
-
     def _run(self) -> None:
         try:
-            while self._step():
-                pass
+            while not self._is_stopping():
+                self._step()
+            self._keep(last=True)
             self._writer.close()
             self._end(State.CLOSED, "")
         # a full disk or a bug: the recording ends in order and says why
         except Exception as error:  # noqa: BLE001
             with suppress(Exception):
                 self._writer.abandon()
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            self._end(State.FAILED, f"{self._writer.path}: {reason}; {self._writer.kept} messages are kept")
+            kept = messages_kept(self._writer.path)
+            self._end(State.FAILED, f"{self._reason(error)}; {kept} of {self._offered} messages are kept")
 
-    def _step(self) -> bool:
-        """Write and sync what came in one period; return whether to go on."""
+    def _is_stopping(self) -> bool:
+        """Wait for the next turn; return whether it is the last."""
         with self._changed:
-            self._changed.wait_for(lambda: self._stopping or self._is_crowded(), self._period)
+            stuck = bool(self._error)
+            self._changed.wait_for(lambda: self._stopping or (self._is_crowded() and not stuck), self._period)
+            return self._stopping
+
+    def _is_crowded(self) -> bool:
+        return self._waiting > self._queue_size // 2
+
+    def _step(self) -> None:
+        """Write and sync what came in one period, or note why that is not possible."""
+        try:
+            self._keep()
+            error = ""
+        except OSError as reason:
+            error = f"{self._reason(reason)}; what comes waits in memory"
+        with self._changed:
+            self._error = error
+
+    def _keep(self, *, last: bool = False) -> None:
+        self._sync()
+        if not last and self._low_space and (left := self._free(self._writer.directory)) < self._low_space:
+            raise OSError(0, f"the disk is full: {left / MEGABYTE:.1f} MB are left")
+        with self._changed:
             batch, self._queue = self._queue, deque()
-            stopping = self._stopping
         for item in batch:
             if isinstance(item, Topic):
                 self._writer.add_topic(item)
@@ -170,11 +219,29 @@ class Recorder:
                 )
                 with self._changed:
                     self._waiting -= len(item.data)
-        self._writer.sync()
-        if self._low_space and (left := self._free(self._writer.directory)) < self._low_space:
-            self._writer.close()
-            raise OSError(0, f"the disk is full: {left / MEGABYTE:.1f} MB are left")
-        return not stopping
+        self._sync()
+
+    def _sync(self) -> None:
+        try:
+            self._writer.sync()
+        except FileLostError as lost:
+            self._rescue(f"{self._writer.path} {lost}")
+
+    def _rescue(self, reason: str) -> None:
+        directory = self._writer.directory
+        try:
+            gone = self._writer.rescue(recording_directory(directory.parent, directory.name, datetime.now()))
+        except OSError as error:
+            raise OSError(error.errno, f"{reason}, and it cannot go on beside: {error.strerror}") from None
+        with self._changed:
+            self._destroyed += gone
+            what = f"{gone} messages are lost, all others are" if gone else "all of it is"
+            self._rescued = f"{reason}; {what} in {self._writer.path}, where it goes on"
+
+    def _reason(self, error: Exception) -> str:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        path = str(self._writer.path)
+        return reason if reason.startswith(path) else f"{path}: {reason}"
 
     def _end(self, state: State, error: str) -> None:
         with self._changed:

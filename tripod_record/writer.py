@@ -1,45 +1,52 @@
 """Writes one recording: a rosbag2 directory with an mcap file of raw CDR messages and its metadata.yaml."""
 
+import os
+import stat
 import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.writer import CompressionType, Writer
+from mcap.records import Channel, Header, Metadata, Schema
 
-from tripod_record.append_file import AppendFile, sync_directory
+from tripod_record.append_file import MAGIC, AppendFile, make_private_directory
+from tripod_record.chunk import COMPRESSIONS, ChunkBuilder, encoded
 from tripod_record.errors import RecordError
 from tripod_record.metadata import information_yaml, metadata_yaml
+from tripod_record.structure import Structure, read_structure
+from tripod_record.summary_records import end_of_file
 from tripod_record.topic import Topic, qos_yaml
 
-COMPRESSIONS = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
 METADATA_PERIOD = 1.0
 """While recording, metadata.yaml is rewritten for new topics, and this often for the counts [s]."""
 
 
 @dataclass
-class _Channel:
+class _Recorded:
     topic: Topic
-    id: int
+    schema: Schema
+    channel: Channel
     count: int = 0
     kept: int = 0  # on the disk
+    published: int = 0
 
 
 class BagWriter:
     """A recording being written.
 
     Profile ros2, schemas as ros2msg text, messages as cdr, chunked with message indexes. Every `sync` ends
-    the chunk and leaves a complete, readable file on the disk (see `AppendFile`); `close` adds the summary.
+    the chunk and leaves a complete, readable file on the disk (see `AppendFile`); `close` adds the summary, which it
+    reads from the file: nothing of the past stays in memory, and the counts are those of what is there.
 
     Attributes:
         directory: Directory of the recording.
         path: The mcap file in it.
-        messages: Messages given to `write`.
+        messages: Messages given to `write`, without those that were lost with a part of the file.
         kept: Those of them that are on the disk.
     """
 
     def __init__(self, directory: Path, *, compression: str = "zstd", chunk_size: int = 2**20) -> None:
-        """Create `directory` (it must not exist) and begin.
+        """Create `directory` (it must not exist) for its owner only, and begin.
 
         Args:
             directory: Its name is the name of the recording.
@@ -52,28 +59,25 @@ class BagWriter:
         if compression not in COMPRESSIONS:
             raise RecordError(f"compression {compression!r} is unknown; allowed: {', '.join(COMPRESSIONS)}")
         self.directory = directory
-        self.path = directory / f"{directory.name}_0.mcap"
+        self.path = _file_in(directory)
         self.messages = 0
         self.kept = 0
-        self._channels: dict[str, _Channel] = {}
-        self._schemas: dict[str, int] = {}
+        self._recorded: dict[str, _Recorded] = {}
+        self._schemas: dict[str, Schema] = {}
+        self._chunk, self._chunk_size = ChunkBuilder(compression), chunk_size
         self._start: int | None = None
         self._last = 0
         self._kept_last = 0
         self._metadata_due = 0.0
         try:
-            directory.mkdir(parents=True)
-            sync_directory(directory.parent)
+            make_private_directory(directory)
             self._file = AppendFile(self.path)
         except OSError as error:
             raise RecordError(
                 f"cannot create recording {directory}: {error.strerror}; choose another directory"
             ) from error
-        # the library writes through `_file` only: nothing reaches the disk before a flush
-        self._mcap = Writer(self._file, chunk_size=chunk_size, compression=COMPRESSIONS[compression])
         try:
-            self._mcap.start(profile="ros2", library="tripod")
-            self._add_information()
+            self._file.write(self._head())
             self.sync()
         except OSError as error:
             self._file.abandon()
@@ -88,19 +92,30 @@ class BagWriter:
 
         Raises RecordError if its name is taken by another type.
         """
-        if known := self._channels.get(topic.name):
+        if known := self._recorded.get(topic.name):
             if known.topic.type != topic.type:
                 raise RecordError(
                     f"topic {topic.name} is recorded as {known.topic.type}; {topic.type} was offered too"
                 )
             return
-        if topic.type not in self._schemas:
-            self._schemas[topic.type] = self._mcap.register_schema(
-                topic.type, "ros2msg", topic.definition.encode()
+        if (schema := self._schemas.get(topic.type)) is None:
+            schema = Schema(
+                id=len(self._schemas) + 1,
+                name=topic.type,
+                encoding="ros2msg",
+                data=topic.definition.encode(),
             )
-        details = {"offered_qos_profiles": qos_yaml(topic.qos), "topic_type_hash": topic.type_hash}
-        channel = self._mcap.register_channel(topic.name, "cdr", self._schemas[topic.type], details)
-        self._channels[topic.name] = _Channel(topic, channel)
+            self._schemas[topic.type] = schema
+            self._chunk.describe(schema)
+        channel = Channel(
+            id=len(self._recorded) + 1,
+            topic=topic.name,
+            message_encoding="cdr",
+            schema_id=schema.id,
+            metadata={"offered_qos_profiles": qos_yaml(topic.qos), "topic_type_hash": topic.type_hash},
+        )
+        self._chunk.describe(channel)
+        self._recorded[topic.name] = _Recorded(topic, schema, channel)
         self._metadata_due = 0.0
 
     def write(self, topic: str, data: bytes, stamp: int, *, publish_time: int = 0, sequence: int = 0) -> None:
@@ -111,38 +126,80 @@ class BagWriter:
             data: The message as CDR with its four bytes of header.
             stamp: When it was received [ns since 1970]; one before its predecessor's becomes that, so that
                 stamps never fall.
-            publish_time: When it was sent [ns since 1970]; 0 if unknown, then `stamp` stands for it.
+            publish_time: When it was sent [ns since 1970]; 0 if unknown, then `stamp` stands for it. It neither
+                falls within a topic nor exceeds `stamp`.
             sequence: The publisher's count, modulo 2^32; 0 if unknown.
         """
-        channel = self._channels[topic]
+        recorded = self._recorded[topic]
         self._last = max(stamp, self._last)
         if self._start is None:
             self._start = self._last
-        self._mcap.add_message(
-            channel.id, self._last, data, publish_time or self._last, sequence & 0xFFFFFFFF
+        recorded.published = max(min(publish_time or self._last, self._last), recorded.published)
+        self._chunk.add_message(
+            recorded.channel.id, sequence & 0xFFFFFFFF, self._last, recorded.published, data
         )
-        channel.count += 1
+        recorded.count += 1
         self.messages += 1
+        if self._chunk.size > self._chunk_size:
+            self._file.write(self._chunk.end())
 
     def sync(self) -> None:
-        """End the chunk and wait until everything written so far is on the disk; raises OSError."""
-        self._mcap.flush()
+        """End the chunk and wait until everything written so far is on the disk.
+
+        Raises:
+            FileLostError: the file is not there any more as it was written; see `rescue`.
+            OSError: the disk does not take it; it waits for the next `sync`.
+        """
+        if chunk := self._chunk.end():
+            self._file.write(chunk)
+        self._file.flush()
+        for recorded in self._recorded.values():
+            recorded.kept = recorded.count
         self.kept, self._kept_last = self.messages, self._last
-        for channel in self._channels.values():
-            channel.kept = channel.count
         if time.monotonic() >= self._metadata_due:
             self._write_metadata()
 
-    def close(self) -> None:
-        """Finish file and metadata; raises OSError, and then what was synced stays as after `abandon`."""
+    def rescue(self, directory: Path) -> int:
+        """Go on in a new file in the new `directory`, with what can still be read of the present one.
+
+        Returns how many messages that were on the disk are lost. Raises OSError if it cannot be done; then nothing
+        has changed.
+        """
+        path = _file_in(directory)
+        make_private_directory(directory)
+        given = self.messages
+        again = encoded(*self._schemas.values(), *(r.channel for r in self._recorded.values()))
+        if chunk := self._chunk.end():
+            self._file.write(chunk)
         try:
-            self.sync()
-            self._add_information()
-            self._mcap.finish()
-            self._file.close()
+            self._file.rescue(path, lambda fd, size: self._structure(fd, size).end, self._head(), again)
         except OSError:
-            self.abandon()
+            directory.rmdir()
             raise
+        self.directory, self.path = directory, path
+        found = self._structure(self._file.descriptor, self._file.size)
+        for recorded in self._recorded.values():
+            recorded.count = recorded.kept = found.counts.get(recorded.channel.id, 0)
+        self.messages = self.kept = found.messages
+        self._start, self._kept_last = found.start, found.last or 0
+        self._metadata_due = 0.0
+        return given - self.messages
+
+    def close(self) -> None:
+        """Finish file and metadata; raises as `sync` does, and then what was synced stays as after `abandon`.
+
+        Raises:
+            RecordError: less can be read from the file than was written to it.
+        """
+        self.sync()
+        self._file.write(encoded(self._information_record()))
+        self._file.flush()
+        found = self._structure(self._file.descriptor, self._file.size)
+        if found.messages != self.kept or found.end != self._file.size:
+            raise RecordError("was changed by another program")
+        channels = [recorded.channel for recorded in self._recorded.values()]
+        self._file.write(end_of_file(self._file.size, found, list(self._schemas.values()), channels))
+        self._file.close()
         self._write_metadata()
 
     def abandon(self) -> None:
@@ -151,21 +208,39 @@ class BagWriter:
         with suppress(OSError):
             self._write_metadata()
 
+    def _structure(self, fd: int, size: int) -> Structure:
+        return read_structure(fd, size, since=self._start or 0)
+
+    def _head(self) -> bytes:
+        header = Header(profile="ros2", library="tripod")
+        return MAGIC + encoded(header, self._information_record())
+
     def _information(self) -> str:
-        topics = [(c.topic, c.kept) for c in self._channels.values()]
+        topics = [(r.topic, r.kept) for r in self._recorded.values()]
         start, end = (self._start, self._kept_last) if self.kept else (None, None)
         return information_yaml(self.path.name, topics, start, end)
 
-    def _add_information(self) -> None:
+    def _information_record(self) -> Metadata:
         # rosbag2 keeps its description in the file too, for files without their directory
-        self._mcap.add_metadata("rosbag2", {"serialized_metadata": self._information()})
+        return Metadata(name="rosbag2", metadata={"serialized_metadata": self._information()})
 
     def _write_metadata(self) -> None:
         target = self.directory / "metadata.yaml"
         new = self.directory / ".metadata.yaml.new"
         try:
-            new.write_text(metadata_yaml(self._information()), encoding="utf-8")
+            _write_private(new, metadata_yaml(self._information()))
             new.replace(target)  # atomic: a reader sees the old or the new text
         finally:
             new.unlink(missing_ok=True)
         self._metadata_due = time.monotonic() + METADATA_PERIOD
+
+
+def _file_in(directory: Path) -> Path:
+    return directory / f"{directory.name}_0.mcap"
+
+
+def _write_private(path: Path, text: str) -> None:
+    path.unlink(missing_ok=True)
+    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, stat.S_IRUSR | stat.S_IWUSR)
+    with os.fdopen(fd, "w", encoding="utf-8") as file:
+        file.write(text)

@@ -21,6 +21,7 @@ from tripod_bringup.demo_session import Phase
 from tripod_bringup.demo_target import DemoTarget
 from tripod_bringup.watch import Watch
 from tripod_graph import names
+from tripod_graph.diagnostics import Diagnostics, Level
 from tripod_graph.mode import Mode
 from tripod_graph.names import WORKING_POSE
 from tripod_graph.qos import LATCHED, RELIABLE
@@ -77,6 +78,29 @@ def test_the_watch_tells_what_it_heard_and_forgets_what_fell_silent(
     monkeypatch.setattr(watch_module, "SILENT_AFTER", -1.0)
     silent = watch.status()
     assert (silent.sim_state, silent.packets, silent.note) == (None, None, "sim is silent")
+
+
+def test_the_watch_tells_what_the_recorder_complains_of(spin: Callable[..., None]) -> None:
+    watch, other, record = Watch(), Node("other"), Node("record")
+    other_health = Diagnostics(other, lambda: (Level.ERROR, "of no matter here", {}))
+    said: list[tuple[Level, str]] = [(Level.OK, "recording")]
+    health = Diagnostics(record, lambda: (*said[-1], {}))
+
+    def told(note: str) -> Callable[[], bool]:
+        def check() -> bool:
+            other_health.publish()
+            health.publish()
+            return watch.heard("/record") and watch.status().note == note
+
+        return check
+
+    spin(told(""), watch, other, record)
+    said.append((Level.ERROR, "the disk is full"))
+    spin(told("record: the disk is full"))
+    said.append((Level.WARN, "it goes on elsewhere"))
+    spin(told("record: it goes on elsewhere"))
+    said.append((Level.OK, "recording"))
+    spin(told(""))
 
 
 def test_the_word_stop_reaches_who_listens_and_who_comes_later(spin: Callable[..., None]) -> None:

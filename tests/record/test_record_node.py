@@ -1,6 +1,7 @@
 """The record node from outside: what is published is in the file, however the node ends."""
 
 import array
+import itertools
 import os
 import re
 import select
@@ -328,7 +329,7 @@ def test_a_place_that_will_not_do_is_refused_at_the_start(graph: Graph, tmp_path
         ([f"directory:={tmp_path}", "name:=a/b"], "recording name 'a/b' is not allowed; use letters"),
         ([f"directory:={tmp_path}", f"min_free:={10**17}"], f"cannot record into {tmp_path}: "),
         (["compression:=rar"], "parameter 'compression' is 'rar'; allowed: one of none, lz4, zstd"),
-        (["sync_period:=2.0"], "parameter 'sync_period' is 2.0; allowed: 0.05 to 1 s"),
+        (["sync_period:=2.0"], "parameter 'sync_period' is 2.0; allowed: 0.05 to 0.5 s"),
     ]
     refused = [(graph.record(*arguments), message) for arguments, message in refusals]  # all at once
     for process, message in refused:
@@ -364,35 +365,98 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(place)], check=True)
 
 
-def test_a_full_disk_ends_the_recording_and_the_node_lives_on(graph: Graph, small_disk: Path) -> None:
+def test_a_full_disk_is_told_at_once_and_the_recording_goes_on_when_there_is_room(
+    graph: Graph, small_disk: Path
+) -> None:
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(300_000))
     arguments = (f"directory:={small_disk}", "min_free:=0", "compression:=none", "topics:=sim/body_state")
     process = graph.record(*arguments, "sync_period:=0.1")
     path = Path(line_of(process, "recording"))
-    body = graph.publisher(tripod_msgs.BodyState, "sim/body_state", SENSOR)
+    body = graph.publisher(tripod_msgs.BodyState, "sim/body_state", ALL_KEPT)
     graph.heard(body)
-    step = 0
+    steps = itertools.count()
 
-    def failed() -> bool:
-        nonlocal step
-        body.publish(body_state(step))
-        step += 1
-        return graph.health_of("/record").level == b"\2"
+    def told(level: bytes, words: str, *, publish: bool = True) -> Callable[[], bool]:
+        def check() -> bool:
+            if publish:
+                body.publish(body_state(next(steps)))
+            status = graph.health_of("/record")
+            return status.level == level and words in status.message
 
-    graph.until(failed, "a full disk")
-    message = graph.health["/record"].message
-    assert "No space left on device" in message
-    kept = read_with_rosbags(path)["/sim/body_state"]
-    assert message.endswith(f"; {len(kept)} messages are kept")
-    assert 20 < len(kept) < step
+        return check
+
+    graph.until(told(b"\2", "No space left on device; what comes waits in memory"), "a full disk")
+    ballast.unlink()
+    graph.until(told(b"\0", "recording", publish=False), "the recovery")
+    sent = next(steps)
+    graph.until(lambda: recorded(path, "/sim/body_state") == sent, "all that came")
+    for k in range(sent + 1, sent + 60):  # beyond what the disk has room for
+        body.publish(body_state(k))
+    graph.until(told(b"\2", "No space left on device", publish=False), "a full disk again")
+    code, out, errors = finish(process, signal.SIGTERM)
+    kept = [data for _, data in read_with_rosbags(path)["/sim/body_state"]]
+    assert (code, out) == (1, "")
+    assert "recording: " in errors and "recording goes on" in errors and "Traceback" not in errors
+    offered = int(re.search(rf"; {len(kept)} of (\d+) messages are kept\n$", errors)[1])  # type: ignore[index]
+    assert sent <= len(kept) < offered <= sent + 59
     text = yaml.safe_load((path.parent / "metadata.yaml").read_text())
     assert text["rosbag2_bagfile_information"]["message_count"] <= len(kept)
-    assert graph.call("record/stop").message == "not recording"
-    path.unlink()
-    assert graph.call("record/start").success
-    code, _, errors = finish(process, signal.SIGTERM)
-    assert code == 0
-    assert "recording ended" in errors
-    assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize("harm", ["unlink", "cut"])
+def test_a_file_that_another_program_harms_is_told_at_once_and_in_the_exit_code(
+    graph: Graph, tmp_path: Path, harm: str
+) -> None:
+    process = graph.record(f"directory:={tmp_path}", "name:=run", "topics:=count")
+    path = Path(line_of(process, "recording"))
+    publisher = graph.publisher(String, "count", ALL_KEPT)
+    graph.heard(publisher)
+    for i in range(20):
+        publisher.publish(String(data=str(i)))
+    graph.until(lambda: recorded(path, "/count") == 20, "recording")
+    if harm == "cut":
+        os.truncate(path, 0)
+    else:
+        path.unlink()
+    new = tmp_path / "run_2" / "run_2_0.mcap"
+    graph.until(lambda: str(new) in graph.health_of("/record").message, "noticing")
+    reason = "was cut from" if harm == "cut" else "is gone: another program deleted or moved it"
+    assert graph.health["/record"].level == b"\1"
+    assert graph.health["/record"].message.startswith(f"{path} {reason}")
+    assert line_of(process, "recording") == str(new)
+    publisher.publish(String(data="20"))
+    graph.until(lambda: recorded(new, "/count") > 0, "going on")
+    graph.until(lambda: string_of(read_with_rosbags(new)["/count"][-1][1]) == "20", "going on")
+    code, out, errors = finish(process, signal.SIGTERM)
+    kept = [int(string_of(data)) for _, data in read_with_rosbags(new)["/count"]]
+    assert kept == ([20] if harm == "cut" else list(range(21)))
+    assert out == f"recorded {new} {len(kept)} messages, {21 - len(kept)} lost\n"
+    assert code == 1
+    assert f"{path} {reason}" in errors
+
+
+def test_topics_that_follow_from_others_are_listened_to_only_on_request(graph: Graph, tmp_path: Path) -> None:
+    publishers = [graph.publisher(String, n) for n in ("sim/markers", "sim/point_cloud", "sim/status")]
+
+    def heard() -> list[int]:
+        return [p.get_subscription_count() for p in publishers]
+
+    recorder = graph.in_process(tmp_path)
+    graph.heard(publishers[2])
+    graph.until(lambda: recorder._look() or "/sim/status" in recorder._listeners, "a look at all topics")
+    assert not {"/sim/markers", "/sim/point_cloud"} & set(recorder._listeners)
+    assert heard() == [0, 0, 1]
+    recorder.close()
+    for values, expected in (
+        ({"derived": True}, [1, 1, 1]),
+        ({"topics": "sim/*"}, [0, 0, 1]),
+        ({"topics": "sim/markers sim/status"}, [1, 0, 1]),
+    ):
+        graph.until(lambda: heard() == [0, 0, 0], "the end of listening")
+        recorder = graph.in_process(tmp_path, **values)
+        graph.until(lambda e=expected: heard() == e, f"listening to {expected}")
+        recorder.close()
 
 
 # publishers that change ------------------------------------------------------------------------------------

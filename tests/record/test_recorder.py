@@ -1,16 +1,22 @@
 """The recording thread: nothing is lost in silence, whatever the disk does."""
 
+import dataclasses
 import errno
+import itertools
 import os
 import re
+import shutil
 import threading
 import time
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
+import mcap.reader
 import pytest
 
-from tests.record.bags import STRING, cdr_string, read_with_rosbags
+from tests.memory import blocks_grown
+from tests.record.bags import START, STRING, cdr_string, read_with_rosbags
 from tripod_record.errors import RecordError
 from tripod_record.info import read_info
 from tripod_record.place import check_place, free_space, recording_directory
@@ -138,56 +144,312 @@ def test_a_stuck_disk_does_not_hold_the_node(stuck: StuckWriter) -> None:
 
 
 class FailingWriter(BagWriter):
-    """A disk that fails at the third sync with messages."""
+    """A disk that fails from the third sync with messages on, as long as there is an error."""
 
-    error: Exception
+    error: Exception | None
     turns = 0
 
     def sync(self) -> None:
         self.turns += self.messages > self.kept
-        if self.turns == 3:
+        if self.turns >= 3 and self.error is not None:
             raise self.error
         super().sync()
 
 
-@pytest.mark.parametrize(
-    ("error", "reason"),
-    [
-        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), "No space left on device"),
-        (OSError(errno.EIO, os.strerror(errno.EIO)), "Input/output error"),
-        (ZeroDivisionError("a bug"), "a bug"),
-    ],
-)
-def test_a_failing_disk_ends_the_recording_and_keeps_what_is_written(
-    tmp_path: Path, error: Exception, reason: str
-) -> None:
+def failing(directory: Path, error: Exception, **options) -> tuple[FailingWriter, Recorder]:
+    """Return a recorder with two messages on a disk that has failed at the third."""
     FailingWriter.error = error
-    recorder = Recorder(FailingWriter(tmp_path / "bag"), period=0.01)
+    writer = FailingWriter(directory)
+    recorder = Recorder(writer, period=0.01, **options)
     recorder.add_topic(STRING)
     for i in range(2):
         assert recorder.offer("/chatter", cdr_string(f"message {i}"))
         until(recorder, lambda p, n=i + 1: p.messages == n, "a sync")
-    recorder.offer("/chatter", cdr_string("lost"))
-    failed = until(recorder, lambda p: p.state is State.FAILED, "the failure")
-    assert failed.error == f"{failed.path}: {reason}; 2 messages are kept"
-    assert not recorder.offer("/chatter", cdr_string("refused"))
-    assert recorder.stop() == failed
+    recorder.offer("/chatter", cdr_string("message 2"))
+    until(recorder, lambda p: p.error, "the failure")
+    return writer, recorder
+
+
+DISK_ERRORS = [OSError(number, os.strerror(number)) for number in (errno.ENOSPC, errno.EIO, errno.EFBIG)]
+
+
+@pytest.mark.parametrize("error", DISK_ERRORS, ids=str)
+def test_what_a_full_disk_does_not_take_waits_for_room(tmp_path: Path, error: OSError) -> None:
+    writer, recorder = failing(tmp_path / "bag", error)
+    progress = recorder.progress
+    assert (progress.state, progress.messages) == (State.RECORDING, 2)
+    assert progress.error == f"{progress.path}: {error.strerror}; what comes waits in memory"
+    for i in range(3, 10):
+        assert recorder.offer("/chatter", cdr_string(f"message {i}"))
+    assert [d for _, d in read_with_rosbags(progress.path)["/chatter"]] == [
+        cdr_string(f"message {i}") for i in range(2)
+    ]
+    writer.error = None
+    until(recorder, lambda p: p.messages == 10 and not p.error, "the recovery")
+    ended = recorder.stop()
+    assert (ended.state, ended.error, ended.is_whole) == (State.CLOSED, "", True)
+    assert [d for _, d in read_with_rosbags(ended.path)["/chatter"]] == [
+        cdr_string(f"message {i}") for i in range(10)
+    ]
+
+
+def test_a_disk_that_stays_full_drops_what_does_not_fit_into_memory(tmp_path: Path) -> None:
+    writer, recorder = failing(tmp_path / "bag", DISK_ERRORS[0], queue_size=10_000)
+    taken = sum(recorder.offer("/chatter", bytes(1000)) for _ in range(25))
+    assert taken == 10
+    writer.error = None
+    until(recorder, lambda p: p.messages == 13, "the recovery")
+    ended = recorder.stop()
+    assert (ended.state, ended.messages, ended.dropped, ended.is_whole) == (State.CLOSED, 13, 15, False)
+
+
+@pytest.mark.parametrize("error", [*DISK_ERRORS, ZeroDivisionError("a bug")], ids=str)
+def test_a_disk_that_is_full_at_the_end_keeps_what_is_written_and_tells_the_number(
+    tmp_path: Path, error: Exception
+) -> None:
+    if isinstance(error, OSError):
+        _, recorder = failing(tmp_path / "bag", error)
+        recorder.offer("/chatter", cdr_string("message 3"))
+        reason, offered = error.strerror, 4
+    else:
+        FailingWriter.error = None
+        writer = FailingWriter(tmp_path / "bag")
+        recorder = Recorder(writer, period=0.01)
+        recorder.add_topic(STRING)
+        for i in range(2):
+            recorder.offer("/chatter", cdr_string(f"message {i}"))
+            until(recorder, lambda p, n=i + 1: p.messages == n, "a sync")
+        writer.error = error
+        recorder.offer("/chatter", cdr_string("message 2"))
+        until(recorder, lambda p: p.state is State.FAILED, "the end")
+        assert not recorder.offer("/chatter", cdr_string("refused"))
+        reason, offered = "a bug", 3
+    failed = recorder.stop()
+    assert (failed.state, failed.is_whole) == (State.FAILED, False)
+    assert failed.error == f"{failed.path}: {reason}; 2 of {offered} messages are kept"
     assert [data for _, data in read_with_rosbags(failed.path)["/chatter"]] == [
         cdr_string("message 0"),
         cdr_string("message 1"),
     ]
 
 
-def test_a_disk_that_is_nearly_full_ends_the_recording_with_a_whole_file(tmp_path: Path) -> None:
+def test_a_disk_that_is_nearly_full_keeps_its_last_room_for_the_end_of_the_recording(tmp_path: Path) -> None:
     left = [50_000_000]
     recorder = started(tmp_path, period=0.01, low_space=10_000_000, free=lambda _: left[0])
     recorder.offer("/chatter", cdr_string("one"))
     until(recorder, lambda p: p.messages == 1, "a sync")
     left[0] = 9_900_000
-    failed = until(recorder, lambda p: p.state is State.FAILED, "the end")
-    assert failed.error == f"{failed.path}: the disk is full: 9.9 MB are left; 1 messages are kept"
-    info = read_info(failed.path)
-    assert (info.messages, info.truncated, info.damage) == (1, "", ())
+    low = until(recorder, lambda p: p.error, "a look at the room")
+    assert low.error == f"{low.path}: the disk is full: 9.9 MB are left; what comes waits in memory"
+    recorder.offer("/chatter", cdr_string("two"))
+    size = low.path.stat().st_size
+    time.sleep(0.05)
+    assert low.path.stat().st_size == size
+    ended = recorder.stop()
+    info = read_info(ended.path)
+    assert (ended.state, info.messages, info.truncated, info.damage) == (State.CLOSED, 2, "", ())
+
+
+# other programs --------------------------------------------------------------------------------------------
+
+
+def cut_to(share: float):
+    def cut(path: Path) -> None:
+        os.truncate(path, int(share * path.stat().st_size))
+
+    return cut
+
+
+def cut_and_filled(path: Path) -> None:
+    size = path.stat().st_size
+    os.truncate(path, size // 2)
+    os.truncate(path, size)
+
+
+def replaced(path: Path) -> None:
+    other = path.parent / "other"
+    other.write_bytes(path.read_bytes()[:200])
+    other.replace(path)
+
+
+def overwritten(path: Path) -> None:
+    path.write_bytes(b"something else, and longer than what was there" * 10_000)
+
+
+def taken_away(levels: int):
+    """At once, unlike `rm -r`, whose end a recorder that looks every hundredth of a second does not wait for."""
+
+    def take_away(path: Path) -> None:
+        away = path.parents[2] / "away"
+        path.parents[levels].rename(away)
+        shutil.rmtree(away)
+
+    return take_away
+
+
+def moved(path: Path) -> None:
+    path.parent.rename(path.parent.parent / "elsewhere")
+
+
+@pytest.mark.parametrize(
+    ("harm", "reason", "name", "lost"),
+    [
+        (Path.unlink, "is gone: another program deleted or moved it", "bag_2", 0),
+        (taken_away(0), "is gone: another program", "bag", 0),
+        (taken_away(1), "is gone: another program", "bag", 0),
+        (moved, "is gone: another program", "bag", 0),
+        (replaced, "was replaced by another program", "bag_2", 0),
+        (cut_to(0.99), "was cut from", "bag_2", 10),
+        (cut_to(0.5), "was cut from", "bag_2", 100),
+        (cut_to(0.0), "was cut from", "bag_2", 200),
+        (cut_and_filled, "was changed by another program", "bag_2", 100),
+        (overwritten, "was changed by another program", "bag_2", 200),
+    ],
+)
+def test_what_another_program_does_to_the_file_is_noticed_and_the_recording_goes_on(
+    tmp_path: Path, harm: Callable[[Path], object], reason: str, name: str, lost: int
+) -> None:
+    place = tmp_path / "recordings" / "day"
+    recorder = Recorder(BagWriter(place / "bag", compression="none"), period=0.01)
+    recorder.add_topic(STRING)
+    for i in range(20):  # in chunks of ten
+        for k in range(10):
+            recorder.offer("/chatter", cdr_string(f"message {10 * i + k:03}"), sequence=10 * i + k)
+        first = until(recorder, lambda p, n=10 * (i + 1): p.messages == n, "a sync").path
+    harm(first)
+    told = until(recorder, lambda p: p.rescue, "noticing")
+    assert told.path == place / name / f"{name}_0.mcap"
+    assert told.rescue.startswith(f"{first} {reason}")
+    assert told.rescue.endswith(f" in {told.path}, where it goes on")
+    assert (lost - 10) <= told.destroyed <= (lost + 10 if lost else 0)  # chunks are of ten
+    assert (f"; {told.destroyed} messages are lost, all others are" in told.rescue) == bool(lost)
+    for i in range(200, 230):
+        recorder.offer("/chatter", cdr_string(f"message {i:03}"), sequence=i)
+    ended = recorder.stop()
+    assert (ended.state, ended.error, ended.is_whole) == (State.CLOSED, "", False)
+    kept = [data for _, data in read_with_rosbags(ended.path)["/chatter"]]
+    rest = 200 - told.destroyed
+    assert kept == [cdr_string(f"message {i:03}") for i in (*range(rest), *range(200, 230))]
+    assert ended.messages == len(kept)
+    info = read_info(ended.path, check=True)
+    assert (info.messages, info.truncated, info.damage) == (len(kept), "", ())
+
+
+def test_a_hole_that_is_found_only_at_the_end_is_told_with_the_number_that_can_be_read(
+    tmp_path: Path,
+) -> None:
+    recorder = Recorder(BagWriter(tmp_path / "bag", compression="none"), period=0.01)
+    recorder.add_topic(STRING)
+    for i in range(100):
+        recorder.offer("/chatter", cdr_string(f"message {i:03}"))
+        path = until(recorder, lambda p, n=i + 1: p.messages == n, "a sync").path
+    with path.open("r+b") as file:
+        file.seek(path.stat().st_size // 2)
+        file.write(bytes(400))
+    failed = recorder.stop()
+    assert (failed.state, failed.is_whole) == (State.FAILED, False)
+    kept = int(re.search(r"; (\d+) of 100 messages are kept$", failed.error)[1])  # type: ignore[index]
+    assert failed.error.startswith(f"{path}: was changed by another program")
+    assert 30 < kept < 60
+    found = read_info(path, check=True)
+    assert kept <= found.messages <= kept + 1
+
+
+def test_a_file_that_is_gone_while_the_disk_is_full_keeps_none_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = started(tmp_path, period=0.01)
+    recorder.offer("/chatter", cdr_string("one"))
+    path = until(recorder, lambda p: p.messages == 1, "a sync").path
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "sendfile", full)
+    path.unlink()
+    told = until(recorder, lambda p: p.error, "noticing")
+    reason = f"{path} is gone: another program deleted or moved it, and it cannot go on beside: No space left"
+    assert told.error.startswith(reason)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bag"]
+    recorder.offer("/chatter", cdr_string("two"))
+    failed = recorder.stop()
+    assert failed.error.startswith(reason)
+    assert failed.error.endswith("; 0 of 2 messages are kept")
+
+
+def test_recordings_are_readable_by_their_owner_only(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        place = tmp_path / "recordings" / "day"
+        check_place(place, 1000)
+        recorder = Recorder(BagWriter(place / "bag"), period=0.01)
+        recorder.add_topic(STRING)
+        recorder.offer("/chatter", cdr_string("one"))
+        path = until(recorder, lambda p: p.messages == 1, "a sync").path
+        path.unlink()
+        until(recorder, lambda p: p.rescue, "noticing")
+        recorder.stop()
+    finally:
+        os.umask(before)
+    found = {p.relative_to(tmp_path).as_posix(): p.stat().st_mode & 0o777 for p in tmp_path.rglob("*")}
+    assert found == {
+        "recordings": 0o700,
+        "recordings/day": 0o700,
+        "recordings/day/bag": 0o700,
+        "recordings/day/bag/metadata.yaml": 0o600,
+        "recordings/day/bag_2": 0o700,
+        "recordings/day/bag_2/bag_2_0.mcap": 0o600,
+        "recordings/day/bag_2/metadata.yaml": 0o600,
+    }
+
+
+# clocks and memory -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("step", [-3600.0, -0.5, 0.0, 0.5, 3600.0])
+def test_a_step_of_the_systems_clock_leaves_order_and_rate_of_both_stamps(
+    tmp_path: Path, step: float
+) -> None:
+    second = 10**9
+    true, offset = [START], [0]
+    recorder = Recorder(
+        BagWriter(tmp_path / "bag"), stamp=lambda: true[0], system_time=lambda: true[0] + offset[0]
+    )
+    recorder.add_topic(STRING)
+    for i in range(100):
+        sent = true[0] + offset[0]
+        if i == 50:
+            offset[0] = int(step * second)  # while this one is on its way
+        true[0] += second // 1000
+        recorder.offer("/chatter", cdr_string(str(i)), publish_time=sent, sequence=i)
+        true[0] += second // 100 - second // 1000
+    path = recorder.stop().path
+    with path.open("rb") as stream:
+        messages = [m for _, _, m in mcap.reader.make_reader(stream).iter_messages(log_time_order=False)]
+    received = [m.log_time - START for m in messages]
+    published = [m.publish_time - START for m in messages]
+    assert received == [i * second // 100 + second // 1000 for i in range(100)]
+    known = [i for i in range(100) if i != 50]
+    assert [published[i] for i in known] == [i * second // 100 for i in known]
+    assert published[49] <= published[50] <= received[50]
+
+
+def test_a_recording_of_hours_keeps_the_size_of_its_recorder(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag")
+    names = [f"/topic_{i}" for i in range(20)]
+    for name in names:
+        writer.add_topic(dataclasses.replace(STRING, name=name))
+    data, turn = cdr_string("x" * 100), itertools.count()
+
+    def record(turns: int) -> None:
+        for k in itertools.islice(turn, turns):
+            for name in names:
+                writer.write(name, data, START + k * 10**9)
+            writer.sync()
+
+    assert blocks_grown(lambda: record(1000), warm_up=lambda: record(20)) < 500
+    writer.close()
+    assert read_info(writer.path).messages == 1020 * 20
 
 
 # places ----------------------------------------------------------------------------------------------------
