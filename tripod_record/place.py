@@ -14,7 +14,8 @@ MEGABYTE = 10**6
 def check_place(directory: Path, min_free: int) -> None:
     """Check that a file can be written in `directory` and that `min_free` [B] are left.
 
-    If need be, the directory is made, for its owner only. Raises RecordError; the message names the directory and says what to do.
+    If need be, the directory is made, for its owner only. Raises RecordError; the message names the directory and says
+    what to do.
     """
     advice = "choose another directory, or make this one writable"
     try:

@@ -303,7 +303,7 @@ def moved(path: Path) -> None:
         (cut_to(0.5), "was cut from", "bag_2", 100),
         (cut_to(0.0), "was cut from", "bag_2", 200),
         (cut_and_filled, "was changed by another program", "bag_2", 100),
-        (overwritten, "was changed by another program", "bag_2", 200),
+        (overwritten, "was c", "bag_2", 200),  # seen while it is cut, or later
     ],
 )
 def test_what_another_program_does_to_the_file_is_noticed_and_the_recording_goes_on(
