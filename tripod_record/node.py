@@ -250,7 +250,7 @@ class RecordNode(Node):
 
     def _summary(self, progress: Progress) -> str:
         lost = progress.dropped + progress.destroyed + self._lost
-        return f"{progress.messages} messages, {lost} lost"
+        return f"{progress.messages} messages, {lost} lost" + (progress.rescue and f"; {progress.rescue}")
 
     def _report(self) -> Report:
         progress = self._ended if self._recorder is None else self._recorder.progress

@@ -431,7 +431,7 @@ def test_a_file_that_another_program_harms_is_told_at_once_and_in_the_exit_code(
     code, out, errors = finish(process, signal.SIGTERM)
     kept = [int(string_of(data)) for _, data in read_with_rosbags(new)["/count"]]
     assert kept == ([20] if harm == "cut" else list(range(21)))
-    assert out == f"recorded {new} {len(kept)} messages, {21 - len(kept)} lost\n"
+    assert out.startswith(f"recorded {new} {len(kept)} messages, {21 - len(kept)} lost; {path} {reason}")
     assert code == 1
     assert f"{path} {reason}" in errors
 
