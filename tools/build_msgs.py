@@ -1,4 +1,7 @@
-"""Build `msgs/` into `.venv`: configure, compile and install the ament_cmake package `tripod_msgs` with cmake."""
+"""Build messages into `.venv`: configure, compile and install ament_cmake packages with cmake.
+
+`msgs/` is `tripod_msgs`; `interfaces/` holds packages of others that have no wheel, for where no ROS is sourced.
+"""
 
 import os
 import shutil
@@ -7,27 +10,35 @@ from pathlib import Path
 from tools.command import Shell
 from tools.ros_source import RosSource
 
-PACKAGE = "tripod_msgs"
 WORKAROUND = Path(__file__).with_name("drop_missing_includes.cmake")
+INTERFACES = ("msg", "srv", "action")
 
 
-def message_files(root: Path) -> list[Path]:
+def message_packages(root: Path, ros: RosSource) -> dict[str, Path]:
+    """Return the packages to build: name to folder."""
+    own = {"tripod_msgs": root / "msgs"}
+    if ros.sourced:
+        return own
+    return own | {path.parent.name: path.parent for path in sorted(root.glob("interfaces/*/CMakeLists.txt"))}
+
+
+def message_files(root: Path, ros: RosSource) -> list[Path]:
     """Return the files on which the built messages depend, sorted."""
-    msgs = root / "msgs"
-    sources = [
-        msgs / "CMakeLists.txt",
-        msgs / "package.xml",
-        *msgs.glob("msg/*.msg"),
-        *msgs.glob("srv/*.srv"),
-    ]
+    sources: list[Path] = []
+    for folder in message_packages(root, ros).values():
+        sources += [folder / "CMakeLists.txt", folder / "package.xml"]
+        sources += [file for kind in INTERFACES for file in folder.glob(f"{kind}/*.{kind}")]
     return sorted([*sources, Path(__file__), WORKAROUND])
 
 
 def build_messages(root: Path, venv: Path, ros: RosSource, shell: Shell) -> None:
-    """Replace the messages in `venv` with those of `root`/msgs. Raises StepError.
+    """Replace the messages in `venv` with those of `root`. Raises StepError."""
+    for package, folder in message_packages(root, ros).items():
+        _build(package, folder, venv, ros, shell)
 
-    The build folder lies in `venv`, is new each time (it takes about 15 s in all) and goes when the build succeeds.
-    """
+
+def _build(package: str, folder: Path, venv: Path, ros: RosSource, shell: Shell) -> None:
+    """Build one package. The build folder lies in `venv`, is new each time and goes when the build succeeds."""
     build, python = venv / "build_msgs", venv / "bin" / "python"
     shutil.rmtree(build, ignore_errors=True)
     prefixes = [*ros.prefixes, str(venv)]
@@ -35,30 +46,31 @@ def build_messages(root: Path, venv: Path, ros: RosSource, shell: Shell) -> None
     cmake = shutil.which("cmake", path=shell.environ["PATH"]) or "cmake"
     shell.run(
         cmake,
-        *("-S", root / "msgs", "-B", build, "-G", "Ninja"),
+        *("-S", folder, "-B", build, "-G", "Ninja"),
         f"-DCMAKE_PREFIX_PATH={';'.join(prefixes)}",
         f"-DCMAKE_INSTALL_PREFIX={venv}",
         "-DCMAKE_INSTALL_RPATH=$ORIGIN;$ORIGIN/../../..",  # lib/ as seen from the libraries and from the Python modules
         f"-DPYTHON_INSTALL_DIR={site_packages(venv).relative_to(venv)}",
         f"-DPython3_EXECUTABLE={python}",
         "-DBUILD_TESTING=OFF",
-        *([] if ros.sourced else [f"-DCMAKE_PROJECT_{PACKAGE}_INCLUDE={WORKAROUND}"]),
+        *([] if ros.sourced else [f"-DCMAKE_PROJECT_{package}_INCLUDE={WORKAROUND}"]),
     )
     shell.run(cmake, "--build", build)
-    remove_messages(venv)  # only now: what runs in the meantime has the old ones
+    remove_messages(venv, package)  # only now: what runs in the meantime has the old ones
     shell.run(cmake, "--install", build)
-    shell.run(python, "-c", f"import {PACKAGE}.msg")
+    kinds = [kind for kind in INTERFACES if (folder / kind).is_dir()]
+    shell.run(python, "-c", "; ".join(f"import {package}.{kind}" for kind in kinds))
     shutil.rmtree(build)
 
 
-def remove_messages(venv: Path) -> None:
-    """Remove an earlier build from `venv`, so that a message gone from `msgs/` is gone there too."""
+def remove_messages(venv: Path, package: str) -> None:
+    """Remove an earlier build from `venv`, so that a message gone from its folder is gone there too."""
     for path in [
-        *venv.glob(f"lib/lib{PACKAGE}__*"),
-        *venv.glob(f"share/{PACKAGE}"),
-        *venv.glob(f"share/ament_index/resource_index/*/{PACKAGE}"),
-        *venv.glob(f"include/{PACKAGE}"),
-        *site_packages(venv).glob(f"{PACKAGE}*"),
+        *venv.glob(f"lib/lib{package}__*"),
+        *venv.glob(f"share/{package}"),
+        *venv.glob(f"share/ament_index/resource_index/*/{package}"),
+        *venv.glob(f"include/{package}"),
+        *site_packages(venv).glob(f"{package}*"),
     ]:
         if path.is_dir():
             shutil.rmtree(path)

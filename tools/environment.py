@@ -85,7 +85,7 @@ def _keys(ros: RosSource) -> dict[str, str]:
     return {
         "environment": key_of(str(ROOT), python, ros.sourced is not None),
         "packages": key_of(what, packages, ROOT / "constraints.txt"),
-        "messages": key_of(ros.sourced, *message_files(ROOT), Path(sourced_ros.__file__)),
+        "messages": key_of(ros.sourced, *message_files(ROOT, ros), Path(sourced_ros.__file__)),
     }
 
 
