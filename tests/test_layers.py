@@ -25,7 +25,7 @@ MAY_IMPORT = {
 
 ROS_EDGE = {
     "tripod_graph": {"diagnostics", "limits", "parameters", "qos", "run"},
-    "tripod_sim": {"node", "messages", "markers"},
+    "tripod_sim": {"node", "messages", "markers", "transforms"},
     "tripod_ik": {"node", "messages", "settings"},
     "tripod_driver": {"node", "messages", "settings"},
     "tripod_teleop": {"node"},

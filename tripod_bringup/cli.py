@@ -10,7 +10,7 @@ import typer
 from tripod_bringup import explain_command, ik_cli, play_cli, robot_cli, study_cli
 from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
-from tripod_bringup.options import Json, Overrides, Quiet, SceneName, Subnet, examples
+from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples
 
 app = typer.Typer(
     name="tripod",
@@ -203,6 +203,14 @@ def _add_node_command(name: str, node: NodeInfo) -> None:
         raise typer.Exit(run_node_command(name, values or [], subnet=subnet, ros=context.obj))
 
     app.command(name, cls=NodeCommand, help=node.help, epilog=examples(*node.examples))(command)
+
+
+@app.command(epilog=examples("tripod urdf > tripod.urdf", "tripod urdf maze --set maze.source=holes"))
+def urdf(scene: SceneArgument = "tripod", *, set_: Overrides = None) -> None:
+    """Print the robot of a scene as URDF: servos, slide, effector, plate, ball."""
+    from tripod_bringup.run_command import print_urdf  # noqa: PLC0415
+
+    raise typer.Exit(print_urdf(scene, set_ or []))
 
 
 @app.command(epilog=examples("tripod parameters > tripod.yaml", "tripod parameters driver"))

@@ -102,6 +102,20 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+def print_urdf(scene: str, overrides: list[str]) -> int:
+    """Print the robot of a scene as URDF; return the exit code: 2 for a scene that is wrong or has no robot."""
+    from tripod_sim import SceneError  # noqa: PLC0415
+    from tripod_sim.description import urdf  # noqa: PLC0415
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+
+    try:
+        print(urdf(load_scene(scene, overrides)), end="")
+    except SceneError as error:
+        print(f"tripod urdf: {error}", file=sys.stderr)
+        return BAD_ARGUMENTS
+    return 0
+
+
 def list_scenes(*, as_json: bool) -> None:
     """Print name and description of every shipped scene."""
     from tripod_sim.scene_file import load_scene, scene_names  # noqa: PLC0415

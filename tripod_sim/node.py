@@ -38,6 +38,7 @@ from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
+from tripod_sim.transforms import Transforms
 
 FloatArray = NDArray[np.float64]
 
@@ -61,6 +62,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "compliance_rate", 50.0, "Compliances a second, while someone listens", "Hz", low=0.1, high=1000.0
     ),
+    Parameter("frame_prefix", "", "Stands before every frame on /tf but `world`: two robots have two"),
     *LIMIT_PARAMETERS,
 )
 
@@ -92,6 +94,7 @@ class SimNode(Node):
         self._refused = 0
         self._last_refusal = ""
         self._join_graph()
+        self._transforms = Transforms(self, scene, values["frame_prefix"]) if scene.servos else None
         self._physics = RealTime(
             simulation,
             self._setpoint,
@@ -192,6 +195,8 @@ class SimNode(Node):
             self._markers.publish(self._scene_markers.serialised(snapshot))
         if self._cloud.get_subscription_count():
             self._cloud.publish(messages.cloud_message(snapshot))
+        if self._transforms:
+            self._transforms.publish(snapshot)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]

@@ -1,5 +1,6 @@
 """The launch files say what the programs understand: their arguments and parameters, and those of colcon's build."""
 
+import json
 import re
 import runpy
 import sys
@@ -8,11 +9,13 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 
 pytest.importorskip("rclpy")
 
 from tripod_bringup.node_command import NODES, parameter_table
 from tripod_bringup.parameters_command import parameter_file
+from tripod_graph import names
 
 ROOT = Path(__file__).parents[2]
 NAMED = {"namespace", "scene", "port", "protocol", "calibration", "record", "params_file", "use_sim_time"}
@@ -99,3 +102,17 @@ def test_only_what_is_asked_for_runs(launched: dict[str, Any]) -> None:
     runs = [n.executable for n in found if getattr(n, "condition", True)]
     assert runs == ["ik", "driver"]
     assert found[1].parameters == ["p.yaml", {"use_sim_time": True}]
+
+
+def test_the_layouts_show_topics_that_exist() -> None:
+    known = {value for name, value in vars(names).items() if name.isupper() and isinstance(value, str)}
+    rviz = yaml.safe_load((ROOT / "config" / "tripod.rviz").read_text(encoding="utf-8"))
+    displays = rviz["Visualization Manager"]["Displays"]
+    shown = [d[k]["Value"] for d in displays for k in ("Topic", "Description Topic") if k in d]
+    layout = json.loads((ROOT / "config" / "foxglove.json").read_text(encoding="utf-8"))["configById"]
+    shown += list(layout["3D!tripod"]["topics"])
+    shown += [
+        path["value"].partition(".")[0] for name, p in layout.items() if "Plot" in name for path in p["paths"]
+    ]
+    assert len(shown) > 8
+    assert {topic.removeprefix("/") for topic in shown} <= known

@@ -19,7 +19,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState, PointCloud2
 from shape_msgs.msg import Mesh, SolidPrimitive
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import BodyState, Compliance, ControlMode, SimStatus
 from visualization_msgs.msg import MarkerArray
@@ -45,8 +47,11 @@ PUBLISHED = {
     names.COMPLIANCE: (Compliance, RELIABLE),
     names.SIM_STATUS: (SimStatus, RELIABLE),
     names.DIAGNOSTICS: (DiagnosticArray, RELIABLE),
+    names.ROBOT_DESCRIPTION: (String, LATCHED),
+    names.TF: (TFMessage, RELIABLE),
+    names.TF_STATIC: (TFMessage, LATCHED),
 }
-QUIET = (names.MARKERS, names.POINT_CLOUD, names.COMPLIANCE)
+QUIET = (names.MARKERS, names.POINT_CLOUD, names.COMPLIANCE, names.TF)
 """Computed only while someone listens."""
 
 

@@ -17,7 +17,7 @@ from tripod_msgs.msg import ControlMode, SimStatus
 from tests.sim.sim_graph import DEADLINE, PUBLISHED, QUIET
 from tripod_graph import names
 from tripod_graph.qos import LATCHED
-from tripod_sim import messages
+from tripod_sim import messages, transforms
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.node import notices
@@ -26,6 +26,23 @@ pytestmark = pytest.mark.ros
 
 NAN, INF = float("nan"), float("inf")
 MESH = y_piece(LEVELS[1])
+
+
+def test_its_frames_are_on_tf_with_the_prefix_asked_for(make) -> None:
+    graph = make(frame_prefix="left/", scene="maze").start()
+    graph.listen(names.TF)
+    for topic in (names.TF_STATIC, names.ROBOT_DESCRIPTION):
+        graph.wait(lambda topic=topic: graph.heard[topic], topic)
+    fixed = {t.child_frame_id: t for t in graph.heard[names.TF_STATIC][0].transforms}
+    assert set(fixed) == {"left/base_link", "left/plate"}
+    assert fixed["left/base_link"].header.frame_id == "world"
+    moving = {t.child_frame_id: t for t in graph.next(names.TF).transforms}
+    arms = {f"left/{kind}_{i}" for kind in ("carriage", "arm") for i in range(3)}
+    assert set(moving) == arms | {"left/effector", "left/ball"}
+    pose, t = graph.next(names.EFFECTOR_POSE).pose, moving["left/effector"].transform
+    assert abs(t.translation.z - pose.position.z) < 1e-3
+    assert moving["left/carriage_0"].transform.translation.x == pytest.approx(0.06 - 0.035)
+    assert '<robot name="maze">' in graph.heard[names.ROBOT_DESCRIPTION][0].data
 
 
 def test_it_publishes_every_topic_of_its_table_with_the_right_sizes(make) -> None:
@@ -81,7 +98,7 @@ def test_it_publishes_every_topic_of_its_table_with_the_right_sizes(make) -> Non
 
 def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, monkeypatch) -> None:
     graph = make(body_rate=100.0).start()
-    made = {names.MARKERS: 0, names.POINT_CLOUD: 0, names.COMPLIANCE: 0}
+    made = dict.fromkeys(QUIET, 0)
 
     def counted(topic: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def count(*arguments: Any) -> Any:
@@ -97,6 +114,8 @@ def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, 
         counted(names.MARKERS, graph.node._scene_markers.serialised),
     )
     monkeypatch.setattr(messages, "cloud_message", counted(names.POINT_CLOUD, messages.cloud_message))
+    frames = counted(names.TF, transforms.arm_frames)
+    monkeypatch.setattr(transforms, "arm_frames", frames)
     compliance = counted(names.COMPLIANCE, physics._simulation.compliance)
     monkeypatch.setattr(physics._simulation, "compliance", compliance)
 
