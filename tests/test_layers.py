@@ -24,7 +24,7 @@ MAY_IMPORT = {
 """Packages of the suite that each package may import; tripod_bringup may import all."""
 
 ROS_EDGE = {
-    "tripod_graph": {"diagnostics", "limits", "parameters", "qos", "run"},
+    "tripod_graph": {"control_mode", "diagnostics", "limits", "parameters", "qos", "run"},
     "tripod_sim": {"node", "messages", "markers", "transforms"},
     "tripod_ik": {"node", "messages", "settings"},
     "tripod_driver": {"node", "messages", "settings"},

@@ -21,13 +21,16 @@ from tripod_driver.protocol import AngleMapping
 from tripod_driver.safety import Safety, State
 from tripod_driver.session import Session
 from tripod_graph.command import CommandLimits
-from tripod_graph.mode import Mode
+from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import SERVOS
 from tripod_teleop.escape import KeyParser
 from tripod_teleop.terminal import Terminal, TerminalError
 
 TICK: Final = 0.01
 """Time between two looks for keys [s]."""
+
+DECISION: Final = Decision(Mode.TELEOP, "calibrate")
+"""Whoever calibrates is in charge, and says so at each step."""
 
 BAD_ARGUMENTS: Final = 2
 FAILED: Final = 1
@@ -81,7 +84,6 @@ class CalibrateSession:
         self._console.print(
             f"Keys:\n{HELP}\ng begins: all servos then go to where the piece should be flat, at once."
         )
-        self._safety.control_mode(Mode.TELEOP, 1.0, now)
         self._driver.connect()
 
     def step(self, now: float) -> None:
@@ -91,8 +93,9 @@ class CalibrateSession:
         for key in self._parser.feed(self._console.read()):
             self._key(key, now)
         pulses = self.calibrator.advance(now)
+        self._safety.control_mode(DECISION, 0.0, now)
         if self._safety.can_move and self._safety.state is not State.FAULT:
-            self._safety.trajectory(SERVOS, [0.0], [ANY_PULSE.angles(pulses)], now)
+            self._safety.trajectory(SERVOS, [0.0], [ANY_PULSE.angles(pulses)], now, source=DECISION.source)
         self._driver.tick(now)
         self._console.show(self._line())
         if self._safety.state is State.FAULT:

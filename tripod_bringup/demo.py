@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,18 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from tripod_msgs.msg import BodyState, ControlMode, IkStatus, RobotStatus, SimStatus
+from tripod_msgs.msg import BodyState, IkStatus, RobotStatus, SimStatus
 
 from tripod_bringup.demo_session import Action, DemoSession, Heard, Phase, SessionTimes
 from tripod_bringup.demo_summary import Measurements
 from tripod_bringup.demo_target import DemoTarget
 from tripod_bringup.watch import IK_STATES
 from tripod_graph import names
-from tripod_graph.mode import Mode
-from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.control_mode import Speaker, clocks, listen
+from tripod_graph.mandate import Mandate
+from tripod_graph.mode import Decision
+from tripod_graph.qos import RELIABLE, SENSOR
+from tripod_graph.source import new_source
 
 PERIOD = 0.02
 """Between two targets [s]."""
@@ -49,7 +53,9 @@ class DemoNode(Node):
         self._go, self._cut = threading.Event(), threading.Event()
         self._joints, self._effector = np.full(4, np.nan), np.full(3, np.nan)
         self._stamp_start = 0.0
-        self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self._mandate = Mandate(new_source("demo"))
+        self._speaker = Speaker(self, self._mandate)
+        listen(self, self._on_decision)
         self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._target = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
         self.create_subscription(SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE)
@@ -84,7 +90,7 @@ class DemoNode(Node):
             return
         linked = (
             self._trajectory.get_subscription_count() >= FOLLOWERS
-            and self._mode.get_subscription_count() > FOLLOWERS
+            and self._speaker.is_heard_by(FOLLOWERS + 1)
             and self._target.get_subscription_count() >= 1
             and self.measured.packets is not None
         )
@@ -99,11 +105,15 @@ class DemoNode(Node):
     def _publish(self, action: Action) -> None:
         stamp = self.get_clock().now().to_msg()
         if action.mode is not None:
-            self._mode.publish(mode_message(action.mode, self.get_name(), stamp))
+            self._speaker.decide(action.mode)
         if action.pose is not None:
-            self._trajectory.publish(trajectory_message(action.pose, action.move_time, stamp))
+            self._trajectory.publish(trajectory_message(action.pose, action.move_time, self._mandate.source))
         if action.target is not None:
             self._target.publish(target_message(action.target, stamp))
+
+    def _on_decision(self, decision: Decision) -> None:
+        with suppress(ValueError):  # one that cannot be is reported by those who obey
+            self._mandate.hear(decision, *clocks(self))
 
     def _on_sim_status(self, message: Any) -> None:
         if self._tracking:
@@ -147,22 +157,15 @@ def seconds(stamp: Time) -> float:
     return float(stamp.sec + stamp.nanosec * 1e-9)
 
 
-def mode_message(mode: Mode, source: str, stamp: Time) -> ControlMode:
-    """Return the announcement of `mode` by the node `source`."""
-    message = ControlMode(mode=int(mode), source=source)
-    message.header.stamp = stamp
-    return message
-
-
-def trajectory_message(pose: tuple[float, ...], duration: float, stamp: Time) -> JointTrajectory:
-    """Return a trajectory of one point: joint values `pose` [rad, rad, rad, m] after `duration` [s]."""
+def trajectory_message(pose: tuple[float, ...], duration: float, source: str) -> JointTrajectory:
+    """Return a trajectory of `source` with one point: joint values `pose` [rad, rad, rad, m] after `duration` [s]."""
     whole = int(duration)
     point = JointTrajectoryPoint(
         positions=list(pose),
         time_from_start=Duration(sec=whole, nanosec=round((duration - whole) * 1e9)),
     )
     message = JointTrajectory(joint_names=list(JOINTS), points=[point])
-    message.header.stamp = stamp
+    message.header.frame_id = source
     return message
 
 

@@ -8,15 +8,17 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
-from tripod_msgs.msg import ControlMode, IkStatus, RobotStatus, SimStatus
+from tripod_msgs.msg import IkStatus, RobotStatus, SimStatus
 
 from tripod_bringup.status_line import ChainStatus
 from tripod_graph import names
+from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.mode import Mode, ModeTracker
-from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
+from tripod_graph.mandate import Mandate
+from tripod_graph.mode import Decision, Mode
+from tripod_graph.qos import RELIABLE
+from tripod_graph.source import new_source
 
 SILENT_AFTER = 2.0
 """A status older than this is not shown [s]."""
@@ -41,10 +43,10 @@ class Watch(Node):
         super().__init__("bringup")
         self._lock = threading.Lock()
         self._heard: dict[str, tuple[float, Any]] = {}
-        self._tracker = ModeTracker()
+        self._mandate = Mandate(new_source("up"))
         self._processes: Callable[[], Mapping[str, str]] = dict
-        self._mode_publisher = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED_OF_ALL)
+        self._speaker = Speaker(self, self._mandate)
+        listen(self, self._on_decision)
         for topic, kind in (
             (names.SIM_STATUS, SimStatus),
             (names.IK_STATUS, IkStatus),
@@ -73,7 +75,7 @@ class Watch(Node):
         """Return the newest status of the chain; what fell silent is None, and the note says so."""
         sim, ik, robot = (self._fresh(t) for t in (names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS))
         return ChainStatus(
-            mode=self._tracker.mode.name,
+            mode=self._mandate.mode.name,
             sim_state=None if sim is None else SIM_STATES.get(sim.state, str(sim.state)),
             real_time_factor=None if sim is None else sim.real_time_factor,
             step_time=None if sim is None else sim.step_time_median,
@@ -86,10 +88,8 @@ class Watch(Node):
 
     def say_stop(self, timeout: float = 0.5) -> None:
         """Publish STOP and wait until the receivers have it, at most `timeout` [s]."""
-        message = ControlMode(mode=int(Mode.STOP), source=self.get_name())
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._mode_publisher.publish(message)
-        self._mode_publisher.wait_for_all_acked(Duration(seconds=timeout))
+        self._speaker.decide(Mode.STOP)
+        self._speaker.wait(timeout)
 
     def close(self) -> None:
         """Leave the graph."""
@@ -127,10 +127,9 @@ class Watch(Node):
                 return f"{name} is silent"
         return ""
 
-    def _on_mode(self, message: Any) -> None:
-        stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-        with suppress(ValueError):  # an unknown mode is reported by those who obey
-            self._tracker.update(message.mode, stamp)
+    def _on_decision(self, decision: Decision) -> None:
+        with suppress(ValueError):  # one that cannot be is reported by those who obey
+            self._mandate.hear(decision, *clocks(self))
 
     def _report(self) -> Report:
         processes = self._processes()

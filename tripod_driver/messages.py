@@ -8,6 +8,7 @@ from tripod_msgs.msg import RobotStatus
 from tripod_driver.driver import Driver
 from tripod_driver.imu import ImuReading
 from tripod_graph import names
+from tripod_graph.control_mode import authority_message
 
 ANGLE_VARIANCE = math.radians(2.0) ** 2
 """Of roll and pitch of the IMU that the workshop uses, a BNO055 [rad^2]."""
@@ -32,6 +33,7 @@ def status_message(driver: Driver) -> RobotStatus:
         reconnects=driver.link.reconnects,
         rejected_commands=safety.rejected,
         last_rejection=safety.last_rejection,
+        authority=authority_message(safety.authority),
     )
 
 

@@ -13,15 +13,17 @@ from rclpy.publisher import Publisher
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import ControlMode, RobotStatus
+from tripod_msgs.msg import RobotStatus
 
 from tripod_driver.messages import imu_message, status_message
 from tripod_driver.safety import State
 from tripod_driver.settings import PARAMETERS, make_driver
 from tripod_graph import names
+from tripod_graph.control_mode import authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.mode import Decision
 from tripod_graph.parameters import declare
-from tripod_graph.qos import LATCHED_OF_ALL, RELIABLE, SENSOR
+from tripod_graph.qos import RELIABLE, SENSOR
 from tripod_graph.run import run_node
 
 STATUS_PERIOD = 0.1
@@ -49,8 +51,7 @@ class DriverNode(LifecycleNode):
         self._joint_states = self.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
         self._status = self.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
         self._imu: Publisher | None = None  # until the board has told of one
-        # first the mode: the executor takes what waits in this order, and a command may follow its mode at once
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL)
+        listen(self, self._on_decision)
         self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
         self.create_service(Trigger, names.ROBOT_STOP, self._on_stop)
         self._diagnostics = Diagnostics(self, self._report, values["port"])
@@ -101,19 +102,21 @@ class DriverNode(LifecycleNode):
         times = [seconds(point.time_from_start) for point in message.points]
         positions = [point.positions for point in message.points]
         try:
-            self._safety.trajectory(message.joint_names, times, positions, time.monotonic())
+            source = message.header.frame_id
+            self._safety.trajectory(message.joint_names, times, positions, time.monotonic(), source=source)
         except ValueError as error:
             self.get_logger().warning(f"command refused: {error}", throttle_duration_sec=2.0)
             return
         if self._soon.is_canceled():
             self._soon.reset()
 
-    def _on_control_mode(self, message: ControlMode) -> None:
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    def _on_decision(self, decision: Decision) -> None:
         try:
-            self._safety.control_mode(message.mode, stamp, time.monotonic())
+            self._safety.control_mode(decision, *clocks(self))
         except ValueError as error:
             self.get_logger().warning(str(error), throttle_duration_sec=2.0)
+        if self._soon.is_canceled():
+            self._soon.reset()
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._safety.halt(time.monotonic())
@@ -167,7 +170,7 @@ class DriverNode(LifecycleNode):
             safety.message or safety.state.name.lower(),
             {
                 "state": safety.state.name,
-                "control mode": safety.mode.name,
+                **authority_values(safety.authority),
                 "port": driver.link.port.name,
                 "protocol": session.name,
                 "packets sent": driver.packets_sent,

@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits, FloatArray
-from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.names import SERVOS
 
 COUNT = len(SERVOS)
@@ -37,12 +37,13 @@ class Safety:
 
     `setpoint` gives angles only between `activate` and `deactivate`, and only while the board is ready; they stay
     within the safe range of each servo and move no faster than the slew rate, whatever happened in between.
-    Trajectories are followed only when the control mode is not STOP and `halt` was not called since it last changed;
-    others are checked and ignored. Whatever interrupts the motion (STOP, `halt`, another mode, a lost or reset board,
-    `deactivate`) makes the joints hold; the next command ramps from there. Silence makes them hold, then park. A
-    fault ends all motion until `clear`.
+    Trajectories are followed only from the source in charge (`ModeTracker`), and not after `halt` until another
+    decision is in force; others are checked and ignored. Whatever interrupts the motion (STOP, `halt`, another mode,
+    a lost operator, a lost or reset board, `deactivate`) makes the joints hold; the next command ramps from there.
+    Silence makes them hold, then park. A fault ends all motion until `clear`.
 
     Attributes:
+        authority: Who is in charge.
         rejected: Messages refused.
         last_rejection: Why the newest of them was refused.
     """
@@ -78,12 +79,13 @@ class Safety:
         self._period, self._limits = period, limits
         joints = None if start is None else [*start, limits.park[COUNT]]
         self._follower = CommandFollower(limits, joints, longest_step=2 * period)
-        self._mode = ModeTracker()
+        self.authority = ModeTracker()
         self._board = State.DISCONNECTED
         self._trouble = "the port was not opened yet"
         self._notice = ""
         self._active = self._halted = False
         self._ignored = 0
+        self._now = float("-inf")
         self._output: FloatArray | None = None
         self._output_at = float("-inf")
 
@@ -105,9 +107,7 @@ class Safety:
             return "stopped by service; change the control mode to go on"
         if self._ignored and not self._active:
             return "not active: commands are ignored"
-        if self._ignored and self._mode.mode is Mode.STOP:
-            return "control mode is STOP: commands are ignored"
-        return self._cut()
+        return next(self.authority.notices(self._now), "") or self._cut()
 
     def _cut(self) -> str:
         """Return which servo is asked for more than may be sent; empty if none is."""
@@ -118,11 +118,6 @@ class Safety:
                 safe = f"its safe range is {low:.3f} to {high:.3f} rad"
                 return f"{name} is asked for {angle:.3f} rad, {safe}: the nearest is sent"
         return ""
-
-    @property
-    def mode(self) -> Mode:
-        """The control mode in force."""
-        return self._mode.mode
 
     @property
     def commanded(self) -> tuple[float, ...]:
@@ -163,7 +158,7 @@ class Safety:
             return
         self._board, self._trouble = State.READY, ""
         if position is None:
-            self._rest(now)
+            self._follower.rest(now)
             return
         limits = self._follower.limits
         self._output, self._output_at = np.array(position, float), now
@@ -186,7 +181,7 @@ class Safety:
         """
         if self._active and (self._notice or self._follower.activity is Activity.ACTIVE):
             self._notice = why
-        self._rest(now)
+        self._follower.rest(now)
 
     # the operator ---------------------------------------------------------------------------------------------
 
@@ -194,7 +189,7 @@ class Safety:
         """Allow motion; the joints begin by holding where they are assumed or were sent."""
         self._active = True
         self._ignored = 0
-        self._rest(now)
+        self._follower.rest(now)
 
     def deactivate(self) -> None:
         """Give no more angles."""
@@ -202,41 +197,57 @@ class Safety:
         self._ignored = 0
 
     def trajectory(
-        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]], now: float
+        self,
+        names: Sequence[str],
+        times: Sequence[float],
+        positions: Sequence[Sequence[float]],
+        now: float,
+        *,
+        source: str,
     ) -> None:
-        """Follow a trajectory from `now` [s] on, if that is allowed; see `CommandFollower.accept`.
+        """Follow a trajectory of `source` from `now` [s] on, if that is allowed; see `CommandFollower.accept`.
 
         Raises:
             CommandError: it is refused and counted, whether motion is allowed or not.
         """
-        allowed = self.can_move and not self._halted and self._mode.mode is not Mode.STOP
+        self._look(now)
         try:
-            if allowed:
-                self._follower.accept(names, times, positions, now)
-                self._notice = ""
-            else:
+            if self.authority.admits(source, now) or not self.can_move or self._halted:
                 self._follower.check(names, times, positions)
                 self._ignored += 1
+            else:
+                self._follower.accept(names, times, positions, now)
+                self._notice = ""
         except ValueError as error:
             self._reject(error)
             raise
 
-    def control_mode(self, mode: int, stamp: float, now: float) -> None:
-        """Take what an operator decided at `stamp` [s]; an unknown mode raises ValueError and is counted."""
+    def control_mode(self, decision: Decision, wall: float, now: float) -> None:
+        """Take what an operator says; see `ModeTracker.hear`. What is refused with a ValueError is counted."""
+        self._now = max(now, self._now)
         try:
-            changed = self._mode.update(mode, stamp)
+            changed = self.authority.hear(decision, wall, now)
         except ValueError as error:
             self._reject(error)
             raise
-        if not changed:
-            return
+        if changed:
+            self._obey(now)
+
+    def _look(self, now: float) -> None:
+        """Hold if the operator in charge is lost."""
+        self._now = max(now, self._now)
+        if self.authority.lapse(now):
+            self._obey(now)
+
+    def _obey(self, now: float) -> None:
+        """Hold, because something else is in force now: nothing of another decision's trajectory goes on."""
         self._halted = False
         self._notice = ""
         self._ignored = 0
-        if self._mode.mode is Mode.STOP:
+        if self.authority.mode is Mode.STOP:
             self._stop(now)
         else:
-            self._rest(now)
+            self._follower.rest(now)
 
     def halt(self, now: float) -> None:
         """Hold at once and ignore commands until the control mode changes."""
@@ -253,6 +264,7 @@ class Safety:
 
     def setpoint(self, now: float) -> FloatArray | None:
         """Return the angles to be sent at `now` [s], shape (3,); None: nothing may be sent. Call it at each tick."""
+        self._look(now)
         if not self.can_move:
             return None
         asked = np.clip(self._follower.setpoint(now)[:COUNT], self._lower, self._upper)
@@ -266,7 +278,7 @@ class Safety:
         if self._board is State.FAULT:
             return
         if self._board is State.READY:
-            self._rest(now)
+            self._follower.rest(now)
         self._board, self._trouble = board, why
 
     def _stop(self, now: float) -> None:
@@ -278,11 +290,6 @@ class Safety:
     def _follow_from_here(self, limits: CommandLimits) -> None:
         joints = [float(value) for value in self._follower.joints]
         self._follower = CommandFollower(limits, joints, longest_step=2 * self._period)
-
-    def _rest(self, now: float) -> None:
-        """Hold where the joints are; what is parked, or on its way there, stays so."""
-        if self._follower.activity is not Activity.PARKED:
-            self._follower.stop(now)
 
     def _reject(self, error: ValueError) -> None:
         self.rejected += 1

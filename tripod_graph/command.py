@@ -194,6 +194,11 @@ class CommandFollower:
         self._silent_at = self._held_since = now
         self.activity = Activity.HOLDING
 
+    def rest(self, now: float) -> None:
+        """Hold as `stop` does; what is parked, or on its way there, stays so."""
+        if self.activity is not Activity.PARKED:
+            self.stop(now)
+
     def setpoint(self, now: float) -> FloatArray:
         """Return the joint values at `now` [s], shape (4,).
 

@@ -1,11 +1,20 @@
-"""Which source may command the robot: the newest decision of any operator."""
+"""Which operator is in charge, and whose commands are obeyed: one rule for all who receive and all who decide.
 
-from dataclasses import dataclass
+Pure: the caller gives the time, of two clocks. `wall` is the node's clock, with which operators stamp; it may be wrong
+and may be set. `now` is steady and private: a decision in force ages by it alone, so that no step of the clock leaves
+anybody deaf.
+"""
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from enum import IntEnum
+
+from tripod_graph.source import is_ik
 
 
 class Mode(IntEnum):
-    """Values of tripod_msgs/ControlMode."""
+    """Values of tripod_msgs/ControlMode that can be in force."""
 
     STOP = 0
     TELEOP = 1
@@ -13,31 +22,263 @@ class Mode(IntEnum):
     REPLAY = 3
 
 
-@dataclass
-class ModeTracker:
-    """Keeps the newest mode.
+NONE = 255
+"""Value of tripod_msgs/ControlMode of an operator that decides nothing any more."""
 
-    Several operators publish `control_mode` and a late joiner receives the last word of each, in any order;
-    the stamp decides. A message typed by hand has no stamp (0): it counts as decided after all that is known.
+STOP_AGE = 1.0
+"""A STOP counts as made when its stamp says if that is at most this long ago [s], else as made when it is heard."""
+
+LEASE = 1.0
+"""How long a decision holds after its last repetition unless it says otherwise [s]."""
+
+LONGEST_LEASE = 600.0
+"""Longest lease that a decision may ask for [s]."""
+
+REPEAT = 0.2
+"""How often operators repeat a decision that is in force [s]."""
+
+RETURN = 4.0
+"""An operator that is heard again within this time after its lease ended [s] goes on; later it has to decide anew."""
+
+PAUSE = 2.0
+"""An overruled decision that is still repeated at shorter intervals than this [s] is the old one, not a new one."""
+
+STRAGGLERS = 0.5
+"""Repetitions that come so soon after they were overruled [s] were under way, and are not worth a word."""
+
+SILENCE = 0.5
+"""Inverse kinematics that sends nothing for this long [s] may be replaced by another."""
+
+REMEMBERED = 64
+"""How many sources are remembered, the newest."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What an operator says on `control_mode`.
 
     Attributes:
-        mode: The mode in force.
-        stamp: When its operator decided [s].
+        mode: A value of `Mode`, or NONE.
+        source: Who decided: a name that no other operator has.
+        stamp: When, by the operator's clock [s]; 0: not told, it counts as now. A repetition has the same.
+        lease: How long it holds after its last repetition [s]; 0: `LEASE`.
     """
 
-    mode: Mode = Mode.STOP
-    stamp: float = float("-inf")
+    mode: int
+    source: str
+    stamp: float = 0.0
+    lease: float = 0.0
 
-    def update(self, mode: int, stamp: float) -> bool:
-        """Take a message; return whether the mode in force changed. An unknown `mode` raises ValueError."""
-        try:
-            known = Mode(mode)
-        except ValueError:
-            names = ", ".join(f"{m.value} {m.name}" for m in Mode)
-            raise ValueError(f"control mode {mode} is unknown; modes: {names}") from None
-        stamp = max(self.stamp, 0.0) if stamp == 0 else stamp
-        if not stamp >= self.stamp:  # NaN decides nothing
+    def __str__(self) -> str:
+        known = Mode(self.mode).name if self.mode in list(Mode) else str(self.mode)
+        return f"{known} by {self.source or 'nobody named'}, stamped {self.stamp:.3f} s"
+
+
+@dataclass
+class Ignored:
+    """What was heard and not obeyed, since start.
+
+    Attributes:
+        count: How many messages.
+        last: The newest of them and why, one line.
+        sources: How many of each source, the newest sources.
+        at: When the newest came, steady [s].
+    """
+
+    count: int = 0
+    last: str = ""
+    sources: OrderedDict[str, int] = field(default_factory=OrderedDict)
+    at: float = float("-inf")
+
+    def add(self, source: str, why: str, now: float) -> None:
+        """Count one message."""
+        self.count, self.last, self.at = self.count + 1, why, now
+        self.sources[source] = self.sources.pop(source, 0) + 1
+        if len(self.sources) > REMEMBERED:
+            self.sources.popitem(last=False)
+
+
+@dataclass
+class _Overruled:
+    """A decision that was in force and is not any more, while it is still repeated."""
+
+    stamp: float
+    restamped: bool
+    since: float
+    heard: float
+
+
+class ModeTracker:
+    """Says which mode is in force, by whose decision, and whose commands are obeyed.
+
+    - STOP is obeyed at once, whoever says it and whatever its stamp; one that is said again after `PAUSE` [s] is new.
+    - Of other decisions the one made last counts, by its stamp; one stamped ahead of `wall`, or not stamped, counts as
+      made when it is heard. What was decided before the one in force is ignored.
+    - A decision holds for its lease after it was last heard. Then its operator is lost, which is a STOP. If it is
+      heard again within `RETURN` [s], it goes on.
+    - A decision that is repeated after it was overruled stays overruled: a new one has another stamp. The repetitions
+      of a source that stamps each of them anew must pause for `PAUSE` [s] first.
+
+    In the modes TELEOP and REPLAY the commands of the operator in charge are obeyed, in mode IK those of inverse
+    kinematics: of several that which comes first in the alphabet, so that all agree, until it is silent for
+    `SILENCE` [s].
+
+    Attributes:
+        source: Whose decision is in force, also where that is STOP; empty: nobody's yet.
+        stamp: When it was made, as its operator says [s].
+        lost: The operator in charge that is silent, empty if none is.
+        ignored: Decisions not obeyed.
+        ignored_commands: Commands not obeyed because of who sent them.
+    """
+
+    def __init__(self) -> None:
+        self.source, self.stamp, self.lost = "", 0.0, ""
+        self.ignored, self.ignored_commands = Ignored(), Ignored()
+        self._mode = Mode.STOP
+        self._decided = float("-inf")  # by the steady clock
+        self._heard, self._lease = float("-inf"), LEASE
+        self._stop_heard = float("-inf")
+        self._restamped = False
+        self._overruled: OrderedDict[tuple[str, int], _Overruled] = OrderedDict()
+        self._solver, self._solver_heard = "", float("-inf")
+
+    @property
+    def mode(self) -> Mode:
+        """The mode in force: STOP while the operator in charge is lost."""
+        return Mode.STOP if self.lost else self._mode
+
+    def hear(self, decision: Decision, wall: float, now: float) -> bool:
+        """Take a message; return whether another decision is in force now, be it of the same mode.
+
+        Raises:
+            ValueError: the mode is unknown, or a decision other than STOP has no source or no possible lease.
+        """
+        lapsed = self.lapse(now)
+        if decision.mode == NONE:
+            return self._leave(decision.source, now) or lapsed
+        if decision.mode == Mode.STOP:
+            return self._stop(decision, wall - decision.stamp, now)
+        _check(decision)
+        if self._mode is not Mode.STOP and (decision.mode, decision.source) == (self._mode, self.source):
+            self._restamped = decision.stamp != self.stamp
+            self.stamp, self._lease, self._heard = decision.stamp, decision.lease or LEASE, now
+            back, self.lost = bool(self.lost), ""
+            return back
+        if self._is_overruled(decision, now):
+            return lapsed
+        age = 0.0 if decision.stamp == 0 or decision.stamp > wall else wall - decision.stamp
+        decided = now - age
+        if not decided >= self._decided:  # NaN decides nothing
+            self.ignored.add(
+                decision.source, f"{decision}: older than what is in force, {self._in_force()}", now
+            )
+            return lapsed
+        self._enforce(decision, decided, now)
+        return True
+
+    def lapse(self, now: float) -> bool:
+        """Look whether the operator in charge is still there; return whether that has changed. Call it regularly."""
+        if self._mode is Mode.STOP:
             return False
-        changed = known is not self.mode
-        self.mode, self.stamp = known, stamp
-        return changed
+        silent = now - self._heard
+        if silent > self._lease + RETURN:
+            lost, end = self.lost or self.source, self._heard + self._lease
+            first = not self.lost
+            self._enforce(Decision(Mode.STOP, self.source, self.stamp), end, now)
+            self.lost = lost
+            return first
+        if silent > self._lease and not self.lost:
+            self.lost = self.source
+            return True
+        return False
+
+    def is_held_by(self, source: str) -> bool:
+        """Return whether a decision of `source` is in force, not STOP, be its operator lost for the moment."""
+        return self._mode is not Mode.STOP and self.source == source
+
+    def admits(self, source: str, now: float) -> str:
+        """Return why a command of `source` is not to be obeyed, one line; empty: obey it. What is not is counted."""
+        why = self._refusal(source, now)
+        if why:
+            self.ignored_commands.add(source, why, now)
+        elif self.mode is Mode.IK:
+            self._solver, self._solver_heard = source, now
+        return why
+
+    def notices(self, now: float) -> Iterator[str]:
+        """Yield what people should know, one line each: a lost operator, ignored commands and decisions of late."""
+        if self.lost:
+            yield f"operator {self.lost!r} is silent: everything holds, then parks"
+        for ignored in (self.ignored_commands, self.ignored):
+            if now - ignored.at < 2 * LEASE:
+                yield ignored.last
+
+    def _refusal(self, source: str, now: float) -> str:
+        shown = repr(source) if source else "nobody named in header.frame_id"
+        if self.mode is Mode.STOP:
+            return f"control mode is STOP: commands are ignored, the last of {shown}"
+        if self.mode is not Mode.IK:
+            return (
+                "" if source == self.source else f"command of {shown} ignored: {self.source!r} is in charge"
+            )
+        if not is_ik(source):
+            return f"command of {shown} ignored: control mode is IK"
+        if source <= self._solver or now - self._solver_heard > SILENCE:
+            return ""
+        return f"command of {shown} ignored: {self._solver!r} is in charge"
+
+    def _in_force(self) -> str:
+        return str(Decision(self._mode, self.source, self.stamp))
+
+    def _is_overruled(self, decision: Decision, now: float) -> bool:
+        key = decision.source, decision.mode
+        old = self._overruled.get(key)
+        if old is None:
+            return False
+        if now - old.heard > PAUSE or not (old.restamped or old.stamp == decision.stamp):
+            del self._overruled[key]
+            return False
+        old.heard = now
+        if now - old.since > STRAGGLERS:
+            self.ignored.add(decision.source, f"{decision}: overruled by {self._in_force()}", now)
+        return True
+
+    def _stop(self, decision: Decision, age: float, now: float) -> bool:
+        repeated = decision.source == self.source and now - self._stop_heard <= PAUSE
+        if not (repeated and self._mode is Mode.STOP):
+            self._enforce(decision, now - age if 0 <= age <= STOP_AGE else now, now)
+            repeated = False
+        self._stop_heard = now
+        return not repeated
+
+    def _enforce(self, decision: Decision, decided: float, now: float) -> None:
+        if self._mode is not Mode.STOP:
+            self._overruled[self.source, self._mode] = _Overruled(
+                self.stamp, self._restamped, now, self._heard
+            )
+            if len(self._overruled) > REMEMBERED:
+                self._overruled.popitem(last=False)
+        self._mode, self.source, self.stamp = Mode(decision.mode), decision.source, decision.stamp
+        self._lease, self._heard, self._restamped = decision.lease or LEASE, now, False
+        self._decided, self.lost = decided, ""
+        self.ignored.at = self.ignored_commands.at = float("-inf")  # what was ignored before is no news
+        self._stop_heard = float("-inf")
+        self._solver, self._solver_heard = "", float("-inf")
+
+    def _leave(self, source: str, now: float) -> bool:
+        if self._mode is Mode.STOP or source != self.source:
+            return False
+        self._enforce(Decision(Mode.STOP, source, self.stamp), now, now)
+        return True
+
+
+def _check(decision: Decision) -> None:
+    """Raise ValueError unless `decision` can be in force."""
+    if decision.mode not in list(Mode):
+        names = ", ".join(f"{m.value} {m.name}" for m in Mode)
+        raise ValueError(f"control mode {decision.mode} is unknown; modes: {names}")
+    if not decision.source:
+        raise ValueError(f"control mode {Mode(decision.mode).name} names no source; only STOP needs none")
+    if not 0 <= decision.lease <= LONGEST_LEASE:  # the negation also catches NaN
+        allowed = f"0 (meaning {LEASE:g}) to {LONGEST_LEASE:g} s"
+        raise ValueError(f"lease of {decision.source!r:.80} is {decision.lease:g} s; allowed is {allowed}")

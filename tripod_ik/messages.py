@@ -34,13 +34,14 @@ def linear_state(message: Any) -> LinearState:
     )
 
 
-def trajectory(command: FloatArray) -> JointTrajectory:
-    """Return the command [rad], shape (3,), as a trajectory: be there now, as fast as your slew rate
+def trajectory(command: FloatArray, source: str) -> JointTrajectory:
+    """Return the command [rad], shape (3,), of `source` as a trajectory: be there now, as fast as your slew rate
     allows.
     """
     point = JointTrajectoryPoint()
     point.positions = array("d", command)
     message = JointTrajectory()
+    message.header.frame_id = source
     message.joint_names = list(names.SERVOS)
     message.points = [point]
     return message

@@ -21,14 +21,16 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import Compliance, ControlMode, IkStatus
+from tripod_msgs.msg import Compliance, IkStatus
 
 from tripod_graph import names
+from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.parameters import declare
-from tripod_graph.qos import LATCHED_OF_ALL, RELIABLE, SENSOR
+from tripod_graph.qos import RELIABLE, SENSOR
 from tripod_graph.run import run_node
+from tripod_graph.source import IK, new_source
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.messages import linear_state, point, trajectory
@@ -65,7 +67,7 @@ class IkNode(Node):
         self._angles_at = self._simulator_at = float("-inf")
         self._feedback_at = float("-inf")
         self._stale_after: float = values["stale_after"]
-        self._mode = ModeTracker()
+        self._authority, self._source = ModeTracker(), new_source(IK, self.get_namespace())
         self._received = float("-inf")  # when the last usable compliance came, time.monotonic [s]
         self._entered = float("-inf")  # when the mode became IK
         self._reported = float("-inf")  # when the last status left
@@ -78,7 +80,7 @@ class IkNode(Node):
 
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._statuses = self.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED_OF_ALL)
+        listen(self, self._on_decision)
         self.create_subscription(PoseStamped, names.TARGET_POSE, self._on_target, RELIABLE)
         self.create_subscription(Compliance, names.COMPLIANCE, self._on_compliance, NEWEST)
         self.create_subscription(JointState, names.ROBOT_JOINT_STATES, self._on_joints, NEWEST)
@@ -108,23 +110,32 @@ class IkNode(Node):
 
     # --- what comes in ---
 
-    def _on_mode(self, message: Any) -> None:
-        stamp = message.header.stamp
-        before = self._mode.mode
+    def _on_decision(self, decision: Decision) -> None:
+        wall, now = clocks(self)
+        self._look(now)
+        before = self._authority.mode
         try:
-            changed = self._mode.update(message.mode, stamp.sec + 1e-9 * stamp.nanosec)
+            self._authority.hear(decision, wall, now)
         except ValueError as error:
             self._reject("modes", str(error))
-            return
-        if not changed:
-            return
-        if self._mode.mode is Mode.IK:
+        self._obey(before)
+
+    def _look(self, now: float) -> None:
+        """Command nothing more if the operator in charge is lost."""
+        before = self._authority.mode
+        self._authority.lapse(now)
+        self._obey(before)
+
+    def _obey(self, before: Mode) -> None:
+        """Begin or end what the mode in force asks for; `before`: the last one."""
+        mode = self._authority.mode
+        if mode is Mode.IK and before is not Mode.IK:
             self._entered = time.monotonic()
             self._tracker.start()
-            self.get_logger().info(f"mode IK, by {message.source or 'an unnamed operator'}")
-        elif before is Mode.IK:
+            self.get_logger().info(f"mode IK, by {self._authority.source}")
+        elif before is Mode.IK and mode is not Mode.IK:
             self._tracker.target = None  # coming back to IK must not move the robot to where it once was sent
-            self._rest(Activity.IDLE, "")
+            self._rest(Activity.IDLE, next(self._authority.notices(time.monotonic()), ""))
 
     def _on_target(self, message: Any) -> None:
         p, q = message.pose.position, message.pose.orientation
@@ -169,7 +180,7 @@ class IkNode(Node):
     def _measure(self, position: FloatArray | None, quaternion: FloatArray) -> None:
         """Correct the model by what is measured; while nothing is commanded there is nothing to correct."""
         normal = quaternion_matrix(unit_quaternion("measured orientation", quaternion))[:, 2]
-        if self._mode.mode is Mode.IK and self._tracker.correction:
+        if self._authority.mode is Mode.IK and self._tracker.correction:
             self._tracker.correction.measure(position, normal, time.monotonic())
             self._feedback_at = time.monotonic()
 
@@ -181,7 +192,7 @@ class IkNode(Node):
             return
         self._own_in_use = now - self._simulator_at > self._own_after
         known = self._angles is not None and now - self._angles_at <= self._stale_after
-        if not (self._own_in_use and known and self._mode.mode is Mode.IK) or self._angles is None:
+        if not (self._own_in_use and known and self._authority.mode is Mode.IK) or self._angles is None:
             return
         try:
             state = self._own.state_at(self._angles)
@@ -193,7 +204,8 @@ class IkNode(Node):
 
     def _on_compliance(self, message: Any) -> None:
         now = time.monotonic()
-        if self._mode.mode is not Mode.IK:
+        self._look(now)
+        if self._authority.mode is not Mode.IK:
             return
         try:
             state = linear_state(message)
@@ -211,7 +223,7 @@ class IkNode(Node):
         duration = time.perf_counter() - begin
         self._solves += 1
         if step.result.ok:
-            self._commands.publish(trajectory(step.result.command))
+            self._commands.publish(trajectory(step.result.command, self._source))
         else:
             self._failures += 1
             self.get_logger().error(
@@ -221,8 +233,9 @@ class IkNode(Node):
 
     def _on_timer(self) -> None:
         now = time.monotonic()
-        if self._mode.mode is not Mode.IK:
-            self._rest_again(Activity.IDLE, "", now)
+        self._look(now)
+        if self._authority.mode is not Mode.IK:
+            self._rest_again(Activity.IDLE, next(self._authority.notices(now), ""), now)
             return
         age = now - max(self._received, self._entered)
         if age <= self._stale_after:
@@ -299,13 +312,14 @@ class IkNode(Node):
         status.state, status.message = int(activity), message
         status.rejected_targets = self._rejected["targets"]
         status.last_rejection = self._last_target_rejection
+        status.authority = authority_message(self._authority)
         self._statuses.publish(status)
         self._activity, self._message, self._reported = activity, message, time.monotonic()
 
     def _report(self) -> Report:
         levels = {Activity.STALE: Level.WARN, Activity.SOLVER_FAILED: Level.ERROR}
         values = {
-            "mode": self._mode.mode.name,
+            **authority_values(self._authority),
             "state": self._activity.name,
             "error [m]": self._status.error,
             "residual [m]": self._status.residual,

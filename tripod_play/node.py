@@ -12,11 +12,13 @@ from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from tripod_msgs.msg import ControlMode
 
 from tripod_graph import names
-from tripod_graph.mode import Mode, ModeTracker
-from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
+from tripod_graph.control_mode import Speaker, clocks, listen
+from tripod_graph.mandate import Mandate
+from tripod_graph.mode import Decision, Mode
+from tripod_graph.qos import RELIABLE
+from tripod_graph.source import name_of, new_source
 from tripod_play.errors import PlayError
 from tripod_play.follow import ServoPath
 from tripod_play.path_file import KeyPoints, Kind, tilt_quaternion
@@ -38,32 +40,36 @@ class PlayNode(Node):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self.done = ""
-        self._mode, self._first = ModeTracker(), None
+        self._mandate = Mandate(new_source(name, self.get_namespace()))
         self._position: FloatArray | None = None
         self._rotation = np.eye(3)
         self._targets = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
-        self._modes = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED_OF_ALL)
+        self._speaker = Speaker(self, self._mandate)
+        listen(self, self._on_decision)
         self.create_subscription(PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE)
         self._rest: FloatArray | None = None
         self._asked = False
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
-        """Ask for the level plate, then leave the graph; the mode stays with the operator."""
-        if self._rest is not None and self._mode.mode is Mode.IK:
+        """Ask for the level plate, then leave the graph: when the lease ends, everything holds, then parks."""
+        if self._rest is not None and self._mandate.held:
             self._send(self._rest, np.zeros(2))
         self.destroy_node()
 
-    def _on_mode(self, message: ControlMode) -> None:
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    def _on_decision(self, decision: Decision) -> None:
         try:
-            self._mode.update(message.mode, stamp)
+            self._mandate.hear(decision, *clocks(self))
         except ValueError as error:
             self.get_logger().warning(str(error))
-            return
-        if self._asked and self._mode.mode is not Mode.IK and not self.done:
-            self.done = f"mode is {self._mode.mode.name}: another operator has taken over"
+        self._look()
+
+    def _look(self) -> None:
+        """End when somebody else decides."""
+        tracker = self._mandate.tracker
+        if self._asked and not tracker.is_held_by(self._mandate.source) and not self.done:
+            by = name_of(tracker.source) or "nobody"
+            self.done = f"mode is {self._mandate.mode.name}, by {by}: another operator has taken over"
 
     def _on_effector(self, message: PoseStamped) -> None:
         p, q = message.pose.position, message.pose.orientation
@@ -74,9 +80,7 @@ class PlayNode(Node):
         self._rotation = _matrix(numbers[3:])
         if self._rest is None:
             self._rest = numbers[:3]
-            message = ControlMode(mode=int(Mode.IK), source=self.get_name())
-            message.header.stamp = self.get_clock().now().to_msg()
-            self._modes.publish(message)
+            self._speaker.decide(Mode.IK)
             self._asked = True
 
     def _send(self, position: FloatArray, tilt: FloatArray) -> None:
@@ -89,7 +93,8 @@ class PlayNode(Node):
         self._targets.publish(message)
 
     def _on_timer(self) -> None:
-        if self._rest is not None and not self.done and self._mode.mode is Mode.IK:
+        self._look()
+        if self._rest is not None and not self.done and self._mandate.held:
             self._play(self._rest)
 
     def _play(self, rest: FloatArray) -> None:

@@ -19,16 +19,17 @@ from sensor_msgs.msg import JointState, PointCloud2
 from shape_msgs.msg import Mesh, SolidPrimitive
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import BodyState, Compliance, ControlMode, SimStatus
+from tripod_msgs.msg import BodyState, Compliance, SimStatus
 from visualization_msgs.msg import MarkerArray
 
 from tripod_graph import names
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits
+from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
-from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.parameters import Parameter, ParameterError, declare
-from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE, SENSOR
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_sim import messages, realtime
 from tripod_sim.errors import StepError
@@ -88,7 +89,7 @@ class SimNode(Node):
         self._ball_radius = ball.radius if ball else None
         self._scene_markers = SceneMarkers(simulation.skin, self._maze_mesh, self._ball_radius)
         self._lock = threading.Lock()
-        self._mode = ModeTracker()
+        self._authority = ModeTracker()
         self._limits = _within_scene(limits_from(values), scene)
         self._follower = self._new_follower()
         self._refused = 0
@@ -143,7 +144,7 @@ class SimNode(Node):
         self._maze_publisher.publish(messages.maze_message(self._maze_mesh))
         self._ball_shape = self.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
         self._ball_shape.publish(messages.ball_shape_message(self._ball_radius))
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL)
+        listen(self, self._on_decision)
         self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
         self.create_service(Trigger, names.SIM_RESET, self._on_reset)
         self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
@@ -164,6 +165,7 @@ class SimNode(Node):
         if not self._scene.servos:
             return None
         with self._lock:
+            self._look(now)
             return self._follower.setpoint(now)
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
@@ -204,23 +206,36 @@ class SimNode(Node):
         try:
             if not self._scene.servos:
                 raise CommandError(f"scene {self._scene.name!r} has no servos")
-            if self._mode.mode is Mode.STOP:
-                raise CommandError("control_mode is STOP; choose another mode first")
+            now = time.monotonic()
             with self._lock:
-                self._follower.accept(message.joint_names, times, positions, time.monotonic())
+                self._look(now)
+                if self._authority.admits(message.header.frame_id, now):
+                    self._follower.check(message.joint_names, times, positions)
+                else:
+                    self._follower.accept(message.joint_names, times, positions, now)
         except CommandError as error:
             self._refuse(str(error))
 
-    def _on_control_mode(self, message: ControlMode) -> None:
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    def _on_decision(self, decision: Decision) -> None:
+        wall, now = clocks(self)
         try:
-            changed = self._mode.update(message.mode, stamp)
+            with self._lock:
+                if self._authority.hear(decision, wall, now):
+                    self._obey(now)
         except ValueError as error:
             self._refuse(str(error))
-            return
-        if changed:  # as the driver does: nothing of another mode's trajectory goes on
-            with self._lock:
-                self._follower.stop(time.monotonic())
+
+    def _look(self, now: float) -> None:
+        """Hold if the operator in charge is lost; the caller has the lock."""
+        if self._authority.lapse(now):
+            self._obey(now)
+
+    def _obey(self, now: float) -> None:
+        """Hold, as the driver does, because something else is in force now."""
+        if self._authority.mode is Mode.STOP:
+            self._follower.stop(now)
+        else:
+            self._follower.rest(now)
 
     def _refuse(self, why: str) -> None:
         self._refused += 1
@@ -267,7 +282,9 @@ class SimNode(Node):
         snapshot, speed = self._physics.latest, self._physics.speed()
         dt, energies, report = self._scene.dt, snapshot.energies, snapshot.report
         error = report.time_error
-        message = f"{self._physics.failure}; call sim/reset" if self._physics.failure else notices(snapshot)
+        message = (
+            f"{self._physics.failure}; call sim/reset" if self._physics.failure else self._notices(snapshot)
+        )
         return SimStatus(
             header=messages.header(time.time_ns()), state=self._state(), message=message, scene=self._scene.name, dt=dt,
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
@@ -277,12 +294,17 @@ class SimNode(Node):
             effector_time_error=known(error.effector if error else None),
             residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
             gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
-            last_rejection=self._last_refusal,
+            last_rejection=self._last_refusal, authority=authority_message(self._authority),
         )  # fmt: skip
+
+    def _notices(self, snapshot: Snapshot) -> str:
+        words = (notices(snapshot), *self._authority.notices(time.monotonic()))
+        return "; ".join(word for word in words if word)
 
     def _report(self) -> Report:
         speed = self._physics.speed()
         values = {
+            **authority_values(self._authority),
             "real-time factor": speed.real_time_factor,
             "median step [s]": speed.median,
             "missed": speed.missed,
@@ -290,7 +312,8 @@ class SimNode(Node):
         if self._physics.failure:
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
-        if trouble := stalls(latest) or latest.report.instability or latest.report.beyond:
+        ignored = next(self._authority.notices(time.monotonic()), "")
+        if trouble := stalls(latest) or latest.report.instability or latest.report.beyond or ignored:
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:

@@ -8,22 +8,21 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration as DurationMessage
-from builtin_interfaces.msg import Time
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from tripod_msgs.msg import ControlMode
 
 from tripod_graph import names
 from tripod_graph.command import CommandError, CommandLimits
+from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.limits import LIMIT_PARAMETERS
-from tripod_graph.mode import Mode
+from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import Parameter, ParameterError, declare
-from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
+from tripod_graph.qos import RELIABLE
 from tripod_graph.run import REFUSED, run_node
+from tripod_graph.source import new_source
 from tripod_teleop.drive import Drive, FloatArray
 from tripod_teleop.escape import KeyParser
 from tripod_teleop.joints import JointWatch
@@ -68,12 +67,13 @@ class TeleopNode(Node):
         limits = CommandLimits(**{n: values[n] for n in LIMITS if n != "park"}, park=tuple(values["park"]))
         drive = Drive(limits, speed=values["speed"], hold=values["hold"], pose_time=values["pose_time"])
         toss = Toss(*(checked_angles(name, values[name], limits) for name in ("catch", "throw")))
-        self._operator = Operator(self.get_name(), drive, limits.park, toss)
+        source = new_source(self.get_name(), self.get_namespace())
+        self._operator = Operator(source, drive, limits.park, toss)
         self._watch, self._parser, self._terminal = JointWatch(), KeyParser(), terminal
         self._rejected, self._last_rejection = 0, ""
         self._command = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
-        self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
-        self.create_subscription(ControlMode, names.CONTROL_MODE, self._on_mode, LATCHED_OF_ALL)
+        self._speaker = Speaker(self, self._operator)
+        listen(self, self._on_decision)
         for topic, hear in (
             (names.SIM_JOINT_STATES, self._watch.hear_sim),
             (names.ROBOT_JOINT_STATES, self._watch.hear_robot),
@@ -93,8 +93,8 @@ class TeleopNode(Node):
         """Announce STOP and give the terminal back, the latter whatever becomes of the former."""
         self._waiter.stop()
         try:
-            self._publish_mode(Mode.STOP, self._operator.decide(Mode.STOP, self._stamp()))
-            self._mode.wait_for_all_acked(Duration(seconds=GOODBYE))
+            self._speaker.decide(Mode.STOP)
+            self._speaker.wait(GOODBYE)
         finally:
             self._terminal.restore()
 
@@ -130,10 +130,10 @@ class TeleopNode(Node):
         elif intent is Act.QUIT:
             self._leave()
         else:
-            now = time.monotonic()
-            decision = self._operator.act(intent, self._watch.joints(now), self._stamp(), now)
+            wall, now = clocks(self)
+            decision = self._operator.act(intent, self._watch.joints(now), wall, now)
             if decision is not None:
-                self._publish_mode(*decision)
+                self._speaker.say(decision)
 
     def _send(self) -> None:
         """Publish where the joints should be when the next set-point comes, if they are to be driven."""
@@ -148,7 +148,7 @@ class TeleopNode(Node):
         self._terminal.show(
             status_line(
                 operator.mode,
-                operator.source,
+                operator.decider,
                 self._watch.joints(time.monotonic()),
                 driving=operator.is_driving,
                 motion=operator.drive.motion,
@@ -157,10 +157,9 @@ class TeleopNode(Node):
             )
         )
 
-    def _on_mode(self, message: ControlMode) -> None:
-        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    def _on_decision(self, decision: Decision) -> None:
         try:
-            self._operator.hear(message.mode, message.source, stamp)
+            self._operator.hear(decision, *clocks(self))
         except ValueError as error:
             self._reject(names.CONTROL_MODE, error)
 
@@ -179,20 +178,12 @@ class TeleopNode(Node):
         self._rejected += 1
         self._last_rejection = f"{topic}: {error}"
 
-    def _publish_mode(self, mode: Mode, stamp: float) -> None:
-        message = ControlMode(mode=int(mode), source=self._operator.name)
-        message.header.stamp = Time(sec=int(stamp), nanosec=int(1e9 * (stamp % 1)))
-        self._mode.publish(message)
-
     def _command_message(self, joints: FloatArray, duration: float) -> JointTrajectory:
         point = JointTrajectoryPoint(positions=joints.tolist())
         point.time_from_start = DurationMessage(nanosec=round(1e9 * duration))
         message = JointTrajectory(joint_names=[*names.SERVOS, names.SLIDE][: len(joints)], points=[point])
-        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.frame_id = self._operator.mandate.source
         return message
-
-    def _stamp(self) -> float:
-        return float(self.get_clock().now().nanoseconds) / 1e9
 
     @staticmethod
     def _leave() -> None:
@@ -202,7 +193,7 @@ class TeleopNode(Node):
         operator = self._operator
         values: dict[str, Any] = {
             "mode": operator.mode.name,
-            "decided by": operator.source,
+            "decided by": operator.decider,
             "driving": operator.is_driving,
             "rejected messages": self._rejected,
             "last rejection": self._last_rejection,

@@ -4,20 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 
-from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.mandate import Mandate
+from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import WORKING_POSE
+from tripod_graph.source import name_of
 from tripod_teleop.drive import Drive, FloatArray
 from tripod_teleop.joints import Joints
 from tripod_teleop.keys import Act, Intent, Move
 
 TAKEOVER = 0.2
 """Pause between taking control and the first command [s]: the former source hears of it and falls silent."""
-STAMP_STEP = 1e-3
-"""A decision is stamped at least this much after the one it overrules [s], whatever the clocks say."""
-LAST_STAMP = 2.0**31 - 1.0
-"""The last stamp that a ROS time can hold [s]."""
-SAME_STAMP = 1e-6
-"""Stamps that differ by less are one [s]; a message rounds them."""
 NO_JOINTS = "the joint angles are not known: is the simulator or the driver running?"
 
 
@@ -37,65 +33,67 @@ class Toss:
 class Operator:
     """Turns intents into decisions about the mode and into set-points.
 
-    It drives while the newest decision of any operator is its own TELEOP, and only while it knows where the joints
-    are: it starts from there, and again after a gap, so that nothing jumps. Arrows never take control, the letters do.
+    It drives while the decision in force is its own TELEOP, and only while it knows where the joints are: it starts
+    from there, and again after a gap, so that nothing jumps. Arrows never take control, the letters do.
 
-    Times are of two clocks: `stamp` is the node's clock, which all operators share; `now` is steady and private.
+    Times are of two clocks, see `tripod_graph.mode`: `wall` is the node's, `now` is steady and private.
 
     Attributes:
-        name: Of this node, for people.
+        mandate: What this operator has decided, and what is in force.
         drive: The set-point.
-        source: Who made the newest decision.
         notice: One line for the user, about the newest key; empty if all is said by the rest.
     """
 
     def __init__(
-        self, name: str, drive: Drive, park: tuple[float, float, float, float], toss: Toss | None = None
+        self, source: str, drive: Drive, park: tuple[float, float, float, float], toss: Toss | None = None
     ) -> None:
-        """`park`: three angles [rad] and the slide [m] to which PARK goes; `toss`: where CATCH and THROW jump."""
-        self.name, self.drive, self._park, self._toss = name, drive, park, toss or Toss()
-        self.source = ""
+        """Begin without control.
+
+        Args:
+            source: Name of this operator.
+            drive: The set-point.
+            park: Three angles [rad] and the slide [m] to which PARK goes.
+            toss: Where CATCH and THROW jump.
+        """
+        self.mandate, self.drive, self._park, self._toss = Mandate(source), drive, park, toss or Toss()
         self.notice = ""
-        self._tracker = ModeTracker()
-        self._own_stamp: float | None = None
         self._ready_at = float("-inf")
         self._lost = False
 
     @property
     def mode(self) -> Mode:
         """The mode in force."""
-        return self._tracker.mode
+        return self.mandate.mode
+
+    @property
+    def decider(self) -> str:
+        """What people call the operator whose decision is in force."""
+        return name_of(self.mandate.tracker.source)
 
     @property
     def is_driving(self) -> bool:
         """Whether the set-points of this terminal are to be sent."""
-        return self._own_stamp is not None and self.mode is Mode.TELEOP
+        return self.mandate.held and self.mode is Mode.TELEOP
 
-    def hear(self, mode: int, source: str, stamp: float) -> None:
-        """Take a decision of any operator, this one's own included. Raises ValueError for an unknown mode."""
-        before = self._tracker.stamp
-        self._tracker.update(mode, stamp)
-        if stamp != 0 and not stamp >= before:
-            return
-        own = (
-            self._own_stamp is not None and abs(stamp - self._own_stamp) < SAME_STAMP and source == self.name
-        )
-        if not own:
-            self._own_stamp, self.source = None, source
+    def hear(self, decision: Decision, wall: float, now: float) -> None:
+        """Take a decision of any operator. Raises ValueError for one that cannot be."""
+        if self.mandate.hear(decision, wall, now):
             self.drive.rest()
 
-    def decide(self, mode: Mode, stamp: float) -> float:
-        """Decide on `mode`; return the stamp [s] to publish it with, which is newer than any other."""
-        stamp = min(max(stamp, self._tracker.stamp + STAMP_STEP), LAST_STAMP)
-        self._tracker.update(mode, stamp)
-        self._own_stamp, self.source = stamp, self.name
-        self.drive.rest()
-        return stamp
+    def due(self, wall: float, now: float) -> Decision | None:
+        """Return what to publish on `control_mode` now, if anything; see `Mandate.due`."""
+        due = self.mandate.due(wall, now)
+        if not self.is_driving:
+            self.drive.rest()
+        return due
 
-    def act(
-        self, intent: Intent, joints: Joints | None, stamp: float, now: float
-    ) -> tuple[Mode, float] | None:
-        """Do what a key asks for; return the mode and the stamp to be published, None for nothing.
+    def decide(self, mode: Mode, wall: float, now: float) -> Decision:
+        """Decide on `mode`; return what to publish."""
+        self.drive.rest()
+        return self.mandate.decide(mode, wall, now)
+
+    def act(self, intent: Intent, joints: Joints | None, wall: float, now: float) -> Decision | None:
+        """Do what a key asks for; return what to publish on `control_mode`, None for nothing.
 
         `joints`: where they are, None if not known. STOP is never refused.
         """
@@ -107,11 +105,11 @@ class Operator:
                 else:
                     self.notice = "press t to drive by these keys"
             case Act.STOP:
-                return Mode.STOP, self.decide(Mode.STOP, stamp)
+                return self.decide(Mode.STOP, wall, now)
             case Act.IK:
-                return Mode.IK, self.decide(Mode.IK, stamp)
+                return self.decide(Mode.IK, wall, now)
             case Act.TELEOP | Act.WORK | Act.PARK | Act.CATCH | Act.THROW:
-                decision = self._take_control(joints, stamp, now)
+                decision = self._take_control(joints, wall, now)
                 if self.is_driving and intent is Act.WORK:
                     self.drive.go("working pose", WORKING_POSE, max(now, self._ready_at))
                 elif self.is_driving and intent is Act.PARK:
@@ -126,6 +124,7 @@ class Operator:
     def setpoint(self, joints: Joints | None, now: float, ahead: float = 0.0) -> FloatArray | None:
         """Return where the joints should be `ahead` [s] after `now` [s], shape (3,) or (4,); None: send nothing."""
         if not self.is_driving:
+            self._lost = True
             return None
         if joints is None:
             self._lost, self.notice = True, NO_JOINTS
@@ -135,14 +134,14 @@ class Operator:
             self._lost, self.notice = False, ""
         return None if now < self._ready_at else self.drive.setpoint(now, ahead)
 
-    def _take_control(self, joints: Joints | None, stamp: float, now: float) -> tuple[Mode, float] | None:
+    def _take_control(self, joints: Joints | None, wall: float, now: float) -> Decision | None:
         if self.is_driving:
             self.drive.rest()
             return None
         if joints is None:
             self.notice = NO_JOINTS
             return None
-        decided = self.decide(Mode.TELEOP, stamp)
+        decided = self.decide(Mode.TELEOP, wall, now)
         self.drive.start(joints)
         self._lost, self._ready_at = False, now + TAKEOVER
-        return Mode.TELEOP, decided
+        return decided

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_graph.command import CommandError, CommandLimits
-from tripod_graph.mode import Mode, ModeTracker
+from tripod_graph.mandate import Mandate
+from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import SERVOS
 from tripod_view.motion import PEAK, Trajectory, motion
 
@@ -24,40 +25,31 @@ STALE = 1.0
 ARRIVED = 0.02
 """A motion whose measured angles end farther than this from its goal is reported [rad]."""
 
-STAMP_STEP = 1e-3
-"""A decision is stamped at least this much after the one it overrules [s], whatever the clocks say."""
-
-LAST_STAMP = 2**31 - 1e-6
-"""The last instant that a ROS time can hold [s]."""
-
 
 class Control:
     """The page as an operator.
 
-    The page is in control while the newest decision about the mode is its own and not STOP. It commands only
+    The page is in control while the decision about the mode that is in force is its own and not STOP. It commands only
     in mode TELEOP and in control, and only while it knows where the joints are; it starts from there.
 
-    Times are of two clocks: `stamp` is the node's clock, which all operators share; `now` is steady and
-    private.
+    Times are of two clocks, see `tripod_graph.mode`: `wall` is the node's, `now` is steady and private.
 
     Attributes:
+        mandate: What this page has decided, and what is in force.
         angles: What the sliders ask for [rad], shape (3,).
-        source: Who made the newest decision.
         synced: Set when `angles` changed otherwise than by a slider; whoever shows the sliders clears it.
         moving: Name of the motion under way, empty if none.
         notice: One line for the user about the newest request that was refused; empty if none.
     """
 
-    def __init__(self, name: str, limits: CommandLimits, speed: float) -> None:
-        """`name`: of this node, to tell its own decisions; `speed`: mean speed of a motion [rad/s]."""
-        self.name, self.limits = name, limits
+    def __init__(self, source: str, limits: CommandLimits, speed: float) -> None:
+        """`source`: name of this operator; `speed`: mean speed of a motion [rad/s]."""
+        self.mandate, self.limits = Mandate(source), limits
         self._speed = min(speed, limits.angle_speed / PEAK)  # followers keep up
         self.angles: FloatArray = np.zeros(3)
         self.synced = True
-        self.source = ""
         self.moving = ""
         self.notice = ""
-        self._tracker = ModeTracker()
         self._measured: FloatArray | None = None
         self._measured_at = float("-inf")
         self._ready_at = float("-inf")
@@ -67,12 +59,12 @@ class Control:
     @property
     def mode(self) -> Mode:
         """The mode in force."""
-        return self._tracker.mode
+        return self.mandate.mode
 
     @property
     def in_control(self) -> bool:
         """Whether this page is the operator."""
-        return self.mode is not Mode.STOP and self.source == self.name
+        return self.mandate.held
 
     @property
     def streaming(self) -> bool:
@@ -83,18 +75,21 @@ class Control:
         """Return the joint values, shape (4,) [rad, rad, rad, m], None when they are not known or too old."""
         return None if now - self._measured_at > STALE else self._measured
 
-    def hear(self, mode: int, source: str, stamp: float) -> None:
-        """Take a decision of any operator, the page's own included. Raises ValueError for an unknown mode."""
-        before = self._tracker.stamp
-        self._tracker.update(mode, stamp)
-        if stamp < before:
-            return
-        self.source = source
+    def hear(self, decision: Decision, wall: float, now: float) -> None:
+        """Take a decision of any operator. Raises ValueError for one that cannot be."""
+        self.mandate.hear(decision, wall, now)
         if not self.streaming:
             self._end_motion()
 
-    def decide(self, mode: Mode, stamp: float, now: float) -> float | None:
-        """Decide on `mode`; return the stamp to publish it with, None if it is refused (see `notice`).
+    def due(self, wall: float, now: float) -> Decision | None:
+        """Return what to publish on `control_mode` now, if anything; see `Mandate.due`."""
+        due = self.mandate.due(wall, now)
+        if not self.streaming:
+            self._end_motion()
+        return due
+
+    def decide(self, mode: Mode, wall: float, now: float) -> Decision | None:
+        """Decide on `mode`; return what to publish, None if it is refused (see `notice`).
 
         STOP is never refused.
         """
@@ -102,14 +97,12 @@ class Control:
             self.notice = "The joint angles are not known: is the simulator or the driver running?"
             return None
         self.notice = ""
-        stamp = min(max(stamp, self._tracker.stamp + STAMP_STEP), LAST_STAMP)
         began = mode is Mode.TELEOP and not self.streaming
-        self._tracker.update(mode, stamp)
-        self.source = self.name
+        decision = self.mandate.decide(mode, wall, now)
         self._end_motion()
         self._ready_at = now + TAKEOVER if began else self._ready_at
         self._follow_measured(now)
-        return stamp
+        return decision
 
     def measure(self, joints: FloatArray, now: float) -> None:
         """Take measured joint values, shape (4,) [rad, rad, rad, m], finite.

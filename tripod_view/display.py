@@ -175,7 +175,7 @@ class Display:
 
     def _update_panel(self, control: Control, target: TargetHandle, now: float) -> None:
         panel, effector = self._panel, None if self.effector is None else self.effector.position
-        panel.show_mode(words.mode_line(control.mode, control.source, own=control.source == control.name))
+        panel.show_mode(words.mode_line(control.mandate))
         panel.show_notice(_notices(control))
         panel.show_target(words.target_lines(target.position, effector))
         self._scene.show_lines(panel.mesh_lines)

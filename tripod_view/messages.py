@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 from rclpy.duration import Duration
 from shape_msgs.msg import Mesh, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from tripod_msgs.msg import BodyState, ControlMode
+from tripod_msgs.msg import BodyState
 
 from tripod_graph import names
-from tripod_graph.mode import Mode
 from tripod_view.body import BodyError, Surface
 from tripod_view.motion import Trajectory
 from tripod_view.pose import Pose, PoseError
@@ -19,11 +18,6 @@ FloatArray = NDArray[np.float64]
 
 LARGEST_BALL = 1.0
 """Radius of the largest ball that is drawn [m]."""
-
-
-def seconds_of(stamp: Time) -> float:
-    """Return a stamp in [s]."""
-    return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
 def surface_of(message: Mesh) -> Surface:
@@ -65,10 +59,10 @@ def pose_of(message: PoseStamped) -> Pose:
     return Pose.of((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
-def trajectory_message(trajectory: Trajectory, stamp: Time) -> JointTrajectory:
-    """Return `trajectory` as a message stamped `stamp`."""
+def trajectory_message(trajectory: Trajectory, source: str) -> JointTrajectory:
+    """Return `trajectory` of `source` as a message; it begins when it is received."""
     message = JointTrajectory(joint_names=list(trajectory.names))
-    message.header.stamp = stamp
+    message.header.frame_id = source
     for seconds, row in zip(trajectory.times, trajectory.positions, strict=True):
         point = JointTrajectoryPoint(positions=[float(v) for v in row])
         point.time_from_start = Duration(seconds=float(seconds)).to_msg()
@@ -82,11 +76,4 @@ def target_message(position: FloatArray, stamp: Time) -> PoseStamped:
     message.header.stamp, message.header.frame_id = stamp, names.WORLD
     p = message.pose.position
     p.x, p.y, p.z = (float(v) for v in position)
-    return message
-
-
-def mode_message(mode: Mode, source: str, stamp: float) -> ControlMode:
-    """Return the decision of `source` at `stamp` [s]."""
-    message = ControlMode(mode=int(mode), source=source)
-    message.header.stamp = Time(sec=int(stamp), nanosec=int(1e9 * (stamp % 1)))
     return message

@@ -18,20 +18,21 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import Mesh, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import BodyState, ControlMode, IkStatus, RobotStatus, SimStatus
+from tripod_msgs.msg import BodyState, IkStatus, RobotStatus, SimStatus
 
 from tripod_graph import names
+from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.mode import Mode
+from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import declare
-from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE, SENSOR
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import run_node
+from tripod_graph.source import new_source
 from tripod_view import events
 from tripod_view.body import BodyError
 from tripod_view.control import PERIOD, STALE, Control
@@ -41,9 +42,7 @@ from tripod_view.joints import JointError, joint_values
 from tripod_view.messages import (
     ball_radius_of,
     maze_of,
-    mode_message,
     pose_of,
-    seconds_of,
     state_of,
     surface_of,
     target_message,
@@ -70,7 +69,8 @@ class ViewNode(Node):
         super().__init__("view")
         settings = checked_settings(declare(self, PARAMETERS))
         self._target, self._rejects = settings.target, Rejects()
-        self._control = Control(self.get_name(), settings.limits, settings.move_speed)
+        source = new_source(self.get_name(), self.get_namespace())
+        self._control = Control(source, settings.limits, settings.move_speed)
         self._browsers: set[int] = set()
         self._streams: list[Subscription] = []
         self._sim_joints_at = float("-inf")
@@ -78,7 +78,7 @@ class ViewNode(Node):
         self._own_targets: deque[tuple[int, int]] = deque(maxlen=OWN_STAMPS)
 
         self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
-        self._mode = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self._speaker = Speaker(self, self._control)
         self._target_pose = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._draw_timer = self.create_timer(1 / settings.rate, self._on_draw, clock=steady, autostart=False)
@@ -98,7 +98,7 @@ class ViewNode(Node):
         try:
             if self._control.in_control:
                 self._decide(Mode.STOP)
-                self._mode.wait_for_all_acked(Duration(seconds=0.5))
+                self._speaker.wait(0.5)
         finally:
             self._server.close()
             self.destroy_node()
@@ -115,12 +115,12 @@ class ViewNode(Node):
 
     def _subscribe(self) -> None:
         show = self._display
+        listen(self, self._on_decision)
         for kind, topic, callback, qos in (
             (Mesh, names.MESH, self._on_mesh, LATCHED),
             (Mesh, names.MAZE_MESH, self._on_maze, LATCHED),
             (SolidPrimitive, names.BALL_SHAPE, self._on_ball_shape, LATCHED),
             (PoseStamped, names.TARGET_POSE, self._on_target_pose, RELIABLE),
-            (ControlMode, names.CONTROL_MODE, self._on_control_mode, LATCHED_OF_ALL),
             (SimStatus, names.SIM_STATUS, show.keep_sim, RELIABLE),
             (IkStatus, names.IK_STATUS, show.keep_ik, RELIABLE),
             (RobotStatus, names.ROBOT_STATUS, show.keep_robot, RELIABLE),
@@ -207,10 +207,10 @@ class ViewNode(Node):
         if self._target.hear(target.position):
             self._display.touch_target()
 
-    def _on_control_mode(self, message: ControlMode) -> None:
+    def _on_decision(self, decision: Decision) -> None:
         before = self._control.mode
         try:
-            self._control.hear(message.mode, message.source, seconds_of(message.header.stamp))
+            self._control.hear(decision, *clocks(self))
         except ValueError as error:
             self._refuse(names.CONTROL_MODE, error)
         self._mode_changed(before)
@@ -306,11 +306,9 @@ class ViewNode(Node):
     # What goes out.
 
     def _decide(self, mode: Mode) -> None:
-        before, seconds = self._control.mode, 1e-9 * self.get_clock().now().nanoseconds
-        stamp = self._control.decide(mode, seconds, time.monotonic())
-        if stamp is not None:
-            self._mode.publish(mode_message(mode, self.get_name(), stamp))
-            self._mode_changed(before)
+        before = self._control.mode
+        self._speaker.decide(mode)
+        self._mode_changed(before)
 
     def _mode_changed(self, before: Mode) -> None:
         if before is Mode.IK and self._control.mode is not Mode.IK:
@@ -323,7 +321,7 @@ class ViewNode(Node):
     def _on_command(self) -> None:
         trajectory = self._control.command(time.monotonic())
         if trajectory is not None:
-            self._trajectory.publish(trajectory_message(trajectory, self.get_clock().now().to_msg()))
+            self._trajectory.publish(trajectory_message(trajectory, self._control.mandate.source))
 
     def _publish_target(self, position: FloatArray) -> None:
         self._target_asked, stamp = None, self.get_clock().now().to_msg()
@@ -347,6 +345,7 @@ class ViewNode(Node):
             "pictures per second": self._display.pictures_per_second if self._browsers else 0.0,
             "skipped body states": body.skipped,
             "last skipped": body.reason,
+            **authority_values(self._control.mandate.tracker),
             "refused messages": rejects.total,
             "last refused": rejects.last,
             "lost events": lost,

@@ -9,7 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Mode
+from tripod_graph.source import name_of
 
 SILENT = 1.5
 """Age of the newest status after which a node counts as silent [s]; status comes at 10 Hz."""
@@ -127,9 +129,13 @@ def robot_line(status: RobotFields) -> Line:
     return replace(line, text=f"{line.text}: {status.message}") if status.message else line
 
 
-def mode_line(mode: Mode, source: str, *, own: bool) -> Line:
-    """Return the line that says who commands the robot; `own`: this page decided."""
-    by = "this page" if own else (source or "nobody yet")
+def mode_line(mandate: Mandate) -> Line:
+    """Return the line that says who commands the robot, seen by the operator of this page."""
+    mode, tracker = mandate.mode, mandate.tracker
+    own = tracker.source == mandate.source
+    if tracker.lost:
+        return Line(Light.BAD, "STOP", f"{name_of(tracker.lost)} is silent: the servos hold, then park")
+    by = "this page" if own else (name_of(tracker.source) or "nobody yet")
     texts = {
         Mode.STOP: (Light.BAD, "all commands off: the servos hold, then park"),
         Mode.TELEOP: (Light.GOOD, "the sliders command" if own else "the keyboard commands"),

@@ -25,6 +25,7 @@ from tripod_graph.diagnostics import Diagnostics, Level
 from tripod_graph.mode import Mode
 from tripod_graph.names import WORKING_POSE
 from tripod_graph.qos import LATCHED, RELIABLE
+from tripod_graph.source import name_of
 
 pytestmark = pytest.mark.ros
 
@@ -111,7 +112,7 @@ def test_the_word_stop_reaches_who_listens_and_who_comes_later(spin: Callable[..
     late: list[Any] = []
     other.create_subscription(ControlMode, names.CONTROL_MODE, late.append, LATCHED)
     spin(lambda: bool(heard and late), watch, other)
-    assert (heard[0].mode, heard[0].source) == (Mode.STOP, "bringup")
+    assert (heard[0].mode, name_of(heard[0].source)) == (Mode.STOP, "up")
     assert seconds(heard[0].header.stamp) > 0, "the newest decision wins by its stamp"
 
 

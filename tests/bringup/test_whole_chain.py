@@ -20,7 +20,7 @@ from rosbags.highlevel import AnyReader
 from tests.domains import own_domain
 from tripod_bringup.demo_target import DemoTarget
 from tripod_graph import names
-from tripod_graph.mode import Mode
+from tripod_graph.mode import NONE, Mode
 
 ROOT = Path(__file__).parents[2]
 TRACK = 6.0
@@ -137,7 +137,7 @@ def test_the_recording_holds_every_topic_in_order(session: Session) -> None:
         for connection, _, raw in reader.messages():
             counts[connection.topic] += 1
             message = reader.deserialize(raw, connection.msgtype)
-            if connection.topic == f"/{names.CONTROL_MODE}":
+            if connection.topic == f"/{names.CONTROL_MODE}" and message.mode != NONE:  # type: ignore[attr-defined]
                 modes.append(message.mode)  # type: ignore[attr-defined]
             if connection.topic == f"/{names.ROBOT_STATUS}":
                 robot = message

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+from tests.decisions import SOURCE, said
 from tripod_driver.calibration import Calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
 from tripod_driver.driver import Driver
@@ -72,11 +73,11 @@ class Bench:
         return self
 
     def goto(self, *angles: float, time: float = 0.0) -> None:
-        self.safety.trajectory(SERVOS, [time], [list(angles)], self.clock.now)
+        self.safety.trajectory(SERVOS, [time], [list(angles)], self.clock.now, source=SOURCE)
 
     def moving(self) -> "Bench":
         """Bring it into motion towards -1.5 rad, half way there."""
-        self.safety.control_mode(Mode.IK, self.clock.now, self.clock.now)
+        self.safety.control_mode(said(Mode.IK, self.clock.now), self.clock.now, self.clock.now)
         self.run(0.1)
         self.goto(-1.5, -1.5, -1.5, time=1.0)
         self.run(0.5)

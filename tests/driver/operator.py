@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from tests.decisions import SOURCE
 from tripod_driver.protocol import RESOLUTION
 from tripod_graph import names
-from tripod_graph.mode import Mode
+from tripod_graph.mode import LONGEST_LEASE, Mode
 from tripod_graph.qos import LATCHED, RELIABLE
 
 EXACT = RESOLUTION + 1e-9
@@ -39,7 +40,7 @@ class Operator:
         from rclpy.time import Time
         from tripod_msgs.msg import ControlMode
 
-        message = ControlMode(mode=int(mode), source="test")
+        message = ControlMode(mode=int(mode), source=SOURCE, lease=LONGEST_LEASE)
         now = self.client.node.get_clock().now()
         message.header.stamp = (now if stamp is None else Time(nanoseconds=int(stamp * 1e9))).to_msg()
         self._mode.publish(message)
@@ -49,6 +50,7 @@ class Operator:
         from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
         message = JointTrajectory(joint_names=list(joints))
+        message.header.frame_id = SOURCE
         for point, t in zip(points, times, strict=True):
             since = Duration(sec=int(t), nanosec=round((t % 1) * 1e9))
             message.points.append(JointTrajectoryPoint(positions=point, time_from_start=since))

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.decisions import SOURCE, said
 from tripod_driver.calibration import Calibration
 from tripod_driver.driver import Driver
 from tripod_driver.link import Link
@@ -53,10 +54,10 @@ class Bench:
         return sent
 
     def goto(self, *angles: float, time: float = 0.0) -> None:
-        self.safety.trajectory(SERVOS, [time], [list(angles)], self.now)
+        self.safety.trajectory(SERVOS, [time], [list(angles)], self.now, source=SOURCE)
 
     def mode(self, mode: Mode) -> None:
-        self.safety.control_mode(mode, self.now, self.now)
+        self.safety.control_mode(said(mode, self.now), self.now, self.now)
 
     @property
     def angles(self) -> tuple[float, ...]:
@@ -125,6 +126,7 @@ def test_packets_carry_the_commanded_angles() -> None:
         [0.5, 1.0],
         [[0.0, -0.7, -0.6, -0.5], [0.01, -0.9, -0.8, -0.7]],
         100.0,
+        source=SOURCE,
     )
     bench.run(0.5)
     assert bench.angles == pytest.approx([-0.5, -0.6, -0.7], abs=RESOLUTION + 1e-9)
@@ -177,7 +179,7 @@ def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
     assert {packet for _, packet in bench.run(0.06)} <= {last}
     assert bench.port.arrived[-4:] == last
     said = (
-        "control mode is STOP: commands are ignored"
+        f"control mode is STOP: commands are ignored, the last of {SOURCE!r}"
         if stop == "mode"
         else "stopped by service; change the con"
     )
@@ -230,16 +232,16 @@ def test_bad_commands_are_counted_and_named_whether_motion_is_allowed_or_not() -
     bench = Bench()
     bad = (SERVOS, [0.0], [[math.nan, 0.0, 0.0]])
     with pytest.raises(CommandError):
-        bench.safety.trajectory(*bad, bench.now)
+        bench.safety.trajectory(*bad, bench.now, source=SOURCE)
     bench.mode(Mode.IK)
     bench.run(0.1)
     with pytest.raises(CommandError):
-        bench.safety.trajectory(*bad, bench.now)
+        bench.safety.trajectory(*bad, bench.now, source=SOURCE)
     assert bench.safety.rejected == 2
     assert bench.safety.last_rejection == "point 0: servo_0 is nan rad, allowed is -2.1 to 0.6 rad"
     with pytest.raises(ValueError, match="control mode 9 is unknown"):
-        bench.safety.control_mode(9, bench.now, bench.now)
-    assert (bench.safety.rejected, bench.safety.mode) == (3, Mode.IK)
+        bench.safety.control_mode(said(9, bench.now), bench.now, bench.now)
+    assert (bench.safety.rejected, bench.safety.authority.mode) == (3, Mode.IK)
     assert bench.safety.last_rejection.startswith("control mode 9 is unknown; modes: 0 STOP")
 
 

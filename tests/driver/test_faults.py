@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from tests.decisions import said
 from tests.driver.bench import LIMITS, TICK, Bench
 from tripod_driver.framed import encode
 from tripod_driver.framed_messages import BoardState, SetPulses
@@ -223,15 +224,15 @@ event = st.one_of(
 @given(st.lists(event, max_size=12))
 def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silence_is_noticed(events) -> None:
     bench = Bench()
-    bench.safety.control_mode(Mode.IK, 1.0, 100.0)
+    bench.safety.control_mode(said(Mode.IK, 1.0), 1.0, 100.0)
     bench.run(0.1)
     foreign = Foreigner(bench)
     for kind, value in events:
-        now, running = bench.clock.now, bench.safety.mode
+        now, running = bench.clock.now, bench.safety.authority.mode
         if kind == "goto":
             bench.goto(*value[:3], time=value[3])
         elif kind == "mode":
-            bench.safety.control_mode(value, now, now)
+            bench.safety.control_mode(said(value, now), now, now)
         elif kind == "fault":
             bench.port.fault = value
         elif kind == "reset":

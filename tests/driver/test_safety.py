@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.decisions import SOURCE, said
 from tripod_driver.safety import Safety, State
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.mode import Mode
@@ -27,7 +28,7 @@ def make(**options) -> Safety:
 def ready(safety: Safety, now: float = 0.0) -> Safety:
     safety.ready(now)
     safety.activate(now)
-    safety.control_mode(Mode.IK, now + 1.0, now)
+    safety.control_mode(said(Mode.IK, now + 1.0), now + 1.0, now)
     return safety
 
 
@@ -37,7 +38,7 @@ def run(safety: Safety, begin: float, duration: float) -> np.ndarray:
 
 
 def goto(safety: Safety, angles, now: float, time: float = 0.0) -> None:
-    safety.trajectory(SERVOS, [time], [list(angles)], now)
+    safety.trajectory(SERVOS, [time], [list(angles)], now, source=SOURCE)
 
 
 def test_angles_come_out_only_when_the_board_is_ready_and_motion_is_allowed() -> None:
@@ -172,7 +173,7 @@ class Watch:
     def do(self, kind: str, value) -> None:
         safety, now = self.safety, self.now
         if kind == "goto":
-            followed = safety.can_move and safety.mode is not Mode.STOP and self.stopped_at is None
+            followed = safety.can_move and safety.authority.mode is not Mode.STOP and self.stopped_at is None
             goto(safety, value[:3], now, value[3])
             if followed:
                 self.silent_at = now + value[3] + LIMITS.timeout
@@ -180,8 +181,8 @@ class Watch:
             with pytest.raises(CommandError):
                 goto(safety, [value] * 3, now)
         elif kind == "mode":
-            before = safety.mode
-            safety.control_mode(value, now, now)
+            before = safety.authority.mode
+            safety.control_mode(said(value, now), now, now)
             if value is not before:
                 self.stopped_at = self.held = None
                 self.silent_at = float("-inf")
@@ -212,7 +213,7 @@ class Watch:
             assert np.abs(out - self.last).max() <= allowed + 1e-9
         if self.now > self.silent_at + 1e-9:
             assert state is not State.ACTIVE, "the watchdog did not fire"
-        stopped = self.stopped_at is not None or self.safety.mode is Mode.STOP
+        stopped = self.stopped_at is not None or self.safety.authority.mode is Mode.STOP
         if stopped:
             assert state is not State.ACTIVE, "a command after a stop"
             if state is State.HOLDING:

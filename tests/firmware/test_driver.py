@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import pytest
 
+from tests.decisions import SOURCE, said
 from tests.firmware.session import PERIOD, is_row_of, pulses_so_far, rows
 from tests.firmware.simulated_board import Pulse, SimulatedBoard
 from tests.firmware.test_line import send_imu_line
@@ -86,7 +87,7 @@ class Host:
         self.driver = Driver(self.link, self.safety)
         self.driver.connect()
         self.safety.activate(board.now)
-        self.safety.control_mode(Mode.IK, board.now, board.now)
+        self.safety.control_mode(said(Mode.IK, board.now), board.now, board.now)
 
     def run(self, duration: float) -> "Host":
         end = self.board.now + duration
@@ -99,7 +100,7 @@ class Host:
         return self
 
     def goto(self, *angles: float, time: float) -> "Host":
-        self.safety.trajectory(SERVOS, [time], [list(angles)], self.board.now)
+        self.safety.trajectory(SERVOS, [time], [list(angles)], self.board.now, source=SOURCE)
         return self
 
 
@@ -215,7 +216,7 @@ def test_after_any_faults_the_servos_were_only_where_they_were_sent_and_the_watc
         host.port.fault = fault if isinstance(fault, Fault) else None
         host.wire.noise = 0.05 if fault == "noise" else 0.0
         mode = Mode.STOP if fault == "stop" else Mode.IK
-        host.safety.control_mode(mode, board.now, board.now)
+        host.safety.control_mode(said(mode, board.now), board.now, board.now)
         if fault == "reset":
             host.wire.reset()
         for _ in range(rng.randrange(1, 5)):

@@ -82,7 +82,7 @@ class FakeSim(Node):
 
     def say_mode(self, mode, *, stamp=None):
         self.stamp += 1.0
-        message = ControlMode(mode=mode, source="test")
+        message = ControlMode(mode=mode, source="test", lease=600.0)
         message.header.stamp.sec = int(self.stamp if stamp is None else stamp)
         self.mode.publish(message)
 

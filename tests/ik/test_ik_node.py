@@ -329,7 +329,7 @@ def test_diagnostics_carry_state_and_counts(graph):
     values = {pair.key: pair.value for pair in status.values}
     assert status.name == "/ik"
     assert status.level == b"\x00"
-    assert values["mode"] == "IK"
+    assert values["control mode"] == "IK"
     assert values["state"] == "TRACKING"
     assert values["rejected targets"] == "1"
     assert values["rejected modes"] == "1"

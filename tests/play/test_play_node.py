@@ -185,7 +185,7 @@ def test_a_lost_ball_and_another_operator_end_the_game(context: None) -> None:
             else:
                 graph.robot.say_mode(ControlMode.STOP)
                 graph.until(lambda graph=graph: bool(graph.node.done), see)
-                assert graph.node.done == "mode is STOP: another operator has taken over"
+                assert graph.node.done == "mode is STOP, by robot: another operator has taken over"
         finally:
             graph.close()
 

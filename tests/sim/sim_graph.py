@@ -26,8 +26,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import BodyState, Compliance, ControlMode, SimStatus
 from visualization_msgs.msg import MarkerArray
 
+from tests.decisions import SOURCE
 from tests.services import call
 from tripod_graph import names
+from tripod_graph.mode import LONGEST_LEASE
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import ros_arguments
 from tripod_sim.node import SimNode
@@ -157,16 +159,20 @@ class Graph:
         return self.call(names.SIM_STEP, Trigger.Request())
 
     def choose(self, mode: int) -> None:
-        self.mode.publish(ControlMode(mode=mode, source="test"))
+        message = ControlMode(mode=mode, source=SOURCE, lease=LONGEST_LEASE)
+        message.header.stamp = self.ear.get_clock().now().to_msg()
+        self.mode.publish(message)
         if mode in (ControlMode.STOP, ControlMode.TELEOP, ControlMode.IK, ControlMode.REPLAY):
-            self.wait(lambda: self.node._mode.mode == mode, f"mode {mode}")
+            self.wait(lambda: self.node._authority.mode == mode, f"mode {mode}")
 
     def command(
         self, positions: Sequence[float], joints: Sequence[str] = names.SERVOS, seconds: float = 0.0
     ) -> None:
         point = JointTrajectoryPoint(positions=list(positions))
         point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(seconds * 1e9), 10**9)
-        self.trajectory.publish(JointTrajectory(joint_names=list(joints), points=[point]))
+        message = JointTrajectory(joint_names=list(joints), points=[point])
+        message.header.frame_id = SOURCE
+        self.trajectory.publish(message)
 
     def close(self) -> None:
         if self.node:

@@ -14,6 +14,7 @@ pytest.importorskip("tripod_msgs")
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import ControlMode, SimStatus
 
+from tests.decisions import SOURCE
 from tests.sim.sim_graph import DEADLINE, PUBLISHED, QUIET
 from tripod_graph import names
 from tripod_graph.qos import LATCHED
@@ -142,11 +143,18 @@ def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, 
     assert unheard() == dict.fromkeys(QUIET, 0)
 
 
-def test_it_begins_in_stop_and_refuses_commands(make) -> None:
+def test_it_begins_in_stop_and_ignores_commands(make) -> None:
     graph = make().start()
     graph.command([-0.5, -0.5, -0.5])
-    status = graph.status(rejected_commands=1)
-    assert status.last_rejection == "control_mode is STOP; choose another mode first"
+    graph.wait(lambda: graph.status().authority.ignored_commands == 1, "the ignored command")
+    status = graph.status()
+    assert (
+        status.authority.last_ignored_command
+        == f"control mode is STOP: commands are ignored, the last of {SOURCE!r}"
+    )
+    assert status.message == status.authority.last_ignored_command
+    assert status.authority.ignored_sources == [SOURCE]
+    assert status.rejected_commands == 0
     assert status.state == SimStatus.PARKED
     assert graph.joints() == [0, 0, 0, 0]
 
@@ -190,6 +198,7 @@ def test_bad_commands_are_refused_counted_and_reported_and_move_nothing(make) ->
     graph.choose(ControlMode.TELEOP)
     own, slide = names.SERVOS, (*names.SERVOS, names.SLIDE)
     empty = JointTrajectory(joint_names=list(own))
+    empty.header.frame_id = SOURCE
     bad: list[tuple[Callable[[], None], str]] = [
         (lambda: graph.command([0, NAN, 0]), "point 0: servo_1 is nan rad, allowed is -2.1 to 0.6 rad"),
         (lambda: graph.command([0, 0, INF]), "point 0: servo_2 is inf rad"),
@@ -208,7 +217,7 @@ def test_bad_commands_are_refused_counted_and_reported_and_move_nothing(make) ->
         status = graph.status(rejected_commands=count)
         assert reason in status.last_rejection
         assert graph.joints() == [0, 0, 0, 0]
-    assert graph.node._mode.mode == ControlMode.TELEOP
+    assert graph.node._authority.mode == ControlMode.TELEOP
     graph.command([-0.1] * 3)
     graph.wait(lambda: graph.joints()[0] < -0.05, "a good command after the bad")
     assert graph.status().rejected_commands == len(bad)
@@ -260,9 +269,9 @@ def test_the_newest_of_several_operators_decides_for_a_late_simulator(make) -> N
         time.sleep(0.2)
 
     graph.start(arrive)
-    graph.wait(lambda: graph.node._mode.mode == ControlMode.IK, "the newest word")
+    graph.wait(lambda: graph.node._authority.mode == ControlMode.IK, "the newest word")
     graph.spin(0.2)
-    assert graph.node._mode.mode == ControlMode.IK
+    assert graph.node._authority.mode == ControlMode.IK
     assert graph.status().rejected_commands == 0
 
 

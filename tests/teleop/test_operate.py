@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from tripod_graph.command import CommandLimits
-from tripod_graph.mode import Mode
+from tripod_graph.mode import LEASE, NONE, RETURN, Decision, Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
 from tripod_teleop.drive import Drive
 from tripod_teleop.joints import STALE, JointError, JointWatch, joint_values
 from tripod_teleop.keys import Act, Move
-from tripod_teleop.operate import LAST_STAMP, NO_JOINTS, TAKEOVER, Operator, Toss
+from tripod_teleop.operate import NO_JOINTS, TAKEOVER, Operator, Toss
 from tripod_teleop.screen import angles_text, status_line
 
 JOINTS = (-0.1, -0.2, -0.3, 0.02)
@@ -20,12 +20,12 @@ UP = Move(0, 1)
 
 
 def operator() -> Operator:
-    return Operator("teleop", Drive(CommandLimits(), speed=0.5, hold=0.2, pose_time=3.0), PARK)
+    return Operator("/teleop#1", Drive(CommandLimits(), speed=0.5, hold=0.2, pose_time=3.0), PARK)
 
 
 def driving(now: float = 0.0, stamp: float = 100.0) -> Operator:
     made = operator()
-    assert made.act(Act.TELEOP, JOINTS, stamp, now) == (Mode.TELEOP, stamp)
+    assert made.act(Act.TELEOP, JOINTS, stamp, now) == Decision(Mode.TELEOP, "/teleop#1", stamp)
     return made
 
 
@@ -54,7 +54,7 @@ def test_arrows_never_take_control() -> None:
     made = operator()
     assert made.act(UP, JOINTS, 100.0, 0.0) is None
     assert made.notice == "press t to drive by these keys"
-    made.hear(Mode.TELEOP, "view", 100.0)
+    made.hear(Decision(Mode.TELEOP, "view", 100.0), 100.0, 0.0)
     assert made.act(UP, JOINTS, 101.0, 0.0) is None
     assert made.setpoint(JOINTS, 1.0) is None
 
@@ -72,8 +72,8 @@ def test_an_arrow_moves_its_servo_only() -> None:
 @pytest.mark.parametrize("before", [Mode.STOP, Mode.IK, Mode.TELEOP])
 def test_a_pose_takes_control_and_is_reached(intent: Act, pose, before: Mode) -> None:
     made = operator()
-    made.hear(before, "view", 100.0)
-    assert made.act(intent, JOINTS, 101.0, 0.0) == (Mode.TELEOP, 101.0)
+    made.hear(Decision(before, "view", 100.0), 101.0, 0.0)
+    assert made.act(intent, JOINTS, 101.0, 0.0) == Decision(Mode.TELEOP, "/teleop#1", 101.0)
     points = [made.setpoint(JOINTS, 0.05 * i) for i in range(80)]
     assert points[3] is None  # the former source falls silent first
     assert points[4] == pytest.approx(JOINTS)
@@ -83,10 +83,8 @@ def test_a_pose_takes_control_and_is_reached(intent: Act, pose, before: Mode) ->
 @pytest.mark.parametrize(("intent", "angle"), [(Act.CATCH, -math.pi / 3), (Act.THROW, -math.pi / 4)])
 def test_catch_and_throw_jump_and_leave_the_slide(intent: Act, angle: float) -> None:
     made = operator()
-    assert made.act(intent, JOINTS, 101.0, 0.0) == (
-        Mode.TELEOP,
-        101.0,
-    )  # they take control as other letters do
+    decision = made.act(intent, JOINTS, 101.0, 0.0)
+    assert decision == Decision(Mode.TELEOP, "/teleop#1", 101.0)  # they take control as other letters do
     assert made.setpoint(JOINTS, TAKEOVER / 2) is None
     for now in (TAKEOVER, 1.0, 2.0):
         assert made.setpoint(JOINTS, now) == pytest.approx([angle] * 3 + [0.02])
@@ -129,21 +127,20 @@ def test_a_pose_while_driving_starts_from_the_set_point() -> None:
 def test_stop_and_ik_end_driving_at_once(intent: Act, mode: Mode) -> None:
     made = driving()
     made.act(Act.WORK, JOINTS, 100.5, 1.0)
-    assert made.act(intent, None, 101.0, 1.5) == (mode, 101.0)  # joints or none
+    assert made.act(intent, None, 101.0, 1.5) == Decision(mode, "/teleop#1", 101.0)  # joints or none
     assert made.setpoint(JOINTS, 1.6) is None
     made.act(Act.TELEOP, JOINTS, 102.0, 2.0)
     assert made.setpoint(JOINTS, 3.0) == pytest.approx(JOINTS)  # the motion is forgotten
 
 
-def test_stop_is_newer_than_anything_heard() -> None:
+@pytest.mark.parametrize("stamp", [0.0, 50.0, 5000.0, 1e18, math.nan])
+def test_its_stop_is_obeyed_whatever_was_heard_and_so_is_what_it_decides_then(stamp: float) -> None:
     made = operator()
-    made.hear(Mode.IK, "a clock that is ahead", 5000.0)
-    _, stamp = made.act(Act.STOP, None, 100.0, 0.0)
-    assert stamp > 5000.0
+    made.hear(Decision(Mode.IK, "another", stamp), 100.0, 0.0)
+    made.act(Act.STOP, None, 100.0, 0.0)
     assert made.mode is Mode.STOP
-    made.hear(Mode.TELEOP, "the end of time", 1e18)
-    _, stamp = made.act(Act.STOP, None, 100.0, 0.0)
-    assert stamp == LAST_STAMP
+    made.act(Act.TELEOP, JOINTS, 100.0, 0.0)
+    assert made.is_driving
 
 
 # other operators -------------------------------------------------------------------------------------------
@@ -152,43 +149,58 @@ def test_stop_is_newer_than_anything_heard() -> None:
 def test_its_own_words_coming_back_change_nothing() -> None:
     made = driving()
     made.setpoint(JOINTS, 1.0)
-    made.act(UP, JOINTS, 100.5, 1.0)
-    made.hear(Mode.TELEOP, "teleop", 100.0 + 2e-7)  # a message rounds
+    made.act(UP, JOINTS, 101.0, 1.0)
+    made.hear(Decision(Mode.STOP, "/teleop#1", 99.0), 101.0, 1.0)  # late
     assert made.is_driving
     assert made.setpoint(JOINTS, 1.1)[0] == pytest.approx(-0.05)
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-@pytest.mark.parametrize("source", ["view", "teleop", ""])
-def test_the_word_of_another_ends_driving(mode: Mode, source: str) -> None:
+@pytest.mark.parametrize("stamp", [0.0, 100.5, 5000.0])
+def test_the_word_of_another_ends_driving_and_its_own_is_withdrawn(mode: Mode, stamp: float) -> None:
     made = driving()
-    made.hear(mode, source, 100.5)  # a second terminal has the same name
+    made.hear(Decision(mode, "/teleop#2", stamp), 100.6, 0.6)  # a second terminal
     assert not made.is_driving
-    assert (made.mode, made.source) == (mode, source)
+    assert (made.mode, made.decider) == (mode, "teleop")
     assert made.setpoint(JOINTS, 1.0) is None
-
-
-@pytest.mark.parametrize("mode", list(Mode))
-def test_a_word_without_stamp_counts_as_new(mode: Mode) -> None:
-    made = driving()
-    made.hear(mode, "typed by hand", 0.0)
-    assert not made.is_driving
-    assert (made.mode, made.source) == (mode, "typed by hand")
+    assert made.due(100.7, 0.7) == Decision(NONE, "/teleop#1", 100.0)
+    assert made.due(100.9, 0.9) is None
 
 
 @pytest.mark.parametrize("stamp", [99.0, math.nan])
-def test_an_old_word_of_another_does_not(stamp: float) -> None:
+def test_an_old_word_of_another_does_not_unless_it_is_stop(stamp: float) -> None:
     made = driving()
-    made.hear(Mode.STOP, "view", stamp)
+    made.hear(Decision(Mode.IK, "view", stamp), 100.1, 0.1)
     assert made.is_driving
-    assert made.source == "teleop"
+    made.hear(Decision(Mode.STOP, "view", stamp), 100.1, 0.1)
+    assert not made.is_driving
 
 
 def test_an_unknown_mode_is_refused() -> None:
     made = driving()
     with pytest.raises(ValueError, match="control mode 9 is unknown"):
-        made.hear(9, "view", 200.0)
+        made.hear(Decision(9, "view", 200.0), 100.1, 0.1)
     assert made.is_driving
+
+
+def test_it_repeats_what_it_decided_and_a_stop_once() -> None:
+    made = driving()
+    for k in range(1, 20):
+        assert made.due(100.0 + 0.2 * k, 0.2 * k) == Decision(Mode.TELEOP, "/teleop#1", 100.0)
+    made.act(Act.STOP, None, 104.0, 4.0)
+    assert made.due(104.2, 4.2) is None
+
+
+def test_held_up_for_long_it_has_lost_control_and_for_a_moment_it_starts_where_the_joints_are() -> None:
+    made = driving()
+    made.act(Act.WORK, JOINTS, 100.0, 0.0)
+    assert made.setpoint(JOINTS, 1.0) is not None
+    assert made.due(100.2 + LEASE, 0.2 + LEASE) is not None
+    assert made.is_driving
+    late = 0.3 + 2 * LEASE + RETURN
+    assert made.due(100.0 + late, late) == Decision(NONE, "/teleop#1", 100.0)
+    assert not made.is_driving
+    assert made.setpoint(JOINTS, late) is None
 
 
 def test_after_a_gap_it_starts_from_where_the_joints_then_are() -> None:

@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.decisions import keep
 from tripod_graph.mode import Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
+from tripod_graph.source import name_of
 
 rclpy = pytest.importorskip("rclpy")
 tripod_msgs = pytest.importorskip("tripod_msgs.msg")
@@ -76,7 +78,7 @@ class Session:
             RELIABLE,
         )
         self.node.create_subscription(
-            tripod_msgs.ControlMode, "control_mode", self.modes.append, LATCHED_OF_ALL
+            tripod_msgs.ControlMode, "control_mode", lambda m: keep(self.modes, m), LATCHED_OF_ALL
         )
         self.node.create_timer(0.02, self._tell_joints)
 
@@ -169,7 +171,7 @@ def test_keys_drive_and_q_leaves(session: Session) -> None:
 
     session.type(b"t")
     session.until(lambda: session.decided(Mode.TELEOP), "TELEOP")
-    assert session.modes[-1].source == "teleop"
+    assert name_of(session.modes[-1].source) == "teleop"
     session.until(lambda: len(session.commands) >= 10, "set-points")
     assert session.commands[0][1].joint_names == [*SERVOS, SLIDE]
     assert session.positions() == pytest.approx(np.tile(START, (len(session.commands), 1)))  # nothing jumps
@@ -306,7 +308,7 @@ def test_it_falls_silent_when_another_decides_or_the_joints_are_lost(session: Se
     session.until(lambda: len(session.commands) > count + 5, "set-points again")
     assert session.last() == pytest.approx(session.joints)
 
-    message = tripod_msgs.ControlMode(mode=int(Mode.TELEOP), source="view")
+    message = tripod_msgs.ControlMode(mode=int(Mode.TELEOP), source="view", lease=600.0)
     message.header.stamp = session.node.get_clock().now().to_msg()
     session.mode.publish(message)
     session.shown("TELEOP by view")
@@ -314,7 +316,7 @@ def test_it_falls_silent_when_another_decides_or_the_joints_are_lost(session: Se
     session.type(b"\x1b[A\x1b[A")
     session.shown("press t to drive by these keys")
     assert len(session.commands) <= count + 1
-    assert [m.source for m in session.modes if m.mode == Mode.TELEOP] == ["teleop", "view"]
+    assert [name_of(m.source) for m in session.modes if m.mode == Mode.TELEOP] == ["teleop", "view"]
 
 
 def test_bad_messages_are_counted_and_change_nothing(session: Session) -> None:
@@ -335,7 +337,7 @@ def test_bad_messages_are_counted_and_change_nothing(session: Session) -> None:
 
     session.until(lambda: values().get("rejected messages") == "3", "three rejections")
     assert values()["last rejection"].startswith(("control_mode: ", "sim/joint_states: "))
-    assert values()["mode"] == "STOP"
+    assert values()["control mode"] == "STOP"
     assert session.process.poll() is None
 
 

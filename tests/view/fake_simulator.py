@@ -17,6 +17,7 @@ from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, ControlMode, SimStatus
 
+from tests.decisions import keep
 from tripod_graph import names
 from tripod_graph.command import CommandFollower, CommandLimits
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
@@ -98,7 +99,7 @@ class FakeSimulator(Node):
         self.follower.accept(message.joint_names, times, positions, time.monotonic())
 
     def _on_mode(self, message: ControlMode) -> None:
-        self.modes.append(message)
+        keep(self.modes, message)
         if message.mode == ControlMode.STOP:
             self.follower.stop(time.monotonic())
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tripod_graph.command import CommandFollower, CommandLimits
-from tripod_graph.mode import Mode
+from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
 from tripod_view.control import PERIOD, STALE, TAKEOVER, Control
 from tripod_view.motion import PEAK, motion
@@ -14,14 +14,14 @@ BENT = np.array([-0.3, -0.4, -0.5, 0.01])
 
 
 def control() -> Control:
-    return Control("view", CommandLimits(), speed=0.4)
+    return Control("/view#1", CommandLimits(), speed=0.4)
 
 
 def in_teleop(joints: np.ndarray = BENT) -> Control:
     """Return a page that took control at time 0."""
     c = control()
     c.measure(joints, 0.0)
-    assert c.decide(Mode.TELEOP, 100.0, 0.0) == 100.0
+    assert c.decide(Mode.TELEOP, 100.0, 0.0) == Decision(Mode.TELEOP, "/view#1", 100.0)
     return c
 
 
@@ -31,20 +31,17 @@ def in_teleop(joints: np.ndarray = BENT) -> Control:
         ((), True, True),
         ((("teleop", Mode.TELEOP, 101.0),), False, False),
         ((("view", Mode.STOP, 101.0),), False, False),
-        ((("view", Mode.IK, 101.0),), False, True),
+        ((("view", Mode.IK, 101.0),), False, False),  # another page
         ((("ik", Mode.IK, 101.0),), False, False),
-        ((("teleop", Mode.STOP, 99.0),), True, True),  # an older decision, heard late
-        (
-            (("teleop", Mode.STOP, 101.0), ("view", Mode.TELEOP, 100.0)),
-            False,
-            False,
-        ),  # the own echo, heard late
+        ((("teleop", Mode.IK, 99.0),), True, True),  # an older decision, heard late
+        ((("teleop", Mode.STOP, 99.0),), False, False),  # STOP is obeyed all the same
+        ((("teleop", Mode.STOP, 101.0), ("/view#1", Mode.TELEOP, 100.0)), False, False),  # the own echo, late
     ],
 )
-def test_the_newest_decision_says_who_commands(heard: tuple, streaming: bool, in_control: bool) -> None:
+def test_the_decision_in_force_says_who_commands(heard: tuple, streaming: bool, in_control: bool) -> None:
     c = in_teleop()
     for source, mode, stamp in heard:
-        c.hear(int(mode), source, stamp)
+        c.hear(Decision(int(mode), source, stamp), 101.0, 0.9)
     assert (c.streaming, c.in_control) == (streaming, in_control)
     c.measure(BENT, 1.0)
     assert (c.command(1.0) is not None) == streaming
@@ -53,7 +50,7 @@ def test_the_newest_decision_says_who_commands(heard: tuple, streaming: bool, in
 def test_an_unknown_mode_is_refused_and_changes_nothing() -> None:
     c = in_teleop()
     with pytest.raises(ValueError, match="control mode 9 is unknown"):
-        c.hear(9, "x", 200.0)
+        c.hear(Decision(9, "x", 200.0), 100.1, 0.1)
     assert c.streaming
 
 
@@ -63,20 +60,21 @@ def test_control_is_not_taken_while_the_joints_are_unknown() -> None:
     assert "not known" in c.notice
     c.measure(BENT, 0.0)
     assert c.decide(Mode.TELEOP, 100.0, STALE + 0.01) is None
-    assert c.decide(Mode.STOP, 100.0, STALE + 0.01) == 100.0  # never refused
+    assert c.decide(Mode.STOP, 100.0, STALE + 0.01) is not None  # never refused
     assert c.notice == ""
 
 
-def test_a_decision_overrules_one_from_a_clock_ahead() -> None:
+@pytest.mark.parametrize("stamp", [0.0, 5000.0, float(2**31 - 1) + 0.5])
+def test_a_decision_overrules_one_from_a_clock_ahead(stamp: float) -> None:
     c = control()
-    c.hear(Mode.IK, "other", 5000.0)
-    stamp = c.decide(Mode.STOP, 100.0, 0.0)
-    assert stamp is not None
-    assert 5000.0 < stamp < 5001.0
-    c.hear(Mode.IK, "other", float(2**31 - 1) + 0.5)
-    stamp = c.decide(Mode.STOP, 100.0, 0.0)
-    assert stamp is not None
-    assert stamp < 2**31  # fits into a ROS time
+    c.measure(BENT, 0.0)
+    c.hear(Decision(Mode.IK, "other", stamp), 100.0, 0.0)
+    c.decide(Mode.STOP, 100.1, 0.1)
+    assert c.mandate.mode is Mode.STOP
+    c.hear(Decision(Mode.IK, "other", stamp), 100.2, 0.2)  # it has not heard of it yet
+    assert c.mandate.mode is Mode.STOP
+    c.decide(Mode.TELEOP, 100.3, 0.3)
+    assert c.streaming
 
 
 def test_commands_begin_after_the_takeover_where_the_joints_are() -> None:
@@ -171,7 +169,7 @@ def test_a_motion_ends_when_a_slider_is_touched_or_control_is_lost(end: str) -> 
         c.decide(Mode.STOP, 101.0, 1.0)
         assert c.command(1.0) is None
     else:
-        c.hear(Mode.TELEOP, "teleop", 101.0)
+        c.hear(Decision(Mode.TELEOP, "teleop", 101.0), 101.0, 1.0)
         assert c.command(1.0) is None
     assert c.moving == ""
 

@@ -30,6 +30,7 @@ from tests.domains import own_domain
 from tests.view.fake_browser import FakeBrowser
 from tests.view.fake_simulator import FakeSimulator
 from tripod_graph import names
+from tripod_graph.source import name_of
 from tripod_view.body import BodyError
 from tripod_view.messages import maze_of
 
@@ -179,7 +180,7 @@ class Stage:
 
     def mode(self) -> tuple[int, str] | None:
         """Return the newest decision that was published."""
-        return (self.sim.modes[-1].mode, self.sim.modes[-1].source) if self.sim.modes else None
+        return (self.sim.modes[-1].mode, name_of(self.sim.modes[-1].source)) if self.sim.modes else None
 
     def watchers(self) -> int:
         """Return how many listen to the body."""
@@ -333,7 +334,7 @@ def test_sliders_command_only_in_control_and_start_where_the_joints_are(
     before, began = len(stage.sim.commands), time.monotonic()
     stage.wait(lambda: len(stage.sim.commands) >= before + 20)
     assert 20 / (time.monotonic() - began) < 22  # 20 Hz
-    other = ControlMode(mode=ControlMode.TELEOP, source="keyboard")
+    other = ControlMode(mode=ControlMode.TELEOP, source="keyboard", lease=600.0)
     other.header.stamp = stage.sim.get_clock().now().to_msg()
     stage.sim.mode.publish(other)
     browser.wait(lambda: "TELEOP, by keyboard" in browser.text())
@@ -382,7 +383,7 @@ def test_when_the_last_browser_leaves_in_control_the_robot_stops(stage: Stage) -
 
 def test_a_browser_that_leaves_out_of_control_changes_nothing(stage: Stage) -> None:
     with stage.browser() as browser:
-        other = ControlMode(mode=ControlMode.IK, source="script")
+        other = ControlMode(mode=ControlMode.IK, source="script", lease=600.0)
         other.header.stamp = stage.sim.get_clock().now().to_msg()
         stage.sim.mode.publish(other)
         browser.wait(lambda: "IK, by script" in browser.text())

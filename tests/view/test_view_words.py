@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tripod_graph.mode import Mode
+from tripod_graph.mandate import Mandate
+from tripod_graph.mode import Decision, Mode
 from tripod_view import words
 from tripod_view.words import Light, Line
 
@@ -22,6 +23,14 @@ def ik(**values: object) -> SimpleNamespace:
 
 def robot(**values: object) -> SimpleNamespace:
     return SimpleNamespace(**({"state": 3, "message": "", "port": "mock", "packets_sent": 12} | values))
+
+
+def mode_line(mode: Mode, source: str, now: float = 0.0) -> Line:
+    """Return what the page '/view#1' says after that decision, at `now` [s]."""
+    mandate = Mandate("/view#1")
+    mandate.tracker.hear(Decision(mode, source), 100.0, 0.0)
+    mandate.tracker.lapse(now)
+    return words.mode_line(mandate)
 
 
 @pytest.mark.parametrize(
@@ -51,9 +60,10 @@ def robot(**values: object) -> SimpleNamespace:
             "not connected: no port: plug it in",
         ),
         (words.robot_line(robot(state=6, message="x")), Light.BAD, "fault: x"),
-        (words.mode_line(Mode.TELEOP, "view", own=True), Light.GOOD, "the sliders command"),
-        (words.mode_line(Mode.TELEOP, "teleop", own=False), Light.GOOD, "the keyboard commands"),
-        (words.mode_line(Mode.STOP, "", own=False), Light.BAD, "all commands off"),
+        (mode_line(Mode.TELEOP, "/view#1"), Light.GOOD, "the sliders command"),
+        (mode_line(Mode.TELEOP, "/teleop#1"), Light.GOOD, "the keyboard commands"),
+        (mode_line(Mode.STOP, ""), Light.BAD, "all commands off"),
+        (mode_line(Mode.IK, "/path#2", 2.0), Light.BAD, "path is silent: the servos hold, then park"),
     ],
 )
 def test_states_in_plain_words(line: Line, light: Light, text: str) -> None:
