@@ -113,7 +113,8 @@ class ModeTracker:
 
     - STOP is obeyed at once, whoever says it and whatever its stamp; one that is said again after `PAUSE` [s] is new.
     - Of other decisions the one made last counts, by its stamp; one stamped ahead of `wall`, or not stamped, counts as
-      made when it is heard. What was decided before the one in force is ignored.
+      made when it is heard. What was decided before the one in force is ignored; two of one source are compared by
+      its own clock.
     - A decision holds for its lease after it was last heard. Then its operator is lost, which is a STOP. If it is
       heard again within `RETURN` [s], it goes on.
     - A decision that is repeated after it was overruled stays overruled: a new one has another stamp. The repetitions
@@ -168,7 +169,8 @@ class ModeTracker:
             return lapsed
         age = 0.0 if decision.stamp == 0 or decision.stamp > wall else wall - decision.stamp
         decided = now - age
-        if not decided >= self._decided:  # NaN decides nothing
+        own = decision.source == self.source and decision.stamp > self.stamp  # by one clock, be it wrong
+        if not (own or decided >= self._decided):  # NaN decides nothing
             self.ignored.add(
                 decision.source, f"{decision}: older than what is in force, {self._in_force()}", now
             )

@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tripod_graph import names
 from tripod_graph.command import CommandError, CommandLimits
-from tripod_graph.control_mode import Speaker, clocks, listen
+from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.limits import LIMIT_PARAMETERS
 from tripod_graph.mode import Decision, Mode
@@ -192,8 +192,7 @@ class TeleopNode(Node):
     def _report(self) -> Report:
         operator = self._operator
         values: dict[str, Any] = {
-            "mode": operator.mode.name,
-            "decided by": operator.decider,
+            **authority_values(operator.mandate.tracker),
             "driving": operator.is_driving,
             "rejected messages": self._rejected,
             "last rejection": self._last_rejection,

@@ -36,32 +36,39 @@ class Operator:
     def status(self):
         return self.statuses[-1]
 
-    def mode(self, mode: int, *, stamp: float | None = None) -> None:
+    def mode(
+        self, mode: int, *, stamp: float | None = None, source: str = SOURCE, lease: float = LONGEST_LEASE
+    ) -> None:
         from rclpy.time import Time
         from tripod_msgs.msg import ControlMode
 
-        message = ControlMode(mode=int(mode), source=SOURCE, lease=LONGEST_LEASE)
+        message = ControlMode(mode=int(mode), source=source, lease=lease)
         now = self.client.node.get_clock().now()
         message.header.stamp = (now if stamp is None else Time(nanoseconds=int(stamp * 1e9))).to_msg()
         self._mode.publish(message)
 
-    def send(self, *points: list[float], joints=names.SERVOS, times=(0.0,)) -> None:
+    def stop_once_heard(self, stamp: float) -> None:
+        """Say STOP as another operator, when the driver listens."""
+        self.client.wait(self._mode.get_subscription_count, "its subscription")
+        self.mode(Mode.STOP, stamp=stamp, source="/panic")
+
+    def send(self, *points: list[float], joints=names.SERVOS, times=(0.0,), source: str = SOURCE) -> None:
         from builtin_interfaces.msg import Duration
         from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
         message = JointTrajectory(joint_names=list(joints))
-        message.header.frame_id = SOURCE
+        message.header.frame_id = source
         for point, t in zip(points, times, strict=True):
             since = Duration(sec=int(t), nanosec=round((t % 1) * 1e9))
             message.points.append(JointTrajectoryPoint(positions=point, time_from_start=since))
         self._trajectory.publish(message)
 
-    def ready(self, mode: Mode = Mode.IK) -> None:
+    def ready(self, mode: Mode = Mode.IK, lease: float = LONGEST_LEASE) -> None:
         """Wait until the driver has a link and hears the operator, then choose the mode."""
         self.client.wait(lambda: self.statuses and self.status.state >= 2, "the driver")
         for publisher in (self._trajectory, self._mode):
             self.client.wait(lambda p=publisher: p.get_subscription_count() == 1, "its subscription")
-        self.mode(mode)
+        self.mode(mode, lease=lease)
 
     def wait_state(self, state: int, what: str) -> None:
         self.client.wait(lambda: self.statuses and self.status.state == state, what)

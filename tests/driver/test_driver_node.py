@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
+from tests.decisions import SOURCE
 from tests.driver.operator import EXACT, LONGEST_STEP, Operator, changes, near
 from tripod_driver.protocol import AngleMapping, LegacyProtocol
 from tripod_graph import names
@@ -177,7 +178,7 @@ def test_stop_service_and_stop_mode_hold_at_once_until_the_mode_changes(
     operator.wait_state(operator.status.HOLDING, "the hold")
     held = len(board.packets)
     client.wait(
-        lambda: operator.status.message == "control mode is STOP: commands are ignored",
+        lambda: operator.status.message.startswith("control mode is STOP: commands are ignored"),
         "the reason",
         meanwhile=lambda: operator.send([-2.0, -2.0, -2.0]),
     )
@@ -186,19 +187,107 @@ def test_stop_service_and_stop_mode_hold_at_once_until_the_mode_changes(
 
 
 @pytest.mark.ros
-def test_a_late_driver_obeys_the_newest_decision_of_all_operators(
+def test_a_late_driver_obeys_the_newest_decision_of_all_operators_and_any_stop(
     board, operator, client, start_driver
 ) -> None:
-    others = [Operator(client) for _ in range(2)]
-    operator.mode(Mode.IK, stamp=2000.0)  # the newest decision was published first
-    for other, mode, stamp in zip(others, (Mode.STOP, Mode.TELEOP), (1000.0, 1500.0), strict=True):
-        other.mode(mode, stamp=stamp)
+    """A STOP that is still said counts, however old: the operator then decides anew."""
+    others = [Operator(client) for _ in range(3)]
+    operator.mode(Mode.IK, stamp=2000.0, source="/a")  # the newest decision was published first
+    for k, (other, stamp) in enumerate(zip(others[:2], (1000.0, 1500.0), strict=True)):
+        other.mode(Mode.TELEOP, stamp=stamp, source=f"/b{k}")
     start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0")
     client.wait(
         lambda: board.packets and near(board.packets[-1], [-0.3] * 3),
         "motion in mode IK",
         meanwhile=lambda: operator.send([-0.3] * 3),
     )
+    assert (operator.status.authority.mode, operator.status.authority.source) == (Mode.IK, "/a")
+    others[2].mode(Mode.STOP, stamp=500.0)
+    operator.wait_state(operator.status.HOLDING, "the hold")
+    others[2].mode(Mode.IK)
+    client.wait(
+        lambda: near(board.packets[-1], [-0.6] * 3),
+        "motion again",
+        meanwhile=lambda: operator.send([-0.6] * 3),
+    )
+
+
+# who is in charge ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("before", [-7200.0, 0.0, 0.9, 3600.0, 1e8])
+@pytest.mark.parametrize("own", [-3600.0, 3600.0])
+def test_a_stop_stops_whatever_was_stamped_before(before, own, board, operator, client, start_driver) -> None:
+    """Seconds ahead of the clock: of the decision in force, and of the STOP of another operator."""
+    now = client.node.get_clock().now().nanoseconds / 1e9
+    start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "angle_speed:=0.5")
+    operator.ready()
+    operator.mode(Mode.STOP)
+    operator.mode(Mode.IK, stamp=now + before, source="/skewed")
+    operator.mode(Mode.IK)  # where that was too old to count
+    client.wait(
+        lambda: board.packets[-1][0] < -0.1, "motion", meanwhile=lambda: operator.send([-2.0, -2.0, -2.0])
+    )
+    Operator(client).stop_once_heard(stamp=now + own)
+    operator.wait_state(operator.status.HOLDING, "the hold")
+    assert operator.status.authority.source == "/panic"
+    held = len(board.packets)
+    client.wait(
+        lambda: len(board.packets) > held + 3,
+        "the keep-alive",
+        meanwhile=lambda: operator.send([-2.0, -2.0, -2.0]),
+    )
+    assert len(set(board.packets[held:])) == 1
+
+
+@pytest.mark.ros
+def test_a_lost_operator_and_its_long_trajectory_end_together(board, operator, client, start_driver) -> None:
+    start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "park_after:=0.5")
+    operator.ready(lease=0.0)
+    operator.mode(Mode.IK, lease=0.0)
+    operator.send([-2.0, -2.0, -2.0], times=(200.0,))
+    client.wait(lambda: operator.status.authority.lost == SOURCE, "the loss")
+    assert operator.status.state == operator.status.HOLDING
+    assert operator.status.message == f"operator {SOURCE!r} is silent: everything holds, then parks"
+    operator.wait_state(operator.status.PARKED, "the park position")
+    assert min(row[0] for row in board.packets) > -0.2
+    operator.mode(Mode.IK, lease=60.0)  # it says that it leaves
+    operator.send([-0.5, -0.5, -0.5], times=(1.5,))
+    client.wait(lambda: near(board.packets[-1], [-0.5] * 3), "the end of the trajectory")
+
+
+@pytest.mark.ros
+def test_of_three_publishers_one_is_obeyed_and_the_others_are_named(
+    board, operator, client, start_driver
+) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    health: list = []
+    client.node.create_subscription(DiagnosticArray, names.DIAGNOSTICS, health.append, 10)
+    start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0")
+    operator.ready()
+
+    def all_send() -> None:
+        operator.send([-0.5] * 3)
+        operator.send([0.0] * 3, source="/other#1")
+        operator.send([-1.5] * 3, source="")
+
+    client.wait(lambda: near(board.packets[-1], [-0.5] * 3), "the pose", meanwhile=all_send)
+    client.wait(
+        lambda: operator.status.authority.ignored_commands >= 20, "ignored commands", meanwhile=all_send
+    )
+    way = np.array(changes(board.packets))[:, 0]
+    assert (np.diff(way) <= 0).all(), "it turned back"
+    assert way.min() >= -0.5 - EXACT
+    assert operator.status.authority.ignored_sources == ["/other#1", ""]
+    assert "ignored" in operator.status.message
+
+    def values() -> dict[str, str]:
+        found = [s for m in health for s in m.status if s.name.endswith("/driver") and s.level == b"\x01"]
+        return {v.key: v.value for v in found[-1].values} if found else {}
+
+    client.wait(lambda: "/other#1" in values().get("ignored sources", ""), "the warning", meanwhile=all_send)
 
 
 @pytest.mark.ros

@@ -200,6 +200,14 @@ def test_memory_is_bounded() -> None:
     assert max(len(tracker.ignored_commands.sources), len(tracker._overruled)) <= 64
 
 
+def test_an_operator_whose_clock_is_far_behind_can_stop_and_go_on() -> None:
+    tracker = ModeTracker()
+    for k, mode in enumerate([1, 0, 2, 0, 1]):
+        now = 0.01 * k
+        assert tracker.hear(Decision(mode, "no clock", 1.0 + k), 1e9, now)
+        assert tracker.mode == mode
+
+
 # signs of life ------------------------------------------------------------------------------------------------
 
 

@@ -92,8 +92,11 @@ def test_it_publishes_every_topic_of_its_table_with_the_right_sizes(make) -> Non
     assert later.real_time_factor > 0
     assert later.strain_energy > 0
     diagnostics = graph.next(names.DIAGNOSTICS, lambda m: m.status[0].name == f"{own}/sim").status[0]
-    values = {pair.key: float(pair.value) for pair in diagnostics.values}
-    assert set(values) == {"real-time factor", "median step [s]", "missed"}
+    values = {pair.key: pair.value for pair in diagnostics.values}
+    assert values["control mode"] == "STOP"
+    assert [float(values[key]) >= 0 for key in ("real-time factor", "median step [s]", "missed")] == [
+        True
+    ] * 3
     assert diagnostics.level in (b"\x00", b"\x01")  # a busy machine may be slower than time
 
 
