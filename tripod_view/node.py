@@ -354,7 +354,10 @@ class ViewNode(Node):
 
 
 def open_page(node: Node, port: int) -> tuple[PageServer, str]:
-    """Return the server of the page and its URL, said on stdout and in the log. Raises OSError."""
+    """Return the server of the page, and the URL without the token, which is in what is printed alone.
+
+    Others may read the log and the topics. Raises OSError.
+    """
     server = PageServer(port)
     taken = server.get_port()
     if port not in (0, taken):
@@ -362,8 +365,8 @@ def open_page(node: Node, port: int) -> tuple[PageServer, str]:
         print(text, flush=True)
         node.get_logger().warning(text)
     url = f"http://{HOST}:{taken}"
-    print(f"page {url}", flush=True)
-    node.get_logger().info(f"page {url}")
+    print(f"page {server.url}", flush=True)
+    node.get_logger().info(f"the page is at {url}; its address with the token was printed")
     return server, url
 
 

@@ -1,22 +1,22 @@
-"""The web server of the page: this machine only, no public tunnel, no foreign web sites, a known port."""
+"""The web server of the page: this machine only, no public tunnel, nobody without its token, a known port."""
 
 import contextlib
 import functools
 import io
 import logging
-import re
 import socket
+from collections.abc import Callable
+from http import HTTPStatus
 from typing import Any, Final
 
 import viser
 import websockets.asyncio.server as websocket_server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+from tripod_view.gate import HEADERS, Gate, RefusedError
 
 HOST: Final = "127.0.0.1"
-
-OWN_ORIGIN: Final = re.compile(r"http://(127\.0\.0\.1|localhost)(:\d{1,5})?")
-"""Pages that may talk to the robot. A browser names the page's site in every handshake; without this rule any
-web site open in it could move the robot, because browsers let every site reach servers on the own machine.
-Programs that are not browsers send no origin and are let in: they could talk to ROS as well."""
 
 ATTEMPTS: Final = 50
 """Ports tried from the one asked for upward."""
@@ -26,7 +26,7 @@ CLOSE_TIMEOUT: Final = 0.5
 
 
 class PageServer(viser.ViserServer):
-    """A viser server that cannot be published and prints nothing.
+    """A viser server behind a `Gate`, that cannot be published and prints nothing.
 
     Any client of viser may ask the server to open a public tunnel; here that request does nothing.
     """
@@ -34,11 +34,15 @@ class PageServer(viser.ViserServer):
     def __init__(self, port: int) -> None:
         """Listen on loopback at `port` or the next free one; 0: at any. Raises OSError if there is none."""
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # no tracebacks about bad requests
-        start = functools.partial(
-            websocket_server.serve, origins=[None, OWN_ORIGIN], close_timeout=CLOSE_TIMEOUT
-        )
+        self._gate = Gate()
+        start = functools.partial(_serve, websocket_server.serve, self._gate)
         with _replaced(websocket_server, "serve", start), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=free_port(port), label="Tripod", verbose=False)
+
+    @property
+    def url(self) -> str:
+        """The address of the page, with its token: whoever has it may command the robot."""
+        return f"http://{HOST}:{self.get_port()}/{self._gate.token}"
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Do nothing: the page is never published."""
@@ -47,6 +51,32 @@ class PageServer(viser.ViserServer):
         """Stop serving; browsers show that the connection is lost."""
         with contextlib.redirect_stdout(io.StringIO()):
             self.stop()
+
+
+def _serve(
+    serve: Callable[..., Any],
+    gate: Gate,
+    *arguments: Any,
+    process_request: Callable[[ServerConnection, Request], Response | None],
+    **options: Any,
+) -> Any:
+    """Call `serve` of the websockets library as viser does, with `gate` before its page and its websocket."""
+
+    def request(connection: ServerConnection, request: Request) -> Response | None:
+        try:
+            request.path = gate.pass_on(
+                request.path, request.headers.get_all("Host"), request.headers.get_all("Origin")
+            )
+        except RefusedError as error:
+            return connection.respond(HTTPStatus.FORBIDDEN, f"{error}\n")
+        return process_request(connection, request)
+
+    def response(connection: ServerConnection, request: Request, response: Response) -> None:
+        for name, value in HEADERS.items():
+            response.headers[name] = value
+
+    options |= {"close_timeout": CLOSE_TIMEOUT, "process_request": request, "process_response": response}
+    return serve(*arguments, **options)
 
 
 def free_port(port: int) -> int:

@@ -123,7 +123,7 @@ def test_the_demo_ends_well_and_tells_every_figure(session: Session) -> None:
     assert figure(summary["tracking error after 1 s, rms"]) * 1e-3 < error_allowed(session)
     assert figure(summary["packets sent"]) > 10 * TRACK
     assert figure(summary["body states received"]) > 10 * TRACK
-    assert summary["page"].startswith("http://127.0.0.1:")
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}", summary["page"])
 
 
 @pytest.mark.ros

@@ -1,6 +1,7 @@
 """A browser without a screen: speaks viser's websocket protocol, and so may send what no page would."""
 
 import contextlib
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -18,10 +19,16 @@ DEADLINE = 20.0  # [s], for a loaded machine
 class FakeBrowser:
     """Keeps every message of the page; finds controls by their label."""
 
-    def __init__(self, port: int, *, origin: str | None = None) -> None:
+    def __init__(self, url: str, *, origin: str | None = None, host: str = "") -> None:
+        """Open the page at `url`; `origin`, and `host` by which it is called: none, and that of the URL, by default."""
         protocol: Any = f"viser-v{viser.__version__}"
+        _, _, own, path = url.split("/", 3)
         self._socket = connect(
-            f"ws://127.0.0.1:{port}", origin=origin, subprotocols=[protocol], max_size=None
+            f"ws://{host or own}/{path}",
+            sock=socket.create_connection((own.split(":")[0], int(own.split(":")[1]))),
+            origin=origin,
+            subprotocols=[protocol],
+            max_size=None,
         )
         self._changed = threading.Condition()
         self.messages: list[dict[str, Any]] = []

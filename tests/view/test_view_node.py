@@ -1,6 +1,5 @@
 """The node from outside: starts, says where the page is, does what people press, and leaves in order."""
 
-import http.client
 import os
 import re
 import signal
@@ -9,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.request
 import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -67,13 +67,13 @@ class View:
         )
         self._asked_to_stop = False
 
-    def port(self) -> tuple[int, str]:
-        """Return the port of the page and what was printed until it was said."""
+    def page(self) -> tuple[str, str]:
+        """Return the address of the page and what was printed until it was said."""
         printed = ""
         for line in self.process.stdout:
             printed += line
-            if found := re.fullmatch(r"page http://127\.0\.0\.1:(\d+)\n", line):
-                return int(found[1]), printed
+            if found := re.fullmatch(r"page (http://127\.0\.0\.1:\d+/[\w-]{22})\n", line):
+                return found[1], printed
         raise AssertionError(printed + self.process.stderr.read())
 
     def ask_to_stop(self) -> None:
@@ -100,14 +100,18 @@ class View:
 def test_it_says_where_the_page_is_serves_it_and_stops_in_order(domain: int) -> None:
     view = View(domain, "port:=0")
     try:
-        port, _ = view.port()
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=DEADLINE)
-        connection.request("GET", "/")
-        answer = connection.getresponse()
-        assert (answer.status, b"<!doctype html>" in answer.read(200).lower()) == (200, True)
+        url, _ = view.page()
+        with urllib.request.urlopen(url, timeout=DEADLINE) as answer:
+            assert b"<!doctype html>" in answer.read(200).lower()
+        [arguments, environment] = (
+            Path(f"/proc/{view.process.pid}/{name}").read_text() for name in ("cmdline", "environ")
+        )
     finally:
         code, errors = view.stop()
     assert (code, "Traceback" in errors) == (0, False)
+    base, _, token = url.rpartition("/")
+    assert f"the page is at {base}; its address with the token was printed" in errors
+    assert token not in errors + arguments + environment  # nor in the log of ROS, a file: it says the same
 
 
 def test_a_taken_port_is_reported_with_the_one_that_it_took(domain: int) -> None:
@@ -117,9 +121,10 @@ def test_a_taken_port_is_reported_with_the_one_that_it_took(domain: int) -> None
         taken = other.getsockname()[1]
         view = View(domain, f"port:={taken}")
         try:
-            port, printed = view.port()
+            url, printed = view.page()
         finally:
             code, errors = view.stop()
+    port = int(url.split(":")[2].split("/")[0])
     assert port > taken
     said = f"port {taken} is taken: the page is on port {port}"
     assert said in printed
@@ -163,11 +168,11 @@ class Stage:
         self._executor.add_node(self.sim)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
-        self.port, _ = self.view.port()
+        self.url, _ = self.view.page()
 
     def browser(self) -> FakeBrowser:
         """Open the page and wait until it shows the body moving."""
-        browser = FakeBrowser(self.port)
+        browser = FakeBrowser(self.url)
         browser.wait(lambda: browser.pictures() > 3)
         return browser
 

@@ -1,6 +1,7 @@
-"""Who may reach the page, and on which port."""
+"""Who may reach the page, at which address."""
 
 import http.client
+import re
 import socket
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from websockets.exceptions import InvalidStatus
 
 from tests.view.fake_browser import FakeBrowser
 from tripod_view import server as server_module
+from tripod_view.gate import Gate, RefusedError
 from tripod_view.server import HOST, PageServer, free_port
 
 
@@ -37,20 +39,65 @@ def test_it_listens_on_the_loopback_interface_only(server: PageServer) -> None:
     assert all(s.startswith("0100007F:") for s in own)
 
 
-def test_it_serves_the_page(server: PageServer) -> None:
+def get(server: PageServer, path: str, **headers: str) -> tuple[int, bytes, http.client.HTTPMessage]:
+    """Return status, content and headers of the answer to a request for `path`."""
     connection = http.client.HTTPConnection(HOST, server.get_port(), timeout=10)
-    connection.request("GET", "/")
+    connection.request("GET", path, headers=headers)
     answer = connection.getresponse()
-    assert answer.status == 200
-    assert b"<!doctype html>" in answer.read(100).lower()
+    return answer.status, answer.read(), answer.headers
 
 
-@pytest.mark.parametrize(
-    "origin", [None, "http://127.0.0.1:8080", "http://localhost:3000", "http://localhost"]
-)
-def test_own_pages_and_programs_are_let_in(server: PageServer, origin: str | None) -> None:
-    with FakeBrowser(server.get_port(), origin=origin) as browser:
-        browser.wait(lambda: browser.of_kind("ReplayDoneMessage"))
+def token(server: PageServer) -> str:
+    return server.url.rpartition("/")[2]
+
+
+def test_it_serves_the_page_at_its_address(server: PageServer) -> None:
+    for path in (
+        f"/{token(server)}",
+        f"/{token(server)}/",
+        f"/{token(server)}/?darkMode",
+        f"/{token(server)}?a=/b",
+    ):
+        status, content, _ = get(server, path)
+        assert (status, b"<!doctype html>" in content[:100].lower()) == (200, True)
+
+
+def test_every_address_has_a_token_of_its_own_that_nobody_guesses(server: PageServer) -> None:
+    other = PageServer(0)
+    try:
+        assert token(other) != token(server)
+        assert re.fullmatch(r"[\w-]{22}", token(other))  # 16 random bytes
+        assert get(other, f"/{token(server)}")[0] == 403
+    finally:
+        other.close()
+
+
+def wrong_paths(right: str) -> list[str]:
+    tokens = ["", "index.html", right[:-1], right + "x", right.swapcase()]
+    return [*(f"/{token}" for token in tokens), f"//{right}", f"/x/{right}", f"/?{right}"]
+
+
+def test_without_the_token_nothing_is_served_and_the_reason_told(server: PageServer) -> None:
+    for path in [*wrong_paths(token(server)), "/%00", "/../x"]:
+        status, content, _ = get(server, path)
+        assert (status, b"open the whole address" in content) == (403, True), path
+        assert token(server).encode() not in content
+
+
+def test_without_the_token_no_websocket_is_opened(server: PageServer) -> None:
+    base = f"http://{HOST}:{server.get_port()}"
+    for path in wrong_paths(token(server)):
+        with pytest.raises(InvalidStatus) as refusal:
+            FakeBrowser(base + path)
+        assert refusal.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("host", ["", "localhost", "localhost:9000", "127.0.0.1:8080"])
+def test_own_pages_and_programs_are_let_in_also_through_a_tunnel(server: PageServer, host: str) -> None:
+    own = host or f"{HOST}:{server.get_port()}"
+    for origin in (None, f"http://{own}"):
+        with FakeBrowser(server.url, origin=origin, host=host) as browser:
+            browser.wait(lambda b=browser: b.of_kind("ReplayDoneMessage"))
 
 
 @pytest.mark.parametrize(
@@ -61,18 +108,61 @@ def test_own_pages_and_programs_are_let_in(server: PageServer, origin: str | Non
         "http://example.com:8080",
         "null",
         "http://localhost:1.evil",
+        "http://127.0.0.1:3000",
+        "http://127.0.0.1",
+        "http://localhost:{port}",
+        "https://127.0.0.1:{port}",
     ],
 )
-def test_foreign_web_sites_are_refused(server: PageServer, origin: str) -> None:
+def test_pages_of_other_sites_and_of_other_ports_are_refused_even_with_the_token(server, origin: str) -> None:
+    origin = origin.format(port=server.get_port())
     with pytest.raises(InvalidStatus) as refusal:
-        FakeBrowser(server.get_port(), origin=origin)
+        FakeBrowser(server.url, origin=origin)
     assert refusal.value.response.status_code == 403
+    assert get(server, f"/{token(server)}", Origin=origin)[0] == 403
+
+
+@pytest.mark.parametrize(
+    "host", ["example.com", "robot.example.com:8080", "127.0.0.2", "127.0.0.1.example.com", "[::1]"]
+)
+def test_a_foreign_name_that_leads_here_opens_nothing(server: PageServer, host: str) -> None:
+    """A name of a foreign site, made to point to this machine: to a browser, all of it is then one site."""
+    with pytest.raises(InvalidStatus) as refusal:
+        FakeBrowser(server.url, origin=f"http://{host}", host=host)
+    assert refusal.value.response.status_code == 403
+    assert get(server, f"/{token(server)}", Host=host)[0] == 403
+
+
+def test_two_hosts_or_origins_are_refused(server: PageServer) -> None:
+    own = f"{HOST}:{server.get_port()}"
+    for extra in (f"Host: {own}", f"Origin: http://{own}\r\nOrigin: http://{own}"):
+        with socket.create_connection((HOST, server.get_port()), timeout=10) as line:
+            line.sendall(f"GET /{token(server)} HTTP/1.1\r\nHost: {own}\r\n{extra}\r\n\r\n".encode())
+            assert line.recv(100).startswith(b"HTTP/1.1 403 ")
+
+
+def test_every_answer_forbids_frames_and_referrers(server: PageServer) -> None:
+    for path in (f"/{token(server)}", "/", f"/{token(server)}/absent"):
+        _, _, headers = get(server, path)
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+        assert (headers["X-Frame-Options"], headers["Referrer-Policy"]) == ("DENY", "no-referrer")
+        assert headers["Cache-Control"] == "no-store"
+
+
+def test_tokens_are_compared_in_a_time_that_tells_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the function that is made for it, and in no other way."""
+    compared = []
+    monkeypatch.setattr("tripod_view.gate.hmac.compare_digest", lambda a, b: compared.append((a, b)) or False)
+    made = Gate()
+    with pytest.raises(RefusedError):
+        made.pass_on(f"/{made.token}", [HOST], [])
+    assert compared == [(made.token.encode(), made.token.encode())]
 
 
 def test_no_client_can_publish_the_page(server: PageServer, monkeypatch: pytest.MonkeyPatch) -> None:
     opened = []
     monkeypatch.setattr("viser._viser.ViserTunnel", lambda *a: opened.append(a))
-    with FakeBrowser(server.get_port()) as browser:
+    with FakeBrowser(server.url) as browser:
         browser.send("ShareUrlRequest")
         browser.send("ShareUrlRequest")
         browser.wait(lambda: browser.of_kind("ReplayDoneMessage"))
