@@ -29,7 +29,7 @@ TARGETS = {("ldl", 32): 3.0, ("ldl", 64): 18.0, ("cg", 32): 1.5, ("cg", 64): 6.0
 
 PARTS = ("chain", "cloth", "wrapped")
 
-ONE_SOLVE = ["solver.mode=one_solve", "solver.share=0.5"]
+ONE_SOLVE = ["solver.mode=one_solve"]
 
 CHAINS = (("semi_implicit_euler", [], 8.0, 3.0), ("implicit_euler", ONE_SOLVE, 20.0, 12.0))
 """Scheme of the chain, its settings, and for ten nodes the microseconds a step elsewhere and those aimed at."""

@@ -169,6 +169,8 @@ def show(found: "Explanation") -> None:
         table.add_row(part, f"{count / 1e3:.1f}")
     table.add_row("[bold]all arrays[/]", f"{sum(found.memory.values()) / 1e3:.1f}")
     console.print(table)
+    for note in found.notes:
+        say(f"note: {escape(note)}")
     say(f"effects: {', '.join(found.named) or 'none'}")
     _show_absent(found, console, Table)
 

@@ -30,7 +30,10 @@ def run_scene(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Simulate, print the result and return the exit code: 2 bad scene or option, 1 the motion broke off."""
+    """Simulate, print the result and return the exit code: 2 bad scene or option, 1 the motion broke off or grew.
+
+    What users should know of the result comes on standard error, whatever is printed of it.
+    """
     from tripod_bringup.accuracy_option import chosen  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
     from tripod_sim.run import run  # noqa: PLC0415
@@ -66,6 +69,11 @@ def run_scene(
         width = max(len(name) for name, _ in rows)
         for name, text in rows:
             print(f"{name:<{width}}  {text}")
+    for note in result.get("notes", ()):
+        print(f"tripod run: note: {note}", file=sys.stderr)
+    if unstable := result.get("instability"):
+        print(f"tripod run: {unstable}", file=sys.stderr)
+        return FAILED
     return 0
 
 

@@ -18,7 +18,6 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         event = f"; {ball['event']}" if ball["event"] else ""
         rows.append(("ball", f"{_numbers(ball['position'], 1e3, 3)} mm{event}"))
     rows += _contact_rows(result)
-    rows += [("note", note) for note in result.get("notes", ())]
     if len(result["angles"]):
         rows.append(("angles", f"{_numbers(result['angles'], math.degrees(1), 2)} degrees"))
         rows.append(("slide", f"{result['slide'] * 1e3:.2f} mm"))
@@ -31,8 +30,6 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("residual", f"{result['residual']:.2g} N"))
     if error := result.get("time_error"):
         rows.append(("time error", _time_error(error)))
-    if result.get("instability"):
-        rows.append(("ATTENTION", result["instability"]))
     work = f"{result['newton_iterations']} Newton iterations"
     if result.get("time_error") and (result["rejected"] or result["parts"] > result["steps"]):
         work += f", {result['parts']} parts of steps, {result['rejected']} taken back"

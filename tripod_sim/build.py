@@ -17,6 +17,7 @@ from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
+from tripod_sim.mesh.suited import suited
 from tripod_sim.scene import Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -116,7 +117,7 @@ def _built(scene: Scene) -> Parts:
 
     assert scene.mesh
     assert scene.material
-    mesh = _mesh(scene.mesh)
+    mesh, notes = suited(_mesh(scene.mesh))
     if scene.contact:
         from tripod_sim.contact.solid_build import placed_solid
 
@@ -161,11 +162,11 @@ def _built(scene: Scene) -> Parts:
         from tripod_sim.contact.solid_build import solid_parts
 
         parts = solid_parts(mesh, system, inertia, inert, scene, scene.contact, plate)
-        return replace(parts, servos=_servos(scene, groups))
+        return replace(parts, servos=_servos(scene, groups), notes=notes)
     stepper = _stepper(scene, system, inertia, inert)
     servos = _servos(scene, groups)
     errors = stepper.errors if isinstance(stepper, Substeps) else None
-    return Parts(mesh, inert, system, stepper, servos, plate=plate, ball=ball, errors=errors)
+    return Parts(mesh, inert, system, stepper, servos, plate=plate, ball=ball, errors=errors, notes=notes)
 
 
 def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":

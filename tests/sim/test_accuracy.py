@@ -362,3 +362,31 @@ def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -
     assert done.exit_code == 2
     assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("accuracy", ["10%", "5%", "draft", "real-time", "reference"])
+def test_no_setting_is_taken_that_another_body_makes_unstable(accuracy: str) -> None:
+    """Undivided steps were the cheapest of the pendulum, and overflowed with nodes of a gram."""
+    light = "springs.node_mass=0.001"
+    choice = choose("pendulum", accuracy, [light], speed=same_speed)
+    inertia = load_scene("pendulum", choice.overrides).inertia
+    assert inertia is not None
+    assert inertia.substeps == "auto"
+    assert inertia.scheme != "explicit_euler"
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["--accuracy", "5%", "--set", "springs.node_mass=0.001"], 0),
+        (["--set", "springs.node_mass=0.005", "--set", "inertia.substeps=off", "--duration", "0.05"], 1),
+        (["--set", "springs.node_mass=0.001", "--set", "inertia.substeps=off"], 1),
+    ],
+)
+def test_only_a_stable_run_exits_with_0(words: list[str], code: int) -> None:
+    """The second one grows and ends before a number overflows, the third overflows: on purpose or not, both failed."""
+    done = CliRunner().invoke(app, ["run", "pendulum", "--duration", "0.5", *words, "--json"])
+    assert done.exit_code == code, done.stderr
+    told = "unstable" in done.stderr
+    assert told == bool(code)
+    assert len([line for line in done.stderr.splitlines() if "unstable" in line]) == code

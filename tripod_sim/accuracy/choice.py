@@ -18,6 +18,7 @@ from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, Value, read_stu
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
+from tripod_sim.tables.motion import EXPLICIT
 
 MARGIN = 3.0
 """Error in other cases over that in a study's own, where it was not measured."""
@@ -126,7 +127,10 @@ def choose(
 
 
 def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPoint:
-    """Return the point of a study that a wish is best served by: none with a reduced model, which is trained first.
+    """Return the point of a study that a wish is best served by, of those that serve whatever else is changed.
+
+    That is none with a reduced model, which is trained first, and none of explicit steps that are not divided until
+    they are stable: they are as far as this body goes, and another mass or stiffness makes them overflow.
 
     Args:
         study: Of the scene.
@@ -136,9 +140,9 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
     Raises:
         SceneError: there is none; the message names the best.
     """
-    points = [p for p in study.points if p.settings.get("reduced", "off") == "off"]
+    points = [p for p in study.points if p.settings.get("reduced", "off") == "off" and _stays_stable(p)]
     if not points:
-        raise SceneError(f"study {study.name!r} has no point that worked and needs no training")
+        raise SceneError(f"study {study.name!r} has no point that worked, stays stable and needs no training")
     exact = min(points, key=lambda p: (promised(study, p), p.cpu))
     if wish == "reference":
         return exact
@@ -165,6 +169,15 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
             f"{percent(promised(study, exact))} ({_settings_text(exact)}): --accuracy reference takes it"
         )
     return min(within, key=lambda p: (p.cpu, promised(study, p)))
+
+
+def _stays_stable(point: StoredPoint) -> bool:
+    """Return whether the steps of a point stay stable on another body: implicit, or divided as that one needs."""
+    scheme, substeps = (
+        point.settings.get("inertia.scheme", "auto"),
+        point.settings.get("inertia.substeps", "auto"),
+    )
+    return scheme != "explicit_euler" and (scheme not in EXPLICIT or substeps == "auto")
 
 
 def margin(study: StoredStudy) -> float:

@@ -3,7 +3,9 @@
 H20: corners N_a = (1 + xi xi_a)(1 + eta eta_a)(1 + zeta zeta_a)(xi xi_a + eta eta_a + zeta zeta_a - 2) / 8, mid-edge
 nodes (1 - xi^2)(1 + eta eta_a)(1 + zeta zeta_a) / 4 and likewise along the other axes. H27: products of the quadratic
 Lagrange polynomials of each axis. H20 integrates with 2x2x2 points (`h20`, which keeps bending from locking where the
-material is nearly incompressible) or in full with 3x3x3 (`h20_full`) [Hughes1987].
+material is nearly incompressible) or in full with 3x3x3 (`h20_full`) [Hughes1987]. Where a mesh is one element
+thick and wide 2x2x2 points leave motions without energy: there `h20` integrates in full, too
+(`tripod_sim.mesh.hourglass`).
 """
 
 from dataclasses import replace

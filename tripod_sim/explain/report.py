@@ -59,6 +59,7 @@ class Explanation:
         looped: What a step takes when many are made in one call [s]; None where they cannot be.
         memory: Bytes of the arrays of each part.
         size: Unknowns, nodes, elements, nonzeros.
+        notes: What users should know of the scene.
         named: Effects of the scene.
         absent: Effects that it does not name, with what they would cost; empty where that was not asked for.
     """
@@ -73,6 +74,7 @@ class Explanation:
     looped: float | None
     memory: dict[str, int]
     size: Size
+    notes: tuple[str, ...]
     named: tuple[str, ...]
     absent: tuple[Cost, ...]
 
@@ -121,7 +123,7 @@ def explain(
     tell(1.0, "")
     return Explanation(
         scene, build, steps * scene.dt, sampler.count, step, stages, timed, looped, memory(simulation),
-        size(simulation), tuple(named(scene)), tuple(found),
+        size(simulation), simulation.notes, tuple(named(scene)), tuple(found),
     )  # fmt: skip
 
 

@@ -195,5 +195,5 @@ def _options(scene: Scene, system: SpringSystem) -> "Options":
     if solver.linear == "cholmod":
         raise SceneError("solver.linear is 'cholmod'; of springs allowed: auto, ldl, cg")
     direct = solver.linear == "ldl" or (solver.linear == "auto" and system.unknowns <= LARGE)
-    share = solver.share if solver.mode == "one_solve" else 0.0
-    return Options(direct, share, solver.tolerance, solver.linear_tolerance, solver.max_iterations)
+    one_solve = solver.mode == "one_solve"
+    return Options(direct, one_solve, solver.tolerance, solver.linear_tolerance, solver.max_iterations)

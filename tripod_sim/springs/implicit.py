@@ -194,7 +194,9 @@ class StaticSprings:
     MOST_STEPS = 200
 
     def __init__(self, system: SpringSystem, options: kernels.Options) -> None:
-        self._solver = SpringSolver(system, options._replace(share=0.0), drag=0.0, rayleigh=0.0, moving=False)
+        self._solver = SpringSolver(
+            system, options._replace(one_solve=False), drag=0.0, rayleigh=0.0, moving=False
+        )
         body = system.body
         stiffest = float(body.stiffness.max(initial=0.0))
         heaviest = float(system.mass.max())

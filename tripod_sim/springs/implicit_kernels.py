@@ -62,10 +62,11 @@ class Problem(NamedTuple):
 
 class Options(NamedTuple):
     """direct: L D L^T, else conjugate gradients to `linear_tolerance`; a stage is solved when its unbalanced force is
-    below `tolerance` [N], or below `share` of what it was at its start."""
+    below `tolerance` [N], or, in `one_solve` mode, by one Newton step with the tangent at its start, if that goes down
+    the potential at its full length."""
 
     direct: bool
-    share: float
+    one_solve: bool
     tolerance: float
     linear_tolerance: float
     max_iterations: int
@@ -191,9 +192,9 @@ def solve_stage(
     phi, size = evaluate(x, v, s, body, work)
     if not np.isfinite(phi):
         return BROKEN
-    enough = max(options.tolerance + rounding(s, body, work), options.share * size)
+    enough = options.tolerance + rounding(s, body, work)
     iterations = 0
-    chord = options.direct and work.kept[0] == s
+    chord = options.direct and not options.one_solve and work.kept[0] == s
     work.kept[0] = 0.0
     while not size <= enough:
         if iterations >= options.max_iterations:
@@ -239,6 +240,8 @@ def solve_stage(
             return NO_DESCENT
         x[:], v[:] = work.x, work.w
         phi, size = lower, after
+        if options.one_solve and iterations == 1 and scale == 1.0:
+            break
     if chord and iterations <= FEW:
         work.kept[0] = s
     counts[0] += iterations

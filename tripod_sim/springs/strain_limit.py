@@ -111,7 +111,7 @@ class StrainLimited:
         reach = float(np.median(self._bound.longest))
         heaviest = float(system.mass.max())
         self._tolerance = 1e-5 * heaviest * reach / dt**2  # nodes to 1e-5 of a spring
-        self._options = options._replace(share=0.0, tolerance=self._tolerance)
+        self._options = options._replace(one_solve=False, tolerance=self._tolerance)
         self._solver = SpringSolver(system, self._options, drag=0.0, rayleigh=0.0, moving=False)
         self._solver.problem = self._solver.problem._replace(
             links=self._bound.links, force=np.zeros_like(system.force), rounding=0.0

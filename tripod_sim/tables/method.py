@@ -11,9 +11,10 @@ class Solver:
 
     Attributes:
         tolerance: Unbalanced force at which a step counts as solved [N].
-        mode: `newton`: every step is solved to the tolerance; `one_solve`: one linear solve is enough where it leaves
-            at most `share` of the step's unbalanced force, else the step is solved as with `newton`.
-        share: See `mode`.
+        mode: `newton`: every step is solved to the tolerance; `one_solve`, solids: one linear solve is enough where it
+            leaves at most `share` of the step's unbalanced force, else the step is solved as with `newton`; springs:
+            each stage is one linear solve with the tangent of the moment.
+        share: See `mode`; without effect on springs.
         max_iterations: Before a step is rolled back and halved.
         max_halvings: Before the simulation gives up.
         max_turn: Largest servo move of one static load increment [rad].

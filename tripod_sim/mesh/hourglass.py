@@ -1,0 +1,63 @@
+"""Motions that too few quadrature points do not see.
+
+The 2x2x2 points of `h20` see 48 strains of the 54 ways in which an element can deform. The six others take no energy,
+and they fit from element to element along a row, but not where elements lie side by side in two directions. A body one
+element thick and wide therefore has a mechanism at every element, whatever its material is and whatever holds its ends
+[BicanicHinton1979]. Whether a mesh has any is counted: with the sums over elements
+
+    R(u) = 1/2 int |J_0^T sym(grad u) J_0|² dV / V at 2x2x2 points,   F(u) the same at 3x3x3 points,
+
+J_0 the Jacobian at the centre, which measures strains in the element's own coordinates, so that flat elements count
+like cubes, a mechanism has R = 0 and F > 0, a motion that is well seen R close to F, and as many motions have
+R < SHARE F as the matrix of R - SHARE F has negative eigenvalues (Sylvester's law of inertia). One factorisation tells.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from tripod_sim.elements.element import Element, reference_gradients
+from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
+from tripod_sim.elements.strains import strain_squares
+from tripod_sim.linear.ldl import Ldl
+from tripod_sim.mesh.solid_mesh import SolidMesh
+
+FloatArray = NDArray[np.float64]
+
+SHARE = 0.05
+"""Of F that must be seen of every motion. Of elements in a row, straight or bent, there are motions of which 0 to 0.02
+is seen, side by side of all 0.2 and more (tests/sim/test_hourglass.py)."""
+
+RIGID = 1e-7
+"""What is added against rigid motions, which have no energy either, as a fraction of the matrix's diagonal."""
+
+CHUNK = 256
+"""Elements whose matrices are made at a time."""
+
+
+def unseen_motions(mesh: SolidMesh) -> int:
+    """Return of how many motions of a mesh of `h20`, free in space, its 2x2x2 points see less than `SHARE`."""
+    dofs = (3 * mesh.elements[:, :, None] + np.arange(3)).reshape(len(mesh.elements), -1)
+    size = 3 * len(mesh.nodes)
+    matrix = sparse.csc_matrix((size, size))
+    diagonal = np.zeros(size)
+    for start in range(0, len(dofs), CHUNK):
+        part = dofs[start : start + CHUNK]
+        nodes = mesh.nodes[mesh.elements[start : start + CHUNK]]
+        seen, full = _squares(H20, nodes), _squares(H20_FULL, nodes)
+        np.add.at(diagonal, part, np.einsum("eii->ei", full))
+        rows, columns = np.broadcast_arrays(part[:, :, None], part[:, None, :])
+        upper = rows <= columns
+        values = (seen - SHARE * full)[upper]
+        matrix += sparse.csc_matrix((values, (rows[upper], columns[upper])), (size, size))
+    solver = Ldl((matrix + sparse.diags(RIGID * diagonal)).tocsc())
+    if not solver.factor():
+        return 1  # a zero pivot: a motion of just that share
+    return solver.negative
+
+
+def _squares(kind: Element, nodes: FloatArray) -> FloatArray:
+    """Return each element's matrix of int |J_0^T sym(grad u) J_0|² dV / V; `nodes`: (m, 20, 3) [m]."""
+    gradients, volumes = reference_gradients(kind, nodes)
+    centre = kind.jacobians(nodes, np.zeros((1, 3)))[:, 0]
+    return strain_squares(gradients, volumes / volumes.sum(axis=1, keepdims=True), centre)

@@ -1,0 +1,36 @@
+"""Whether an element suits the cells of a mesh: where it would err without a word, another is taken, or it is told."""
+
+from dataclasses import replace
+
+from tripod_sim.elements.hexahedron import H8, H8_MODES
+from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
+from tripod_sim.mesh.bending import deflection_share
+from tripod_sim.mesh.hourglass import unseen_motions
+from tripod_sim.mesh.solid_mesh import SolidMesh
+
+TOLD = 0.1
+"""Error of deflections, relative, from which on it is told. On the Tripod's meshes it is 0.053 for `h8_modes`, of what
+docs/convergence.md measures there."""
+
+
+def suited(mesh: SolidMesh) -> tuple[SolidMesh, tuple[str, ...]]:
+    """Return a mesh with an element that it can be computed with, and what users should know, one sentence each.
+
+    `h20` becomes `h20_full` where its 2x2x2 points leave motions without energy (`hourglass`). Eight-node hexahedra on
+    cells on which they bend too stiffly (`bending`) stay, and the expected error is told.
+    """
+    if mesh.kind is H20 and (count := unseen_motions(mesh)):
+        note = (
+            f"mesh.element 'h20' integrates this mesh as 'h20_full' does: its 2x2x2 points would leave {count} motions "
+            "without energy, as the body is one element thick and wide somewhere; mesh.refine = 1 gives it more"
+        )
+        return replace(mesh, kind=H20_FULL), (note,)
+    if mesh.kind in (H8, H8_MODES) and (error := 1 - deflection_share(mesh)) > TOLD:
+        name = mesh.kind.name
+        why = "are no parallelepipeds" if mesh.kind is H8_MODES else "are few across the body"
+        note = (
+            f"mesh.element {name!r} bends too stiffly here, as its cells {why}: expect deflections about "
+            f"{100 * error:.0f} % too small; 'h27' and 't10' have no such error"
+        )
+        return mesh, (note,)
+    return mesh, ()
