@@ -2,8 +2,8 @@
 
 Exit codes: 0 stopped as asked; 1 this process itself failed; 2 bad arguments, or nothing could start;
 3 another `tripod up` on the domain; 10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself, did not
-come up or could not stop in order; 20 the demo ran but not the whole chain did; 130 killed by a second
-Ctrl-C.
+come up or could not stop in order (14 too: the recording is not whole, or not where it began); 20 the demo
+ran but not the whole chain did; 130 killed by a second Ctrl-C.
 """
 
 import os
