@@ -8,11 +8,11 @@ import fcntl
 import itertools
 import os
 import socket
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
+
+from tripod_host.locks import open_lock, private_directory
 
 DOMAINS = range(1, 102)
 """0 is where users are; above 101 the ports of DDS are among those that Linux gives away by itself."""
@@ -27,8 +27,7 @@ _held: set[int] = set()
 @cache
 def _locks() -> int:
     """Return the open file whose byte n is locked by the process that has domain n; it ends with the process."""
-    path = Path(tempfile.gettempdir()) / f"tripod-tests-{os.getuid()}.domains"
-    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    return open_lock(private_directory(os.environ) / "tests.domains")
 
 
 @contextmanager

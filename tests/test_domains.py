@@ -25,8 +25,8 @@ with domains.own_domain() as number:
 @pytest.fixture
 def apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Locks that no other run of tests on this machine has, and no look at what others do."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    locks = os.open(tmp_path / f"tripod-tests-{os.getuid()}.domains", os.O_RDWR | os.O_CREAT, 0o600)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    locks = os.open(tmp_path / "tests.domains", os.O_RDWR | os.O_CREAT, 0o600)
     monkeypatch.setattr(domains, "_locks", lambda: locks)
     monkeypatch.setattr(domains, "_is_empty", lambda domain: True)
 

@@ -22,6 +22,7 @@ from tools.errors import MissingError, StepError
 from tools.prerequisites import missing_things
 from tools.ros_source import PATHS, RosSource, find_ros, used_packages
 from tools.state import SetupState, key_of
+from tripod_host.locks import open_lock
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
@@ -92,16 +93,20 @@ def _keys(ros: RosSource) -> dict[str, str]:
 @contextmanager
 def _lock() -> Iterator[int]:
     """Hold the lock on the set-up of this checkout; wait while another process holds it."""
-    folder = os.open(ROOT, os.O_RDONLY | os.O_DIRECTORY)
+    path = ROOT / ".setup.lock"  # not the folder: who can read that can lock it, and keep all others waiting
+    try:
+        file = open_lock(path)
+    except OSError as error:
+        raise MissingError(f"{path}: {error.strerror}") from None
     try:
         try:
-            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             print("setup: waiting for another set-up of this checkout to end", flush=True)
-            fcntl.flock(folder, fcntl.LOCK_EX)
-        yield folder
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield file
     finally:
-        os.close(folder)
+        os.close(file)
 
 
 @contextmanager

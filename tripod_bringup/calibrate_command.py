@@ -3,13 +3,12 @@
 import math
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
-from tripod_driver.calibration import Calibration, CalibrationError
+from tripod_driver.calibration import Calibration
 from tripod_driver.calibration_file import calibration_text, read_calibration
 from tripod_driver.calibrator import ANY_PULSE, HELP, SPEED, Calibrator, shaft_calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
@@ -23,6 +22,7 @@ from tripod_driver.session import Session
 from tripod_graph.command import CommandLimits
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import SERVOS
+from tripod_host.writing import check_place, replaced_text
 from tripod_teleop.escape import KeyParser
 from tripod_teleop.terminal import Terminal, TerminalError
 
@@ -126,7 +126,8 @@ class CalibrateSession:
 
     def _write(self) -> None:
         try:
-            write_file(self._file, calibration_text(self.calibrator.calibration()))
+            with replaced_text(self._file) as file:
+                file.write(calibration_text(self.calibrator.calibration()))
         except OSError as error:
             self.calibrator.notice = f"not written: {self._file}: {error.strerror}"
             return
@@ -153,19 +154,6 @@ class CalibrateSession:
         )
 
 
-def write_file(file: Path, text: str) -> None:
-    """Write `text`, all or nothing: what was there before stays if it fails. Raises OSError."""
-    handle, name = tempfile.mkstemp(dir=file.absolute().parent, prefix=f".{file.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as new:
-            new.write(text)
-        Path(name).chmod(0o644)
-        Path(name).replace(file)
-    except OSError:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
 def calibrating_sessions(protocol: str, known: Calibration) -> list[Session]:
     """Return the conversations of `protocol` that carry any pulse, see `ANY_PULSE`.
 
@@ -177,14 +165,16 @@ def calibrating_sessions(protocol: str, known: Calibration) -> list[Session]:
 def calibrate_command(port: str, file: Path, *, protocol: str, baud: int, boot_time: float) -> int:
     """Calibrate in this terminal; return the exit code."""
     try:
-        known = read_calibration(file) if file.exists() else Calibration()
-        if not os.access(file.absolute().parent, os.W_OK):
-            raise CalibrationError(f"calibration {file}: the directory cannot be written")
+        known = read_calibration(file) if os.path.lexists(file) else Calibration()
+        check_place(file)
         sessions = calibrating_sessions(protocol, known)
         place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)
         terminal = Terminal()
     except (ValueError, TerminalError) as error:
         print(f"tripod calibrate: {error}".replace("teleop needs", "it needs"), file=sys.stderr)
+        return BAD_ARGUMENTS
+    except OSError as error:
+        print(f"tripod calibrate: {file} cannot be written: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
     with terminal:
         terminal.enter()

@@ -1,7 +1,5 @@
 """The `tripod` command: options and help of every subcommand; what they do is imported when they run."""
 
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +9,7 @@ from tripod_bringup import explain_command, ik_cli, play_cli, robot_cli, study_c
 from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
 from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples
+from tripod_host.program import program
 
 app = typer.Typer(
     name="tripod",
@@ -232,16 +231,10 @@ for _name, _node in NODES.items():
         _add_node_command(_name, _node)
 
 
-def main(words: Sequence[str] | None = None) -> None:
-    """Run the command line, as the console script `tripod`; ends by SystemExit with the exit code.
-
-    `words` stand before those of the command line, as in the programs that `ros2 run tripod NODE` starts.
-    """
-    try:
-        app([*(words or []), *sys.argv[1:]])
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(130)
+def main() -> None:
+    """Run the command line; ends by SystemExit with the exit code."""
+    with program("tripod"):
+        app(prog_name="tripod")
 
 
 if __name__ == "__main__":

@@ -2,10 +2,11 @@
 
 import fcntl
 import os
-import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+
+from tripod_host.locks import open_lock
 
 HIGHEST_DOMAIN = 232
 """Above it the UDP ports of DDS would exceed 65535."""
@@ -38,20 +39,14 @@ def domain_id(environment: Mapping[str, str]) -> int:
     return int(text)
 
 
-def runtime_directory(environment: Mapping[str, str]) -> Path:
-    """Return where lock files belong: XDG_RUNTIME_DIR, or else the directory for temporary files."""
-    given = environment.get("XDG_RUNTIME_DIR", "")
-    return Path(given) if given and os.access(given, os.W_OK) else Path(tempfile.gettempdir())
-
-
 @contextmanager
 def only_one(domain: int, directory: Path) -> Iterator[Path]:
-    """Hold the lock of `domain` for this user; yields the file. Raises DomainBusyError.
+    """Hold the lock of `domain` for this user; yields the file. Raises DomainBusyError, OSError.
 
     The lock belongs to the open file, not to its content: a holder that was killed leaves a file, not a lock.
     """
-    path = directory / f"tripod-up-{os.getuid()}-{domain}.lock"
-    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+    path = directory / f"tripod-up-{os.uname().nodename}-{domain}.lock"  # a home may be shared by machines
+    handle = open_lock(path)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
+from tripod_host.writing import check_place, replaced_text
 
 if TYPE_CHECKING:
     from tripod_ik.reach import Layer, Reach
@@ -36,8 +37,8 @@ def reach_command(
 
     try:
         for path in (out, plot):  # before the work, not after it
-            if path is not None and not path.absolute().parent.is_dir():
-                raise IkError(f"{path}: there is no directory {path.absolute().parent}")
+            if path is not None:
+                check_place(path)
         if plot is not None:
             check_plot(plot)
         model = StaticModel(load_scene(scene, overrides), slide)
@@ -51,8 +52,11 @@ def reach_command(
             from tripod_bringup.reach_plot import draw  # noqa: PLC0415
 
             draw(found, plot, f"{scene}, slide {1e3 * slide:g} mm, angles {least:g} to {most:g} rad")
-    except (IkError, SceneError, OSError) as error:
+    except (IkError, SceneError) as error:
         print("tripod reach: " + " ".join(str(error).split()), file=sys.stderr)
+        return BAD_ARGUMENTS
+    except OSError as error:
+        print(f"tripod reach: {error.filename} cannot be written: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
     except StepError as error:
         print("tripod reach: " + " ".join(str(error).split()), file=sys.stderr)
@@ -82,7 +86,7 @@ def write_table(found: "Reach", out: Path) -> None:
     """Write the poses as CSV, one row each, SI units."""
     from tripod_ik.reach import COLUMNS  # noqa: PLC0415
 
-    with out.open("w", newline="", encoding="utf-8") as file:
+    with replaced_text(out) as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         writer.writerows([f"{value:.9g}" for value in row] for row in found.table.tolist())

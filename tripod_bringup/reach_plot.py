@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tripod_host.writing import replaced
+
 if TYPE_CHECKING:
     from tripod_ik.reach import Reach
 
@@ -30,7 +32,8 @@ def draw(found: "Reach", path: Path, title: str) -> None:
     if colours is not None:
         figure.colorbar(colours, ax=[above, side, tilts], label="torque margin [N m]")
     figure.suptitle(f"Reach: {title}; {len(found.bearable)} of {len(table)} poses within the torque")
-    figure.savefig(path, dpi=110)
+    with replaced(path) as file:
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=110)
 
 
 def _scatter(axes: Any, x: Any, y: Any, margin: Any) -> Any:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 from tripod_bringup.study_plans import PLANS, REPORTS, names, plan
+from tripod_host.writing import check_place, replaced_text
 
 if TYPE_CHECKING:
     from tripod_bringup.study_run import Executor
@@ -178,7 +179,7 @@ def report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: 
     made, code = study(name, full=full), fingerprint(STUDIES[name])
     columns = {column.key for column in made.columns}
     path = out / f"{name}_report.csv"
-    path.open("a").close()  # before the work, not after it
+    check_place(path)  # before the work, not after it
     rows: list[dict[str, Any]] = []
     with (
         Store(out / f"{name}_report.jsonl", fresh=fresh) as store,
@@ -192,7 +193,7 @@ def report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: 
             rows.append(store.records[key]["row"])
             if progress:
                 progress(len(rows), len(made.cases))
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with replaced_text(path) as file:
         writer = csv.DictWriter(file, [column.key for column in made.columns])
         writer.writeheader()
         writer.writerows(rows)

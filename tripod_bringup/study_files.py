@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tripod_host.writing import replaced_text
+
 Result = Mapping[str, Any]
 
 
@@ -13,9 +15,8 @@ def write_files(result: Result, folder: Path) -> list[Path]:
     """Write `<study>.json`, `.csv` and, where matplotlib is installed, `.png`; return their paths."""
     name = folder / result["study"]
     written = [name.with_suffix(".json"), name.with_suffix(".csv")]
-    partial = written[0].with_suffix(".json.part")
-    partial.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    partial.replace(written[0])
+    with replaced_text(written[0]) as file:
+        file.write(json.dumps(result, indent=1, allow_nan=False) + "\n")
     write_csv(result, written[1])
     try:
         from tripod_bringup.study_plot import draw  # noqa: PLC0415
@@ -42,7 +43,7 @@ def write_csv(result: Result, path: Path) -> None:
         "cpu_median",
         "repeats",
     )
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with replaced_text(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         errors = [word for name, unit in quantities for word in (f"{name} [{unit}]", f"{name}, relative")]
         writer.writerow(["label", *fields, *plain, "on_front", "fastest_within", *errors])

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tripod_host.writing import replaced
+
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#999933")
 MARKERS = "osD^vP*X"
 
@@ -23,7 +25,8 @@ def draw(result: Result, path: Path) -> None:
     figure.suptitle(result["title"] + (" (quick)" if result["quick"] else ""), fontsize=11)
     handles, names = axes[0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=4 if orders else 3, fontsize=7.5)
-    figure.savefig(path, dpi=110)
+    with replaced(path) as file:
+        figure.savefig(file, format="png", dpi=110)
 
 
 def _styles(result: Result) -> dict[Any, tuple[str, str]]:

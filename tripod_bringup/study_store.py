@@ -8,6 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from tripod_host.locks import open_lock
+
 
 class StoreBusyError(Exception):
     """Another process adds to the file; the message names it and says what to do."""
@@ -25,7 +27,7 @@ class Store:
         """Open `path` and read what is there; `fresh`: forget that. Raises OSError, StoreBusyError."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self.records: dict[str, dict[str, Any]] = {}
-        self._file = path.open("a+b")
+        self._file = os.fdopen(open_lock(path, 0o666), "r+b")
         try:
             self._lock(path)
             if fresh:

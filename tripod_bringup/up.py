@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from tripod_bringup.demo_report import report_demo
 from tripod_bringup.doctor import ENOUGH_SPACE
-from tripod_bringup.lock import DomainBusyError, DomainError, domain_id, only_one, runtime_directory
+from tripod_bringup.lock import DomainBusyError, DomainError, domain_id, only_one
 from tripod_bringup.log_lines import Level, parse
 from tripod_bringup.node_values import node_arguments
 from tripod_bringup.process import ProcessSpec
@@ -26,6 +26,7 @@ from tripod_bringup.screen import Screen
 from tripod_bringup.status_line import status_line
 from tripod_bringup.supervisor import Ending, Supervisor
 from tripod_graph import names
+from tripod_host.locks import private_directory
 from tripod_record.errors import RecordError
 from tripod_record.place import check_place
 
@@ -90,7 +91,7 @@ def up(options: UpOptions, screen: Screen) -> int:
     """Bring the chain up, keep it up, take it down; return the exit code. Call it in the main thread."""
     try:
         domain = domain_id(os.environ)
-        with only_one(domain, runtime_directory(os.environ)):
+        with only_one(domain, private_directory(os.environ)):
             if options.record is not None:
                 check_place(options.record, ENOUGH_SPACE)
             return _run(options, screen)
@@ -99,6 +100,9 @@ def up(options: UpOptions, screen: Screen) -> int:
         return ALREADY_UP
     except (DomainError, RecordError) as error:
         print(f"tripod up: {error}", file=sys.stderr)
+        return BAD_ARGUMENTS
+    except OSError as error:  # of the lock
+        print(f"tripod up: {error.filename or 'lock file'}: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
 
 

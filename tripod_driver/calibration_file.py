@@ -10,6 +10,7 @@ import yaml
 
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
 from tripod_graph.names import SERVOS
+from tripod_host.reading import read_file
 
 LARGEST_FILE: Final = 65536
 """Bytes that a calibration may have."""
@@ -72,11 +73,7 @@ def parse_calibration(text: str) -> Calibration:
 def read_calibration(path: Path) -> Calibration:
     """Return the calibration in the file at `path`; raise CalibrationError, naming the file, if there is none."""
     try:
-        with path.open("rb") as file:
-            data = file.read(LARGEST_FILE + 1)
-        if len(data) > LARGEST_FILE:
-            raise CalibrationError(f"it has more than {LARGEST_FILE} bytes")
-        return parse_calibration(data.decode("utf-8"))
+        return parse_calibration(read_file(path, LARGEST_FILE).decode("utf-8"))
     except OSError as error:
         raise CalibrationError(
             f"calibration {path}: {error.strerror}; make it with `tripod calibrate`"

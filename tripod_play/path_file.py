@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.reading import read_file
 from tripod_play.errors import PlayError
 
 FloatArray = NDArray[np.float64]
@@ -69,12 +70,10 @@ def read_path(path: Path) -> KeyPoints:
     if path.suffix.lower() not in (".csv", ".json"):
         raise PlayError(f"{name} ends in {path.suffix!r}; allowed: .csv, .json")
     try:
-        if path.is_file() and path.stat().st_size > MOST_BYTES:
-            raise PlayError(f"{name} is larger than {MOST_BYTES} bytes")
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_file(path, MOST_BYTES).decode("utf-8-sig")
     except OSError as error:
         raise PlayError(f"{name} cannot be read: {error.strerror}") from None
-    except ValueError:
+    except UnicodeDecodeError:
         raise PlayError(f"{name} is not a text file") from None
     rows = _json_rows(text, name) if path.suffix.lower() == ".json" else _csv_rows(text, name)
     return _key_points(rows, name)

@@ -15,10 +15,13 @@ import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from mcap.opcode import Opcode
 
+from tripod_host.reading import open_file
 from tripod_record.append_file import MAGIC
 from tripod_record.errors import RecordError
 from tripod_record.fields import Fields
 
+LARGEST_FILE = 2**43
+"""Longest file that is looked into [B]; it is read piece by piece."""
 RECORD_LIMIT = 2**27
 """Largest record and largest chunk that is read [B]."""
 CHANNEL_LIMIT = 10_000
@@ -199,9 +202,9 @@ class Reader:
 def open_mcap(path: Path) -> BinaryIO:
     """Open a file and check that it begins as an mcap file; raises RecordError that names it."""
     try:
-        if not path.is_file():
-            raise RecordError(f"{path} is not a file" if path.exists() else f"{path} does not exist")
-        file = path.open("rb")
+        file = open_file(path, LARGEST_FILE)
+    except FileNotFoundError:
+        raise RecordError(f"{path} does not exist") from None
     except OSError as error:
         raise RecordError(f"cannot read {path}: {error.strerror}") from None
     try:

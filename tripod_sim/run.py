@@ -4,13 +4,14 @@ import time as clock
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
-from errno import EISDIR
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host import stop
+from tripod_host.writing import check_place, replaced
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
@@ -81,12 +82,15 @@ def run(
         )
     steps = max(1, round(duration / description.dt))
     description = _starting(description, servos, slides)
+    _check_place(out)
     simulation = Simulation(description)
     recording = _Recording(simulation, steps, out) if out else None
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
     worst = dict.fromkeys(("worst_effector", "worst", "worst_added"), np.nan)
     stalled_steps = [0] * len(simulation.torques)
+    kept = recording.save if recording else lambda: None
+    stop.before(kept)  # also a run that is interrupted keeps what it has
     try:
         for k in range(steps):
             joints = _joints(simulation, servos, slides, (k + 1) * description.dt)
@@ -106,8 +110,8 @@ def run(
             if progress:
                 progress((k + 1) / steps)
     finally:  # a run that breaks off keeps what it has
-        if recording:
-            recording.save()
+        kept()
+        stop.no_more(kept)
     pose, ball = simulation.effector, simulation.ball
     return {
         "scene": description.name,
@@ -208,7 +212,7 @@ def _joints(
 
 
 class _Recording:
-    """Every step of a run, in memory until it is saved whole; the place is tried first."""
+    """Every step of a run, in memory until it is saved whole."""
 
     def __init__(self, simulation: Simulation, steps: int, path: Path) -> None:
         nodes, servos = len(simulation.mesh.nodes), len(simulation.torques)
@@ -217,7 +221,7 @@ class _Recording:
             raise SceneError(
                 f"--out would take {size / 1e9:.1f} GB (at most {MOST_BYTES / 1e9:g}); shorten --duration or enlarge dt"
             )
-        self._path, self._part = path, _tried(path)
+        self._path = path
         self._has_pose = simulation.effector is not None
         self._count = 0
         try:
@@ -252,27 +256,21 @@ class _Recording:
             return
         kept = {n: a[: self._count] for n, a in self._arrays.items() if self._has_pose or n != "effector"}
         try:
-            with self._part.open("wb") as file:
+            with replaced(self._path) as file:
                 np.savez(file, allow_pickle=False, **kept)
-            self._part.replace(self._path)
         except OSError as error:
-            self._part.unlink(missing_ok=True)
             raise _unwritable(self._path, error) from None
 
 
-def _tried(path: Path) -> Path:
-    """Return the file to write before it becomes `path`, or raise SceneError if it cannot be written."""
+def _check_place(out: Path | None) -> None:
+    """Raise SceneError if `out` is a file that could not be written after the run."""
+    if out is None:
+        return
     try:
-        if path.is_dir():
-            raise IsADirectoryError(EISDIR, "it is a directory")
-        part = path.with_name(path.name + ".part")
-        part.touch()
-        part.unlink()
-    except (OSError, ValueError) as error:  # ValueError: no file name, or a zero byte in it
-        raise _unwritable(path, error) from None
-    return part
+        check_place(out)
+    except OSError as error:
+        raise _unwritable(out, error) from None
 
 
-def _unwritable(path: Path, error: Exception) -> SceneError:
-    why = error.strerror if isinstance(error, OSError) else error
-    return SceneError(f"--out {str(path)!r} cannot be written: {why}")
+def _unwritable(path: Path, error: OSError) -> SceneError:
+    return SceneError(f"--out {str(path)!r} cannot be written: {error.strerror or error}")

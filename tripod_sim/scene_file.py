@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
+from tripod_host.reading import read_file
 from tripod_sim.errors import LONGEST, SceneError, shown
 from tripod_sim.scene import EFFECTS, Scene
 
@@ -101,18 +102,9 @@ def _read(source: str | Path) -> tuple[str, Path | None]:
     if str(source).endswith(".toml"):
         path = Path(source)
         try:
-            if path.exists() and not path.is_file():
-                raise SceneError(f"scene file {str(path)!r} is not a file")
-            with path.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)
+            return read_file(path, MAX_BYTES).decode(), path.parent.absolute()
         except OSError as error:
             raise SceneError(f"scene file {str(path)!r} cannot be read: {error.strerror}") from None
-        except ValueError as error:  # a zero byte in the name
-            raise SceneError(f"scene file {str(path)!r} cannot be read: {error}") from None
-        if len(data) > MAX_BYTES:
-            raise SceneError(f"scene file {str(path)!r} is larger than {MAX_BYTES} bytes")
-        try:
-            return data.decode(), path.parent.absolute()
         except UnicodeDecodeError:
             raise SceneError(f"scene file {str(path)!r} is not UTF-8 text") from None
     if source not in scene_names():

@@ -12,7 +12,6 @@ from tripod_bringup.calibrate_command import (
     calibrate,
     calibrate_command,
     calibrating_sessions,
-    write_file,
 )
 from tripod_driver.calibration import Calibration, ServoCalibration
 from tripod_driver.calibration_file import read_calibration
@@ -392,16 +391,3 @@ def test_what_cannot_begin_is_told_in_one_line(tmp_path: Path, capsys, monkeypat
     assert "bad.yaml: servos is 3; it must be a table" in attempt(file=bad)
     monkeypatch.setattr("sys.stdin", None)
     assert "needs a terminal" in attempt()
-
-
-def test_a_file_is_replaced_as_a_whole_or_stays(tmp_path: Path, monkeypatch) -> None:
-    file = tmp_path / "c.yaml"
-    file.write_text("old")
-
-    def fail(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(OSError):
-        write_file(file, "new")
-    assert file.read_text() == "old" and list(tmp_path.iterdir()) == [file]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tripod_bringup.lock import DomainBusyError, DomainError, domain_id, only_one, runtime_directory
+from tripod_bringup.lock import DomainBusyError, DomainError, domain_id, only_one
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
@@ -68,8 +68,3 @@ def test_the_lock_file_is_never_a_link_to_another_file(tmp_path: Path) -> None:
     with pytest.raises(OSError), only_one(7, tmp_path):
         pytest.fail("followed the link")
     assert precious.read_text() == "kept"
-
-
-def test_lock_files_go_to_the_runtime_directory_if_it_can_be_written(tmp_path: Path) -> None:
-    assert runtime_directory({"XDG_RUNTIME_DIR": str(tmp_path)}) == tmp_path
-    assert runtime_directory({"XDG_RUNTIME_DIR": str(tmp_path / "gone")}) != tmp_path / "gone"

@@ -172,7 +172,7 @@ def test_files_that_are_none_are_refused_by_name(tmp_path: Path) -> None:
         read_calibration(tmp_path / "none.yaml")
     file = tmp_path / "long.yaml"
     file.write_bytes(b" " * (LARGEST_FILE + 1))
-    with pytest.raises(CalibrationError, match="it has more than 65536 bytes"):
+    with pytest.raises(CalibrationError, match="it is larger than 65536 bytes"):
         read_calibration(file)
     file.write_bytes(b"servos: \xff")
     with pytest.raises(CalibrationError, match="byte 8 is no UTF-8 text"):

@@ -257,7 +257,7 @@ def test_what_is_no_file_gives_one_line_and_exit_code_2(
     for path, message in (
         (tmp_path / "none", f"{tmp_path}/none does not exist"),
         (tmp_path, f"{tmp_path} holds no mcap file"),
-        (Path("/dev/zero"), "/dev/zero is not a file"),
+        (Path("/dev/zero"), "cannot read /dev/zero: it is not a file but a device"),
         (tmp_path / "a\x1b[31m", f"{tmp_path}/a�[31m does not exist"),
     ):
         assert info_command(path) == 2

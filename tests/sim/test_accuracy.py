@@ -271,7 +271,7 @@ def test_a_file_that_is_no_study_is_refused(text: str, tmp_path: Path) -> None:
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     for path, message in (
-        (tmp_path, "^study '[^']*' is not a file; it must be the JSON file of a study$"),
+        (tmp_path, "^study '[^']*' cannot be read: it is not a file but a directory$"),
         (tmp_path / "none.json", "cannot be read"),
         (Path("a\0b"), "read"),
     ):

@@ -299,7 +299,7 @@ def test_files_that_cannot_be_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     wall.write_bytes(ASCII)
     check_surface(read_surface(wall, 1.0, "maze.source"), "wall")
     assert message(tmp_path / "gone.stl") == "maze.source: file '/gone.stl' does not exist"
-    assert message(tmp_path) == "maze.source: file '' does not exist"
+    assert message(tmp_path) == "maze.source: file '' cannot be read: it is not a file but a directory"
     for scale in (0.0, -1.0, float("nan"), float("inf")):
         assert (
             message(wall, scale) == f"maze.source: scale is {scale} m; it must be a finite number above 0 m"
@@ -308,7 +308,7 @@ def test_files_that_cannot_be_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     other.write_bytes(b"x")
     assert message(other) == "maze.source: '/wall.step' ends in '.step'; allowed: .obj, .stl"
     monkeypatch.setattr(read, "MAX_BYTES", 10)
-    assert message(wall) == "maze.source: file '/wall.STL' is larger than 10 bytes"
+    assert message(wall) == "maze.source: file '/wall.STL' cannot be read: it is larger than 10 bytes"
 
 
 def test_positions_that_overflow_with_the_scale_are_named() -> None:

@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from tripod_host.reading import read_file
 from tripod_sim.errors import SceneError, shown
 
 MAX_BYTES = 20_000_000
@@ -92,20 +93,9 @@ def stored_studies() -> list[Path]:
 def read_study(path: Path) -> StoredStudy:
     """Return the study of a JSON file. Raises SceneError, naming the file and what is wrong with it."""
     try:
-        is_other = path.exists() and not path.is_file()
-    except (OSError, ValueError):  # opening tells
-        is_other = False
-    if is_other:
-        raise SceneError(f"study {str(path)!r} is not a file; it must be the JSON file of a study")
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
+        data = read_file(path, MAX_BYTES)
     except OSError as error:
         raise SceneError(f"study {str(path)!r} cannot be read: {error.strerror}") from None
-    except ValueError as error:  # a zero byte in the name
-        raise SceneError(f"study {str(path)!r} cannot be read: {error}") from None
-    if len(data) > MAX_BYTES:
-        raise SceneError(f"study {str(path)!r} is larger than {MAX_BYTES} bytes")
     try:
         table = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError) as error:  # JSON and UTF-8 errors are ValueErrors

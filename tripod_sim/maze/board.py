@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.reading import read_file
 from tripod_sim.ball.obstacles import Obstacles
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.maze.grid import MazeGrid, parse_maze, random_maze
@@ -58,12 +59,10 @@ def read_maze(source: str) -> MazeGrid:
     if source.endswith(".txt"):
         path = Path(source)
         try:
-            if path.is_file() and path.stat().st_size > MOST_BYTES:
-                raise SceneError(f"maze.source {shown(source)} is larger than {MOST_BYTES} bytes")
-            text = path.read_text(encoding="utf-8")
+            text = read_file(path, MOST_BYTES).decode("utf-8")
         except OSError as error:
             raise SceneError(f"maze.source {shown(source)} cannot be read: {error.strerror}") from None
-        except ValueError:  # not UTF-8, or a zero byte in the name
+        except UnicodeDecodeError:
             raise SceneError(f"maze.source {shown(source)} is not a text file") from None
         return parse_maze(text, f"maze {path.name!r}")
     if source not in maze_names():

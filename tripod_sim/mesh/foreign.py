@@ -1,9 +1,10 @@
-"""Reads one mesh file with meshio, as a program of its own: `python foreign.py FILE tetra=4 hexahedron=8`.
+"""Reads one mesh file with meshio, as a program of its own: `python foreign.py FILE 20 tetra=4 hexahedron=8`.
 
 Parsers of mesh files print, exit, and loop for ever on files cut short; here they can do no harm. What was read leaves
 on standard output as an npz archive: `points` (n, 3), `kinds` (names of all cell types), and one array per kind of cell
 that the command line names with its size, (m, nodes of a cell). With exit code 1 standard output holds the reason
-instead. Memory is bounded where the system can.
+instead. Memory is bounded where the system can, and so is the processor time, by the second word [s]: beyond it the
+program is ended by SIGXCPU. Time that passes while others have the processor does not count.
 """
 
 import contextlib
@@ -26,11 +27,12 @@ def main() -> int:
         import resource  # noqa: PLC0415
 
         resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
+        resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[2]), int(sys.argv[2]) + 1))
     with os.fdopen(os.dup(1), "wb") as answer:
         os.dup2(2, 1)  # what parsers print goes to standard error
         sys.stdout = said = io.StringIO()
         try:
-            answer.write(archive(sys.argv[1], sys.argv[2:]))
+            answer.write(archive(sys.argv[1], sys.argv[3:]))
         except SystemExit:  # meshio prints its reason and exits
             answer.write((said.getvalue().strip() or "not in the format that its name says").encode())
             return 1

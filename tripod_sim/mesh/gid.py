@@ -19,9 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.cells import SIZES, Cells, IndexArray
-from tripod_sim.mesh.lines import numbered_lines, to_coordinates, to_integer, word
+from tripod_sim.mesh.lines import MAX_BYTES, numbered_lines, to_coordinates, to_integer, word
 
 TYPES = {
     "tetrahedra": {4: "tetra", 10: "tetra10"},
@@ -51,7 +52,7 @@ def read_gid(path: Path, name: str) -> Cells:
 
 def looks_like_gid(path: Path) -> bool:
     """Return whether the first line that is neither blank nor a comment begins with MESH. Raises OSError."""
-    with path.open("rb") as file:
+    with open_file(path, MAX_BYTES) as file:
         for line in file.read(4096).splitlines():
             if text := line.partition(b"#")[0].split():
                 return text[0].lower() == b"mesh"

@@ -4,7 +4,11 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError, shown
+
+MAX_BYTES = 200_000_000
+"""A mesh file larger than this is refused unread."""
 
 LONGEST_LINE = 65536
 """Bytes of a line; longer ones are refused."""
@@ -21,7 +25,7 @@ def numbered_lines(path: Path, name: str) -> Iterator[tuple[int, bytes]]:
         SceneError: the file cannot be read, or a line is too long.
     """
     try:
-        with path.open("rb") as file:
+        with open_file(path, MAX_BYTES) as file:
             number = 0
             while line := file.readline(LONGEST_LINE + 1):
                 number += 1

@@ -2,24 +2,25 @@
 
 import importlib.util
 import io
+import math
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 
+from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.cells import SIZES, Cells
 from tripod_sim.mesh.fit import fit_element
 from tripod_sim.mesh.gid import looks_like_gid, read_gid
+from tripod_sim.mesh.lines import MAX_BYTES
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
-MAX_BYTES = 200_000_000
-"""A mesh file larger than this is refused unread."""
-
 PATIENCE = 20.0
-"""Longest time to read a file [s], besides one second per megabyte."""
+"""Longest processor time to read a file [s], besides one second per megabyte."""
 
 
 def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
@@ -48,10 +49,12 @@ def read_solid(path: Path, scale: float, element: str) -> SolidMesh:
 
 def check_file(path: Path, field: str) -> None:
     """Refuse what is no file, or too large. Raises SceneError that begins with the name of the scene's `field`."""
-    if not path.is_file():
-        raise SceneError(f"{field}: file {str(path)!r} does not exist")
-    if path.stat().st_size > MAX_BYTES:
-        raise SceneError(f"{field}: file {str(path)!r} is larger than {MAX_BYTES} bytes")
+    try:
+        open_file(path, MAX_BYTES).close()
+    except FileNotFoundError:
+        raise SceneError(f"{field}: file {str(path)!r} does not exist") from None
+    except OSError as error:
+        raise SceneError(f"{field}: file {str(path)!r} cannot be read: {error.strerror}") from None
 
 
 def _read(path: Path) -> Cells:
@@ -60,22 +63,20 @@ def _read(path: Path) -> Cells:
         raise SceneError(
             "mesh.source: reading mesh files needs the package meshio (pip install 'tripod[mesh]')"
         )
+    patience = math.ceil(PATIENCE + path.stat().st_size / 1e6)
     program = [sys.executable, "-P", str(Path(__file__).with_name("foreign.py")), str(path.absolute())]
-    program += [f"{kind}={size}" for kind, size in SIZES.items()]
-    patience = PATIENCE + path.stat().st_size / 1e6
-    try:
-        run = subprocess.run(
-            program,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=patience,
-            check=False,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # threads reserve memory, which is bounded there
-        )
-    except subprocess.TimeoutExpired:
+    program += [str(patience), *(f"{kind}={size}" for kind, size in SIZES.items())]
+    run = subprocess.run(
+        program,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        check=False,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # threads reserve memory, which is bounded there
+    )
+    if run.returncode == -signal.SIGXCPU:
         raise SceneError(
-            f"mesh.source: {str(path)!r} is not read after {patience:.0f} s; is the file cut short?"
-        ) from None
+            f"mesh.source: {str(path)!r} is not read after {patience} s of processor time; is the file cut short?"
+        )
     if run.returncode != 0:
         why = (
             " ".join(run.stdout.decode(errors="replace").split()) or f"the reader ended with {run.returncode}"

@@ -1,12 +1,14 @@
 """Reads STL files, binary and ASCII. Corners at the same position become one vertex; normals are left out."""
 
+import os
 from array import array
 from pathlib import Path
 
 import numpy as np
 
+from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.lines import numbered_lines, to_coordinates, word
+from tripod_sim.mesh.lines import MAX_BYTES, numbered_lines, to_coordinates, word
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 HEADER = 80
@@ -32,8 +34,8 @@ def read_stl(path: Path, name: str) -> tuple[FloatArray, IndexArray]:
         SceneError: not such a file; the message says what is wrong, and in ASCII files in which line.
     """
     try:
-        size = path.stat().st_size
-        with path.open("rb") as file:
+        with open_file(path, MAX_BYTES) as file:
+            size = os.fstat(file.fileno()).st_size
             start = file.read(HEADER + 4)
             count = int.from_bytes(start[HEADER:], "little")
             expected = HEADER + 4 + count * RECORD.itemsize

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.reading import read_file
+from tripod_host.writing import replaced
 from tripod_sim.build import Parts
 from tripod_sim.reduced.basis import Basis, free_rows
 from tripod_sim.reduced.coordinates import BODY
@@ -85,9 +87,7 @@ def read(file: Path, name: str, scene: Scene, full: Parts) -> Basis | None:
     shapes = _shapes(scene, full)
     count = sum(rows * columns for rows, columns in shapes)
     try:
-        if file.stat().st_size != DIGEST + 8 * count:
-            return None
-        data = file.read_bytes()
+        data = read_file(file, DIGEST + 8 * count)
     except OSError:
         return None
     if len(data) != DIGEST + 8 * count or data[:DIGEST] != _digest(name, data[DIGEST:]):
@@ -108,11 +108,10 @@ def write(file: Path, name: str, basis: Basis) -> bool:
     """Keep `basis` and return whether that was possible."""
     parts = (basis.lift, basis.shapes, basis.weights, np.array([basis.reached]))
     data = b"".join(np.ascontiguousarray(part, dtype="<f8").tobytes() for part in parts)
-    part = file.with_name(f"{file.name}.{os.getpid()}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        part.write_bytes(_digest(name, data) + data)
-        part.replace(file)
+        with replaced(file) as new:
+            new.write(_digest(name, data) + data)
         files = sorted(file.parent.glob("*.basis"), key=lambda f: f.stat().st_mtime_ns)
         for old in files[:-MOST]:
             old.unlink(missing_ok=True)

@@ -1,0 +1,88 @@
+"""What every program of the suite runs in: signals, standard streams, and failures of the machine in one line."""
+
+import errno
+import io
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from tripod_host.stop import end_at_once
+
+FAILED = 1
+BROKEN_PIPE = 141
+"""As a shell tells the end of a program whose reader left."""
+
+
+@contextmanager
+def program(name: str) -> Iterator[None]:
+    """Run the main function of the program `name`; the block ends by SystemExit or returns.
+
+    Raises:
+        SystemExit: with code 1 and one line where standard output is closed or full, a file cannot be opened, a library
+            cannot be loaded, or memory is short; with 141 and none where the reader of standard output left.
+    """
+    end_at_once()
+    open_streams(name)
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        _give_up_output()
+        if error.errno == errno.EPIPE:
+            sys.exit(BROKEN_PIPE)
+        print(f"{name}: {_words(error)}", file=sys.stderr)
+        sys.exit(FAILED)
+    except (ImportError, MemoryError) as error:
+        print(f"{name}: {_words(error) or 'there is not enough memory'}", file=sys.stderr)
+        sys.exit(FAILED)
+
+
+def open_streams(name: str) -> None:
+    """Make standard input, output and error usable; with none to write to, end with one line.
+
+    A stream that is closed would else be the next file that is opened, and that file get what is printed.
+    """
+    closed = [fd for fd in range(3) if not _is_open(fd)]
+    for fd in closed:  # in order, so that each gets its own number
+        os.open(os.devnull, os.O_RDWR)
+        os.set_inheritable(fd, True)
+    if 0 in closed:
+        sys.stdin = io.TextIOWrapper(io.FileIO(0, closefd=False), encoding="utf-8")
+    if 2 in closed:
+        sys.stderr = io.TextIOWrapper(io.FileIO(2, "w", closefd=False), encoding="utf-8", write_through=True)
+    if 1 in closed:
+        print(f"{name}: standard output is closed; give it a file, such as /dev/null", file=sys.stderr)
+        sys.exit(FAILED)
+    for stream in (
+        sys.stdout,
+        sys.stderr,
+    ):  # names and signs that the locale does not have are written as \x..
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _is_open(fd: int) -> bool:
+    try:
+        os.fstat(fd)
+    except OSError:
+        return False
+    return True
+
+
+def _give_up_output() -> None:
+    """Throw away what standard output still holds: the interpreter would try again to write it, and complain."""
+    with suppress(OSError, ValueError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, 1)
+        os.close(null)
+        sys.stdout.flush()
+
+
+def _words(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror}"
+    return " ".join(str(error).split())
