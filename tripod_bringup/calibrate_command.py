@@ -22,6 +22,7 @@ from tripod_driver.session import Session
 from tripod_graph.command import CommandLimits
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import SERVOS
+from tripod_host.stop import taken
 from tripod_host.writing import check_place, replaced_text
 from tripod_teleop.escape import KeyParser
 from tripod_teleop.terminal import Terminal, TerminalError
@@ -34,6 +35,7 @@ DECISION: Final = Decision(Mode.TELEOP, "calibrate")
 
 BAD_ARGUMENTS: Final = 2
 FAILED: Final = 1
+INTERRUPTED: Final = 130
 
 
 class Console(Protocol):
@@ -176,20 +178,23 @@ def calibrate_command(port: str, file: Path, *, protocol: str, baud: int, boot_t
     except OSError as error:
         print(f"tripod calibrate: {file} cannot be written: {error.strerror}", file=sys.stderr)
         return BAD_ARGUMENTS
-    with terminal:
+    with terminal, taken() as asked:
         terminal.enter()
-        return calibrate(CalibrateSession(place, sessions, known, file, terminal))
+        session = CalibrateSession(place, sessions, known, file, terminal)
+        code = calibrate(session, stopped=lambda: asked.count > 0)
+    return INTERRUPTED if asked.count else code
 
 
 def calibrate(
     session: CalibrateSession,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Run `session` until it is over, Ctrl-C or a failure; the port is closed in any case. Return the exit code."""
+    """Run `session` until it is over, `stopped` or fails; the port is closed in any case. Return the exit code."""
     session.begin(clock())
     try:
-        while session.code is None:
+        while session.code is None and not stopped():
             session.step(clock())
             sleep(TICK)
     except TerminalError as error:
@@ -197,4 +202,4 @@ def calibrate(
         return FAILED
     finally:
         session.close(clock())
-    return session.code
+    return session.code or 0

@@ -6,15 +6,25 @@ process gets SIGTERM (so that a driver parks and a recorder closes its file) and
 a grace period, SIGKILL.
 """
 
-import os
-import runpy
-import signal
-import sys
-import threading
-import time
+from tripod_host.stop import end_at_once
+
+end_at_once()
+
+import os  # noqa: E402
+import runpy  # noqa: E402
+import signal  # noqa: E402
+import sys  # noqa: E402
+import threading  # noqa: E402
+import time  # noqa: E402
+
+from tripod_host.effort import Effort  # noqa: E402
+from tripod_host.program import program  # noqa: E402
 
 GRACE = 10.0
-"""Time to stop in order after the supervisor is gone [s]; TRIPOD_GRACE in the environment sets another."""
+"""Busy and idle time to stop in order after the supervisor is gone [s]; TRIPOD_GRACE in the environment sets it."""
+
+PERIOD = 0.1
+"""Between two looks at how much of it is gone [s]."""
 
 
 def watch_supervisor(lifeline: int, grace: float) -> None:
@@ -22,7 +32,10 @@ def watch_supervisor(lifeline: int, grace: float) -> None:
     while os.read(lifeline, 1):
         pass
     os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(grace)
+    effort = Effort(os.getpid())
+    while effort.busy + effort.idle < grace:
+        time.sleep(PERIOD)
+        effort.again()
     os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -43,7 +56,8 @@ def main() -> None:
     ).start()
     module = sys.argv[1]
     sys.argv = sys.argv[1:]
-    runpy.run_module(module, run_name="__main__", alter_sys=True)
+    with program(module):
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
 
 
 if __name__ == "__main__":

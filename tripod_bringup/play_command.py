@@ -169,9 +169,6 @@ def maze_command(source: str) -> int:
 
 def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool, ros: Sequence[str]) -> int:
     """Run a node until it is done or told to stop."""
-    import threading  # noqa: PLC0415
-    import time  # noqa: PLC0415
-
     from tripod_graph.run import run_node  # noqa: PLC0415
 
     made: list[Any] = []
@@ -180,16 +177,8 @@ def _in_graph(name: str, make: Callable[[], Any], *, subnet: bool, ros: Sequence
         made.append(make())
         return made[0]
 
-    def watch() -> None:
-        import os  # noqa: PLC0415
-        import signal  # noqa: PLC0415
-
-        while not (made and made[0].done):
-            time.sleep(0.1)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    threading.Thread(target=watch, daemon=True).start()
-    code = run_node(name, build, [*(["--subnet"] if subnet else []), "--ros-args", *ros])
+    words = [*(["--subnet"] if subnet else []), "--ros-args", *ros]
+    code = run_node(name, build, words, until=lambda: bool(made[0].done))
     if made and made[0].done:
         print(made[0].done)
         return code or (0 if made[0].done.startswith(("goal", "path")) else NOT_SOLVED)

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
+from tripod_host.effort import Effort
+
 LineHandler = Callable[[str, str], None]
 """Called with the process's name and one line of its output, from a reading thread."""
 
@@ -30,8 +32,9 @@ class ProcessSpec:
         arguments: Its command line.
         exit_code: What the supervisor exits with when this process ends unasked.
         ready: Whether the process does its work; the next stage of start-up waits for it.
-        start_time: How long `ready` may take [s].
-        stop_time: How long it may take to stop in order before it is killed [s].
+        start_time: How long it may idle before it is `ready` [s]; while it works, it is waited for.
+        stop_time: How long it may take to stop in order before it is killed, busy and idle time together [s]. That it
+            waits for a processor counts neither here nor there.
     """
 
     name: str
@@ -39,7 +42,7 @@ class ProcessSpec:
     arguments: Sequence[str] = ()
     exit_code: int = 1
     ready: Callable[[], bool] = lambda: True
-    start_time: float = 180.0
+    start_time: float = 60.0
     stop_time: float = 5.0
 
 
@@ -53,18 +56,16 @@ class SupervisedProcess:
     Attributes:
         spec: What runs.
         tail: The newest lines of its output, for the report of its death.
-        started: When it started [s], steady time.
+        effort: What it does, since it was started or told to stop.
         killed: Whether it had to be killed.
     """
 
     spec: ProcessSpec
     on_line: LineHandler
     tail: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
-    started: float = 0.0
     killed: bool = False
 
     def __post_init__(self) -> None:
-        self.started = time.monotonic()
         self._popen = subprocess.Popen(
             [sys.executable, "-P", "-m", "tripod_bringup.child", self.spec.module, *self.spec.arguments],
             stdin=subprocess.PIPE,
@@ -73,6 +74,7 @@ class SupervisedProcess:
             start_new_session=True,
             env=child_environment(),
         )
+        self.effort = Effort(self.pid)
         self._readers = [
             threading.Thread(target=self._read, args=(stream,), name=f"read {self.spec.name}", daemon=True)
             for stream in (self._popen.stdout, self._popen.stderr)
@@ -102,6 +104,7 @@ class SupervisedProcess:
 
     def terminate(self) -> None:
         """Ask it to stop in order."""
+        self.effort = Effort(self.pid)
         if self.returncode is None:
             with contextlib.suppress(ProcessLookupError):
                 self._popen.terminate()

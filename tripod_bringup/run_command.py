@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tripod_bringup.run_summary import result_rows
+from tripod_host.stop import first
 
 FAILED = 1
 BAD_ARGUMENTS = 2
@@ -92,7 +93,8 @@ def progress_bar(*, shown: bool) -> Iterator[Progress | None]:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn  # noqa: PLC0415
 
     columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with first(lambda: console.show_cursor(True)), Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda done: bar.update(task, completed=done)
 

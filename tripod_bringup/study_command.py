@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 from tripod_bringup.study_plans import PLANS, REPORTS, names, plan
+from tripod_host.stop import first
 from tripod_host.writing import check_place, replaced_text
 
 if TYPE_CHECKING:
     from tripod_bringup.study_run import Executor
     from tripod_sim.study.plan import Plan
 
-INTERRUPTED = 130
+INTERRUPTED = "tripod study: interrupted; what is done is kept in {out}, the same command goes on"
 PARTS = ("both", "accuracy", "report")
 
 
@@ -50,17 +51,18 @@ def study_command(
     try:
         reports, plans = _chosen(scene, every=every, part=part, knobs=knobs, quick=quick)
         out.mkdir(parents=True, exist_ok=True)
-        for name in reports:
-            printed["report"] = report(name, out, full=full, fresh=fresh, shown=shown, text=not as_json)
-        execute = _executor(scheduler, jobs) if plans else None
-        for made in plans:
-            assert execute
-            result = accuracy(made, execute, out, fresh=fresh, seed=seed, shown=shown)
-            printed.setdefault("accuracy", {})[made.name] = result
-            if not as_json:
-                from tripod_bringup.study_files import table  # noqa: PLC0415
+        with first(lambda: print(INTERRUPTED.format(out=out), file=sys.stderr)):
+            for name in reports:
+                printed["report"] = report(name, out, full=full, fresh=fresh, shown=shown, text=not as_json)
+            execute = _executor(scheduler, jobs) if plans else None
+            for made in plans:
+                assert execute
+                result = accuracy(made, execute, out, fresh=fresh, seed=seed, shown=shown)
+                printed.setdefault("accuracy", {})[made.name] = result
+                if not as_json:
+                    from tripod_bringup.study_files import table  # noqa: PLC0415
 
-                print(table(result), end="\n\n")
+                    print(table(result), end="\n\n")
     except (SceneError, ClusterError, StoreBusyError) as error:
         print("tripod study: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS
@@ -70,12 +72,6 @@ def study_command(
         path = str(error.filename or out)
         print(f"tripod study: --out: {path!r} cannot be written: {error.strerror or error}", file=sys.stderr)
         return BAD_ARGUMENTS
-    except KeyboardInterrupt:
-        print(
-            f"tripod study: interrupted; what is done is kept in {out}, the same command goes on",
-            file=sys.stderr,
-        )
-        return INTERRUPTED
     if as_json:
         print(json.dumps(plain(printed)))
     elif plans and not quiet:
@@ -218,6 +214,10 @@ def bar(name: str, *, shown: bool) -> Iterator[Callable[[int, int], None] | None
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    console = Console(stderr=True)
+    with (
+        first(lambda: console.show_cursor(True)),
+        Progress(*columns, console=console, transient=True) as progress,
+    ):
         task = progress.add_task(name, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

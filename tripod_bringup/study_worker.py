@@ -14,6 +14,9 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
+from tripod_host.parent import die_with_parent
+from tripod_host.stop import end_at_once
+
 SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Set to 1: CPU times of a thread are comparable, and sums have the same order everywhere."""
 
@@ -60,7 +63,7 @@ class Worker:
     def _started(self) -> "subprocess.Popen[str]":
         if self._process is None or self._process.poll() is not None:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "tripod_bringup.study_worker"],
+                [sys.executable, "-m", "tripod_bringup.study_worker", str(os.getpid())],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -136,7 +139,9 @@ def _task(module: str, settings: Mapping[str, Any]) -> Any:
 
 
 def main() -> None:
-    """Measure the points that come in, until there are no more."""
+    """Measure the points that come in, until there are no more, or whoever asks for them is gone."""
+    end_at_once()
+    die_with_parent(int(sys.argv[1]))
     from tripod_sim.study.fingerprint import fingerprint  # noqa: PLC0415 - the parent needs none of it
     from tripod_sim.study.task import outcome  # noqa: PLC0415
 

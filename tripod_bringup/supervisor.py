@@ -5,13 +5,15 @@ import queue
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from types import FrameType
 
 from tripod_bringup.process import ProcessSpec, SupervisedProcess
+from tripod_host.stop import Asked, taken
 
 KILLED_BY_USER = 130
+LONG_START = 5.0
+"""Processor time after which the screen shows how much a start has taken [s]."""
 PERIOD = 0.1
 """Between two looks at the children [s]."""
 
@@ -29,40 +31,6 @@ class Ending:
     code: int = 0
     cause: str = ""
     output: list[str] = field(default_factory=list)
-
-
-@dataclass
-class Interruption:
-    """Counts the signals that ask to stop: the first stops in order, the second kills.
-
-    Signals that come together count as one: `make` passes on what the terminal has already sent to everybody.
-
-    Attributes:
-        together: Signals closer than this are one [s].
-    """
-
-    together: float = 0.5
-    count: int = 0
-    name: str = ""
-    _last: float = float("-inf")
-
-    @contextlib.contextmanager
-    def caught(self) -> Iterator["Interruption"]:
-        """Catch SIGINT, SIGTERM and SIGHUP meanwhile; only in the main thread."""
-        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        before = {number: signal.signal(number, self._on_signal) for number in numbers}
-        try:
-            yield self
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
-        now = time.monotonic()
-        if now > self._last + self.together:
-            self.count += 1
-            self._last = now
-        self.name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
 
 
 class Supervisor:
@@ -92,7 +60,7 @@ class Supervisor:
         self.processes: dict[str, SupervisedProcess] = {}
         self._lines: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
         self._on_line, self._on_tick, self._before_stop = on_line, on_tick, before_stop
-        self._interruption = Interruption()
+        self._asked = Asked()
 
     @property
     def running(self) -> bool:
@@ -107,7 +75,7 @@ class Supervisor:
         """
         if threading.current_thread() is not threading.main_thread():
             raise RuntimeError("a supervisor runs in the main thread: only that one receives signals")
-        with self._interruption.caught():
+        with taken() as self._asked:
             try:
                 ending = self._start() or self._watch(until)
                 self._stop(ending)
@@ -132,10 +100,10 @@ class Supervisor:
                 if ending := self._look():
                     return ending
                 for spec in waiting:
-                    if time.monotonic() > self.processes[spec.name].started + spec.start_time:
-                        cause = f"{spec.name} did not come up within {spec.start_time:g} s"
+                    if self.processes[spec.name].effort.again().idle > spec.start_time:
+                        cause = f"{spec.name} did not come up: it did nothing for {spec.start_time:g} s"
                         return Ending(spec.exit_code, cause, list(self.processes[spec.name].tail))
-                self._pause("starting " + ", ".join(spec.name for spec in waiting))
+                self._pause("starting " + ", ".join(map(self._work, waiting)))
         return None
 
     def _watch(self, until: Callable[[], str]) -> Ending:
@@ -147,8 +115,8 @@ class Supervisor:
             self._pause("")
 
     def _look(self) -> Ending | None:
-        if self._interruption.count:
-            return Ending(0, self._interruption.name)
+        if self._asked.count:
+            return Ending(0, self._asked.name)
         for process in self.processes.values():
             if process.returncode is not None:
                 process.wait_for_output()
@@ -164,13 +132,13 @@ class Supervisor:
             left = [self.processes[spec.name] for spec in stage if spec.name in self.processes]
             for process in left:
                 process.terminate()
-            begun = time.monotonic()
             while left := [process for process in left if process.returncode is None]:
-                if self._interruption.count > 1:
-                    ending.code, ending.cause = KILLED_BY_USER, f"second {self._interruption.name}: killed"
+                if self._asked.count > 1:
+                    ending.code, ending.cause = KILLED_BY_USER, f"second {self._asked.name}: killed"
                     return
                 for process in left:
-                    if time.monotonic() > begun + process.spec.stop_time:
+                    effort = process.effort.again()
+                    if effort.busy + effort.idle > process.spec.stop_time:
                         process.kill()
                 self._pause("stopping " + ", ".join(process.spec.name for process in left))
         for process in self.processes.values():
@@ -194,6 +162,11 @@ class Supervisor:
                 f"{spec.name} {how}",
                 list(process.tail),
             )
+
+    def _work(self, spec: ProcessSpec) -> str:
+        """Return the name of a process, with the time that it has worked on its start where that is long."""
+        busy = self.processes[spec.name].effort.busy
+        return spec.name if busy < LONG_START else f"{spec.name} ({busy:.0f} s of work)"
 
     def _pause(self, phase: str) -> None:
         self._drain()

@@ -27,6 +27,7 @@ from tripod_bringup.status_line import status_line
 from tripod_bringup.supervisor import Ending, Supervisor
 from tripod_graph import names
 from tripod_host.locks import private_directory
+from tripod_host.stop import taken
 from tripod_record.errors import RecordError
 from tripod_record.place import check_place
 
@@ -91,7 +92,7 @@ def up(options: UpOptions, screen: Screen) -> int:
     """Bring the chain up, keep it up, take it down; return the exit code. Call it in the main thread."""
     try:
         domain = domain_id(os.environ)
-        with only_one(domain, private_directory(os.environ)):
+        with taken(), only_one(domain, private_directory(os.environ)):
             if options.record is not None:
                 check_place(options.record, ENOUGH_SPACE)
             return _run(options, screen)

@@ -8,12 +8,27 @@ from typing import Any
 
 import yaml
 
+from tripod_host.reading import open_file, read_file
+
 KEY = "ros__parameters"
+
+LARGEST = 1_000_000
+"""Bytes that a file may have."""
 
 
 def parameter_files(ros_arguments: Sequence[str]) -> list[Path]:
-    """Return the files that `--params-file` names, in their order."""
-    return [Path(file) for word, file in itertools.pairwise(ros_arguments) if word == "--params-file"]
+    """Return the files that `--params-file` names, in their order.
+
+    Raises:
+        ValueError: one is no file, or larger than `LARGEST`: ROS would wait for it, or read it to the end of memory.
+    """
+    files = [Path(file) for word, file in itertools.pairwise(ros_arguments) if word == "--params-file"]
+    for file in files:
+        try:
+            open_file(file, LARGEST).close()
+        except OSError as error:
+            raise ValueError(f"parameter file {file} cannot be read: {error.strerror}") from None
+    return files
 
 
 def blocks(file: Path) -> list[tuple[str, frozenset[str]]]:
@@ -22,8 +37,8 @@ def blocks(file: Path) -> list[tuple[str, frozenset[str]]]:
     Empty for a file that is no such file: ROS has read it before, and told what is wrong with it.
     """
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError):
+        content = yaml.safe_load(read_file(file, LARGEST).decode("utf-8"))
+    except (OSError, ValueError, RecursionError, yaml.YAMLError):
         return []
     return list(_blocks("", content))
 

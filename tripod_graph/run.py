@@ -3,13 +3,16 @@
 Exit codes: 0 stopped as asked, 1 failed while running, 2 refused its parameters or arguments.
 """
 
+import gc
 import os
 import re
-import signal
 import sys
-import threading
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Protocol, cast
+
+from tripod_host.stop import end_at_once, first, taken
 
 FAILED = 1
 REFUSED = 2
@@ -84,7 +87,13 @@ def _floats(value: str) -> str:
         return value
 
 
-def run_node(name: str, make: Callable[[], Closable], arguments: Sequence[str] | None = None) -> int:
+def run_node(
+    name: str,
+    make: Callable[[], Closable],
+    arguments: Sequence[str] | None = None,
+    *,
+    until: Callable[[], bool] | None = None,
+) -> int:
     """Run one node until it is told to stop, and return its exit code.
 
     Args:
@@ -93,45 +102,42 @@ def run_node(name: str, make: Callable[[], Closable], arguments: Sequence[str] |
             for a resource that is not there.
         arguments: Command line without the program; `name:=value` sets a parameter, `--subnet` opens
             discovery. None takes sys.argv.
+        until: Says when it shall stop by itself; None: never.
 
-    SIGINT, SIGTERM and SIGHUP (a closed terminal; not under nohup) end it in order.
+    SIGINT, SIGTERM and SIGHUP (a closed terminal; not under nohup) end it in order. While the node is being built there
+    is no order yet: what has been built by then is closed, and the process ends at once.
     """
+    end_at_once()
     words = list(sys.argv[1:] if arguments is None else arguments)
     keep_local(subnet="--subnet" in words or os.environ.get("TRIPOD_SUBNET") == "1")
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, lambda *_: stop.set())
     import rclpy  # noqa: PLC0415 - only after the range of discovery is set
     from rclpy.exceptions import NameValidationException  # noqa: PLC0415
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415
     from rclpy.node import Node  # noqa: PLC0415
-    from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
-    from tripod_graph.parameter_files import parameter_files, shared_names, strangers  # noqa: PLC0415
-    from tripod_graph.parameters import SHARED  # noqa: PLC0415
+    from tripod_graph.parameter_files import strangers  # noqa: PLC0415
 
     try:
-        ros = ros_arguments([w for w in words if w != "--subnet"])
-        rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
+        files = _init([w for w in words if w != "--subnet"])
     except Exception as error:  # noqa: BLE001 - rclpy raises several private kinds for bad arguments
         print(f"{name}: {_one_line(error)}", file=sys.stderr)
         return REFUSED
-    files = parameter_files(ros)
-    SHARED.set(shared_names(files))
     executor = SingleThreadedExecutor()
     node: Closable | None = None
     code = 0
+    signals = ExitStack()
     try:
         try:
-            node = make()
+            with first(_close_nodes):
+                node = make()
+                asked = signals.enter_context(taken())
         except (ValueError, OSError, NameValidationException) as error:
             print(f"{name}: {_one_line(error)}", file=sys.stderr)
             return REFUSED
         executor.add_node(cast(Node, node))
         for line in strangers(files, cast(Node, node).get_fully_qualified_name()):
             cast(Node, node).get_logger().warning(line)
-        while not stop.is_set():
+        while not (asked.count or (until is not None and until())):
             executor.spin_once(timeout_sec=0.1)
     except ExternalShutdownException:
         pass
@@ -148,7 +154,35 @@ def run_node(name: str, make: Callable[[], Closable], arguments: Sequence[str] |
         finally:
             executor.shutdown()
             rclpy.try_shutdown()
+            signals.close()
     return code
+
+
+def _init(words: Sequence[str]) -> list[Path]:
+    """Make rclpy ready and return the parameter files that it has read; raises what is wrong with the words."""
+    import rclpy  # noqa: PLC0415
+    from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
+
+    from tripod_graph.parameter_files import parameter_files, shared_names  # noqa: PLC0415
+    from tripod_graph.parameters import SHARED  # noqa: PLC0415
+
+    ros = ros_arguments(words)
+    files = parameter_files(ros)
+    rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
+    SHARED.set(shared_names(files))
+    return files
+
+
+def _close_nodes() -> int:
+    """Close the nodes that there are, however far they are built, so that others see them leave; return exit code 0."""
+    from rclpy.node import Node  # noqa: PLC0415 - it is there: a node is being made
+
+    for node in [thing for thing in gc.get_objects() if issubclass(type(thing), Node)]:
+        for leave in (getattr(node, "close", None), node.destroy_node):
+            with suppress(Exception):  # it may lack anything
+                if leave is not None:
+                    leave()
+    return 0
 
 
 def _one_line(error: Exception) -> str:

@@ -10,17 +10,19 @@ There are two ways, and a program is in one of them from its first line on:
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import FrameType
-from typing import Any, Final
+from typing import Final
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-Act = Callable[[], Any]
+Act = Callable[[], object]
+"""Something to do before the process ends; an int that it returns is the exit code, which else tells the signal."""
 
 
 @dataclass
@@ -143,7 +145,9 @@ def _end(number: int, _frame: FrameType | None) -> None:
 
     for n in _heeded():
         signal.signal(n, again)
-    for act in reversed(_Process.acts):
+    code = 128 + number
+    for act in (*reversed(_Process.acts), sys.stdout.flush):
         with suppress(Exception):  # it may find anything half done
-            act()
-    os._exit(128 + number)
+            found = act()
+            code = found if type(found) is int else code
+    os._exit(code)

@@ -10,6 +10,8 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self
 
+from tripod_host.stop import before, no_more
+
 PASTE_MARKS_ON, PASTE_MARKS_OFF = "\x1b[?2004h", "\x1b[?2004l"
 CLEAR_LINE = "\r\x1b[K"
 LFLAG, IFLAG, CC = 3, 0, 6
@@ -43,6 +45,7 @@ class Terminal:
         """Take keys one by one from now on."""
         self._entered = True
         atexit.register(self.restore)
+        before(self.restore)
         self._apply()
         signal.signal(
             signal.SIGCONT, lambda *_: self._apply()
@@ -55,6 +58,7 @@ class Terminal:
             return
         self._entered = False
         atexit.unregister(self.restore)
+        no_more(self.restore)
         signal.signal(signal.SIGCONT, signal.SIG_DFL)
         try:
             self._write(PASTE_MARKS_OFF + ("\n" if self._shown else ""))

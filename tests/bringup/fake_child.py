@@ -14,6 +14,8 @@ parser = argparse.ArgumentParser()
 parser.add_argument("name")
 parser.add_argument("log", type=Path)
 parser.add_argument("--die-after", type=float)
+parser.add_argument("--die-with", help="die once this one has started")
+parser.add_argument("--work", type=float, default=0.0)
 parser.add_argument("--code", type=int, default=0)
 parser.add_argument("--stop-code", type=int, default=0)
 parser.add_argument("--stop-time", type=float, default=0.0)
@@ -42,7 +44,13 @@ if not given.starting:
 signal.signal(signal.SIGINT, lambda *_: note("interrupted"))
 for line in given.say:
     print(line)
+while time.process_time() < given.work:
+    pass
 note("started")
+while given.die_with and f"started {given.die_with} " not in given.log.read_text():
+    time.sleep(0.02)
+if given.die_with:
+    given.die_after = 0.0
 begun = time.monotonic()
 while given.die_after is None or time.monotonic() < begun + given.die_after:
     time.sleep(0.02)

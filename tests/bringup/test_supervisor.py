@@ -107,7 +107,7 @@ def test_stages_start_in_order_and_stop_in_reverse(log: Log) -> None:
 @pytest.mark.parametrize(("victim", "code"), [("record", 14), ("sim", 10), ("driver", 12)])
 def test_death_of_a_child_stops_the_others_and_gives_its_code(log: Log, victim: str, code: int) -> None:
     codes = {"record": 14, "sim": 10, "driver": 12}
-    options = {victim: ["--die-after", "0.6", "--code", "3"]}
+    options = {victim: ["--die-with", "driver", "--code", "3"]}
     stages = [[spec(log, name, *options.get(name, []), code=codes[name])] for name in codes]
     ending = Supervisor(stages).run(never)
     assert ending.code == code
@@ -197,9 +197,22 @@ def test_a_child_that_never_becomes_ready_ends_the_start(log: Log) -> None:
     phases: set[str] = set()
     supervisor = Supervisor([[slow], [spec(log, "driver")]], on_tick=phases.add)
     ending = supervisor.run(never)
-    assert (ending.code, ending.cause) == (10, "sim did not come up within 0.5 s")
+    assert (ending.code, ending.cause) == (10, "sim did not come up: it did nothing for 0.5 s")
     assert "started driver" not in log.events()
     assert "starting sim" in phases
+
+
+def test_a_start_that_works_is_waited_for_however_long_it_takes(log: Log) -> None:
+    busy = spec(log, "sim", "--work", "1.5", start_time=0.5)
+    assert Supervisor([[busy]]).run(lambda: "enough") == Ending(0, "enough")
+    assert log.has("started sim")
+
+
+def test_a_start_that_works_for_long_shows_it(log: Log, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tripod_bringup.supervisor.LONG_START", 0.3)
+    phases: set[str] = set()
+    Supervisor([[spec(log, "sim", "--work", "1.5")]], on_tick=phases.add).run(lambda: "enough")
+    assert "starting sim (1 s of work)" in phases
 
 
 def test_lines_arrive_with_the_name_of_their_process(log: Log) -> None:

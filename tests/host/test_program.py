@@ -1,0 +1,73 @@
+"""What every program runs in: its streams, and failures of the machine in one line."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+HEAD = "import sys\nfrom tripod_host.program import program\nwith program('it'):\n    "
+
+
+def run(line: str, shell: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run one line as a program, with the redirections of `shell`."""
+    command = f'exec "{sys.executable}" -c "$0" {shell}'
+    return subprocess.run(
+        ["bash", "-c", command, HEAD + line],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+def test_a_closed_output_is_told_in_one_line() -> None:
+    done = run("print('lost')", ">&-")
+    assert (done.returncode, done.stderr) == (
+        1,
+        "it: standard output is closed; give it a file, such as /dev/null\n",
+    )
+
+
+def test_a_closed_input_is_an_empty_one() -> None:
+    done = run("print(repr(sys.stdin.read()))", "<&-")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "''\n", "")
+
+
+def test_a_file_never_gets_what_is_printed(tmp_path: Path) -> None:
+    done = run(f"f = open('{tmp_path}/f', 'w'); print('lost', file=sys.stderr); f.write('kept')", "<&- 2>&-")
+    assert done.returncode == 0
+    assert (tmp_path / "f").read_text() == "kept"
+
+
+def test_a_full_output_is_told_in_one_line() -> None:
+    done = run("print('lost')", ">/dev/full")
+    assert (done.returncode, done.stderr) == (1, "it: No space left on device\n")
+
+
+def test_a_reader_that_left_is_no_failure_to_tell() -> None:
+    done = run("print('lost\\n' * 100_000)", "| head -n 1 >/dev/null; exit ${PIPESTATUS[0]}")
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.parametrize("locale", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "POSIX"}])
+def test_every_name_can_be_printed(locale: dict[str, str]) -> None:
+    done = run("print('\\udcff', '\\u2192')", **locale)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("failing", "said"),
+    [
+        ("open('/nowhere/at/all')", "it: /nowhere/at/all: No such file or directory\n"),
+        ("raise MemoryError", "it: there is not enough memory\n"),
+        ("import no_such_module", "it: No module named 'no_such_module'\n"),
+        ("import os; [os.open('/', 0) for _ in range(10**9)]", "it: /: Too many open files\n"),
+    ],
+)
+def test_what_the_machine_lacks_is_told_in_one_line(failing: str, said: str) -> None:
+    done = run(failing)
+    assert (done.returncode, done.stderr) == (1, said)

@@ -1,0 +1,109 @@
+"""How a program ends by a signal: at once and without a traceback, or in order where it looks."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tripod_host import stop
+
+ROOT = Path(__file__).parents[2]
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+
+
+def run(program: str, **more: object) -> subprocess.CompletedProcess[str]:
+    """Run a program that has ended the import of what it needs, and sends signals to itself."""
+    head = "import os, signal, sys\nfrom tripod_host import stop\nstop.end_at_once()\n"
+    words = [sys.executable, "-c", head + program]
+    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, **more)  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_program_with_nothing_to_leave_ends_by_the_signal(number: signal.Signals) -> None:
+    done = run(f"os.kill(os.getpid(), {number:d})\nprint('went on')")
+    assert (done.returncode, done.stdout, done.stderr) == (-number, "", "")
+
+
+def test_it_ends_within_a_long_computation_too() -> None:
+    """Python runs its own handlers only between two of its instructions."""
+    killer = "import subprocess\nsubprocess.Popen(['sh', '-c', f'sleep 0.2; kill -INT {os.getpid()}'])\n"
+    done = run(f"{killer}sum(range(10**12))", timeout=60)
+    assert (done.returncode, done.stderr) == (-signal.SIGINT, "")
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_what_has_to_be_done_first_is_done_newest_first(number: signal.Signals) -> None:
+    program = f"""
+stop.before(lambda: print("first"))
+stop.before(lambda: 1 / 0)
+stop.before(lambda: print("last"))
+with stop.first(lambda: print("left before")): pass
+os.kill(os.getpid(), {number:d})
+while True: pass
+"""
+    done = run(program)
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, "last\nfirst\n", "")
+
+
+def test_an_act_may_decide_the_exit_code() -> None:
+    done = run(
+        "stop.before(lambda: True)\nstop.before(lambda: 7)\nos.kill(os.getpid(), 15)\nwhile True: pass"
+    )
+    assert done.returncode == 7
+
+
+def test_a_second_signal_ends_an_act_that_does_not() -> None:
+    program = """
+import time
+def hang():
+    time.sleep(0.6)
+    os.kill(os.getpid(), 15)
+    time.sleep(60)
+stop.before(hang)
+os.kill(os.getpid(), 2)
+while True: pass
+"""
+    done = run(program, timeout=50)
+    assert (done.returncode, done.stderr) == (143, "")
+
+
+def test_signals_are_counted_where_they_are_taken() -> None:
+    program = """
+with stop.taken() as asked, stop.taken() as same:
+    assert same is asked
+    os.kill(os.getpid(), 15)
+    os.kill(os.getpid(), 2)
+    print(asked.count, asked.name)
+os.kill(os.getpid(), 2)
+"""
+    done = run(program)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "1 Ctrl-C\n", "")
+
+
+def test_nohup_is_obeyed() -> None:
+    program = (
+        "os.kill(os.getpid(), 1)\nwith stop.taken() as asked: os.kill(os.getpid(), 1)\nprint(asked.count)"
+    )
+    done = run(program, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    assert (done.returncode, done.stdout) == (0, "0\n")
+
+
+def test_a_signal_held_back_by_the_launcher_is_let_through() -> None:
+    def hold() -> None:
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        os.kill(os.getpid(), signal.SIGINT)
+
+    done = run("print('went on')", preexec_fn=hold)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
+
+
+def test_the_program_of_a_user_keeps_its_own_handlers() -> None:
+    before = [signal.getsignal(number) for number in SIGNALS]
+    with stop.first(lambda: None):
+        assert [signal.getsignal(number) for number in SIGNALS] == before
+    with stop.taken():
+        assert signal.getsignal(signal.SIGTERM) not in before
+    assert [signal.getsignal(number) for number in SIGNALS] == before
