@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from tripod_host.writing import sync_directory
 from tripod_record.errors import FileLostError
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -163,16 +164,6 @@ def make_private_directory(directory: Path) -> None:
             make_private_directory(directory.parent)
     directory.mkdir(stat.S_IRWXU)
     sync_directory(directory.parent)
-
-
-def sync_directory(directory: Path) -> None:
-    """Make the names of new files in `directory` survive a loss of power, where the file system can."""
-    with suppress(OSError):
-        fd = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(fd)
-        finally:
-            os.close(fd)
 
 
 def _create(path: Path) -> int:
