@@ -128,7 +128,7 @@ def run_node(
     signals = ExitStack()
     try:
         try:
-            with first(_close_nodes):
+            with first(lambda: _close_nodes(name)):
                 node = make()
                 asked = signals.enter_context(taken())
         except (ValueError, OSError, NameValidationException) as error:
@@ -149,8 +149,7 @@ def run_node(
             if node is not None:
                 node.close()
         except Exception as error:  # noqa: BLE001 - nothing is left to undo, but the exit code tells
-            print(f"{name}: closing failed, {type(error).__name__}: {error}", file=sys.stderr)
-            code = FAILED
+            code = _closing_failed(name, error)
         finally:
             executor.shutdown()
             rclpy.try_shutdown()
@@ -173,16 +172,26 @@ def _init(words: Sequence[str]) -> list[Path]:
     return files
 
 
-def _close_nodes() -> int:
-    """Close the nodes that there are, however far they are built, so that others see them leave; return exit code 0."""
+def _close_nodes(name: str) -> int:
+    """Close the nodes that there are, however far they are built, so that others see them leave; return exit code."""
     from rclpy.node import Node  # noqa: PLC0415 - it is there: a node is being made
 
+    code = 0
     for node in [thing for thing in gc.get_objects() if issubclass(type(thing), Node)]:
-        for leave in (getattr(node, "close", None), node.destroy_node):
-            with suppress(Exception):  # it may lack anything
-                if leave is not None:
-                    leave()
-    return 0
+        try:
+            cast(Closable, node).close()
+        except AttributeError:
+            pass  # it has not yet what there would be to close
+        except Exception as error:  # noqa: BLE001 - nothing is left to undo, but the exit code tells
+            code = _closing_failed(name, error)
+        with suppress(Exception):
+            node.destroy_node()
+    return code
+
+
+def _closing_failed(name: str, error: Exception) -> int:
+    print(f"{name}: closing failed, {type(error).__name__}: {error}", file=sys.stderr)
+    return FAILED
 
 
 def _one_line(error: Exception) -> str:
