@@ -25,8 +25,16 @@ MAY_IMPORT = {
 """Packages of the suite that each package may import; tripod_bringup may import all."""
 
 ROS_EDGE = {
-    "tripod_host": set(),
-    "tripod_graph": {"control_mode", "diagnostics", "limits", "parameters", "qos", "run"},
+    "tripod_graph": {
+        "control_mode",
+        "diagnostics",
+        "limits",
+        "parameters",
+        "qos",
+        "run",
+        "trajectory",
+        "tripod_host",
+    },
     "tripod_sim": {"node", "messages", "markers", "transforms"},
     "tripod_ik": {"node", "messages", "settings"},
     "tripod_driver": {"node", "messages", "settings"},

@@ -5,26 +5,26 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import RobotStatus
 
 from tripod_driver.messages import imu_message, status_message
 from tripod_driver.safety import State
 from tripod_driver.settings import PARAMETERS, make_driver
 from tripod_graph import names
+from tripod_graph.command import CommandError
 from tripod_graph.control_mode import authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Decision
 from tripod_graph.parameters import declare
 from tripod_graph.qos import RELIABLE, SENSOR
 from tripod_graph.run import run_node
+from tripod_graph.trajectory import Command, obey
 
 STATUS_PERIOD = 0.1
 """Longest time between two status messages [s]."""
@@ -52,7 +52,7 @@ class DriverNode(LifecycleNode):
         self._status = self.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
         self._imu: Publisher | None = None  # until the board has told of one
         listen(self, self._on_decision)
-        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
+        obey(self, self._follow, self._refuse)
         self.create_service(Trigger, names.ROBOT_STOP, self._on_stop)
         self._diagnostics = Diagnostics(self, self._report, values["port"])
         self.create_timer(self._period, self._on_timer, clock=steady)
@@ -98,17 +98,29 @@ class DriverNode(LifecycleNode):
 
     # graph ----------------------------------------------------------------------------------------------------
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
-        times = [seconds(point.time_from_start) for point in message.points]
-        positions = [point.positions for point in message.points]
+    def _follow(self, command: Command) -> None:
         try:
-            source = message.header.frame_id
-            self._safety.trajectory(message.joint_names, times, positions, time.monotonic(), source=source)
+            self._safety.trajectory(
+                command.names,
+                command.times,
+                command.positions,
+                command.now,
+                source=command.source,
+                velocities=command.velocities,
+                age=command.age,
+            )
         except ValueError as error:
-            self.get_logger().warning(f"command refused: {error}", throttle_duration_sec=2.0)
+            self._warn(error)
             return
         if self._soon.is_canceled():
             self._soon.reset()
+
+    def _refuse(self, error: CommandError) -> None:
+        self._safety.reject(error)
+        self._warn(error)
+
+    def _warn(self, error: ValueError) -> None:
+        self.get_logger().warning(f"command refused: {error}", throttle_duration_sec=2.0)
 
     def _on_decision(self, decision: Decision) -> None:
         try:
@@ -227,11 +239,6 @@ class DriverNode(LifecycleNode):
                 return response
 
         service.callback = answer
-
-
-def seconds(duration: Duration) -> float:
-    """Return a duration as a number [s]."""
-    return float(duration.sec) + 1e-9 * float(duration.nanosec)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -204,8 +204,10 @@ class Safety:
         now: float,
         *,
         source: str,
+        velocities: Sequence[Sequence[float]] = (),
+        age: float = 0.0,
     ) -> None:
-        """Follow a trajectory of `source` from `now` [s] on, if that is allowed; see `CommandFollower.accept`.
+        """Follow a trajectory of `source` if that is allowed; see `CommandFollower.accept`.
 
         Raises:
             CommandError: it is refused and counted, whether motion is allowed or not.
@@ -213,13 +215,13 @@ class Safety:
         self._look(now)
         try:
             if self.authority.admits(source, now) or not self.can_move or self._halted:
-                self._follower.check(names, times, positions)
+                self._follower.check(names, times, positions, velocities=velocities, age=age)
                 self._ignored += 1
             else:
-                self._follower.accept(names, times, positions, now)
+                self._follower.accept(names, times, positions, now, velocities=velocities, age=age)
                 self._notice = ""
         except ValueError as error:
-            self._reject(error)
+            self.reject(error)
             raise
 
     def control_mode(self, decision: Decision, wall: float, now: float) -> None:
@@ -228,16 +230,18 @@ class Safety:
         try:
             changed = self.authority.hear(decision, wall, now)
         except ValueError as error:
-            self._reject(error)
+            self.reject(error)
             raise
         if changed:
             self._obey(now)
 
     def _look(self, now: float) -> None:
-        """Hold if the operator in charge is lost."""
+        """Hold if the operator in charge is lost, or inverse kinematics in the midst of a trajectory."""
         self._now = max(now, self._now)
         if self.authority.lapse(now):
             self._obey(now)
+        if self._follower.activity is Activity.ACTIVE and not self.authority.is_fed(now):
+            self._follower.stop(now)
 
     def _obey(self, now: float) -> None:
         """Hold, because something else is in force now: nothing of another decision's trajectory goes on."""
@@ -291,6 +295,7 @@ class Safety:
         joints = [float(value) for value in self._follower.joints]
         self._follower = CommandFollower(limits, joints, longest_step=2 * self._period)
 
-    def _reject(self, error: ValueError) -> None:
+    def reject(self, error: ValueError) -> None:
+        """Count a message that is refused."""
         self.rejected += 1
         self.last_rejection = str(error)

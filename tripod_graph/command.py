@@ -16,7 +16,10 @@ FloatArray = NDArray[np.float64]
 
 
 LONGEST_TRAJECTORY = 600.0
-"""Latest time of a point [s]: while a trajectory lasts its source may be silent, so it must not last for ever."""
+"""Latest time of a point from now [s]: while a trajectory lasts its source may be silent, so it must not be endless."""
+
+LATE = 0.5
+"""A trajectory that should have begun longer ago than this [s] is refused."""
 
 
 class CommandError(ValueError):
@@ -113,8 +116,9 @@ class CommandLimits:
 class CommandFollower:
     """Turns joint trajectories into set-points that never exceed limits and slew rates.
 
-    A trajectory starts where the joints are when it arrives and is interpolated linearly. After its last
-    point the joints hold; `timeout` after the last point (or message) they count as silent, and after
+    A trajectory starts where the joints are when it arrives and is interpolated linearly, or, where its points have
+    velocities, by cubics, from the velocity that is asked for when it arrives. One that begins later is waited for
+    where the joints are. After its last point the joints hold; `timeout` after it they count as silent, and after
     `park_after` more they move to the park position, all joints in proportion so that they arrive together.
     `stop` makes them silent at once. The follower begins parked at `start`.
 
@@ -147,42 +151,69 @@ class CommandFollower:
         self._longest_step = longest_step
         self._times = np.zeros(1)
         self._points = self.joints[None].copy()
+        self._slopes: FloatArray | None = None
         self._silent_at = float("-inf")
         self._held_since: float | None = float("-inf") if start is None else None
         self._now: float | None = None
         self.activity = Activity.PARKED if start is None else Activity.HOLDING
 
     def accept(
-        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]], now: float
+        self,
+        names: Sequence[str],
+        times: Sequence[float],
+        positions: Sequence[Sequence[float]],
+        now: float,
+        *,
+        velocities: Sequence[Sequence[float]] = (),
+        age: float = 0.0,
     ) -> None:
-        """Follow a trajectory from `now` [s] on.
+        """Follow a trajectory.
 
         Args:
             names: Joint names; the three servos, in any order, and optionally the slide.
             times: Seconds from the start of each point, not falling, not negative.
             positions: Joint values of each point [rad, m], in the order of `names`.
             now: The caller's steady time [s].
+            velocities: Of each point [rad/s, m/s]; none, or those of all points.
+            age: How long ago it begins [s], at most `LATE`; negative: it begins later.
 
         Raises:
             CommandError: the trajectory is refused; the motion goes on as before and `rejected` counts it.
         """
-        points = self.check(names, times, positions)
-        self._times = now + np.concatenate([[0.0], np.asarray(times, float)])
-        self._points = np.vstack([self.joints, points])
+        points, slopes = self.check(names, times, positions, velocities=velocities, age=age)
+        start = (now, now - age) if age < 0 else (now - age,)
+        here = np.tile(self.joints, (len(start), 1))
+        if slopes is not None:
+            begin = np.zeros_like(here)
+            begin[0] = self._slope(now) if age >= 0 else 0.0
+            slopes = np.vstack([begin, slopes])
+        self._times = np.concatenate([start, now - age + np.asarray(times, float)])
+        self._points, self._slopes = np.vstack([here, points]), slopes
         self._silent_at = self._times[-1] + self.limits.timeout
         self._held_since = None
         self.activity = Activity.ACTIVE
 
     def check(
-        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]]
-    ) -> FloatArray:
-        """Return the points of a trajectory, shape (n, 4), without following it.
+        self,
+        names: Sequence[str],
+        times: Sequence[float],
+        positions: Sequence[Sequence[float]],
+        *,
+        velocities: Sequence[Sequence[float]] = (),
+        age: float = 0.0,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return points and velocities of a trajectory, shape (n, 4), without following it; None: it has none.
 
         Raises:
             CommandError: the trajectory is refused; `rejected` counts it.
         """
         try:
-            return self._checked(names, times, positions)
+            if not age <= LATE:  # the negation also catches NaN
+                raise CommandError(f"it should have begun {age:.3f} s ago; allowed is {LATE:g} s")
+            points = self._checked(names, times, positions, min(age, 0.0))
+            return points, self._checked_velocities(names, velocities, len(points)) if len(
+                velocities
+            ) else None
         except CommandError as error:
             self.rejected += 1
             self.last_rejection = str(error)
@@ -190,7 +221,7 @@ class CommandFollower:
 
     def stop(self, now: float) -> None:
         """Hold the present position at once, also on the way to the park position, and count as silent."""
-        self._times, self._points = np.array([now]), self.joints[None].copy()
+        self._times, self._points, self._slopes = np.array([now]), self.joints[None].copy(), None
         self._silent_at = self._held_since = now
         self.activity = Activity.HOLDING
 
@@ -229,7 +260,19 @@ class CommandFollower:
             return self._points[min(i, len(self._times) - 1)].copy()
         t0, t1 = self._times[i - 1], self._times[i]
         w = (now - t0) / (t1 - t0)
-        return (1 - w) * self._points[i - 1] + w * self._points[i]
+        p0, p1 = self._points[i - 1], self._points[i]
+        if self._slopes is None:
+            return (1 - w) * p0 + w * p1
+        v0, v1 = (t1 - t0) * self._slopes[i - 1], (t1 - t0) * self._slopes[i]
+        cubic = p0 + w * (v0 + w * (3 * (p1 - p0) - 2 * v0 - v1 + w * (2 * (p0 - p1) + v0 + v1)))
+        return np.clip(cubic, self.limits.lower, self.limits.upper)  # between points it may bulge out
+
+    def _slope(self, now: float, step: float = 1e-4) -> FloatArray:
+        """Return the velocity that is asked for at `now` [s], shape (4,), within the slew rates."""
+        if now >= self._silent_at:
+            return np.zeros(4)
+        slope = (self._interpolated(now) - self._interpolated(now - step)) / step
+        return np.clip(slope, -self.limits.speed, self.limits.speed)
 
     def _approach(self, dt: float, *, together: bool) -> None:
         step = self.goal - self.joints
@@ -238,7 +281,7 @@ class CommandFollower:
         self.joints = np.clip(self.joints + step / scale, self.limits.lower, self.limits.upper)
 
     def _checked(
-        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]]
+        self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]], begin: float
     ) -> FloatArray:
         known = (*SERVOS, SLIDE)
         if unknown := [n for n in names if n not in known]:
@@ -253,11 +296,12 @@ class CommandFollower:
             )
         t = np.asarray(times, float)
         before = np.concatenate([[0.0], t[:-1]])
-        if not (ok := (t >= before) & (t <= LONGEST_TRAJECTORY)).all():
+        longest = LONGEST_TRAJECTORY + begin
+        if longest < 0:
+            raise CommandError(f"it begins in {-begin:g} s; allowed is {LONGEST_TRAJECTORY:g} s")
+        if not (ok := (t >= before) & (t <= longest)).all():
             i = int(np.argmin(ok))
-            raise CommandError(
-                f"time of point {i} is {t[i]:g} s; allowed is {before[i]:g} to {LONGEST_TRAJECTORY:g} s"
-            )
+            raise CommandError(f"time of point {i} is {t[i]:g} s; allowed is {before[i]:g} to {longest:g} s")
         points = np.tile(self.joints, (len(t), 1))
         order = [known.index(n) for n in names]
         for i, row in enumerate(positions):
@@ -269,3 +313,26 @@ class CommandFollower:
             i = int(np.argmin(inside))
             self.limits.check(points[i], f"point {i}")
         return points
+
+    def _checked_velocities(
+        self, names: Sequence[str], velocities: Sequence[Sequence[float]], count: int
+    ) -> FloatArray:
+        known = (*SERVOS, SLIDE)
+        order = [known.index(n) for n in names]
+        slopes = np.zeros((count, 4))
+        if len(velocities) != count:
+            raise CommandError(
+                f"{len(velocities)} points of {count} have velocities; all must have them, or none"
+            )
+        for i, row in enumerate(velocities):
+            if len(row) != len(names):
+                raise CommandError(f"point {i} has {len(row)} velocities for {len(names)} joints")
+            slopes[i, order] = row
+        if not (ok := np.abs(slopes) <= self.limits.speed + 1e-9).all():  # NaN fails
+            i, k = divmod(int(np.argmin(ok)), 4)
+            unit = "m/s" if k == 3 else "rad/s"
+            most = f"{self.limits.speed[k]:g} {unit}"
+            raise CommandError(
+                f"point {i}: velocity of {known[k]} is {slopes[i, k]:g} {unit}, allowed is up to {most}"
+            )
+        return slopes

@@ -207,6 +207,10 @@ class ModeTracker:
             self._solver, self._solver_heard = source, now
         return why
 
+    def is_fed(self, now: float) -> bool:
+        """Return whether whose commands are obeyed is there: inverse kinematics, too, has to be heard of."""
+        return self.mode is not Mode.IK or now - self._solver_heard <= SILENCE
+
     def notices(self, now: float) -> Iterator[str]:
         """Yield what people should know, one line each: a lost operator, ignored commands and decisions of late."""
         if self.lost:

@@ -18,7 +18,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from shape_msgs.msg import Mesh, SolidPrimitive
 from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, Compliance, SimStatus
 from visualization_msgs.msg import MarkerArray
 
@@ -31,6 +30,7 @@ from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import run_node
+from tripod_graph.trajectory import Command, obey
 from tripod_sim import messages, realtime
 from tripod_sim.errors import StepError
 from tripod_sim.markers import SceneMarkers
@@ -145,7 +145,7 @@ class SimNode(Node):
         self._ball_shape = self.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
         self._ball_shape.publish(messages.ball_shape_message(self._ball_radius))
         listen(self, self._on_decision)
-        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
+        obey(self, self._follow, lambda error: self._refuse(str(error)))
         self.create_service(Trigger, names.SIM_RESET, self._on_reset)
         self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
         self.create_service(Trigger, names.SIM_STEP, self._on_step)
@@ -200,21 +200,21 @@ class SimNode(Node):
         if self._transforms:
             self._transforms.publish(snapshot)
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
-        times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in message.points]
-        positions = [p.positions for p in message.points]
-        try:
-            if not self._scene.servos:
-                raise CommandError(f"scene {self._scene.name!r} has no servos")
-            now = time.monotonic()
-            with self._lock:
-                self._look(now)
-                if self._authority.admits(message.header.frame_id, now):
-                    self._follower.check(message.joint_names, times, positions)
-                else:
-                    self._follower.accept(message.joint_names, times, positions, now)
-        except CommandError as error:
-            self._refuse(str(error))
+    def _follow(self, command: Command) -> None:
+        if not self._scene.servos:
+            raise CommandError(f"scene {self._scene.name!r} has no servos")
+        with self._lock:
+            self._look(command.now)
+            if self._authority.admits(command.source, command.now):
+                return
+            self._follower.accept(
+                command.names,
+                command.times,
+                command.positions,
+                command.now,
+                velocities=command.velocities,
+                age=command.age,
+            )
 
     def _on_decision(self, decision: Decision) -> None:
         wall, now = clocks(self)
@@ -226,9 +226,11 @@ class SimNode(Node):
             self._refuse(str(error))
 
     def _look(self, now: float) -> None:
-        """Hold if the operator in charge is lost; the caller has the lock."""
+        """Hold as the driver does, if nobody is there any more who commands; the caller has the lock."""
         if self._authority.lapse(now):
             self._obey(now)
+        if self._follower.activity is Activity.ACTIVE and not self._authority.is_fed(now):
+            self._follower.stop(now)
 
     def _obey(self, now: float) -> None:
         """Hold, as the driver does, because something else is in force now."""

@@ -77,7 +77,7 @@ class Bench:
 
     def moving(self) -> "Bench":
         """Bring it into motion towards -1.5 rad, half way there."""
-        self.safety.control_mode(said(Mode.IK, self.clock.now), self.clock.now, self.clock.now)
+        self.safety.control_mode(said(Mode.TELEOP, self.clock.now), self.clock.now, self.clock.now)
         self.run(0.1)
         self.goto(-1.5, -1.5, -1.5, time=1.0)
         self.run(0.5)

@@ -63,7 +63,7 @@ class Operator:
             message.points.append(JointTrajectoryPoint(positions=point, time_from_start=since))
         self._trajectory.publish(message)
 
-    def ready(self, mode: Mode = Mode.IK, lease: float = LONGEST_LEASE) -> None:
+    def ready(self, mode: Mode = Mode.TELEOP, lease: float = LONGEST_LEASE) -> None:
         """Wait until the driver has a link and hears the operator, then choose the mode."""
         self.client.wait(lambda: self.statuses and self.status.state >= 2, "the driver")
         for publisher in (self._trajectory, self._mode):

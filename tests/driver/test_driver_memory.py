@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from tests.decisions import said
 from tests.driver.bench import TICK, Bench
 from tests.memory import blocks_grown
 from tripod_graph.mode import Mode
@@ -12,7 +13,7 @@ from tripod_graph.mode import Mode
 @pytest.mark.parametrize("protocol", ["framed", "legacy", "ascii"])
 def test_what_was_sent_is_not_kept(protocol: str) -> None:
     bench = Bench(protocol=protocol)
-    bench.safety.control_mode(Mode.IK, bench.clock.now, bench.clock.now)
+    bench.safety.control_mode(said(Mode.TELEOP, bench.clock.now), bench.clock.now, bench.clock.now)
 
     def move(duration: float) -> None:
         for k in range(round(duration / TICK)):

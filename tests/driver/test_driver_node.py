@@ -167,7 +167,7 @@ def test_stop_service_and_stop_mode_hold_at_once_until_the_mode_changes(
     assert len(set(board.packets[held:])) == 1
     operator.wait_state(operator.status.HOLDING, "the hold")
     assert operator.status.message == "stopped by service; change the control mode to go on"
-    operator.mode(Mode.TELEOP)
+    operator.mode(Mode.REPLAY)
     client.wait(lambda: operator.status.message == "", "the release")
     client.wait(
         lambda: board.packets[-1][0] < -0.5,
@@ -244,15 +244,14 @@ def test_a_stop_stops_whatever_was_stamped_before(before, own, board, operator, 
 @pytest.mark.ros
 def test_a_lost_operator_and_its_long_trajectory_end_together(board, operator, client, start_driver) -> None:
     start_driver(f"port:={board.path}", "protocol:=legacy", "boot_time:=0", "park_after:=0.5")
-    operator.ready(lease=0.0)
-    operator.mode(Mode.IK, lease=0.0)
+    operator.ready(lease=1.5)
     operator.send([-2.0, -2.0, -2.0], times=(200.0,))
     client.wait(lambda: operator.status.authority.lost == SOURCE, "the loss")
     assert operator.status.state == operator.status.HOLDING
     assert operator.status.message == f"operator {SOURCE!r} is silent: everything holds, then parks"
     operator.wait_state(operator.status.PARKED, "the park position")
     assert min(row[0] for row in board.packets) > -0.2
-    operator.mode(Mode.IK, lease=60.0)  # it says that it leaves
+    operator.mode(Mode.TELEOP, lease=60.0)  # it says that it leaves
     operator.send([-0.5, -0.5, -0.5], times=(1.5,))
     client.wait(lambda: near(board.packets[-1], [-0.5] * 3), "the end of the trajectory")
 

@@ -72,7 +72,7 @@ def test_nothing_is_opened_or_sent_before_it_is_allowed() -> None:
     bench.driver.connect()
     assert bench.run(1.0) == []
     assert (bench.port.opened, bench.safety.state) == (1, State.READY)
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-1.0, -1.0, -1.0)
     assert bench.safety.message == "not active: commands are ignored"
     bench.safety.activate(bench.now)
@@ -120,7 +120,7 @@ def test_a_change_does_not_wait_for_a_packet_that_was_only_a_keep_alive() -> Non
 
 def test_packets_carry_the_commanded_angles() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.safety.trajectory(
         (SLIDE, "servo_2", "servo_1", "servo_0"),
         [0.5, 1.0],
@@ -140,7 +140,7 @@ def test_packets_carry_the_commanded_angles() -> None:
 
 def test_an_angle_that_the_protocol_cannot_carry_is_said_to_be_clamped() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-0.5, 0.3, -0.5, time=0.5)
     bench.run(0.5)
     assert bench.port.arrived[-4:] == bytes([255, 151, 180, 151])
@@ -150,7 +150,7 @@ def test_an_angle_that_the_protocol_cannot_carry_is_said_to_be_clamped() -> None
 
 def test_silence_holds_then_parks() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-1.0, -1.0, -1.0, time=0.4)
     bench.run(0.9)  # silent 0.5 s after the last point
     assert bench.safety.state is State.ACTIVE
@@ -165,7 +165,7 @@ def test_silence_holds_then_parks() -> None:
 @pytest.mark.parametrize("stop", ["mode", "service"])
 def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-1.5, -1.5, -1.5, time=1.0)
     bench.run(0.5)
     last = bench.port.arrived[-4:]
@@ -185,7 +185,7 @@ def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
     )
     assert bench.safety.message.startswith(said)
     assert bench.safety.rejected == 0  # they were no mistakes
-    bench.mode(Mode.TELEOP)
+    bench.mode(Mode.REPLAY)
     assert bench.safety.message == ""
     bench.goto(-1.2, -1.2, -1.2, time=0.4)
     bench.run(0.44)
@@ -194,7 +194,7 @@ def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
 
 def test_stop_also_interrupts_the_way_to_the_park_position() -> None:
     bench = Bench(start=(-1.5, -1.5, -1.5))
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.run(1.3)  # held for 1 s, then 0.3 s of the 0.65 s to the park position
     assert bench.safety.state is State.PARKED
     bench.mode(Mode.STOP)
@@ -207,10 +207,10 @@ def test_stop_also_interrupts_the_way_to_the_park_position() -> None:
 
 def test_the_same_mode_again_does_not_undo_a_stop_by_service() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.run(0.1)
     bench.safety.halt(bench.now)
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-1.0, -1.0, -1.0)
     bench.run(0.2)
     assert bench.angles == pytest.approx([-0.5] * 3, abs=RESOLUTION)
@@ -221,7 +221,7 @@ def test_a_new_source_does_not_inherit_the_motion_of_the_old_one() -> None:
     bench.mode(Mode.REPLAY)
     bench.goto(-2.0, -2.0, -2.0, time=10.0)
     bench.run(1.0)
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     last = bench.port.arrived[-4:]
     bench.run(0.5)
     assert bench.port.arrived[-4:] == last
@@ -233,7 +233,7 @@ def test_bad_commands_are_counted_and_named_whether_motion_is_allowed_or_not() -
     bad = (SERVOS, [0.0], [[math.nan, 0.0, 0.0]])
     with pytest.raises(CommandError):
         bench.safety.trajectory(*bad, bench.now, source=SOURCE)
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.run(0.1)
     with pytest.raises(CommandError):
         bench.safety.trajectory(*bad, bench.now, source=SOURCE)
@@ -241,13 +241,13 @@ def test_bad_commands_are_counted_and_named_whether_motion_is_allowed_or_not() -
     assert bench.safety.last_rejection == "point 0: servo_0 is nan rad, allowed is -2.1 to 0.6 rad"
     with pytest.raises(ValueError, match="control mode 9 is unknown"):
         bench.safety.control_mode(said(9, bench.now), bench.now, bench.now)
-    assert (bench.safety.rejected, bench.safety.authority.mode) == (3, Mode.IK)
+    assert (bench.safety.rejected, bench.safety.authority.mode) == (3, Mode.TELEOP)
     assert bench.safety.last_rejection.startswith("control mode 9 is unknown; modes: 0 STOP")
 
 
 def test_a_lost_port_is_opened_again_and_the_next_command_ramps() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-1.5, -1.5, -1.5, time=1.0)
     bench.run(0.5)
     count = bench.driver.packets_sent
@@ -275,7 +275,7 @@ def test_a_lost_port_is_opened_again_and_the_next_command_ramps() -> None:
 def test_after_a_reconnection_the_position_is_sent_at_once() -> None:
     bench = Bench(keep_alive=60.0)
     bench.port.fault = Fault.SHORT
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-0.6, -0.6, -0.6)
     bench.run(0.02)
     bench.port.fault = None
@@ -285,7 +285,7 @@ def test_after_a_reconnection_the_position_is_sent_at_once() -> None:
 @pytest.mark.parametrize("fault", [Fault.SILENT, Fault.LATE, Fault.CORRUPT])
 def test_a_fault_that_nobody_can_see_does_not_stop_the_stream(fault: Fault) -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.run(0.1)
     bench.port.fault = fault
     bench.goto(-0.7, -0.7, -0.7, time=0.2)
@@ -299,7 +299,7 @@ def test_a_fault_that_nobody_can_see_does_not_stop_the_stream(fault: Fault) -> N
 
 def test_a_write_cut_short_reopens_the_port_and_the_stream_recovers() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.run(0.1)
     bench.port.fault = Fault.SHORT
     bench.run(0.2)
@@ -314,7 +314,7 @@ def test_a_write_cut_short_reopens_the_port_and_the_stream_recovers() -> None:
 
 def test_deactivation_holds_and_sends_nothing_more() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-1.5, -1.5, -1.5, time=1.0)
     bench.run(0.5)
     last = bench.angles
@@ -328,7 +328,7 @@ def test_deactivation_holds_and_sends_nothing_more() -> None:
 
 def test_parking_ramps_to_the_park_position_and_ignores_commands() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-1.0, -0.6, -1.0, time=0.5)
     bench.run(0.5)
     bench.safety.park(bench.now)
@@ -353,7 +353,7 @@ def test_disconnecting_closes_the_port_and_keeps_it_closed() -> None:
 
 def test_a_stalled_executor_moves_no_further_than_two_ticks() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.run(0.1)
     bench.goto(-2.0, -2.0, -2.0)
     bench.now += 0.4
@@ -394,7 +394,7 @@ event = st.one_of(
 @given(st.lists(event, max_size=15))
 def test_whatever_happens_the_servos_see_neither_a_jump_nor_an_impossible_byte(events) -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     packets = bench.run(0.04)
     for kind, value in events:
         if kind == "goto":

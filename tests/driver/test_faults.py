@@ -224,7 +224,7 @@ event = st.one_of(
 @given(st.lists(event, max_size=12))
 def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silence_is_noticed(events) -> None:
     bench = Bench()
-    bench.safety.control_mode(said(Mode.IK, 1.0), 1.0, 100.0)
+    bench.safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, 100.0)
     bench.run(0.1)
     foreign = Foreigner(bench)
     for kind, value in events:

@@ -83,7 +83,7 @@ STRANGERS = [
 @pytest.mark.parametrize(("protocol", "device", "message"), STRANGERS)
 def test_a_port_that_is_no_robot_is_named_and_nothing_but_hellos_reach_it(protocol, device, message) -> None:
     bench = Bench(device, protocol=protocol, boot_time=2.0)
-    bench.safety.control_mode(said(Mode.IK, 1.0), 1.0, 100.0)
+    bench.safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, 100.0)
     told = set()
     for _ in range(800):
         bench.run(TICK, bench.stream)
@@ -137,7 +137,7 @@ def test_a_board_that_must_not_be_driven_is_a_fault(changed: dict, message: str)
             return super()._answer(message)
 
     bench = Bench(Other())
-    bench.safety.control_mode(said(Mode.IK, 1.0), 1.0, 100.0)
+    bench.safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, 100.0)
     bench.run(3.0, bench.stream)
     assert bench.safety.state is State.FAULT
     assert bench.safety.message.startswith(f"mock: {message}")

@@ -28,7 +28,7 @@ def make(**options) -> Safety:
 def ready(safety: Safety, now: float = 0.0) -> Safety:
     safety.ready(now)
     safety.activate(now)
-    safety.control_mode(said(Mode.IK, now + 1.0), now + 1.0, now)
+    safety.control_mode(said(Mode.TELEOP, now + 1.0), now + 1.0, now)
     return safety
 
 
@@ -230,7 +230,7 @@ class Watch:
 @given(st.lists(event, max_size=25), st.lists(st.floats(0.0, 0.5), min_size=30, max_size=30))
 def test_limits_slew_rate_watchdog_and_stop_hold_in_every_sequence_of_events(events, gaps) -> None:
     watch = Watch()
-    for kind, value in (("activate", None), ("ready", None), ("mode", Mode.IK), *events):
+    for kind, value in (("activate", None), ("ready", None), ("mode", Mode.TELEOP), *events):
         watch.do(kind, value)
         for gap in [0.0, PERIOD, gaps[len(kind) % 30], *([value] if kind == "wait" else [])]:
             watch.now += gap

@@ -87,7 +87,7 @@ class Host:
         self.driver = Driver(self.link, self.safety)
         self.driver.connect()
         self.safety.activate(board.now)
-        self.safety.control_mode(said(Mode.IK, board.now), board.now, board.now)
+        self.safety.control_mode(said(Mode.TELEOP, board.now), board.now, board.now)
 
     def run(self, duration: float) -> "Host":
         end = self.board.now + duration
@@ -215,7 +215,7 @@ def test_after_any_faults_the_servos_were_only_where_they_were_sent_and_the_watc
         met.add(fault)
         host.port.fault = fault if isinstance(fault, Fault) else None
         host.wire.noise = 0.05 if fault == "noise" else 0.0
-        mode = Mode.STOP if fault == "stop" else Mode.IK
+        mode = Mode.STOP if fault == "stop" else Mode.TELEOP
         host.safety.control_mode(said(mode, board.now), board.now, board.now)
         if fault == "reset":
             host.wire.reset()

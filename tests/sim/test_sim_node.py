@@ -187,7 +187,7 @@ def test_it_follows_a_command_within_its_limits(make) -> None:
 
 def test_a_trajectory_takes_the_time_that_it_says(make) -> None:
     graph = make(pose_rate=1000.0, timeout=5.0).start()
-    graph.choose(ControlMode.IK)
+    graph.choose(ControlMode.TELEOP)
     heard = graph.heard[names.SIM_JOINT_STATES]
     began = time.monotonic()
     graph.command([-0.3, -0.3, -0.3], seconds=0.6)

@@ -1,0 +1,75 @@
+"""The topic `joint_trajectory` in nodes that obey it: what is too large is refused before it is read."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from builtin_interfaces.msg import Duration, Time
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from trajectory_msgs.msg import JointTrajectory
+
+from tripod_graph import names
+from tripod_graph.cdr import check_size
+from tripod_graph.command import CommandError
+from tripod_graph.control_mode import clocks
+from tripod_graph.qos import RELIABLE
+
+
+@dataclass(frozen=True)
+class Command:
+    """A trajectory as it was sent; see `CommandFollower.accept`.
+
+    Attributes:
+        source: Who sent it.
+        names: Joint names.
+        times: Of each point from the start [s].
+        positions: Joint values of each point.
+        velocities: Of each point; none, or of all.
+        age: How long ago it begins [s]; negative: it begins later.
+        now: The steady time at which it came [s].
+    """
+
+    source: str
+    names: Sequence[str]
+    times: Sequence[float]
+    positions: Sequence[Sequence[float]]
+    velocities: Sequence[Sequence[float]]
+    age: float
+    now: float
+
+
+def obey(node: Node, follow: Callable[[Command], None], refuse: Callable[[CommandError], None]) -> None:
+    """Give every trajectory to `follow`; what that raises, and what cannot be read, to `refuse`."""
+
+    def take(data: bytes) -> None:
+        try:
+            check_size(data)
+            follow(command_of(deserialize_message(data, JointTrajectory), *clocks(node)))
+        except CommandError as error:
+            refuse(error)
+
+    node.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, take, RELIABLE, raw=True)
+
+
+def command_of(message: JointTrajectory, wall: float, now: float) -> Command:
+    """Return what a message commands, received at these times. Raises CommandError for what is not used."""
+    points = message.points
+    for what in ("accelerations", "effort"):
+        if any(len(getattr(point, what)) for point in points):
+            raise CommandError(f"its points have {what}, which are not used: leave them out")
+    stamp = seconds(message.header.stamp)
+    moving = [point.velocities for point in points if len(point.velocities)]
+    return Command(
+        message.header.frame_id,
+        message.joint_names,
+        [seconds(point.time_from_start) for point in points],
+        [point.positions for point in points],
+        moving,
+        wall - stamp if stamp else 0.0,
+        now,
+    )
+
+
+def seconds(time: Duration | Time) -> float:
+    """Return a duration, or an instant, as a number [s]."""
+    return float(time.sec) + 1e-9 * float(time.nanosec)
