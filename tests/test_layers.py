@@ -25,16 +25,8 @@ MAY_IMPORT = {
 """Packages of the suite that each package may import; tripod_bringup may import all."""
 
 ROS_EDGE = {
-    "tripod_graph": {
-        "control_mode",
-        "diagnostics",
-        "limits",
-        "parameters",
-        "qos",
-        "run",
-        "trajectory",
-        "tripod_host",
-    },
+    "tripod_host": set(),
+    "tripod_graph": {"control_mode", "diagnostics", "limits", "parameters", "qos", "run", "trajectory"},
     "tripod_sim": {"node", "messages", "markers", "transforms"},
     "tripod_ik": {"node", "messages", "settings"},
     "tripod_driver": {"node", "messages", "settings"},
