@@ -50,7 +50,8 @@ def path_command(
         with progress_bar(shown=shown) as progress:
             for k in range(steps):
                 joints[:3] = path.at((k + 1) * dt)
-                simulation.step(joints)
+                if unstable := simulation.step(joints).instability:
+                    raise StepError(unstable)
                 if progress:
                     progress((k + 1) / steps)
     except (PlayError, IkError, SceneError) as error:

@@ -148,6 +148,9 @@ def run_node(
         try:
             if node is not None:
                 node.close()
+                if failure := getattr(node, "failure", ""):
+                    print(f"{name}: {failure}", file=sys.stderr)
+                    code = FAILED
         except Exception as error:  # noqa: BLE001 - nothing is left to undo, but the exit code tells
             code = _closing_failed(name, error)
         finally:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tripod_play.errors import PlayError
 from tripod_play.player import Player, PlayerSettings
 from tripod_play.tilt import lever_of, tilt_map
-from tripod_sim import Simulation
+from tripod_sim import Simulation, StepError
 from tripod_sim.ball.ball import Place
 from tripod_sim.maze.play import MazeBall
 
@@ -113,7 +113,8 @@ def solve(
             share = (tilts(player.update(pictures[-1 - late])) - joints[:3]) / every
             pictures.popleft()
         joints[:3] += share
-        simulation.step(joints)
+        if unstable := simulation.step(joints).instability:
+            raise StepError(unstable)
         if watch:
             watch(simulation)
         if np.isfinite(ball.goal_time):

@@ -150,6 +150,11 @@ class SimNode(Node):
         self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
         self.create_service(Trigger, names.SIM_STEP, self._on_step)
 
+    @property
+    def failure(self) -> str:
+        """Why the physics stands still for good, empty while it does not: the process then ends as failed."""
+        return self._physics.failure
+
     def close(self) -> None:
         """End the physics."""
         self._physics.stop()

@@ -169,13 +169,15 @@ class RealTime(threading.Thread):
     def _advance(self) -> None:
         start = clock.perf_counter()
         try:
-            self._simulation.step(self._command(clock.monotonic()))
+            report = self._simulation.step(self._command(clock.monotonic()))
             self._taken.append(clock.perf_counter() - start)
             self._done.append(clock.perf_counter())
             due = self.want_compliance and self._simulation.state.step % self._every == 0
             self.latest = self._snapshot(compliance=due)
             if self._on_snapshot:
                 self._on_snapshot(self.latest)
+            if report.instability:
+                raise StepError(report.instability)
         except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
             expected = isinstance(
                 error, StepError | ValueError

@@ -390,3 +390,10 @@ def test_only_a_stable_run_exits_with_0(words: list[str], code: int) -> None:
     told = "unstable" in done.stderr
     assert told == bool(code)
     assert len([line for line in done.stderr.splitlines() if "unstable" in line]) == code
+
+
+def test_explain_fails_on_an_unstable_body() -> None:
+    words = ["--set", "springs.node_mass=0.005", "--set", "inertia.substeps=off", "--at", "0.06"]
+    done = CliRunner().invoke(app, ["explain", "pendulum", *words, "--no-costs", "-q"])
+    assert done.exit_code == 1
+    assert done.stderr.startswith("tripod explain: unstable: since step")

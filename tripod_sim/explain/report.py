@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.effects import absent, named
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.explain.costs import Cost, cost
 from tripod_sim.explain.loops import kernel_stages
 from tripod_sim.explain.memory import Size, memory, size
@@ -112,6 +112,8 @@ def explain(
     build = thread_time() - start
     tell(0.1, "reaching typical steps")
     steps = steps_ahead(simulation, at)
+    if unstable := simulation.report.instability:
+        raise StepError(unstable)
     sampler = Sampler(simulation)
     tell(0.2, "timing the stages")
     step, stages, timed, looped = _stages(sampler)
