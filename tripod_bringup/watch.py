@@ -114,8 +114,9 @@ class Watch(Node):
 
     def _note(self, sim: Any | None, ik: Any | None, robot: Any | None) -> str:
         record = self._fresh(self._recorder)
-        if record is not None and record.level != bytes([Level.OK]):
-            return f"record: {record.message}"
+        said = "" if record is None or record.level == bytes([Level.OK]) else f"record: {record.message}"
+        if record is not None and record.level == bytes([Level.ERROR]):
+            return said
         for name, message in (("sim", sim), ("ik", ik), ("driver", robot)):
             if message is not None and message.message:
                 return f"{name}: {message.message}"
@@ -125,7 +126,7 @@ class Watch(Node):
         ):
             if message is None and self.heard(topic):
                 return f"{name} is silent"
-        return ""
+        return said  # what is over is said where nobody else complains
 
     def _on_decision(self, decision: Decision) -> None:
         with suppress(ValueError):  # one that cannot be is reported by those who obey

@@ -100,8 +100,20 @@ def test_the_watch_tells_what_the_recorder_complains_of(spin: Callable[..., None
     spin(told("record: the disk is full"))
     said.append((Level.WARN, "it goes on elsewhere"))
     spin(told("record: it goes on elsewhere"))
+    robot = other.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+
+    def complain(note: str) -> Callable[[], bool]:
+        def check() -> bool:
+            robot.publish(RobotStatus(state=RobotStatus.DISCONNECTED, message="no port"))
+            return told(note)()
+
+        return check
+
+    spin(complain("driver: no port"))
+    said.append((Level.ERROR, "the disk is full"))
+    spin(complain("record: the disk is full"))
     said.append((Level.OK, "recording"))
-    spin(told(""))
+    spin(complain("driver: no port"))
 
 
 def test_the_word_stop_reaches_who_listens_and_who_comes_later(spin: Callable[..., None]) -> None:
