@@ -5,6 +5,8 @@
 
 import os
 import shutil
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from pathlib import Path
 
 from tools.command import Shell
@@ -14,26 +16,29 @@ WORKAROUND = Path(__file__).with_name("drop_missing_includes.cmake")
 INTERFACES = ("msg", "srv", "action")
 
 
-def message_packages(root: Path, ros: RosSource) -> dict[str, Path]:
-    """Return the packages to build: name to folder."""
-    own = {"tripod_msgs": root / "msgs"}
-    if ros.sourced:
-        return own
-    return own | {path.parent.name: path.parent for path in sorted(root.glob("interfaces/*/CMakeLists.txt"))}
+def own_messages(root: Path) -> list[Path]:
+    """Return the folder of `tripod_msgs`."""
+    return [root / "msgs"]
 
 
-def message_files(root: Path, ros: RosSource) -> list[Path]:
-    """Return the files on which the built messages depend, sorted."""
+def interfaces_of_others(root: Path, ros: RosSource) -> list[Path]:
+    """Return the folders of packages of others that have to be built: none where ROS is sourced."""
+    return [] if ros.sourced else [path.parent for path in sorted(root.glob("interfaces/*/CMakeLists.txt"))]
+
+
+def message_files(folders: Sequence[Path]) -> list[Path]:
+    """Return the files on which the messages of these packages depend, sorted."""
     sources: list[Path] = []
-    for folder in message_packages(root, ros).values():
+    for folder in folders:
         sources += [folder / "CMakeLists.txt", folder / "package.xml"]
         sources += [file for kind in INTERFACES for file in folder.glob(f"{kind}/*.{kind}")]
     return sorted([*sources, Path(__file__), WORKAROUND])
 
 
-def build_messages(root: Path, venv: Path, ros: RosSource, shell: Shell) -> None:
-    """Replace the messages in `venv` with those of `root`. Raises StepError."""
-    for package, folder in message_packages(root, ros).items():
+def build_messages(folders: Sequence[Path], venv: Path, ros: RosSource, shell: Shell) -> None:
+    """Replace the messages of these packages in `venv` with those of their folders. Raises StepError."""
+    for folder in folders:
+        package = ET.parse(folder / "package.xml").findtext("name") or folder.name
         _build(package, folder, venv, ros, shell)
 
 

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tools import sourced_ros
-from tools.build_msgs import build_messages, message_files, site_packages
+from tools.build_msgs import build_messages, interfaces_of_others, message_files, own_messages, site_packages
 from tools.command import Shell
 from tools.errors import MissingError, StepError
 from tools.prerequisites import missing_things
@@ -71,6 +71,9 @@ def _prepare(lock: int) -> None:
     if not state.is_done("packages", keys["packages"]):
         with _step(state, keys, "packages", "installing the pinned packages (about 1 GB on disk)"):
             _install_packages(ros, shell)
+    if not state.is_done("interfaces", keys["interfaces"]):
+        with _step(state, keys, "interfaces", "building interfaces that have no wheel"):
+            _install_interfaces(ros, shell)
     if not state.is_done("messages", keys["messages"]):
         with _step(state, keys, "messages", "building the messages"):
             _install_messages(ros, shell)
@@ -86,7 +89,10 @@ def _keys(ros: RosSource) -> dict[str, str]:
     return {
         "environment": key_of(str(ROOT), python, ros.sourced is not None),
         "packages": key_of(what, packages, ROOT / "constraints.txt"),
-        "messages": key_of(ros.sourced, *message_files(ROOT, ros), Path(sourced_ros.__file__)),
+        "interfaces": key_of(
+            ros.sourced, *message_files(interfaces_of_others(ROOT, ros)), Path(sourced_ros.__file__)
+        ),
+        "messages": key_of(ros.sourced, *message_files(own_messages(ROOT))),
     }
 
 
@@ -189,8 +195,13 @@ def _install_packages(ros: RosSource, shell: Shell) -> None:
     shell.run(*pip, "--no-build-isolation", "-e", f"{ROOT}[{extras}]")
 
 
+def _install_interfaces(ros: RosSource, shell: Shell) -> None:
+    if ros.sourced:  # which has them all
+        sourced_ros.install(site_packages(VENV), VENV, ros.sourced)
+    build_messages(interfaces_of_others(ROOT, ros), VENV, ros, shell)
+
+
 def _install_messages(ros: RosSource, shell: Shell) -> None:
     if ros.sourced:
-        sourced_ros.install(site_packages(VENV), VENV, ros.sourced)
         shell = shell.with_environ(**{name: os.environ.get(name, "") for name in PATHS})
-    build_messages(ROOT, VENV, ros, shell)
+    build_messages(own_messages(ROOT), VENV, ros, shell)

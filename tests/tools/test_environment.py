@@ -17,7 +17,7 @@ from tools.ros_source import RosSource
 from tools.state import SetupState, key_of
 
 ROOT = Path(__file__).parents[2]
-ALL = ["environment", "packages", "messages"]
+ALL = ["environment", "packages", "interfaces", "messages"]
 
 
 class Checkout:
@@ -27,7 +27,8 @@ class Checkout:
         self.root, self.venv = root, root / ".venv"
         self.ran: list[str] = []
         self.trouble: dict[str, BaseException] = {}
-        shutil.copytree(ROOT / "msgs", root / "msgs")
+        for name in ("msgs", "interfaces"):
+            shutil.copytree(ROOT / name, root / name)
         for name in ("pyproject.toml", "constraints.txt", "package.xml"):
             shutil.copy(ROOT / name, root)
         monkeypatch.setattr(environment, "ROOT", root)
@@ -37,6 +38,7 @@ class Checkout:
         monkeypatch.setattr(environment, "missing_things", lambda *_, **__: [])
         monkeypatch.setattr(environment, "_create_environment", lambda *_: self._run("environment"))
         monkeypatch.setattr(environment, "_install_packages", lambda *_: self._run("packages"))
+        monkeypatch.setattr(environment, "_install_interfaces", lambda *_: self._run("interfaces"))
         monkeypatch.setattr(environment, "_install_messages", lambda *_: self._run("messages"))
 
     def _run(self, step: str) -> None:
@@ -83,6 +85,12 @@ def test_a_changed_message_rebuilds_the_messages_alone(checkout: Checkout) -> No
     assert checkout.set_up() == ["messages"]
 
 
+def test_a_changed_interface_of_others_rebuilds_what_may_use_it(checkout: Checkout) -> None:
+    checkout.set_up()
+    append(checkout.root / "interfaces/tf2_msgs/msg/TFMessage.msg", "float64 more\n")
+    assert checkout.set_up() == ["interfaces", "messages"]
+
+
 @pytest.mark.parametrize("name", ["constraints.txt", "a new package"])
 def test_changed_packages_are_installed_and_the_messages_built_on_them(checkout: Checkout, name: str) -> None:
     checkout.set_up()
@@ -91,7 +99,7 @@ def test_changed_packages_are_installed_and_the_messages_built_on_them(checkout:
     else:
         (checkout.root / "tripod_new").mkdir()
         (checkout.root / "tripod_new" / "__init__.py").touch()
-    assert checkout.set_up() == ["packages", "messages"]
+    assert checkout.set_up() == ALL[1:]
     assert checkout.set_up() == []
 
 
@@ -141,7 +149,7 @@ def test_a_download_that_fails_is_tried_again_in_the_same_environment(
     assert checkout.code == 1
     assert "no network" in capsys.readouterr().err
     checkout.trouble = {}
-    assert checkout.set_up() == ["packages", "messages"]
+    assert checkout.set_up() == ALL[1:]
 
 
 def test_an_environment_that_somebody_else_made_is_taken_over_if_it_works(checkout: Checkout) -> None:
@@ -149,7 +157,7 @@ def test_an_environment_that_somebody_else_made_is_taken_over_if_it_works(checko
     assert checkout.set_up() == ALL, "without pip it is of no use"
     shutil.rmtree(checkout.venv)
     subprocess.run([sys.executable, "-m", "venv", str(checkout.venv)], check=True)
-    assert checkout.set_up() == ["packages", "messages"]
+    assert checkout.set_up() == ALL[1:]
 
 
 @pytest.mark.parametrize("content", ["", "not json", "[1]", '{"packages": 1}'])
