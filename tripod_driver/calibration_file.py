@@ -1,6 +1,5 @@
 """Calibrations as YAML text. A file is a stranger until it is parsed: all that is wrong is told in one line."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -14,6 +13,8 @@ from tripod_host.reading import read_file
 
 LARGEST_FILE: Final = 65536
 """Bytes that a calibration may have."""
+
+LARGEST_NUMBER: Final = 1e9
 
 FIELDS: Final = tuple(field.name for field in fields(ServoCalibration))
 PAIRS: Final = ("pulse_range", "safe_range")
@@ -128,7 +129,8 @@ def _mapping(value: object, what: str, known: Sequence[str]) -> Mapping[str, Any
 
 
 def _number(what: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    # as a whole number it may have any length
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST_NUMBER:
         raise CalibrationError(f"{what} is {_shown(value)}; it must be a finite number")
     return value
 

@@ -24,12 +24,20 @@ LARGEST_FILE = 2**43
 """Longest file that is looked into [B]; it is read piece by piece."""
 RECORD_LIMIT = 2**27
 """Largest record and largest chunk that is read [B]."""
+UNPACKED_FREE, UNPACKED_RATIO = 2**29, 100
+"""What chunks may unpack to in all [B], and besides, for each byte of the file; what exceeds it is made to do harm."""
+RECORDS_FREE, BYTES_A_RECORD = 500_000, 4
+"""Records that are read of any file, and besides, one for so many bytes of it: unpacked, a message has 31 or more."""
 CHANNEL_LIMIT = 10_000
 """Most channels that are believed."""
 NOT_CLOSED = "not closed: still being recorded, or its recorder was killed and up to a second is missing"
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+
+
+class ExcessError(RecordError):
+    """A file that would take time and memory out of proportion to its size."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +90,8 @@ class Reader:
     truncated: str = ""
     damage: list[str] = field(default_factory=list)
     _schemas: dict[int, Schema] = field(default_factory=dict)
+    _unpacked_left: float = float("inf")
+    _records_left: float = float("inf")
 
     def messages(self) -> Iterator[Message]:
         """Yield every message that can be read, in the order of the file.
@@ -97,6 +107,8 @@ class Reader:
     def _messages(self, file: BinaryIO) -> Iterator[Message]:
         size = file.seek(0, io.SEEK_END)
         at = file.seek(len(MAGIC))
+        self._unpacked_left = UNPACKED_FREE + UNPACKED_RATIO * size
+        self._records_left = RECORDS_FREE + size // BYTES_A_RECORD
         in_summary = False
         while True:
             head = file.read(_RECORD.size)
@@ -128,7 +140,8 @@ class Reader:
                     yield from self.take(opcode, data)
             except RecordError as error:
                 self._note(f"byte {at}: {error}")
-                if opcode not in (Opcode.CHUNK, Opcode.MESSAGE):  # no sense in what follows
+                # no sense in what follows, or no end
+                if opcode not in (Opcode.CHUNK, Opcode.MESSAGE) or isinstance(error, ExcessError):
                     return
             at += _RECORD.size + length
 
@@ -138,7 +151,13 @@ class Reader:
             yield self._message(data)
         elif opcode == Opcode.CHUNK:
             self.compressions.add(chunk_compression(data) or "none")
-            yield from self._chunk(chunk_data(data))
+            records = chunk_data(data)
+            self._unpacked_left -= len(records)
+            if self._unpacked_left < 0:
+                raise ExcessError(
+                    f"chunks unpack to more than {UNPACKED_RATIO} times the file; the rest is not read"
+                )
+            yield from self._chunk(records)
         elif opcode == Opcode.CHANNEL:
             self._channel(Fields(data))
         elif opcode == Opcode.SCHEMA:
@@ -154,6 +173,11 @@ class Reader:
                 raise RecordError("a chunk ends within a record")
             opcode, length = _RECORD.unpack_from(view, at)
             at += _RECORD.size
+            self._records_left -= 1
+            if self._records_left < 0:
+                raise ExcessError("more records than a file of this size can hold; the rest is not read")
+            if opcode == 0:
+                raise RecordError("zeros in place of records")
             if length > len(view) - at:
                 raise RecordError("a chunk ends within a record")
             if opcode == Opcode.CHUNK:

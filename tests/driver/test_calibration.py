@@ -185,3 +185,10 @@ def test_any_text_is_a_calibration_or_refused(text: str) -> None:
         parse_calibration(text)
     except CalibrationError as error:
         assert "\n" not in str(error)
+
+
+def test_a_number_of_any_length_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "long.yaml"
+    file.write_text(f"servos: {{servo_0: {{offset: {'9' * 400}}}, servo_1: {{}}, servo_2: {{}}}}")
+    with pytest.raises(CalibrationError, match=r"servos.servo_0.offset is 9+.*; it must be a finite number"):
+        read_calibration(file)

@@ -336,3 +336,42 @@ def test_qos_of_other_versions_of_rosbag2() -> None:
     )
     assert qos_words(numbered) == ("reliable, transient_local", "best_effort, volatile")
     assert qos_words("") == ()
+
+
+def packed_file(path: Path, record: bytes, chunks: int) -> Path:
+    """Write a file whose chunks unpack to 16 MB each of one record, again and again."""
+
+    def part(opcode: int, body: bytes) -> bytes:
+        return struct.pack("<BQ", opcode, len(body)) + body
+
+    def text(value: bytes) -> bytes:
+        return struct.pack("<I", len(value)) + value
+
+    channel = part(3, struct.pack("<H", 1) + text(b"t") + text(b"ros2msg") + text(b""))
+    channel += part(4, struct.pack("<HH", 1, 1) + text(b"/t") + text(b"cdr") + text(b""))
+    data = record * (2**24 // len(record))
+    packed = zstandard.ZstdCompressor(level=1).compress(data)
+    head = struct.pack("<QQQI", 0, 1, len(data), 0) + text(b"zstd") + struct.pack("<Q", len(packed))
+    begin = MAGIC + part(1, text(b"ros2") + text(b"x")) + channel
+    path.write_bytes(begin + part(6, head + packed) * chunks)
+    return path
+
+
+EMPTY_MESSAGE = struct.pack("<BQHIQQ", 5, 22, 1, 0, 5, 5)
+LARGE_MESSAGE = struct.pack("<BQHIQQ", 5, 22 + 2**20, 1, 0, 5, 5) + bytes(2**20)
+
+
+@pytest.mark.parametrize(
+    ("record", "chunks", "said", "most"),
+    [
+        (bytes(9), 3, "zeros in place of records", 0),
+        (EMPTY_MESSAGE, 3, "more records than a file of this size can hold; the rest is not read", 600_000),
+        (LARGE_MESSAGE, 50, "chunks unpack to more than 100 times the file; the rest is not read", 700),
+    ],
+)
+def test_what_is_packed_to_do_harm_is_read_no_further_than_its_size_allows(
+    record: bytes, chunks: int, said: str, most: int, tmp_path: Path
+) -> None:
+    info = read_info(packed_file(tmp_path / "bomb.mcap", record, chunks))
+    assert info.messages <= most
+    assert said in info.damage[-1]
