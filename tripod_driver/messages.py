@@ -34,6 +34,9 @@ def status_message(driver: Driver) -> RobotStatus:
         rejected_commands=safety.rejected,
         last_rejection=safety.last_rejection,
         authority=authority_message(safety.authority),
+        lower=safety.range.lower[:3],
+        upper=safety.range.upper[:3],
+        speed=safety.range.speed[:3],
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits, FloatArray
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.names import SERVOS
+from tripod_graph.range import cut
 
 COUNT = len(SERVOS)
 
@@ -44,6 +45,7 @@ class Safety:
 
     Attributes:
         authority: Who is in charge.
+        range: What is sent: commands beyond are followed to the nearest within.
         rejected: Messages refused.
         last_rejection: Why the newest of them was refused.
     """
@@ -75,6 +77,7 @@ class Safety:
                 safe = f"{self._lower[i]:g} to {self._upper[i]:g} rad"
                 asked = f"angle_min {limits.angle_min:g} to angle_max {limits.angle_max:g} rad"
                 raise CommandError(f"{name} may be sent {safe}, which is nowhere within {asked}")
+        self.range = limits.within(lower, upper, [limits.angle_speed] * COUNT)
         self.rejected, self.last_rejection = 0, ""
         self._period, self._limits = period, limits
         joints = None if start is None else [*start, limits.park[COUNT]]
@@ -107,17 +110,7 @@ class Safety:
             return "stopped by service; change the control mode to go on"
         if self._ignored and not self._active:
             return "not active: commands are ignored"
-        return next(self.authority.notices(self._now), "") or self._cut()
-
-    def _cut(self) -> str:
-        """Return which servo is asked for more than may be sent; empty if none is."""
-        for name, angle, low, high in zip(
-            SERVOS, self._follower.joints, self._lower, self._upper, strict=False
-        ):
-            if not low - 1e-9 <= angle <= high + 1e-9:
-                safe = f"its safe range is {low:.3f} to {high:.3f} rad"
-                return f"{name} is asked for {angle:.3f} rad, {safe}: the nearest is sent"
-        return ""
+        return next(self.authority.notices(self._now), "") or cut(self._follower.joints, self.range)
 
     @property
     def commanded(self) -> tuple[float, ...]:

@@ -4,7 +4,7 @@ Pure: the caller gives the time. One rule for both, so that the simulated robot 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -47,6 +47,8 @@ class CommandLimits:
         timeout: Silence after which the joints hold [s].
         park_after: Time of holding after which they move to `park` [s].
         park: Park position: three angles [rad] and the slide [m].
+        servos: Smallest and largest angle [rad] and slew rate [rad/s] of each servo, where they are narrower; none, or
+            three.
     """
 
     angle_min: float = -2.1
@@ -57,6 +59,7 @@ class CommandLimits:
     timeout: float = 0.5
     park_after: float = 5.0
     park: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    servos: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         for name in (
@@ -83,17 +86,43 @@ class CommandLimits:
     @property
     def lower(self) -> FloatArray:
         """Smallest joint values, three angles [rad] and the slide [m], shape (4,)."""
-        return np.array([self.angle_min] * 3 + [0.0])
+        return np.array([*(max(self.angle_min, low) for low, _, _ in self._servos), 0.0])
 
     @property
     def upper(self) -> FloatArray:
         """Largest joint values, three angles [rad] and the slide [m], shape (4,)."""
-        return np.array([self.angle_max] * 3 + [self.slide_max])
+        return np.array([*(min(self.angle_max, high) for _, high, _ in self._servos), self.slide_max])
 
     @property
     def speed(self) -> FloatArray:
         """Slew rates, shape (4,) [rad/s, m/s]."""
-        return np.array([self.angle_speed] * 3 + [self.slide_speed])
+        return np.array([*(min(self.angle_speed, speed) for _, _, speed in self._servos), self.slide_speed])
+
+    @property
+    def _servos(self) -> tuple[tuple[float, float, float], ...]:
+        return self.servos or ((self.angle_min, self.angle_max, self.angle_speed),) * 3
+
+    def within(
+        self, lower: Sequence[float], upper: Sequence[float], speed: Sequence[float]
+    ) -> "CommandLimits":
+        """Return what these limits share with angles [rad] and slew rates [rad/s] of the servos, shape (3,) each.
+
+        The park position moves to the nearest within. Raises CommandError if a servo has nothing left.
+        """
+        servos = tuple(zip(lower, upper, speed, strict=True))
+        if len(servos) != len(SERVOS):
+            raise CommandError(f"a range of {len(servos)} servos; it needs {len(SERVOS)}")
+        for name, (low, high, rate) in zip(SERVOS, servos, strict=True):
+            if not (max(low, self.angle_min) < min(high, self.angle_max) and rate > 0):  # NaN fails
+                own = f"{self.angle_min:g} to {self.angle_max:g} rad"
+                raise CommandError(
+                    f"{name} may go from {low:g} to {high:g} rad at {rate:g} rad/s, own limits are {own}"
+                )
+        angles = [
+            min(max(a, low, self.angle_min), high, self.angle_max)
+            for a, (low, high, _) in zip(self.park, servos, strict=False)
+        ]
+        return replace(self, servos=servos, park=(angles[0], angles[1], angles[2], self.park[3]))
 
     def inside(self, joints: FloatArray) -> NDArray[np.bool_]:
         """Return which of `joints`, shape (..., 4), are finite and within the limits."""

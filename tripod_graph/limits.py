@@ -24,5 +24,5 @@ LIMIT_PARAMETERS: Final = (
 
 def limits_from(values: Mapping[str, Any]) -> CommandLimits:
     """Return the limits that the parameters set; raise CommandError if they contradict each other."""
-    chosen = {field.name: values[field.name] for field in fields(CommandLimits)}
+    chosen = {field.name: values[field.name] for field in fields(CommandLimits) if field.name in values}
     return CommandLimits(**{**chosen, "park": tuple(chosen["park"])})

@@ -21,14 +21,16 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import Compliance, IkStatus
+from tripod_msgs.msg import Compliance, IkStatus, RobotStatus
 
 from tripod_graph import names
+from tripod_graph.command import CommandLimits
 from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.parameters import declare
 from tripod_graph.qos import RELIABLE, SENSOR
+from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import IK, new_source
 from tripod_ik.arrays import FloatArray
@@ -59,6 +61,16 @@ class IkNode(Node):
         values = declare(self, PARAMETERS)
         self._targets = TargetBox(values["target_low"], values["target_high"])
         self._tracker = Tracker(tracker_settings(values), len(names.SERVOS), model_error(values))
+        s = self._tracker.settings
+        still = min(max(0.0, s.angle_min), s.angle_max)  # it never parks
+        self._range = RangeWatch(
+            CommandLimits(
+                angle_min=s.angle_min,
+                angle_max=s.angle_max,
+                angle_speed=s.angle_speed,
+                park=(still, still, still, 0.0),
+            )
+        )
         self._scene, self._slide, self._kind = values["scene"], values["slide"], values["model"]
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
@@ -83,6 +95,7 @@ class IkNode(Node):
         listen(self, self._on_decision)
         self.create_subscription(PoseStamped, names.TARGET_POSE, self._on_target, RELIABLE)
         self.create_subscription(Compliance, names.COMPLIANCE, self._on_compliance, NEWEST)
+        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
         self.create_subscription(JointState, names.ROBOT_JOINT_STATES, self._on_joints, NEWEST)
         if values["feedback"] == "pose":
             self.create_subscription(PoseStamped, names.ROBOT_EFFECTOR_POSE, self._on_measured_pose, RELIABLE)
@@ -148,6 +161,16 @@ class IkNode(Node):
         position, normal = target
         followed = None if self._tracker.settings.goal is Goal.POSITION else normal
         self._tracker.aim(position, followed, time.monotonic())
+
+    def _on_robot_status(self, message: Any) -> None:
+        if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
+            self._keep_range()
+
+    def _keep_range(self) -> None:
+        limits = self._range.limits
+        self._tracker.narrow(limits.lower[:3], limits.upper[:3], float(limits.speed[:3].min()))
+        if self._range.notice:
+            self.get_logger().warning(self._range.notice)
 
     def _on_joints(self, message: Any) -> None:
         found = dict(zip(message.name, message.position, strict=False))
@@ -234,6 +257,8 @@ class IkNode(Node):
     def _on_timer(self) -> None:
         now = time.monotonic()
         self._look(now)
+        if self._range.lapse(now):
+            self._keep_range()
         if self._authority.mode is not Mode.IK:
             self._rest_again(Activity.IDLE, next(self._authority.notices(now), ""), now)
             return
@@ -313,6 +338,8 @@ class IkNode(Node):
         status.rejected_targets = self._rejected["targets"]
         status.last_rejection = self._last_target_rejection
         status.authority = authority_message(self._authority)
+        limits = self._range.limits
+        status.lower, status.upper = array("d", limits.lower[:3]), array("d", limits.upper[:3])
         self._statuses.publish(status)
         self._activity, self._message, self._reported = activity, message, time.monotonic()
 

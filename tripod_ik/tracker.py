@@ -112,6 +112,10 @@ class Tracker:
         self._target: FloatArray | None = None
         self.start()
 
+    def narrow(self, low: FloatArray, high: FloatArray, speed: float) -> None:
+        """Keep to angles from `low` to `high` [rad], shape (n,), and to `speed` [rad/s] from now on."""
+        self._limits = AngleLimit(low, high), SpeedLimit(speed)
+
     @property
     def target(self) -> FloatArray | None:
         """The target's position [m], shape (3,); None while there is none, then the tracker keeps the effector

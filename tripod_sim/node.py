@@ -18,7 +18,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from shape_msgs.msg import Mesh, SolidPrimitive
 from std_srvs.srv import SetBool, Trigger
-from tripod_msgs.msg import BodyState, Compliance, SimStatus
+from tripod_msgs.msg import BodyState, Compliance, RobotStatus, SimStatus
 from visualization_msgs.msg import MarkerArray
 
 from tripod_graph import names
@@ -29,6 +29,7 @@ from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.range import Fence, RangeWatch, cut
 from tripod_graph.run import run_node
 from tripod_graph.trajectory import Command, obey
 from tripod_sim import messages, realtime
@@ -91,7 +92,8 @@ class SimNode(Node):
         self._lock = threading.Lock()
         self._authority = ModeTracker()
         self._limits = _within_scene(limits_from(values), scene)
-        self._follower = self._new_follower()
+        self._range = RangeWatch(self._limits)
+        self._follower, self._fence = self._new_follower(), Fence()
         self._refused = 0
         self._last_refusal = ""
         self._join_graph()
@@ -145,6 +147,7 @@ class SimNode(Node):
         self._ball_shape = self.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
         self._ball_shape.publish(messages.ball_shape_message(self._ball_radius))
         listen(self, self._on_decision)
+        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
         obey(self, self._follow, lambda error: self._refuse(str(error)))
         self.create_service(Trigger, names.SIM_RESET, self._on_reset)
         self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
@@ -171,7 +174,7 @@ class SimNode(Node):
             return None
         with self._lock:
             self._look(now)
-            return self._follower.setpoint(now)
+            return self._fence.nearest(self._follower.setpoint(now), self._range.limits, now)
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
         if (c := messages.compliance_message(snapshot)) is not None:
@@ -186,7 +189,7 @@ class SimNode(Node):
 
     def _on_start_state(self) -> None:
         with self._lock:
-            self._follower = self._new_follower()
+            self._follower, self._fence = self._new_follower(), Fence()
 
     # executor -------------------------------------------------------------------------------------------------
 
@@ -220,6 +223,12 @@ class SimNode(Node):
                 velocities=command.velocities,
                 age=command.age,
             )
+
+    def _on_robot_status(self, message: RobotStatus) -> None:
+        with self._lock:
+            changed = self._range.hear(message.lower, message.upper, message.speed, time.monotonic())
+        if changed and self._range.notice:
+            self.get_logger().warning(self._range.notice)
 
     def _on_decision(self, decision: Decision) -> None:
         wall, now = clocks(self)
@@ -274,6 +283,8 @@ class SimNode(Node):
         self._physics.want_compliance = (
             self._scene.effector is not None and self._compliance.get_subscription_count() > 0
         )
+        with self._lock:
+            self._range.lapse(time.monotonic())
         self._status.publish(self._status_message())
 
     def _state(self) -> int:
@@ -302,10 +313,12 @@ class SimNode(Node):
             residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
             gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
             last_rejection=self._last_refusal, authority=authority_message(self._authority),
+            lower=self._range.limits.lower[:3], upper=self._range.limits.upper[:3],
         )  # fmt: skip
 
     def _notices(self, snapshot: Snapshot) -> str:
-        words = (notices(snapshot), *self._authority.notices(time.monotonic()))
+        beyond = cut(self._follower.joints, self._range.limits) if self._scene.servos else ""
+        words = (notices(snapshot), *self._authority.notices(time.monotonic()), beyond)
         return "; ".join(word for word in words if word)
 
     def _report(self) -> Report:

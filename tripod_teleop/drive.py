@@ -31,6 +31,7 @@ class Drive:
     it is.
 
     Attributes:
+        limits: Bounds of the set-point.
         joints: The set-point: three angles [rad], and the slide [m] if it is known.
         motion: Name of the motion under way, empty if none.
         at_once: Whether the set-point has jumped: followers are not to take the time between two set-points for it.
@@ -45,7 +46,7 @@ class Drive:
             hold: Time for which a press counts [s].
             pose_time: Shortest time of a motion to a pose [s].
         """
-        self._limits, self._speed, self._hold, self._pose_time = limits, speed, hold, pose_time
+        self.limits, self._speed, self._hold, self._pose_time = limits, speed, hold, pose_time
         self.joints: FloatArray = np.zeros(3)
         self.motion = ""
         self.at_once = False
@@ -56,7 +57,7 @@ class Drive:
     def start(self, joints: Sequence[float]) -> None:
         """Begin at rest at `joints`: three angles [rad], and the slide [m] if it is known."""
         values = np.array(joints, float)
-        self.joints = np.clip(values, self._limits.lower[: len(values)], self._limits.upper[: len(values)])
+        self.joints = np.clip(values, self.limits.lower[: len(values)], self.limits.upper[: len(values)])
         self._due = float("-inf")
         self.rest()
 
@@ -92,8 +93,8 @@ class Drive:
         """Begin a motion to `pose`, three angles [rad] and the slide [m], all joints in proportion."""
         self.rest()
         size = len(self.joints)
-        goal = np.clip(np.array(pose, float), self._limits.lower, self._limits.upper)[:size]
-        fastest = PEAK * np.abs(goal - self.joints) / self._limits.speed[:size]
+        goal = np.clip(np.array(pose, float), self.limits.lower, self.limits.upper)[:size]
+        fastest = PEAK * np.abs(goal - self.joints) / self.limits.speed[:size]
         self._path = (self.joints.copy(), goal, now, max(self._pose_time, float(fastest.max())))
         self.motion = name
 
@@ -104,7 +105,7 @@ class Drive:
         """
         self.rest()
         self.at_once = True
-        self.joints[:3] = np.clip(np.array(angles, float), self._limits.lower[:3], self._limits.upper[:3])
+        self.joints[:3] = np.clip(np.array(angles, float), self.limits.lower[:3], self.limits.upper[:3])
 
     def setpoint(self, now: float, ahead: float = 0.0) -> FloatArray:
         """Return where the joints should be `ahead` [s] after `now` [s], shape (3,) or (4,); call it at a regular rate.
@@ -125,7 +126,7 @@ class Drive:
             self.joints[servo] += sign * self._speed * max(0.0, min(time, until) - last)
             self._pressed[servo] = (sign, max(moved, time), until)
         size = len(self.joints)
-        self.joints = np.clip(self.joints, self._limits.lower[:size], self._limits.upper[:size])
+        self.joints = np.clip(self.joints, self.limits.lower[:size], self.limits.upper[:size])
         return self.joints.copy()
 
     def _at(self, now: float) -> FloatArray:

@@ -12,6 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from tripod_msgs.msg import RobotStatus
 
 from tripod_graph import names
 from tripod_graph.command import CommandError, CommandLimits
@@ -21,6 +22,7 @@ from tripod_graph.limits import LIMIT_PARAMETERS
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import RELIABLE
+from tripod_graph.range import RangeWatch
 from tripod_graph.run import REFUSED, run_node
 from tripod_graph.source import new_source
 from tripod_teleop.drive import Drive, FloatArray
@@ -28,7 +30,7 @@ from tripod_teleop.escape import KeyParser
 from tripod_teleop.joints import JointWatch
 from tripod_teleop.keys import HELP, KEYS, Act, Move
 from tripod_teleop.operate import Operator, Toss
-from tripod_teleop.screen import status_line
+from tripod_teleop.screen import range_text, status_line
 from tripod_teleop.terminal import Terminal, TerminalError
 from tripod_teleop.waiter import KeyWaiter
 
@@ -68,12 +70,14 @@ class TeleopNode(Node):
         drive = Drive(limits, speed=values["speed"], hold=values["hold"], pose_time=values["pose_time"])
         toss = Toss(*(checked_angles(name, values[name], limits) for name in ("catch", "throw")))
         source = new_source(self.get_name(), self.get_namespace())
+        self._range = RangeWatch(limits)
         self._operator = Operator(source, drive, limits.park, toss)
         self._watch, self._parser, self._terminal = JointWatch(), KeyParser(), terminal
         self._rejected, self._last_rejection = 0, ""
         self._command = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._speaker = Speaker(self, self._operator)
         listen(self, self._on_decision)
+        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
         for topic, hear in (
             (names.SIM_JOINT_STATES, self._watch.hear_sim),
             (names.ROBOT_JOINT_STATES, self._watch.hear_robot),
@@ -144,6 +148,8 @@ class TeleopNode(Node):
             self._command.publish(self._command_message(joints, duration))
 
     def _on_line(self) -> None:
+        if self._range.lapse(time.monotonic()):
+            self._keep_range()
         operator = self._operator
         self._terminal.show(
             status_line(
@@ -156,6 +162,15 @@ class TeleopNode(Node):
                 width=self._terminal.width,
             )
         )
+
+    def _on_robot_status(self, message: RobotStatus) -> None:
+        if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
+            self._keep_range()
+
+    def _keep_range(self) -> None:
+        limits = self._operator.drive.limits = self._range.limits
+        whose = "the driver's range" if self._range.narrowed else "own limits"
+        self._terminal.print(self._range.notice or f"{range_text(limits)} ({whose})")
 
     def _on_decision(self, decision: Decision) -> None:
         try:

@@ -2,6 +2,7 @@
 
 import math
 
+from tripod_graph.command import CommandLimits
 from tripod_graph.mode import Mode
 from tripod_teleop.joints import Joints
 
@@ -42,3 +43,13 @@ def angles_text(joints: Joints | None) -> str:
     angles = " ".join(f"{math.degrees(a):6.1f}" for a in joints[:3])
     slide = f", slide {1000 * joints[3]:4.1f} mm" if len(joints) > 3 else ""
     return f"{angles} deg{slide}"
+
+
+def range_text(limits: CommandLimits) -> str:
+    """Return in one line how far the servos may go [degrees]."""
+    ends = zip(limits.lower[:3], limits.upper[:3], strict=True)
+    return (
+        "servos go "
+        + ", ".join(f"{math.degrees(low):.1f} to {math.degrees(high):.1f}" for low, high in ends)
+        + " deg"
+    )

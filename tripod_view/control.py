@@ -114,6 +114,12 @@ class Control:
         if gap or not self.streaming or self._motion_until is not None:
             self._follow_measured(now)
 
+    def narrow(self, limits: CommandLimits) -> None:
+        """Keep to `limits` from now on."""
+        self.limits = limits
+        self.angles = np.clip(self.angles, limits.lower[:3], limits.upper[:3])
+        self.synced = True
+
     def set_angle(self, servo: int, angle: float) -> bool:
         """Ask for `angle` [rad] of `servo`; return whether it is taken: in control, finite. It is clamped.
 
@@ -124,7 +130,7 @@ class Control:
             return False
         if self.moving:
             self._end_motion()
-        self.angles[servo] = np.clip(angle, self.limits.angle_min, self.limits.angle_max)
+        self.angles[servo] = np.clip(angle, self.limits.lower[servo], self.limits.upper[servo])
         self.synced |= bool(self.angles[servo] != angle)
         return True
 
@@ -172,5 +178,5 @@ class Control:
     def _follow_measured(self, now: float) -> None:
         joints = self.measured(now)
         if joints is not None:
-            self.angles = np.clip(joints[:3], self.limits.angle_min, self.limits.angle_max)
+            self.angles = np.clip(joints[:3], self.limits.lower[:3], self.limits.upper[:3])
             self.synced = True

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_graph.command import CommandLimits
 from tripod_view import words
 from tripod_view.body import Body, Surface
 from tripod_view.control import Control
@@ -113,6 +114,10 @@ class Display:
     def keep_robot(self, status: words.RobotFields) -> None:
         """Keep a status of the driver."""
         self._robot = Heard(status, time.monotonic())
+
+    def show_range(self, limits: CommandLimits) -> None:
+        """Let the sliders end where the joints may go."""
+        self._panel.show_range(limits)
 
     def draw(self, control: Control, target: TargetHandle, rejects: Rejects, browsers: int) -> None:
         """Draw a picture; texts and plots follow every PANEL_PERIOD."""

@@ -31,6 +31,7 @@ from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import declare
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import new_source
 from tripod_view import events
@@ -71,6 +72,7 @@ class ViewNode(Node):
         self._target, self._rejects = settings.target, Rejects()
         source = new_source(self.get_name(), self.get_namespace())
         self._control = Control(source, settings.limits, settings.move_speed)
+        self._range = RangeWatch(settings.limits)
         self._browsers: set[int] = set()
         self._streams: list[Subscription] = []
         self._sim_joints_at = float("-inf")
@@ -123,7 +125,7 @@ class ViewNode(Node):
             (PoseStamped, names.TARGET_POSE, self._on_target_pose, RELIABLE),
             (SimStatus, names.SIM_STATUS, show.keep_sim, RELIABLE),
             (IkStatus, names.IK_STATUS, show.keep_ik, RELIABLE),
-            (RobotStatus, names.ROBOT_STATUS, show.keep_robot, RELIABLE),
+            (RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE),
         ):
             self.create_subscription(kind, topic, callback, qos)
 
@@ -206,6 +208,17 @@ class ViewNode(Node):
             return
         if self._target.hear(target.position):
             self._display.touch_target()
+
+    def _on_robot_status(self, message: RobotStatus) -> None:
+        self._display.keep_robot(message)
+        if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
+            self._keep_range()
+
+    def _keep_range(self) -> None:
+        self._control.narrow(self._range.limits)
+        self._display.show_range(self._range.limits)
+        if self._range.notice:
+            self._refuse(names.ROBOT_STATUS, self._range.notice)
 
     def _on_decision(self, decision: Decision) -> None:
         before = self._control.mode
@@ -329,6 +342,8 @@ class ViewNode(Node):
         self._target_pose.publish(target_message(position, stamp))
 
     def _on_draw(self) -> None:
+        if self._range.lapse(time.monotonic()):
+            self._keep_range()
         if self._target_asked is not None:  # at the rate of the pictures, however fast the hand is
             self._publish_target(self._target_asked)
         skipped = self._display.body.skipped

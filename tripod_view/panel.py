@@ -81,6 +81,13 @@ class Panel:
         for slider in self._sliders:
             slider.disabled = not enabled
 
+    def show_range(self, limits: CommandLimits) -> None:
+        """Let the sliders end where the joints may go."""
+        for servo, slider in enumerate(self._sliders):
+            low, high = _ends(limits, servo)
+            slider.value = float(np.clip(slider.value, low, high))
+            slider.min, slider.max = low, high
+
     def set_sliders(self, angles: FloatArray) -> None:
         """Set the sliders to `angles` [rad], shape (3,)."""
         for slider, angle in zip(self._sliders, angles, strict=True):
@@ -118,8 +125,7 @@ class Panel:
             self._shown[key] = handle.content = html
 
     def _add_slider(self, servo: int) -> viser.GuiSliderHandle[float]:
-        low, high = np.degrees(self._limits.angle_min), np.degrees(self._limits.angle_max)
-        low, high = float(np.ceil(low / STEP) * STEP), float(np.floor(high / STEP) * STEP)
+        low, high = _ends(self._limits, servo)
         slider = self._gui.add_slider(
             f"servo {servo} (°)", low, high, STEP, float(np.clip(0.0, low, high)), disabled=True
         )
@@ -168,3 +174,9 @@ class Panel:
             legend=viser.uplot.Legend(show=False),
             height=150,
         )
+
+
+def _ends(limits: CommandLimits, servo: int) -> tuple[float, float]:
+    """Return where the slider of `servo` ends [degrees], in whole steps."""
+    low, high = np.degrees(limits.lower[servo]), np.degrees(limits.upper[servo])
+    return float(np.ceil(low / STEP) * STEP), float(np.floor(high / STEP) * STEP)

@@ -8,12 +8,12 @@ pytest.importorskip("tripod_msgs")
 
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import Imu
-from tripod_msgs.msg import ControlMode, IkStatus
+from tripod_msgs.msg import ControlMode, IkStatus, RobotStatus
 
 from tests.ik.ik_graph import NAN, WORKING, near, standing_at, start_alone
 from tests.ik.plant import SpringRobot
 from tripod_graph import names
-from tripod_graph.qos import SENSOR
+from tripod_graph.qos import RELIABLE, SENSOR
 from tripod_ik.certificate import kkt_residual
 from tripod_ik.tracker import LONGEST_DT
 
@@ -334,3 +334,35 @@ def test_diagnostics_carry_state_and_counts(graph):
     assert values["rejected targets"] == "1"
     assert values["rejected modes"] == "1"
     assert int(values["solves"]) > 0
+
+
+def test_it_commands_nothing_beyond_the_range_of_the_driver(graph):
+    node = graph.start()
+    sim = graph.sim
+    driver = sim.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+    lower, upper = [-1.55, -2.1, -2.1], [0.0, -1.45, 0.0]
+    sim.create_timer(0.1, lambda: driver.publish(RobotStatus(lower=lower, upper=upper, speed=[0.5] * 3)))
+    graph.wait(lambda: node._range.narrowed)
+    sim.say_mode(ControlMode.IK)
+    sim.say_target(near(sim, (0.004, 0.0, 0.004)))
+    status = graph.wait_state(IkStatus.CLOSEST)
+    graph.wait(lambda: len(sim.commands) > 50)
+    angles = np.array([c.points[0].positions for c in sim.commands])
+    assert (angles >= np.array(lower) - 1e-9).all()
+    assert (angles <= np.array(upper) + 1e-9).all()
+    assert (list(status.lower), list(status.upper)) == (lower, upper)
+    assert {c.header.frame_id for c in sim.commands} == {node._source}
+
+
+def test_a_lost_operator_ends_commands_and_is_named(graph):
+    graph.start()
+    sim = graph.sim
+    message = ControlMode(mode=ControlMode.IK, source="/sends#1")
+    sim.mode.publish(message)
+    sim.say_target(near(sim, (0.0, 0.0, 0.001)))
+    graph.wait_state(IkStatus.TRACKING)
+    lost = graph.wait_state(IkStatus.IDLE, "operator '/sends#1' is silent: everything holds, then parks")
+    assert (lost.authority.lost, lost.authority.mode) == ("/sends#1", ControlMode.STOP)
+    sim.commands.clear()
+    graph.spin(0.3)
+    assert not sim.commands

@@ -12,12 +12,12 @@ pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import ControlMode, SimStatus
+from tripod_msgs.msg import ControlMode, RobotStatus, SimStatus
 
 from tests.decisions import SOURCE
 from tests.sim.sim_graph import DEADLINE, PUBLISHED, QUIET
 from tripod_graph import names
-from tripod_graph.qos import LATCHED
+from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_sim import messages, transforms
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
@@ -224,6 +224,22 @@ def test_bad_commands_are_refused_counted_and_reported_and_move_nothing(make) ->
     graph.command([-0.1] * 3)
     graph.wait(lambda: graph.joints()[0] < -0.05, "a good command after the bad")
     assert graph.status().rejected_commands == len(bad)
+
+
+def test_with_a_driver_in_the_graph_it_goes_where_the_driver_sends_and_says_so(make) -> None:
+    graph = make(timeout=60.0).start()
+    graph.choose(ControlMode.TELEOP)
+    driver = graph.ear.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+    told = RobotStatus(lower=[-2.1] * 3, upper=[0.0, 0.0, 0.3], speed=[4.0] * 3)
+    timer = graph.ear.create_timer(0.1, lambda: driver.publish(told))
+    graph.wait(lambda: list(graph.status().upper) == [0.0, 0.0, 0.3], "the driver's range")
+    graph.command([0.5, 0.5, 0.5])
+    graph.wait(lambda: graph.joints()[2] > 0.3 - 1e-6, "the end of the range")
+    assert graph.joints()[:3] == pytest.approx([0.0, 0.0, 0.3], abs=1e-6)
+    assert "servo_0 is asked for 0.500 rad, its safe range is -2.100 to 0.000 rad" in graph.status().message
+    graph.ear.destroy_timer(timer)  # the driver is gone: own limits
+    graph.wait(lambda: graph.joints()[0] > 0.4, "the own range")
+    assert list(graph.status().upper) == [0.6] * 3
 
 
 def test_stop_holds_where_the_joints_are(make) -> None:

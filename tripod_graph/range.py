@@ -1,0 +1,86 @@
+"""The driver's range: what it says that it accepts, which all who command and the simulated robot keep to. Pure."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tripod_graph.command import CommandError, CommandLimits, FloatArray
+from tripod_graph.names import SERVOS
+
+SILENT = 2.0
+"""A driver not heard for this long [s] is not there: own limits count again."""
+
+
+class RangeWatch:
+    """Limits narrowed to the range of the driver while one is in the graph.
+
+    Attributes:
+        limits: What holds now: `own`, or what it shares with the driver's range.
+        notice: Why the driver's range is not kept, empty if it is.
+    """
+
+    def __init__(self, own: CommandLimits) -> None:
+        self._own = self.limits = own
+        self.notice = ""
+        self._told: tuple[tuple[float, ...], ...] = ()
+        self._heard = float("-inf")
+
+    @property
+    def narrowed(self) -> bool:
+        """Whether a driver's range is kept."""
+        return self.limits is not self._own
+
+    def hear(
+        self, lower: Sequence[float], upper: Sequence[float], speed: Sequence[float], now: float
+    ) -> bool:
+        """Take angles [rad] and slew rates [rad/s] of a RobotStatus, shape (3,) each.
+
+        Return whether the limits changed.
+        """
+        if not len(lower):  # it does not tell
+            return False
+        told = tuple(lower), tuple(upper), tuple(speed)
+        self._heard = now
+        if told == self._told:
+            return False
+        self._told, self.notice = told, ""
+        try:
+            self.limits = self._own.within(*told)
+        except CommandError as error:
+            self.limits, self.notice = self._own, f"the driver's range is not kept: {error}"
+        return True
+
+    def lapse(self, now: float) -> bool:
+        """Return whether the limits changed because the driver is gone. Call it regularly."""
+        if not self._told or now - self._heard <= SILENT:
+            return False
+        self._told, self.limits, self.notice = (), self._own, ""
+        return True
+
+
+class Fence:
+    """What the driver does before it sends: the nearest within its range, at a limited speed also when that changes."""
+
+    def __init__(self) -> None:
+        self._last: FloatArray | None = None
+        self._at = 0.0
+
+    def nearest(
+        self, joints: FloatArray, limits: CommandLimits, now: float, longest_step: float = 0.1
+    ) -> FloatArray:
+        """Return where to be at `now` [s] when asked for `joints`, shape (4,). Call it at a regular rate."""
+        asked = np.clip(joints, limits.lower, limits.upper)
+        if self._last is not None:
+            step = limits.speed * min(max(0.0, now - self._at), longest_step)
+            asked = self._last + np.clip(asked - self._last, -step, step)
+        self._last, self._at = asked, now
+        return asked.copy()
+
+
+def cut(joints: FloatArray, limits: CommandLimits) -> str:
+    """Return which servo is asked for more than `limits` allow; empty if none is."""
+    for name, angle, low, high in zip(SERVOS, joints, limits.lower, limits.upper, strict=False):
+        if not low - 1e-9 <= angle <= high + 1e-9:
+            safe = f"its safe range is {low:.3f} to {high:.3f} rad"
+            return f"{name} is asked for {angle:.3f} rad, {safe}: the nearest is sent"
+    return ""
