@@ -58,4 +58,4 @@ class Mandate:
             self.tracker.hear(said, wall, now)
             return said
         self._said = None
-        return Decision(NONE, self.source, said.stamp)
+        return Decision(NONE, self.source, wall)

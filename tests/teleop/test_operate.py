@@ -163,7 +163,7 @@ def test_the_word_of_another_ends_driving_and_its_own_is_withdrawn(mode: Mode, s
     assert not made.is_driving
     assert (made.mode, made.decider) == (mode, "teleop")
     assert made.setpoint(JOINTS, 1.0) is None
-    assert made.due(100.7, 0.7) == Decision(NONE, "/teleop#1", 100.0)
+    assert made.due(100.7, 0.7) == Decision(NONE, "/teleop#1", 100.7)
     assert made.due(100.9, 0.9) is None
 
 
@@ -198,7 +198,7 @@ def test_held_up_for_long_it_has_lost_control_and_for_a_moment_it_starts_where_t
     assert made.due(100.2 + LEASE, 0.2 + LEASE) is not None
     assert made.is_driving
     late = 0.3 + 2 * LEASE + RETURN
-    assert made.due(100.0 + late, late) == Decision(NONE, "/teleop#1", 100.0)
+    assert made.due(100.0 + late, late) == Decision(NONE, "/teleop#1", 100.0 + late)
     assert not made.is_driving
     assert made.setpoint(JOINTS, late) is None
 
