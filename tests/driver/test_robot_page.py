@@ -10,12 +10,18 @@ from tripod_driver import framed_session
 from tripod_driver.calibration import Calibration
 from tripod_driver.calibration_file import parse_calibration
 from tripod_driver.calibrator import SPEED
-from tripod_graph.command import CommandError, CommandFollower, CommandLimits
+from tripod_graph.cdr import MOST_POINTS
+from tripod_graph.command import LATE, CommandError, CommandFollower, CommandLimits
+from tripod_graph.mode import LEASE
 from tripod_graph.names import SERVOS
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "robot.md").read_text()
-SOURCES = "".join(path.read_text() for path in sorted((ROOT / "tripod_driver").rglob("*.py")))
+SOURCES = "".join(
+    path.read_text()
+    for part in ("tripod_driver", "tripod_graph")
+    for path in sorted((ROOT / part).rglob("*.py"))
+)
 MESSAGES = re.findall(r"^\| `(.*?)` \| (?!`)", PAGE, re.MULTILINE)
 REFUSED = {
     "unknown joint": (["elbow", *SERVOS], [0.0], [[0.0] * 4]),
@@ -61,7 +67,9 @@ def test_the_figures_are_those_of_the_code() -> None:
     for text in (
         f"{values['angle_speed']:g} rad/s at the output",
         f"at most {values['rate']:g} a second; an unchanged one again after {values['keep_alive']:g} s",
-        f"operator silent for {values['timeout']:g} s | hold; after {values['park_after']:g} s more, park",
+        f"commands silent for {values['timeout']:g} s after their last point | hold; after {values['park_after']:g} s",
+        f"not heard for its lease, {LEASE:g} s | hold, also in a long trajectory",
+        f"at most {MOST_POINTS:,} points, refused unread; one that should have begun {LATE:g} s ago is refused",
         f"park within {values['park_time_max']:g} s",
         f"board silent for {framed_session.SILENCE:g} s | disconnect; try again after {values['retry_min']:g} s",
         f"up to {values['retry_max']:g} s",
