@@ -21,6 +21,12 @@ HOST: Final = "127.0.0.1"
 ATTEMPTS: Final = 50
 """Ports tried from the one asked for upward."""
 
+PING: Final = 1.0
+"""Time between two questions to a browser whether it is there [s]: one in control that is not has lost control."""
+
+PONG: Final = 2.0
+"""Time for its answer [s]; the browser gives it by itself, also for a page that is not looked at."""
+
 CLOSE_TIMEOUT: Final = 0.5
 """How long a browser that keeps its connection open can delay the end of the server [s]."""
 
@@ -75,7 +81,13 @@ def _serve(
         for name, value in HEADERS.items():
             response.headers[name] = value
 
-    options |= {"close_timeout": CLOSE_TIMEOUT, "process_request": request, "process_response": response}
+    options |= {
+        "ping_interval": PING,
+        "ping_timeout": PONG,
+        "close_timeout": CLOSE_TIMEOUT,
+        "process_request": request,
+        "process_response": response,
+    }
     return serve(*arguments, **options)
 
 

@@ -55,6 +55,10 @@ class FakeBrowser:
     def close(self) -> None:
         self._socket.close()
 
+    def freeze(self) -> None:
+        """Take in nothing more and answer nothing, as a machine that lost its network."""
+        self._socket.protocol.receive_data = lambda data: None
+
     def send(self, kind: str, **fields: object) -> None:
         self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
 

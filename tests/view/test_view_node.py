@@ -386,6 +386,14 @@ def test_when_the_last_browser_leaves_in_control_the_robot_stops(stage: Stage) -
     stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
 
 
+def test_when_the_browser_in_control_is_silent_the_robot_stops(stage: Stage) -> None:
+    browser = stage.browser()
+    browser.press("green target")
+    stage.wait(lambda: stage.mode() == (ControlMode.IK, "view"))
+    browser.freeze()
+    stage.wait(lambda: stage.mode() == (ControlMode.STOP, "view"))
+
+
 def test_a_browser_that_leaves_out_of_control_changes_nothing(stage: Stage) -> None:
     with stage.browser() as browser:
         other = ControlMode(mode=ControlMode.IK, source="script", lease=600.0)
