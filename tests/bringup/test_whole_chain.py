@@ -173,6 +173,16 @@ def test_the_file_itself_is_in_the_order_of_time(session: Session) -> None:
 
 
 @pytest.mark.ros
+def test_the_token_of_the_page_is_in_no_message(session: Session) -> None:
+    """Logs and diagnostics are topics too: others may read them, and recordings are given away."""
+    token = session.summary["page"].rpartition("/")[2].encode()
+    with session.recording.open("rb") as file:
+        said = [m.data for _, _, m in NonSeekingReader(file).iter_messages(log_time_order=False)]
+    assert any(b"the page is at http://127.0.0.1:" in data for data in said)
+    assert not any(token in data for data in said)
+
+
+@pytest.mark.ros
 def test_the_recorded_effector_follows_the_recorded_targets(session: Session) -> None:
     """Nothing of the demo's own measure is used: the targets are those that were sent, held until the next."""
     targets: list[tuple[int, list[float]]] = []
