@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from typer.core import TyperCommand
 
 from tripod_bringup.node_values import ValueSyntaxError, node_arguments, split_word, typed
+from tripod_graph.loopback import keep_local
 from tripod_graph.run import split_ros
 
 if TYPE_CHECKING:
@@ -93,8 +94,6 @@ def unknown_name(what: str, name: str, known: Sequence[str]) -> str:
 
 def run_node_command(name: str, words: Sequence[str], *, subnet: bool, ros: Sequence[str] = ()) -> int:
     """Run the node `name` until it is told to stop; return its exit code. `ros`: words of `--ros-args`."""
-    from tripod_graph.run import keep_local  # noqa: PLC0415
-
     keep_local(subnet=subnet)
     try:
         module = importlib.import_module(f"tripod_{name}.node")

@@ -26,6 +26,7 @@ from tripod_bringup.screen import Screen
 from tripod_bringup.status_line import status_line
 from tripod_bringup.supervisor import Ending, Supervisor
 from tripod_graph import names
+from tripod_graph.loopback import LoopbackError, check_loopback, keep_local
 from tripod_host.locks import private_directory
 from tripod_host.stop import taken
 from tripod_record.errors import RecordError
@@ -91,6 +92,7 @@ class Facts:
 def up(options: UpOptions, screen: Screen) -> int:
     """Bring the chain up, keep it up, take it down; return the exit code. Call it in the main thread."""
     try:
+        check_loopback()
         domain = domain_id(os.environ)
         with taken(), only_one(domain, private_directory(os.environ)):
             if options.record is not None:
@@ -99,7 +101,7 @@ def up(options: UpOptions, screen: Screen) -> int:
     except DomainBusyError as error:
         print(f"tripod up: {error}", file=sys.stderr)
         return ALREADY_UP
-    except (DomainError, RecordError) as error:
+    except (DomainError, LoopbackError, RecordError) as error:
         print(f"tripod up: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
     except OSError as error:  # of the lock
@@ -175,8 +177,6 @@ class Graph:
 @contextmanager
 def _graph(options: UpOptions) -> Iterator[Graph]:
     """Run the nodes of this process in a thread of their own."""
-    from tripod_graph.run import keep_local  # noqa: PLC0415 - rclpy only once a node runs
-
     keep_local(subnet=options.subnet)
     import rclpy  # noqa: PLC0415
     from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415

@@ -12,6 +12,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Protocol, cast
 
+from tripod_graph.loopback import check_loopback, keep_local
 from tripod_host.stop import end_at_once, first, taken
 
 FAILED = 1
@@ -23,14 +24,6 @@ class Closable(Protocol):
 
     def close(self) -> None:
         """Park, flush and release; called once, also after a failure."""
-
-
-def keep_local(*, subnet: bool = False) -> None:
-    """Choose how far ROS discovery reaches; call it before the first `rclpy.init`.
-
-    LOCALHOST unless `subnet`: then machines of the same subnet find each other.
-    """
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET" if subnet else "LOCALHOST"
 
 
 def split_ros(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -118,6 +111,7 @@ def run_node(
     from tripod_graph.parameter_files import strangers  # noqa: PLC0415
 
     try:
+        check_loopback()
         files = _init([w for w in words if w != "--subnet"])
     except Exception as error:  # noqa: BLE001 - rclpy raises several private kinds for bad arguments
         print(f"{name}: {_one_line(error)}", file=sys.stderr)

@@ -17,7 +17,7 @@ import os, sys
 from tripod_graph.run import run_node
 
 def make():
-    print("range", os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"])
+    print("range", os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"], "FASTRTPS_DEFAULT_PROFILES_FILE" in os.environ)
     if {failing!r} == "make":
         raise ValueError("a bad parameter")
     from rclpy.node import Node
@@ -76,7 +76,7 @@ def finish(process: subprocess.Popen[str], number: signal.Signals | None = None)
 def test_a_signal_ends_it_in_order(number: signal.Signals) -> None:
     code, out, errors = finish(start(), number)
     assert (code, errors) == (0, "")
-    assert out == "range LOCALHOST\nready\nclosed\n"
+    assert out == "range SYSTEM_DEFAULT True\nready\nclosed\n"
 
 
 def test_it_outlives_its_terminal_under_nohup() -> None:
@@ -106,7 +106,7 @@ def test_a_failure_to_close_is_reported_by_exit_code() -> None:
 
 def test_a_node_that_cannot_be_made_is_refused_in_one_line() -> None:
     code, out, errors = finish(start("make"))
-    assert (code, out, errors) == (2, "range LOCALHOST\n", "probe: a bad parameter\n")
+    assert (code, out, errors) == (2, "range SYSTEM_DEFAULT True\n", "probe: a bad parameter\n")
 
 
 def test_a_word_it_does_not_understand_is_refused_in_one_line() -> None:
@@ -117,4 +117,4 @@ def test_a_word_it_does_not_understand_is_refused_in_one_line() -> None:
 
 def test_discovery_reaches_the_subnet_only_when_asked() -> None:
     _, out, _ = finish(start("make", arguments=("--subnet",)))  # no node is made: nothing leaves the machine
-    assert out == "range SUBNET\n"
+    assert out == "range SUBNET False\n"
