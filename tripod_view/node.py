@@ -380,8 +380,8 @@ def open_page(node: Node, port: int) -> tuple[PageServer, str]:
         print(text, flush=True)
         node.get_logger().warning(text)
     url = f"http://{HOST}:{taken}"
+    node.get_logger().info(f"the page is at {url}; its address with the token is printed")
     print(f"page {server.url}", flush=True)
-    node.get_logger().info(f"the page is at {url}; its address with the token was printed")
     return server, url
 
 

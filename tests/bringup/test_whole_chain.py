@@ -178,7 +178,7 @@ def test_the_token_of_the_page_is_in_no_message(session: Session) -> None:
     token = session.summary["page"].rpartition("/")[2].encode()
     with session.recording.open("rb") as file:
         said = [m.data for _, _, m in NonSeekingReader(file).iter_messages(log_time_order=False)]
-    assert any(b"the page is at http://127.0.0.1:" in data for data in said)
+    assert any(b"page http://127.0.0.1:" in data for data in said)
     assert not any(token in data for data in said)
 
 

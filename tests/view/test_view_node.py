@@ -110,7 +110,7 @@ def test_it_says_where_the_page_is_serves_it_and_stops_in_order(domain: int) -> 
         code, errors = view.stop()
     assert (code, "Traceback" in errors) == (0, False)
     base, _, token = url.rpartition("/")
-    assert f"the page is at {base}; its address with the token was printed" in errors
+    assert f"the page is at {base}; its address with the token is printed" in errors
     assert token not in errors + arguments + environment  # nor in the log of ROS, a file: it says the same
 
 
