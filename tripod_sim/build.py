@@ -180,12 +180,13 @@ def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":
 
 def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray) -> Stepper:
     """Return the time integrator or the static solver; `inertia` is None where that needs no such term."""
-    one_solve = (
-        scene.inertia is not None and scene.solver.mode == "one_solve"
-    )  # statics goes to the tolerance
-    newton = Newton(
-        system, scene.solver.tolerance, scene.solver.max_iterations, scene.solver.share if one_solve else 0.0
-    )
+    solver = scene.solver
+    if scene.inertia and solver.mode == "one_solve":  # statics goes to the tolerance
+        from tripod_sim.integrators.one_solve import OneSolve
+
+        newton: Newton = OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)
+    else:
+        newton = Newton(system, solver.tolerance, solver.max_iterations)
     if not scene.inertia:
         from tripod_sim.integrators.quasi_static import QuasiStatic
 

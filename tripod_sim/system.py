@@ -84,6 +84,7 @@ class System:
         self._inward = np.array([f.inward for f in frames]).reshape(s, 3)
         moved = np.isin(solid.elements, self.driven).any(axis=1)
         self._beside = np.flatnonzero(moved)  # elements that feel the driven nodes
+        self._all = np.arange(len(solid.elements))
         self.factored = False
         self._change, self._reduced, self._unused = (
             np.zeros((n, 3)),
@@ -195,6 +196,45 @@ class System:
                 positions[:], modes[:] = state.positions, state.modes
                 self._known = True
         return self._elastic_energy
+
+    def settle(self, state: State, solution: FloatArray, dx: FloatArray) -> None:
+        """Take `state`, a step beyond the last evaluation that solves its linear equations, to be solved.
+
+        No element is evaluated: the elastic forces become those that balance all others after the step, and on driven
+        nodes, as the torques, those of the linear response. An evaluation at `state` finds them; one elsewhere asks the
+        elements again.
+
+        Args:
+            state: The end of the step.
+            solution: The step of the unknowns, -H^-1 residual, shape (unknowns,).
+            dx: What it moves each node by [m], shape (n, 3).
+        """
+        damping, change = self.damping, self._change
+        if self.foundation or (damping and damping.held):
+            change[:] = 0.0
+            if self.foundation:
+                self.foundation.add_gradient(dx, change)
+            if damping and damping.held:
+                matrices, elements = damping.matrices, self.solid.elements
+                add_element_products(matrices, elements, self._all, dx, damping.factor, change)
+            self.reduction.gradient(change, self.lever, self.axes, self._reduced, self._unused)
+            self.residual += self._reduced
+        share = 1.0 / (1.0 + damping.factor) if damping and not damping.held else 1.0
+        weight = self.inertia.weight if self.inertia else self._no_weight
+        change[:] = 0.0
+        add_element_products(self.solid.matrices, self.solid.elements, self._beside, dx, 1.0, change)
+        self._elastic_energy += self.reduction.relieve(
+            self.residual, share, weight, dx, change, self.lever, self._elastic
+        )
+        self.residual[:] = 0.0
+        self.torques += solution @ self.reduction.drive
+        self._claim(state)
+
+    def _claim(self, state: State) -> None:
+        """Let the elastic forces at hand be those at `state`."""
+        positions, modes = self._last
+        positions[:], modes[:] = state.positions, state.modes
+        self.solid.balance_modes()
 
     def forget(self) -> None:
         """Drop what was kept from earlier evaluations and assemblies, so that results depend on the state alone."""

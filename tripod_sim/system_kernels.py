@@ -27,6 +27,24 @@ def scaled_norm_squared(a: Array, scale: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def largest(a: Array) -> float:
+    """Return max |a_i| of any shape; NaN is not larger than a number."""
+    x, most = a.ravel(), 0.0
+    for k in range(x.shape[0]):
+        most = max(most, abs(x[k]))
+    return most
+
+
+@njit(cache=True, error_model="numpy")
+def inner(a: Array, b: Array) -> float:
+    """Return sum_i a_i b_i of two arrays of one shape."""
+    x, y, total = a.ravel(), b.ravel(), 0.0
+    for k in range(x.shape[0]):
+        total += x[k] * y[k]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
 def write_moves(nodes: Array, before: Array, after: Array, out: Array) -> None:
     """Write after - before [m] of `nodes`, shape (k,), to `out`; all three have shape (n, 3)."""
     for k in range(nodes.shape[0]):

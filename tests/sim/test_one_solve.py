@@ -1,4 +1,4 @@
-"""One-solve mode: one linear solve a step where its residual allows, Newton's method where it does not."""
+"""One-solve mode: one evaluation of the elements a step where its end is near enough, else Newton's method."""
 
 import numpy as np
 import pytest
@@ -27,74 +27,124 @@ def run(scene: str, *overrides: str, steps: int = 60) -> tuple[np.ndarray, list[
 
 
 @pytest.mark.parametrize("scene", ["tripod", "tripod_sofa"])
-def test_smooth_motion_takes_one_solve_a_step_and_stays_close(scene: str) -> None:
+def test_smooth_motion_takes_one_evaluation_a_step_and_stays_close(scene: str) -> None:
     level = "mesh.level=1" if scene == "tripod" else "mesh.level=5"
     exact, solves, _ = run(scene, level, "solver.mode=newton", "solver.tolerance=1e-8")
     assert min(solves[1:]) > 1
-    quick, solves, renewals = run(scene, level, "solver.mode=one_solve")
-    assert set(solves) == {1}
-    assert sum(renewals) == 0  # the factorisation made when the scene was built serves the whole motion
+    simulation = Simulation(load_scene(scene, [*WORKING, level, "solver.mode=one_solve"]))
+    asked, counted = simulation._system.solid.add_gradient, []
+    simulation._system.solid.add_gradient = lambda *given: counted.append(1) or asked(*given)  # type: ignore[method-assign]
+    quick, renewed = [], 0
+    for k in range(60):
+        renewed += simulation.step(swing((k + 1) * simulation.scene.dt)).factorisations
+        quick.append(simulation.state.centres[0].copy())
+    assert renewed == 0  # the factorisation made when the scene was built serves the whole motion
+    assert len(counted) <= 62
     moved = np.ptp(exact, axis=0).max()
     assert moved > 3e-4
-    assert np.abs(quick - exact).max() < 0.02 * moved
+    assert np.abs(np.array(quick) - exact).max() < 0.002 * moved
+
+
+def fast(t: float) -> np.ndarray:
+    """0.3 rad at 2 Hz, the whole amplitude after 0.4 s."""
+    phase = 2 * np.pi * (2.0 * t + np.arange(3) / 3)
+    return np.array([*(-1.4965 + 0.3 * min(t / 0.4, 1.0) * np.sin(phase)), 0.035])
+
+
+@pytest.mark.parametrize(("scene", "level"), [("tripod", 2), ("tripod_sofa", 5)])
+def test_a_fast_motion_leaves_the_effector_where_newton_puts_it(scene: str, level: int) -> None:
+    """Ten micrometres root mean square are asked for; and no jumps where the tangent is renewed."""
+    ends, renewed = [], 0
+    for words in (["solver.mode=newton", "solver.tolerance=1e-7"], ["solver.mode=one_solve"]):
+        simulation = Simulation(load_scene(scene, [*WORKING, f"mesh.level={level}", *words]))
+        dt, found, renewed = simulation.scene.dt, [], 0
+        for k in range(round(1.0 / dt)):
+            renewed += simulation.step(fast((k + 1) * dt)).factorisations
+            found.append(simulation.state.centres[0].copy())
+        ends.append(np.array(found))
+    moved = np.linalg.norm(np.diff(ends[0], axis=0), axis=1)
+    off = ends[1] - ends[0]
+    assert moved.max() > 2.5e-4
+    assert 0 < renewed < 0.12 * len(off)
+    assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 1e-5
+    assert np.linalg.norm(off, axis=1).max() < 3e-5
+    assert np.linalg.norm(np.diff(off, axis=0), axis=1).max() < 3e-5
+
+
+def test_what_is_taken_for_solved_is_what_an_evaluation_finds() -> None:
+    """Forces, energy and torques at the end of a corrected step, told without its elements, and told by them."""
+    simulation = Simulation(load_scene("tripod", [*WORKING, "mesh.level=1", "solver.mode=one_solve"]))
+    system, state = simulation._system, simulation.state
+    for k in range(40):
+        simulation.step(swing(0.005 * (k + 1)))
+    told = system.elastic_forces(state).copy(), system._elastic_energy, simulation.torques.copy()
+    evaluated = system._last[0].copy()
+    system.forget()
+    system.solid._y[:] = 0.0
+    np.testing.assert_array_equal(evaluated, state.positions)
+    system.assemble(state, project=False)  # condenses at the state itself
+    system.evaluate(state)
+    size = np.abs(system._elastic).max()
+    assert size > 0.05
+    assert np.abs(told[0] - system._elastic).max() < 1e-2 * size
+    assert told[1] == pytest.approx(system._elastic_energy, rel=1e-5)
+    np.testing.assert_allclose(told[2], system.torques, atol=2e-3 * np.abs(system.torques).max())
 
 
 @pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
-@pytest.mark.parametrize(("scene", "level", "bound"), [("tripod", 1, 0.03), ("tripod_sofa", 5, 0.15)])
+@pytest.mark.parametrize(("scene", "level", "bound"), [("tripod", 1, 0.04), ("tripod_sofa", 5, 0.02)])
 def test_a_slow_motion_is_not_held_behind(scene: str, level: int, bound: float, scheme: str) -> None:
-    """What one solve leaves over does not add up: `bound` is in parts of what the effector moves in a step."""
+    """What a kept tangent gets wrong does not add up: `bound` is in parts of what the effector moves in a step."""
     words = (f"mesh.level={level}", f"inertia.scheme={scheme}")
     steps = 200
     exact, _, _ = run(scene, *words, "solver.mode=newton", "solver.tolerance=1e-8", steps=steps)
     quick, solves, renewals = run(scene, *words, "solver.mode=one_solve", steps=steps)
-    assert sum(renewals) <= 1  # the factorisation is one of the start throughout
-    assert np.mean(solves) < 2.01
+    assert sum(renewals) <= 6
+    assert np.mean(solves) < (4.1 if scheme == "tr_bdf2" else 2.05)  # it has two stages
     moved = np.linalg.norm(np.diff(exact, axis=0), axis=1)[steps // 2 :]
     behind = np.linalg.norm(quick - exact, axis=1)[steps // 2 :]
     assert np.sqrt(np.mean(behind**2)) < bound * np.sqrt(np.mean(moved**2))
 
 
-def test_nothing_is_left_over_where_the_matrix_is_that_of_another_pose() -> None:
+def test_nothing_is_missed_where_the_matrix_is_that_of_another_pose() -> None:
     """A body without inertia whose stiffness is not the one factored, pulled at a constant speed: it keeps up."""
     stiffness, factored, pull = np.diag([1.0, 2.0, 3.0]), np.diag([2.5, 2.0, 2.0]), np.array([1.0, -2.0, 0.5])
     lags = []
-    for carried in (False, True):
+    for foreseen in (False, True):
         left_over, x = LeftOver(3), np.zeros(3)
         for k in range(1, 121):
-            residual = stiffness @ (x - k * pull)
-            if carried:
-                left_over.add_to(residual, 0.01)
-            x -= np.linalg.solve(factored, residual)
-            left_over.note(stiffness @ (x - k * pull))
-        lags.append(120 * pull - x)
-    np.testing.assert_allclose(lags[0], (factored @ np.linalg.inv(stiffness) - np.eye(3)) @ pull, atol=1e-9)
+            forecast = left_over.forecast(0.01) if foreseen else np.zeros(3)
+            x -= np.linalg.solve(factored, stiffness @ (x - k * pull)) + forecast
+            lag = k * pull - x
+            missed = np.linalg.solve(factored, stiffness @ (x - k * pull))
+            left_over.note(missed)
+            x -= missed
+        lags.append(lag)
+    assert np.abs(lags[0]).max() > 0.5
     assert np.abs(lags[1]).max() < 1e-6
 
 
-@pytest.mark.parametrize("ratio", [0.05, 0.5, 1.0, 1.5, 1.95])
-def test_what_is_carried_makes_no_mode_unstable_that_was_stable(ratio: float) -> None:
-    """One solve with k0 for a spring of k is stable for k < 2 k0, and so it stays."""
+@pytest.mark.parametrize("ratio", [0.2, 0.5, 1.0, 1.5, 1.85])
+def test_what_is_foreseen_makes_no_mode_unstable(ratio: float) -> None:
+    """A step that is foreseen, evaluated and corrected with k0 for a spring of k is stable for k well below 2 k0."""
     left_over, x = LeftOver(1), np.ones(1)
     for _ in range(600):
-        residual = ratio * x
-        left_over.add_to(residual, 0.01)
-        x -= residual
-        left_over.note(ratio * x)
+        x = x - ratio * x - left_over.forecast(0.01)
+        missed = ratio * x
+        left_over.note(missed)
+        x -= missed
     assert abs(x[0]) < 1e-3
 
 
-def test_what_is_left_over_belongs_to_one_length_and_one_factorisation() -> None:
-    left_over, residual = LeftOver(2), np.zeros(2)
-    left_over.add_to(residual, 0.01)
-    left_over.note(np.array([4.0, -8.0]))
-    left_over.add_to(residual, 0.01)
-    np.testing.assert_array_equal(residual, [1.0, -2.0])
-    left_over.add_to(residual, 0.005)
-    np.testing.assert_array_equal(residual, [1.0, -2.0])
-    left_over.note(np.array([4.0, 4.0]))
+def test_a_forecast_belongs_to_one_length_and_one_factorisation() -> None:
+    left_over, missed = LeftOver(2), np.array([4.0, -8.0])
+    np.testing.assert_array_equal(left_over.forecast(0.01), 0.0)
+    left_over.note(missed)
+    np.testing.assert_array_equal(left_over.forecast(0.01), missed)
+    np.testing.assert_array_equal(left_over.forecast(0.005), 0.0)
+    left_over.note(missed)
     left_over.drop()
-    left_over.add_to(residual, 0.005)
-    np.testing.assert_array_equal(residual, [1.0, -2.0])
+    np.testing.assert_array_equal(left_over.forecast(0.005), 0.0)
 
 
 def test_a_restored_state_knows_nothing_of_what_was_left_over() -> None:
@@ -113,28 +163,32 @@ def test_a_restored_state_knows_nothing_of_what_was_left_over() -> None:
     assert ends[0] == ends[1] == ends[2]
 
 
-def test_a_solve_that_leaves_too_much_goes_on_to_the_tolerance() -> None:
-    options = [
-        "mesh.level=1",
-        "solver.mode=one_solve",
-        "solver.share=0.01",
-        "solver.tolerance=1e-6",
-        *WORKING,
-    ]
-    simulation = Simulation(load_scene("tripod", options))
-    jump = np.array([-0.9, -1.4965, -1.4965, 0.035])
-    report = simulation.step(jump)
-    assert report.iterations > 2
-    assert report.residual <= 1e-6
-    first = report.residual
-    for _ in range(200):
-        report = simulation.step(jump)
-    assert report.residual < 1e-4 and first > 0
+def test_a_jump_of_the_servos_is_solved_to_the_length() -> None:
+    ends = []
+    for words in (["solver.mode=newton", "solver.tolerance=1e-8"], ["solver.mode=one_solve"]):
+        simulation = Simulation(load_scene("tripod", ["mesh.level=1", *words, *WORKING]))
+        report = simulation.step(np.array([-0.9, -1.4965, -1.4965, 0.035]))
+        assert report.iterations > 2
+        ends.append(simulation.state.positions.copy())
+    assert np.abs(ends[1] - ends[0]).max() < 5e-6
 
 
-def test_the_share_decides() -> None:
-    strict = run("tripod", "mesh.level=1", "solver.mode=one_solve", "solver.share=0.001")[1]
-    assert max(strict) > 1
+def test_the_length_decides() -> None:
+    ends, solves = [], []
+    for words in ("solver.mode=newton", "solver.position_tolerance=1e-4", "solver.position_tolerance=1e-8"):
+        simulation = Simulation(
+            load_scene("tripod", [*WORKING, "mesh.level=1", "solver.tolerance=1e-9", words])
+        )
+        taken, found = 0, []
+        for k in range(100):
+            taken += simulation.step(fast(0.005 * (k + 1))).iterations
+            found.append(simulation.state.positions.copy())
+        ends.append(np.array(found))
+        solves.append(taken)
+    coarse, fine = (np.abs(end - ends[0]).max() for end in ends[1:])
+    assert fine < 5e-6
+    assert 3e-5 < coarse < 5e-4
+    assert solves[1] < solves[2]
 
 
 def test_statics_goes_to_the_tolerance() -> None:
@@ -144,9 +198,13 @@ def test_statics_goes_to_the_tolerance() -> None:
     assert report.residual <= 1e-7
 
 
-def test_a_share_out_of_range_is_named() -> None:
-    with pytest.raises(SceneError, match=r"solver.share is 0.9; it must be above 0 and at most 0.5"):
-        load_scene("tripod", ["solver.share=0.9"])
+def test_a_length_out_of_range_and_the_share_of_old_are_named() -> None:
+    with pytest.raises(
+        SceneError, match=r"solver.position_tolerance is 0.0; it must be above 0 m and at most 0.01 m"
+    ):
+        load_scene("tripod", ["solver.position_tolerance=0.0"])
+    with pytest.raises(SceneError, match=r"field solver.share is unknown; fields: .*position_tolerance"):
+        load_scene("tripod", ["solver.share=0.1"])
 
 
 @pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])

@@ -108,6 +108,31 @@ class Reduction:
         """
         _gradient(g, lever, axes, self.kind, self.number, self.base, out, torque)
 
+    def relieve(
+        self, residual: FloatArray, share: float, weight: FloatArray, dx: FloatArray, change: FloatArray,
+        lever: FloatArray, g: FloatArray,
+    ) -> float:  # fmt: skip
+        """Take off forces what is unbalanced after a move; return the work that they resist with on the way [J].
+
+        Free nodes and those of bodies lose `share` of the residual and of weight dx; of a body's residual F, T each of
+        its n nodes has F / n + t x r, where t makes T = sum r x (t x r). Driven nodes gain `change`.
+
+        Args:
+            residual: Reduced gradient [N, N m], shape (unknowns,).
+            share: Of the residual that these forces take.
+            weight: Isotropic nodal stiffness [N/m], shape (nodes,).
+            dx: The move [m], shape (nodes, 3).
+            change: [N], shape (nodes, 3).
+            lever: As in `gradient`, from the mean of each body's nodes.
+            g: The forces as a gradient [N], shape (nodes, 3), changed.
+        """
+        first = 3 * self.free_count
+        return float(
+            _relieve(
+                residual, share, weight, dx, change, lever, self.kind, self.number, self.base, first, self.bodies, g
+            )
+        )  # fmt: skip
+
     def hessian(
         self,
         parts: Sequence[tuple[int, FloatArray, float]],
@@ -173,6 +198,64 @@ def _gradient(
             else:
                 a = axes[number[n]]
                 torque[number[n]] += a[0] * m0 + a[1] * m1 + a[2] * m2
+
+
+@njit(cache=True, error_model="numpy")
+def _relieve(
+    residual: Array,
+    share: float,
+    weight: Array,
+    dx: Array,
+    change: Array,
+    lever: Array,
+    kind: Array,
+    number: Array,
+    base: Array,
+    first: int,
+    bodies: int,
+    g: Array,
+) -> float:
+    sizes, J, turn, part = np.zeros(bodies), np.zeros((bodies, 3, 3)), np.zeros((bodies, 3)), np.empty(3)
+    for n in range(g.shape[0]):
+        if kind[n] == RIGID:
+            r, b = lever[n], number[n]
+            sizes[b] += 1
+            for i in range(3):
+                for j in range(3):
+                    J[b, i, j] -= r[i] * r[j]
+                J[b, i, i] += r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    for b in range(bodies):
+        for i in range(3):  # Cramer's rule; J is symmetric
+            k, m = (i + 1) % 3, (i + 2) % 3
+            for j in range(3):
+                p, q = (j + 1) % 3, (j + 2) % 3
+                minor = J[b, k, p] * J[b, m, q] - J[b, k, q] * J[b, m, p]
+                turn[b, j] += minor * residual[first + 6 * b + 3 + i]
+        x, y, z = J[b, 0], J[b, 1], J[b, 2]
+        turn[b] /= (
+            x[0] * (y[1] * z[2] - y[2] * z[1])
+            - x[1] * (y[0] * z[2] - y[2] * z[0])
+            + x[2] * (y[0] * z[1] - y[1] * z[0])
+        )
+    work = 0.0
+    for n in range(g.shape[0]):
+        for i in range(3):
+            part[i] = -share * weight[n] * dx[n, i]
+        if kind[n] == FREE:
+            for i in range(3):
+                part[i] -= share * residual[base[n] + i]
+        elif kind[n] == RIGID:
+            r, b, t = lever[n], number[n], turn[number[n]]
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                part[i] -= share * (residual[first + 6 * b + i] / sizes[b] + t[j] * r[k] - t[k] * r[j])
+        elif kind[n] == DRIVEN:
+            for i in range(3):
+                part[i] = change[n, i]
+        for i in range(3):
+            work += (g[n, i] + 0.5 * part[i]) * dx[n, i]
+            g[n, i] += part[i]
+    return work
 
 
 @njit(cache=True, error_model="numpy")

@@ -127,6 +127,11 @@ class Solid:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
         kernels.update_modes(modes, self.elements, self._X, self._y, dx, scale, out)
 
+    def balance_modes(self) -> None:
+        """Take the modes to be in balance after the last `advance_modes`: the next step moves them by -X dx alone."""
+        self._y[:] = 0.0
+        self.mode_residual_squared = 0.0
+
     def worst_element(self, x: FloatArray, modes: FloatArray) -> tuple[int, float]:
         """Return the element with the smallest volume ratio det F, and that ratio."""
         element, ratio = kernels.smallest_volume_ratio(x, modes, self.elements, self._G, self._work)

@@ -1,23 +1,17 @@
-"""What steps of one linear solve leave over, carried to the next step.
+"""What a kept factorisation gets wrong in a step, foreseen from the steps before.
 
-A solve with the matrix A0 of an earlier pose ends where the unbalanced force is not zero but
+A solve with the matrix A0 of an earlier pose moves the unknowns by -A0^-1 g and misses their solution by
 
-    r = g + A dx = (A - A0) dx,   A0 dx = -g,
+    m = A0^-1 (g + A dx) = A0^-1 (A - A0) dx,
 
-and to the body r is an outside force. With implicit Euler, where A - A0 = (1 + b / h) (K - K0), it is
-(h + b) (K - K0) v: a drag where the body has become softer since A0 was factored, a push where it has become stiffer.
-However slow a motion is, that keeps the body behind its equilibrium, or ahead of it, by a part of what it moves in a
-step; and r may be small beside g, which holds the inertia and the move of the driven nodes, too, and yet shift a soft
-body far. Therefore what was left over is summed and carried along,
+to first order: a drag where the body has become softer since A0 was factored, a push where it has become stiffer. In a
+smooth motion m is smooth, too, so that a forecast p of it is taken along,
 
-    A0 dx = -(g + c),   r = g + A dx,   c' = c + GAIN (r + r_before) / 2,
+    dx = -(A0^-1 g + p),   m = A0^-1 (g + A dx),   l' = p + LEVEL m,   s' = s + SLOPE m,   p' = l' + s',
 
-so that nothing is left over in a steady motion: c then is (A - A0) dx, what the next solve would leave. It costs a few
-sums of vectors, no solve and no evaluation.
-
-A mode whose stiffness is k in A and k0 in A0 is multiplied by 1 - k / k0 in a step, and stable for k < 2 k0. There r
-changes its sign from step to step, and a sum of r alone would lower the bound to 4 / (2 + GAIN) k0; the mean of two
-steps is zero there, and leaves it at 2 k0.
+with a level and a slope, as in the filters of that name. The step corrects by m what the forecast leaves, so
+a mode whose stiffness is k in A and k0 in A0 stays stable for 0 < k < 2 k0, as it is without a forecast. It costs a few
+sums of vectors.
 """
 
 import numpy as np
@@ -26,41 +20,44 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-GAIN = 0.25
-"""Part of r that is carried. A motion is steady enough if it is so for 1 / GAIN steps."""
+LEVEL, SLOPE = 0.8, 0.2
+"""Parts of m that go into level and slope: with more, stiff modes tremble; with less, the forecast lags."""
 
 
 class LeftOver:
-    """Carries c from one solve to the next, in the unknowns of a system."""
+    """Carries the forecast p from one solve to the next, in the unknowns of a system."""
 
     def __init__(self, unknowns: int) -> None:
-        """Begin with nothing; `unknowns`: size of a residual."""
-        self._sum, self._before = np.zeros(unknowns), np.zeros(unknowns)
-        self._length, self._first = 0.0, True
+        """Begin with nothing; `unknowns`: size of a solution."""
+        self._forecast, self._slope = np.zeros(unknowns), np.zeros(unknowns)
+        self._length, self._known = 0.0, False
 
     def drop(self) -> None:
-        """Begin anew: the factorisation is another one, or the last step was solved to the end."""
-        self._sum[:] = 0.0
-        self._first = True
+        """Begin anew: the factorisation is another one."""
+        if self._known:
+            self._forecast[:] = 0.0
+            self._slope[:] = 0.0
+            self._known = False
 
-    def add_to(self, residual: FloatArray, length: float | None) -> None:
-        """Add c to g in `residual`, shape (unknowns,); none where the steps before were not of `length` [s]."""
+    def forecast(self, length: float | None) -> FloatArray:
+        """Return p, shape (unknowns,), an array that `note` overwrites; zero after steps of another `length` [s]."""
         if length != self._length:
             self._length = length or 0.0
             self.drop()
-        residual += self._sum
+        return self._forecast
 
-    def note(self, residual: FloatArray) -> None:
-        """Carry what a solve has left over, r in `residual`, shape (unknowns,)."""
-        if self._first:
-            self._before[:] = residual
-            self._first = False
-        _add_mean(self._sum, self._before, residual, GAIN)
+    def note(self, missed: FloatArray) -> None:
+        """Learn from the m that a step with the last forecast had, shape (unknowns,)."""
+        if self._known:
+            _learn(self._forecast, self._slope, missed, LEVEL, SLOPE)
+        else:
+            self._forecast[:] = missed
+            self._known = True
 
 
 @njit(cache=True, error_model="numpy")
-def _add_mean(total: FloatArray, before: FloatArray, residual: FloatArray, gain: float) -> None:
-    """Add gain (residual + before) / 2 to `total`, and let `residual` be `before` from now on."""
-    for k in range(len(total)):
-        total[k] += 0.5 * gain * (residual[k] + before[k])
-        before[k] = residual[k]
+def _learn(forecast: FloatArray, slope: FloatArray, missed: FloatArray, level: float, trend: float) -> None:
+    """Make the forecast of the next step from that of the last and what it missed."""
+    for k in range(len(forecast)):
+        slope[k] += trend * missed[k]
+        forecast[k] += level * missed[k] + slope[k]

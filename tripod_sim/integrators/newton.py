@@ -3,9 +3,7 @@
 Every step goes down: the Hessian is made positive definite (first as it is; if it is not, with each point's tangent
 projected; at last with a shift), and a step is shortened until the potential falls [NocedalWright2006, chapter 3].
 A factorisation is kept while it still halves the residual (chord steps), also from one solve to the next, and renewed
-where it does not. In one-solve mode one linear solve is enough where it leaves little of the unbalanced force, and the
-next step takes that along (`left_over`); where it leaves more, Newton's method goes on to the tolerance.
-Where the error of the time steps is known, so is what an exact solution is worth (`Newton.near`).
+where it does not. Where the error of the time steps is known, so is what an exact solution is worth (`Newton.near`).
 """
 
 import math
@@ -15,20 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.integrators.left_over import LeftOver
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
-from tripod_sim.system_kernels import same, write_moves
+from tripod_sim.system_kernels import largest, same, write_moves
 
 if TYPE_CHECKING:  # only steps of changing length need it
     from tripod_sim.integrators.factor_store import FactorStore
 
 FloatArray = NDArray[np.float64]
-
-
-ONCE = 100.0
-"""How many times further than `Newton.near` the first solve of one-solve mode may end: what it leaves is carried on."""
 
 
 class NewtonError(RuntimeError):
@@ -71,18 +64,15 @@ class Newton:
     """A factorisation that needed at most so many linear solves is kept for the next solve: one more chord step costs a
     fifth of a new factorisation."""
 
-    def __init__(self, system: System, tolerance: float, max_iterations: int, share: float = 0.0) -> None:
+    def __init__(self, system: System, tolerance: float, max_iterations: int) -> None:
         """Solve for states of `system`.
 
         Args:
             system: The potential.
             tolerance: Unbalanced force [N] at which a state counts as solved.
             max_iterations: Linear solves before a solve is given up.
-            share: One-solve mode: part of the unbalanced force that the first linear solve may leave; 0 is off.
         """
         self.system, self.tolerance, self.max_iterations = system, tolerance, max_iterations
-        self._share = share
-        self._left_over = LeftOver(system.unknowns) if share else None
         self._dx = np.zeros_like(system.rest)
         self._trial: State | None = None
         self._kept: float | None = None
@@ -125,23 +115,24 @@ class Newton:
             self.system.drive(trial, joints)
             self._add_drive(state, trial)
         size = self.system.unbalanced()
-        enough = max(self.tolerance, self._share * size)
-        if self._left_over and (driven or size > self.tolerance):
-            self._left_over.add_to(self.system.residual, keep)
+        self._begin(keep)
         before = 0.0
         if driven:
             before, phi = size, self._drive(state, trial, report)
             size = self.system.unbalanced()
-        self._descend(state, trial, phi, size, report, enough, before)
-        if self._left_over and report.iterations == 1 and not report.factorisations:
-            self._left_over.note(self.system.residual)
-        elif self._left_over:
-            self._left_over.drop()
-        if report.iterations <= self.FEW:
+        self._descend(state, trial, phi, size, report, before)
+        if self._serves(report):
             self._kept = keep
             if self.store and keep:
                 self.store.keep(keep)
         return report
+
+    def _begin(self, length: float | None) -> None:
+        """Begin to solve a step of `length` [s]."""
+
+    def _serves(self, report: NewtonReport) -> bool:
+        """Return whether the factorisation at hand is good enough for the next solve."""
+        return report.iterations <= self.FEW
 
     def _add_drive(self, state: State, trial: State) -> None:
         """Add to the residual at `state` what the move of the driven nodes to `trial` makes of it, to first order."""
@@ -158,20 +149,16 @@ class Newton:
         return phi
 
     def _descend(
-        self, state: State, trial: State, phi: float, size: float, report: NewtonReport, enough: float, before: float
+        self, state: State, trial: State, phi: float, size: float, report: NewtonReport, before: float
     ) -> None:  # fmt: skip
         """Iterate from an evaluated `state` until its residual, now `size` [N], is below the tolerance, or it is near.
 
-        After one solve, below `enough` [N] is enough. `before`: the residual a step earlier [N], 0 if there was none.
+        `before`: the residual a step earlier [N], 0 if there was none.
         """
         system = self.system
-        while not (size <= self.tolerance or self._is_near(size, before)):  # so that NaN counts as unsolved
-            if (
-                report.iterations == 1
-                and size <= enough
-                and (not self.near or self._is_near(size, before, ONCE))
-            ):
-                break
+        while not (
+            size <= self.tolerance or self._ends(state, trial, size, before, report)
+        ):  # NaN is unsolved
             if report.iterations >= self.max_iterations:
                 raise NewtonError(
                     f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
@@ -187,10 +174,9 @@ class Newton:
             trial.copy_to(state)
         report.residual = size
 
-    def _is_near(self, size: float, before: float, times: float = 1.0) -> bool:
-        """Return whether the solution is within `times` `near`, a step having changed `before` [N] to `size` [N]."""
-        far = times * self.near
-        return far > 0 and size < 0.5 * before and self._moved * size <= far * (before - size)
+    def _ends(self, state: State, trial: State, size: float, before: float, report: NewtonReport) -> bool:
+        """Return whether the solution is within `near`, a step having changed `before` [N] to `size` [N]."""
+        return self.near > 0 and size < 0.5 * before and self._moved * size <= self.near * (before - size)
 
     def _newton_step(self, state: State, trial: State, report: NewtonReport) -> float:
         """Renew the Hessian at `state`, write a lower state to `trial` and return its potential."""
@@ -214,8 +200,6 @@ class Newton:
         system = self.system
         phi = np.inf
         report.factorisations += 1
-        if self._left_over:
-            self._left_over.drop()
         for project in (False, True):
             if system.assemble(state, project=project) >= 0:
                 continue
@@ -236,13 +220,17 @@ class Newton:
         """Solve for a step from the evaluated `state`, write `scale` of it to `trial`, return Phi there."""
         system = self.system
         report.iterations += 1
-        solution = self._solve()
+        solution = self._proposed()
         np.negative(solution, out=solution)
         system.reduction.moves(solution, system.lever, self._dx)
         if self.near:
-            self._moved = float(np.abs(self._dx).max())
+            self._moved = largest(self._dx)
         system.move(state, solution, self._dx, scale, trial)
         return system.evaluate(trial)
+
+    def _proposed(self) -> FloatArray:
+        """Return the step to make, with its sign turned, shape (unknowns,): an array of the caller's own."""
+        return self._solve()
 
     def _solve(self) -> FloatArray:
         """Return A^-1 residual, or raise NewtonError where the linear solver gives up."""

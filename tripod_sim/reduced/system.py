@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.reduction import move_bodies
 from tripod_sim.forces.solid import Solid
+from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.reduced.basis import Basis
 from tripod_sim.reduced.coordinates import Coordinates
 from tripod_sim.reduced.product_kernels import multiply
@@ -20,6 +21,7 @@ from tripod_sim.reduced.state import ReducedState
 from tripod_sim.reduced.terms import Bedding, Weight
 from tripod_sim.state import State
 from tripod_sim.system import System
+from tripod_sim.system_kernels import inner
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.anchor import Anchor
@@ -162,6 +164,15 @@ class ReducedSystem(System):
     def update_levers(self, state: State) -> None:
         """Linearise the coordinates about `state`."""
         self.coordinates.update(state.rotations, state.joints)
+
+    def settle(self, state: State, solution: FloatArray, dx: FloatArray) -> None:
+        """As `System.settle`; all elastic forces become those of the linear response, which takes no longer here."""
+        elastic, work = self._elastic, inner(self._elastic, dx)
+        add_element_products(self.solid.matrices, self.solid.elements, self._beside, dx, 1.0, elastic)
+        self.residual[:] = 0.0
+        self.torques += solution @ self.reduction.drive
+        self._elastic_energy += 0.5 * (work + inner(elastic, dx))
+        self._claim(_inner(state))
 
     def add_driven(self, dx: FloatArray) -> None:
         """Add to `residual` the first-order change of the gradient when rows move by `dx` [m], shape (rows, 3)."""

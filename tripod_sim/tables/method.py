@@ -11,10 +11,10 @@ class Solver:
 
     Attributes:
         tolerance: Unbalanced force at which a step counts as solved [N].
-        mode: `newton`: every step is solved to the tolerance; `one_solve`, solids: one linear solve is enough where it
-            leaves at most `share` of the step's unbalanced force, else the step is solved as with `newton`; springs:
-            each stage is one linear solve with the tangent of the moment.
-        share: See `mode`; without effect on springs.
+        mode: `newton`: every step is solved to the tolerance; `one_solve`, solids: a step ends as soon as its error,
+            estimated, is below `position_tolerance`, mostly after one evaluation of the elements; springs: each stage
+            is one linear solve with the tangent of the moment.
+        position_tolerance: How far any node of a solid may be from the solution of its step [m]; see `mode`.
         max_iterations: Before a step is rolled back and halved.
         max_halvings: Before the simulation gives up.
         max_turn: Largest servo move of one static load increment [rad].
@@ -24,7 +24,7 @@ class Solver:
 
     tolerance: float = number(1e-4, unit="N", low=1e-14, high=1e3)
     mode: str = one_of("newton", "one_solve", default="newton")
-    share: float = number(0.1, above=0, high=0.5)
+    position_tolerance: float = number(5e-6, unit="m", above=0, high=1e-2)
     max_iterations: int = number(300, low=1, high=1000)
     max_halvings: int = number(8, low=0, high=20)
     max_turn: float = number(0.1, unit="rad", low=1e-4, high=7.0)

@@ -1,0 +1,103 @@
+"""One evaluation of the elements a step, where that is enough.
+
+Evaluating the elements is most of the work of a step, a linear solve a tenth of it. So a step is foreseen, evaluated
+once and corrected:
+
+    x1 = x - A^-1 g(x) - p,   m = A^-1 g(x1),   x2 = x1 - m,
+
+p the forecast of `left_over`. A is kept from an earlier pose, and every solve with it leaves some part q of what it was
+to take away, known where a solve and what it left both are: q = |p + m| / |x1 - x|. So x2 misses about q |m|, and the
+step ends where that is below `near`: a length, and for every node. The forces there are not evaluated but taken to be
+in balance (`System.settle`); what that leaves out is of the order of q² and is seen by the evaluation of the next step.
+Where x2 is not near enough it is evaluated and corrected in turn, as in Newton's method. The tangent is renewed in a
+step where it does not halve the residual, and else where such further evaluations, beyond those that a new tangent
+needs, have cost as much as it does.
+"""
+
+import numpy as np
+
+from tripod_sim.integrators.left_over import LeftOver
+from tripod_sim.integrators.newton import FloatArray, Newton, NewtonReport
+from tripod_sim.state import State
+from tripod_sim.system import System
+from tripod_sim.system_kernels import largest
+
+
+class OneSolve(Newton):
+    """Newton's method that foresees, evaluates once and corrects."""
+
+    WORTH = 5
+    """Further evaluations that cost as much as a new tangent."""
+
+    TRUSTED = 0.5
+    """Largest q with which a correction is one."""
+
+    def __init__(self, system: System, tolerance: float, max_iterations: int, near: float) -> None:
+        """As `Newton`; `near`: how far any node may be from the solution of a step [m]."""
+        super().__init__(system, tolerance, max_iterations)
+        self.near = near
+        self._left_over = LeftOver(system.unknowns)
+        self._forecast: FloatArray | None = None  # p, until it has been judged
+        self._correction: FloatArray | None = None  # m, until it is used
+        self._missed = np.zeros_like(system.rest)
+        self._steps = self._needed = self._spent = 0
+
+    def forget(self) -> None:
+        """As `Newton.forget`."""
+        super().forget()
+        self._left_over.drop()
+        self._needed = self._spent = 0
+
+    def _begin(self, length: float | None) -> None:
+        self._forecast, self._correction = self._left_over.forecast(length), None
+        self._steps = 0
+
+    def _renew(self, state: State, report: NewtonReport, *, start: bool = False) -> float:
+        self._left_over.drop()
+        self._forecast = self._correction = None
+        return super()._renew(state, report, start=start)
+
+    def _serves(self, report: NewtonReport) -> bool:
+        if not self._steps:
+            self._left_over.drop()
+        if report.factorisations:
+            self._needed, self._spent = max(1, self._steps), 0
+        else:
+            self._spent += max(0, self._steps - self._needed)
+        return self._spent < self.WORTH
+
+    def _proposed(self) -> FloatArray:
+        self._steps += 1
+        if self._correction is not None:
+            correction, self._correction = self._correction, None
+            return correction
+        solution = self._solve()
+        if self._forecast is not None:
+            solution += self._forecast
+        return solution
+
+    def _ends(self, state: State, trial: State, size: float, before: float, report: NewtonReport) -> bool:
+        """Correct a state that is then near enough, and return True; else keep the correction for the next step."""
+        if not self._steps:
+            return False
+        system, missed = self.system, self._missed
+        correction = self._correction = self._solve()
+        left = 0.0
+        if self._forecast is not None:
+            system.reduction.moves(self._forecast + correction, system.lever, missed)
+            left = largest(missed)
+            self._left_over.note(correction)
+            self._forecast = None
+        system.reduction.moves(correction, system.lever, missed)
+        far = largest(missed)
+        left = max(left, far)
+        trusted = size < self.TRUSTED * before and left < self.TRUSTED * self._moved
+        if not (trusted and left * far <= self.near * self._moved):
+            return False
+        report.iterations += 1
+        np.negative(correction, out=correction)
+        np.negative(missed, out=missed)
+        system.move(state, correction, missed, 1.0, trial)
+        system.settle(trial, correction, missed)
+        trial.copy_to(state)
+        return True
