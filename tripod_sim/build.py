@@ -181,7 +181,8 @@ def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":
 def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray) -> Stepper:
     """Return the time integrator or the static solver; `inertia` is None where that needs no such term."""
     solver = scene.solver
-    if scene.inertia and solver.mode == "one_solve":  # statics goes to the tolerance
+    held = scene.servos or scene.fixed  # in a body that nothing holds errors of the momentum would add up
+    if scene.inertia and held and solver.mode == "one_solve":  # statics goes to the tolerance, too
         from tripod_sim.integrators.one_solve import OneSolve
 
         newton: Newton = OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)

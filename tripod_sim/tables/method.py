@@ -12,9 +12,11 @@ class Solver:
     Attributes:
         tolerance: Unbalanced force at which a step counts as solved [N].
         mode: `newton`: every step is solved to the tolerance; `one_solve`, solids: a step ends as soon as its error,
-            estimated, is below `position_tolerance`, mostly after one evaluation of the elements; springs: each stage
-            is one linear solve with the tangent of the moment.
-        position_tolerance: How far any node of a solid may be from the solution of its step [m]; see `mode`.
+            estimated, is below `position_tolerance`, mostly after one evaluation of the elements (where
+            servos or fixed regions hold the body; else as `newton`); springs: each stage is one linear solve with the
+            tangent of the moment.
+        position_tolerance: How far any node of a solid may be from the solution of its step [m], in proportion less for
+            steps below 5 ms; see `mode`.
         max_iterations: Before a step is rolled back and halved.
         max_halvings: Before the simulation gives up.
         max_turn: Largest servo move of one static load increment [rad].
