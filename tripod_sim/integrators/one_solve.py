@@ -33,8 +33,8 @@ class OneSolve(Newton):
     """Largest q with which a correction is one."""
 
     SWING = 0.005
-    """Shorter steps are solved as much better [s]: an error of the position is one of the velocity, too, of as much over
-    the step, which moves a body by 1 / w of its slowest mode times that (5 ms for the Tripod at work)."""
+    """Shorter steps are solved as much better [s]: an error of the position is one of the velocity, too, of as much
+    over the step, which moves a body by 1 / w of its slowest mode times that (5 ms for the Tripod at work)."""
 
     def __init__(self, system: System, tolerance: float, max_iterations: int, near: float) -> None:
         """As `Newton`; `near`: how far any node may be from the solution of a step [m]."""
