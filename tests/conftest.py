@@ -1,7 +1,11 @@
 """What holds for all tests."""
 
+import atexit
+import os
+import shutil
 import signal
 from collections.abc import Iterator
+from tempfile import mkdtemp
 
 import pytest
 from hypothesis import settings
@@ -11,6 +15,10 @@ from tests.domains import own_domain
 # The same examples in every run: a failure is of the code, not of the draw. No deadline: machines are shared.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+# What a driver remembers of its boards is nobody's but the test's, also in the processes that tests start.
+os.environ["XDG_STATE_HOME"] = mkdtemp(prefix="tripod_state_")
+atexit.register(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True)
 
 # In the background, or under `nohup`, a shell has SIGINT or SIGHUP ignored, and so would the processes that tests start
 # and send them. What is handled is not inherited.

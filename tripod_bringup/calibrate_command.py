@@ -14,6 +14,7 @@ from tripod_driver.calibrator import ANY_PULSE, HELP, SPEED, Calibrator, shaft_c
 from tripod_driver.choose_session import choose_sessions, common_bounds
 from tripod_driver.driver import Driver
 from tripod_driver.link import Link
+from tripod_driver.memory import Memory, state_folder
 from tripod_driver.ports.choose import choose_port
 from tripod_driver.ports.port import Port
 from tripod_driver.protocol import AngleMapping
@@ -77,7 +78,7 @@ class CalibrateSession:
         )
         self._safety = Safety(limits, lower, upper, start=begin)
         self._link = Link(port, *sessions, retry_min=0.5, retry_max=2.0)
-        self._driver = Driver(self._link, self._safety)
+        self._driver = Driver(self._link, self._safety, memory=Memory(state_folder(os.environ)))
         self._file, self._console, self._parser = file, console, KeyParser()
         self._sure = False
 
@@ -90,13 +91,13 @@ class CalibrateSession:
 
     def step(self, now: float) -> None:
         """Do what the keys and the clock ask for at `now` [s]; `code` is set when it is over."""
-        if self._safety.can_move or self._safety.state is State.READY:
+        if self._safety.listens or self._safety.state is State.READY:
             self.calibrator.board(self._link.session.pulse_range)
         for key in self._parser.feed(self._console.read()):
             self._key(key, now)
         pulses = self.calibrator.advance(now)
         self._safety.control_mode(DECISION, 0.0, now)
-        if self._safety.can_move and self._safety.state is not State.FAULT:
+        if self._safety.listens:
             self._safety.trajectory(SERVOS, [0.0], [ANY_PULSE.angles(pulses)], now, source=DECISION.source)
         self._driver.tick(now)
         self._console.show(self._line())

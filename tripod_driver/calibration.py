@@ -14,6 +14,9 @@ from tripod_graph.names import SERVOS
 ARDUINO_PULSES: Final = (544.0, 2400.0)
 """Pulse widths of 0 and 180 degrees in the Servo library that the workshop's firmware uses [us]."""
 
+ARDUINO_START: Final = 1500.0
+"""Pulse that this library gives to a servo as soon as it is attached, whatever comes later [us]."""
+
 PULSE_LOWEST, PULSE_HIGHEST = 500.0, 2500.0
 """Widest range of pulses of any servo that fits the robot [us]."""
 

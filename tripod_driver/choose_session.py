@@ -13,21 +13,29 @@ PROTOCOLS: Final = ("framed", "legacy", "ascii", "framed_or_legacy")
 
 
 def choose_sessions(
-    word: str, mapping: AngleMapping, calibration: Calibration, needed: Calibration | None = None
+    word: str,
+    mapping: AngleMapping,
+    calibration: Calibration,
+    needed: Calibration | None = None,
+    start: Sequence[float] | None = None,
 ) -> list[Session]:
     """Return the conversations for `word`, one of PROTOCOLS, in the order in which they are tried.
 
-    `mapping` is for the workshop's protocols, `needed` for `FramedSession`. Raises ValueError: `word` is none of them.
+    `mapping` and `start` are for the workshop's protocols, see `LegacySession`, `needed` for `FramedSession`. Raises
+    ValueError: `word` is none of them.
     """
     match word:
         case "framed":
             return [FramedSession(calibration, needed)]
         case "legacy":
-            return [LegacySession(LegacyProtocol(mapping), calibration)]
+            return [LegacySession(LegacyProtocol(mapping), calibration, start)]
         case "ascii":
-            return [LegacySession(AsciiProtocol(mapping), calibration)]
+            return [LegacySession(AsciiProtocol(mapping), calibration, start)]
         case "framed_or_legacy":
-            return [FramedSession(calibration, needed), LegacySession(LegacyProtocol(mapping), calibration)]
+            return [
+                FramedSession(calibration, needed),
+                LegacySession(LegacyProtocol(mapping), calibration, start),
+            ]
     raise ValueError(f"protocol {word!r} is none of: {', '.join(PROTOCOLS)}")
 
 

@@ -1,43 +1,59 @@
 """The driver without ROS: a link, what may leave on it, and when packets are due. The caller gives the time."""
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from tripod_driver.link import Link, LinkState
-from tripod_driver.safety import Safety
+from tripod_driver.memory import Memory
+from tripod_driver.place import Place
+from tripod_driver.safety import PULSE_PERIOD, Safety
 from tripod_driver.session import Content
 from tripod_graph.names import SERVOS
-
-RESEND: float = 0.1
-"""A packet that is not acknowledged is sent again after this time [s], where packets are acknowledged."""
 
 WATCHDOG_SHARE: float = 0.3
 """Part of the board's watchdog time after which an unchanged packet is sent again at the latest: two may be lost."""
 
-JITTER: float = 0.125
-"""A packet may leave so much too early, in periods, if the one before it was as much too late."""
+PACE: float = 1.01
+"""Distance of two changes in periods: clocks of boards are right to half a percent, and no pulse may skip a packet."""
 
 
 class Driver:
     """Carries what `Safety` allows to the board.
 
     A packet leaves when its numbers change, at most one each `period`, and the last one again after `keep_alive`, or
-    sooner if the watchdog of the board is short or the packet was not acknowledged.
+    sooner if the watchdog of the board is short. Where packets are acknowledged the next change waits for that of the
+    last, which is sent again in the meantime: so the board is never further than one packet from what it has told, and
+    whoever knows the newest packet knows the place of the servos. `memory` does, also when this process is killed.
 
     Attributes:
         link: The port and the conversation on it.
         safety: What may be sent.
+        memory: The newest packet, for a board that has forgotten it.
         packets_sent: Packets handed to the port.
         bytes_sent: Their bytes.
     """
 
-    def __init__(self, link: Link, safety: Safety, *, keep_alive: float = 0.1, period: float = 0.02) -> None:
+    def __init__(
+        self,
+        link: Link,
+        safety: Safety,
+        *,
+        keep_alive: float = 0.1,
+        period: float = PULSE_PERIOD,
+        memory: Memory | None = None,
+    ) -> None:
         """Begin disconnected and inactive.
 
         Args:
             link: The port and the conversation on it.
             safety: What may be sent.
             keep_alive: Longest time between two packets [s].
-            period: Shortest time between two changes, on average [s].
+            period: Shortest time between two changes [s].
+            memory: See there; None: one that forgets when the process ends.
         """
         self.link, self.safety = link, safety
+        self.memory = Memory() if memory is None else memory
         self.packets_sent, self.bytes_sent = 0, 0
         self._period, self._keep_alive = period, keep_alive
         self._connected = False
@@ -45,6 +61,7 @@ class Driver:
         self._content: Content | None = None
         self._sent_at = self._due = float("-inf")
         self._sent = (float("nan"),) * len(SERVOS)
+        self._place: Place | None = None
 
     @property
     def sent(self) -> tuple[float, ...]:
@@ -56,6 +73,11 @@ class Driver:
         """Whether the servos are where they should be, as far as the board tells."""
         arrived = self._content is not None and self._content == self._wanted and self.link.session.settled
         return arrived and self.safety.at_rest
+
+    @property
+    def place_source(self) -> str:
+        """Who said where the servos were when the board became ready; empty if nobody did."""
+        return "" if self._place is None else self._place.source
 
     def connect(self) -> None:
         """Let `tick` open the port, and open it again whenever it is lost; a fault is forgotten."""
@@ -74,33 +96,47 @@ class Driver:
 
     def tick(self, now: float) -> bool:
         """Do what is due at `now` [s]; return whether a packet was sent. Call it at least at the packet rate."""
+        self.safety.look(now)
         if not self._connected or not self._poll(now):
             return False
-        angles = self.safety.setpoint(now)
+        if self._content is not None and not self.link.session.settled and self.safety.can_move:
+            return self._again(self._content, now)
+        angles = None if self.too_early(now) else self.safety.setpoint(now)
         if angles is None:
             return False
         content = self._wanted = self.link.session.content([float(angle) for angle in angles])
-        if now < self._due:
+        if content == self._content and now + self._period <= self._sent_at + self._patience():
             return False
-        changed = content != self._content
-        if not changed and now + self._period <= self._sent_at + self._patience():
+        if content != self._content:  # a change need not wait for a packet that only keeps the watchdog quiet
+            self._due = now + PACE * self._period
+        return self._send(content, now)
+
+    def _again(self, content: Content, now: float) -> bool:
+        """Send once more what is not acknowledged, a period after the last time; return whether that was now."""
+        if now < self._sent_at + self._period:
             return False
+        self._due = now + PACE * self._period  # the board may have the change only from this one
+        return self._send(content, now)
+
+    def too_early(self, now: float) -> bool:
+        """Whether a change that is asked for at `now` [s] has to wait for its turn."""
+        return now < self._due
+
+    def _send(self, content: Content, now: float) -> bool:
+        self._remember(content)
         packet = self.link.session.packet(content, now)
         if not self.link.write(packet, now):
             self.safety.disconnected(now, self.link.message)
             return False
         self._content, self._sent_at, self._sent = content, now, self.link.session.angles(content)
-        if changed:  # nothing new has to wait for a packet that only keeps the board's watchdog quiet
-            self._due = max(self._due, now - JITTER * self._period) + self._period
         self.packets_sent += 1
         self.bytes_sent += len(packet)
         return True
 
     def _patience(self) -> float:
         """Return how long the newest packet is good for [s]."""
-        session = self.link.session
-        longest = self._keep_alive if session.settled else min(RESEND, self._keep_alive)
-        return longest if session.watchdog is None else min(longest, WATCHDOG_SHARE * session.watchdog)
+        watchdog = self.link.session.watchdog
+        return self._keep_alive if watchdog is None else min(self._keep_alive, WATCHDOG_SHARE * watchdog)
 
     def _poll(self, now: float) -> bool:
         """Converse with the board and tell `safety` how it is; return whether packets may be written."""
@@ -118,5 +154,42 @@ class Driver:
                 self.safety.fault(now, self.link.message)
             case LinkState.READY if before is not LinkState.READY:
                 self._content = None
-                self.safety.ready(now, session.position)
+                self._place = self._found()
+                self.safety.ready(now, self._place)
+        if state is LinkState.READY and session.told is not None:
+            self._compare(session.told)
+        session.told = None
         return state is LinkState.READY
+
+    # the place --------------------------------------------------------------------------------------------------
+
+    def _found(self) -> Place:
+        """Return where the servos are now that the board is ready: told by the board, else remembered, else guessed."""
+        session = self.link.session
+        if session.acknowledges:
+            self.memory.turn_to(self.link.port.identity)
+        if session.place is not None:
+            return session.place
+        content, sure = self.memory.recall()
+        if content is None:
+            return Place(self.safety.place)
+        return Place(session.angles(content), "it was told so before it lost its power" if sure else "")
+
+    def _remember(self, content: Content) -> None:
+        """Write down what leaves now; a first guess only when the board has it."""
+        if self.link.session.acknowledges and (self._content is not None or self.place_source):
+            self.memory.keep(content)
+
+    def _compare(self, told: Content) -> None:
+        """Go on from what is in force on the board, where that is not what it was sent."""
+        session = self.link.session
+        angles = session.angles(told)
+        if self._content is not None and self._near(angles, session.angles(self._content)):
+            return
+        self._content = None
+        self.memory.keep(told)
+        self.safety.moved(angles)
+
+    def _near(self, angles: Sequence[float], others: Sequence[float]) -> bool:
+        """Whether one packet could have made the difference of angles [rad], shape (3,)."""
+        return bool(np.abs(np.subtract(angles, others)).max() <= self.safety.longest_step)

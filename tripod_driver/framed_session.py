@@ -16,6 +16,7 @@ from tripod_driver.calibration import Calibration
 from tripod_driver.framed import Decoder, encode
 from tripod_driver.framed_messages import (
     Acknowledgement,
+    BoardState,
     Error,
     ErrorCode,
     Flags,
@@ -24,10 +25,10 @@ from tripod_driver.framed_messages import (
     HelloReply,
     ImuLine,
     OtherVersion,
-    Pulses,
     SetPulses,
 )
 from tripod_driver.imu import parse_line
+from tripod_driver.place import Place
 from tripod_driver.protocol import HEADER
 from tripod_driver.session import ECHO, READINGS_MAX, Content, Session, SessionState, shown
 from tripod_graph.names import SERVOS
@@ -67,6 +68,7 @@ class FramedSession(Session):
 
     name = "framed"
     baud = 115200
+    acknowledges = True
 
     def __init__(self, calibration: Calibration, needed: Calibration | None = None) -> None:
         """`needed`: what the board must be able to make, if that is not all of `calibration`."""
@@ -76,6 +78,7 @@ class FramedSession(Session):
         self._decoder = Decoder()
         self._sequence = 0
         self._unanswered: deque[tuple[int, float]] = deque()
+        self._newest: int | None = None  # sequence of the newest packet, until it is acknowledged
         self._late: set[int] = set()  # hellos sent before the first answer, whose own may still come
         self._hello_due = self._give_up_at = 0.0
         self._heard = bytearray()
@@ -128,6 +131,7 @@ class FramedSession(Session):
         a, b, c = content
         sequence = self._next_sequence()
         self._unanswered.append((sequence, now))
+        self._newest = sequence
         self._hello_due = now + IDLE_PERIOD
         return encode(SetPulses((a, b, c)), sequence)
 
@@ -147,7 +151,7 @@ class FramedSession(Session):
     @property
     def settled(self) -> bool:
         """Whether the newest packet was acknowledged."""
-        return not self._unanswered
+        return self._newest is None
 
     @property
     def diagnostics(self) -> dict[str, object]:
@@ -217,8 +221,8 @@ class FramedSession(Session):
             self.interruption = told
         self._reply = reply
         self.firmware = f"{reply.firmware[0]}.{reply.firmware[1]}"
-        self.position = self._told_position(reply.pulses)
-        if self.position is not None and (wrong := why_not_from(self.position, self._calibration)):
+        self.place = self._told_place(reply)
+        if self.place is not None and (wrong := why_not_from(self.place.angles, self._calibration)):
             self._refuse(wrong)
             return
         self._late = {number for number, _ in self._unanswered}
@@ -230,6 +234,7 @@ class FramedSession(Session):
     def _take_acknowledgement(self, sequence: int, reply: Acknowledgement, now: float) -> None:
         if self.state is not SessionState.READY:
             return
+        self.told = reply.pulses if 0 not in reply.pulses else None
         if not self._answers(sequence, now):
             self._suspect(now)
             return
@@ -266,6 +271,8 @@ class FramedSession(Session):
             return False
         while self._unanswered.popleft()[0] != sequence:
             pass
+        if sequence == self._newest:
+            self._newest = None
         self.round_trip = now - sent
         return True
 
@@ -290,8 +297,11 @@ class FramedSession(Session):
         if len(self._strangers) == STRANGERS_MAX and now - self._strangers[0] < STRANGER_WINDOW:
             self._refuse("another program writes to this port too; stop that one")
 
-    def _told_position(self, pulses: Pulses) -> tuple[float, ...] | None:
-        return None if 0 in pulses else self.angles(pulses)
+    def _told_place(self, reply: HelloReply) -> Place | None:
+        if 0 in reply.pulses:
+            return None
+        emits = reply.state in (BoardState.ACTIVE, BoardState.HOLDING)
+        return Place(self.angles(reply.pulses), "the board says so", kept=emits)
 
     def _why_no_answer(self) -> str:
         if self._echo:
@@ -312,8 +322,9 @@ class FramedSession(Session):
     # what goes ------------------------------------------------------------------------------------------------
 
     def _open(self, now: float, give_up_at: float) -> None:
-        self.state, self.position = SessionState.OPENING, None
+        self.state, self.place, self.told = SessionState.OPENING, None, None
         self._unanswered.clear()
+        self._newest = None
         self._hello_due, self._give_up_at = now, give_up_at
 
     def _hello(self, now: float) -> bytes:

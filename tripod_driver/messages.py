@@ -28,6 +28,7 @@ def status_message(driver: Driver) -> RobotStatus:
         joint_names=list(names.SERVOS),
         commanded=safety.commanded,
         sent=driver.sent,
+        place_known=safety.place_known,
         packets_sent=driver.packets_sent,
         bytes_sent=driver.bytes_sent,
         reconnects=driver.link.reconnects,

@@ -45,6 +45,7 @@ class DriverNode(LifecycleNode):
         self._park_time_max = values["park_time_max"]
         self._shown: tuple[Any, ...] = ()
         self._logged: State | None = None
+        self._warned = ""
         self._status_due = 0.0
         self._answer_bad_transitions()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -138,7 +139,9 @@ class DriverNode(LifecycleNode):
     def _on_timer(self) -> None:
         now = time.monotonic()
         if self._driver.tick(now):
-            self._publish_joint_states()
+            self._publish_joint_states(self._driver.sent)
+        if self._driver.too_early(now) and self._soon.is_canceled():
+            self._soon.reset()
         self._publish_imu()
         state, message = self._safety.state, self._safety.message
         shown = (state, message, self._safety.rejected)
@@ -146,13 +149,15 @@ class DriverNode(LifecycleNode):
             self._log_change(state, message)
             self._shown, self._status_due = shown, now + STATUS_PERIOD
             self._publish_status()
+            if self._safety.listens and not self._safety.can_move:  # nothing is sent
+                self._publish_joint_states(self._safety.place)
 
     def _on_soon(self) -> None:
         self._soon.cancel()
         self._on_timer()
 
-    def _publish_joint_states(self) -> None:
-        message = JointState(name=list(names.SERVOS), position=self._driver.sent)
+    def _publish_joint_states(self, angles: Sequence[float]) -> None:
+        message = JointState(name=list(names.SERVOS), position=angles)
         message.header.stamp = self.get_clock().now().to_msg()
         self._joint_states.publish(message)
 
@@ -185,6 +190,8 @@ class DriverNode(LifecycleNode):
                 **authority_values(safety.authority),
                 "port": driver.link.port.name,
                 "protocol": session.name,
+                "place of the servos": self._driver.place_source or "nobody knows",
+                "place file": self._driver.memory.warning or self._driver.memory.path or "none",
                 "packets sent": driver.packets_sent,
                 "reconnects": driver.link.reconnects,
                 "rejected commands": safety.rejected,
@@ -195,6 +202,9 @@ class DriverNode(LifecycleNode):
 
     def _log_change(self, state: State, message: str) -> None:
         """Log a state that is new; a link that goes or comes at a level that is seen."""
+        if (warning := self._driver.memory.warning) and warning != self._warned:
+            self._warned = warning
+            self.get_logger().warning(warning)
         if state is self._logged:
             return
         self._logged = state
@@ -221,7 +231,7 @@ class DriverNode(LifecycleNode):
                 break
             time.sleep(self._period / 2)
             if self._driver.tick(time.monotonic()) and self.context.ok():
-                self._publish_joint_states()
+                self._publish_joint_states(self._driver.sent)
         if self.context.ok():
             self._publish_status()
 

@@ -3,15 +3,25 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from enum import IntEnum
+from typing import Final
 
 import numpy as np
 
+from tripod_driver.place import Place
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits, FloatArray
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.names import SERVOS
 from tripod_graph.range import cut
 
 COUNT = len(SERVOS)
+
+PULSE_PERIOD: Final = 0.02
+"""From pulse to pulse of a servo [s]: no two packets differ by more than the slew rate allows in this time."""
+
+CREEP: Final = np.radians(20.0)
+"""Speed of the first motion where nobody knows from where [rad/s]: slow enough to reach for the switch."""
+
+CREEPING: Final = "nobody knows where the servos are: the first motion goes at 20 degrees a second"
 
 
 class State(IntEnum):
@@ -36,8 +46,10 @@ MOVING = {
 class Safety:
     """Decides at each moment which angles may be sent, if any.
 
-    `setpoint` gives angles only between `activate` and `deactivate`, and only while the board is ready; they stay
-    within the safe range of each servo and move no faster than the slew rate, whatever happened in between.
+    `setpoint` gives angles only between `activate` and `deactivate`, only while the board is ready, and only after a
+    command, or to hold what the board holds on this driver's behalf. The first are those of the place where the servos
+    stand, see `ready`; from there on they move no faster than the slew rate, into the safe range of each servo and
+    within it, whatever happens in between. Where nobody knows the place, the motion to the first commanded pose creeps.
     Trajectories are followed only from the source in charge (`ModeTracker`), and not after `halt` until another
     decision is in force; others are checked and ignored. Whatever interrupts the motion (STOP, `halt`, another mode,
     a lost operator, a lost or reset board, `deactivate`) makes the joints hold; the next command ramps from there.
@@ -57,7 +69,6 @@ class Safety:
         upper: Sequence[float],
         *,
         start: Sequence[float] | None = None,
-        period: float = 0.02,
     ) -> None:
         """Begin disconnected and inactive.
 
@@ -65,8 +76,8 @@ class Safety:
             limits: Bounds of what may be commanded.
             lower: Smallest angles that may be sent [rad], shape (3,).
             upper: Largest angles that may be sent [rad], shape (3,).
-            start: Angles in which the servos are assumed now [rad], shape (3,); None means the park position.
-            period: Time between packets [s]; after a stall the joints move on as if it had been two.
+            start: Where the servos are guessed to be before a place is known [rad], shape (3,); None means the park
+                position.
 
         Raises:
             CommandError: a servo has no angle that may both be commanded and sent.
@@ -79,18 +90,20 @@ class Safety:
                 raise CommandError(f"{name} may be sent {safe}, which is nowhere within {asked}")
         self.range = limits.within(lower, upper, [limits.angle_speed] * COUNT)
         self.rejected, self.last_rejection = 0, ""
-        self._period, self._limits = period, limits
+        self._limits = limits
         joints = None if start is None else [*start, limits.park[COUNT]]
-        self._follower = CommandFollower(limits, joints, longest_step=2 * period)
+        self._follower = CommandFollower(limits, joints, longest_step=PULSE_PERIOD)
         self.authority = ModeTracker()
         self._board = State.DISCONNECTED
         self._trouble = "the port was not opened yet"
         self._notice = ""
         self._active = self._halted = False
+        self._asked = False
+        self._creeping = False
         self._ignored = 0
         self._now = float("-inf")
-        self._output: FloatArray | None = None
-        self._output_at = float("-inf")
+        self._output = self._follower.joints[:COUNT].copy()
+        self._moved_at: float | None = None
 
     @property
     def state(self) -> State:
@@ -104,8 +117,8 @@ class Safety:
         """What is wrong and what to do about it; empty when all is well."""
         if self._board is not State.READY:
             return self._trouble
-        if self._notice:
-            return self._notice
+        if self._creeping or self._notice:
+            return CREEPING if self._creeping else self._notice
         if self._halted:
             return "stopped by service; change the control mode to go on"
         if self._ignored and not self._active:
@@ -118,15 +131,35 @@ class Safety:
         return tuple(float(angle) for angle in self._follower.goal[:COUNT])
 
     @property
+    def place(self) -> tuple[float, ...]:
+        """Where the servos are, or are guessed to be [rad], shape (3,)."""
+        return tuple(float(angle) for angle in self._output)
+
+    @property
+    def place_known(self) -> bool:
+        """Whether the servos surely are at `place`."""
+        return self._board is State.READY and not self._creeping
+
+    @property
     def can_move(self) -> bool:
-        """Whether packets may leave now."""
+        """Whether packets may leave now: it is active, the board ready, and something asked for."""
+        return self.listens and self._asked
+
+    @property
+    def longest_step(self) -> float:
+        """Longest way from one packet to the next [rad]."""
+        return self._limits.angle_speed * PULSE_PERIOD
+
+    @property
+    def listens(self) -> bool:
+        """Whether commands may move the servos: it is active and the board ready."""
         return self._active and self._board is State.READY
 
     @property
     def at_rest(self) -> bool:
         """Whether what may be sent is where it should be."""
         goal = np.clip(self._follower.goal[:COUNT], self._lower, self._upper)
-        return self._output is not None and np.allclose(self._output, goal, rtol=0, atol=1e-9)
+        return bool(np.allclose(self._output, goal, rtol=0, atol=1e-9))
 
     # the board ------------------------------------------------------------------------------------------------
 
@@ -142,25 +175,29 @@ class Safety:
         """The board must not be driven, because of `why`, until `clear`."""
         self._leave(State.FAULT, now, why)
 
-    def ready(self, now: float, position: Sequence[float] | None = None) -> None:
-        """The board answers; `position`: where it says that the servos are [rad], shape (3,), None if it does not.
-
-        From there the next ramp begins, even if that is outside of the limits.
-        """
+    def ready(self, now: float, place: Place) -> None:
+        """The board answers; from `place` the next ramp begins, even if that is outside of the limits."""
         if self._board in (State.READY, State.FAULT):
             return
         self._board, self._trouble = State.READY, ""
-        if position is None:
-            self._follower.rest(now)
-            return
-        limits = self._follower.limits
-        self._output, self._output_at = np.array(position, float), now
-        joints = self._follower.joints.copy()
-        joints[:COUNT] = np.clip(position, limits.angle_min, limits.angle_max)
-        parked = np.allclose(joints, limits.park, rtol=0, atol=np.radians(0.5))
+        self._asked = self._active and place.kept
+        self._creeping = not place.known
+        joints = self._stand(place.angles)
+        parked = np.allclose(joints, self._limits.park, rtol=0, atol=np.radians(0.5))
         if not (parked and self._follower.activity is Activity.PARKED):
-            self._follower = CommandFollower(limits, joints.tolist(), longest_step=2 * self._period)
+            self._follower = CommandFollower(self._limits, joints.tolist(), longest_step=PULSE_PERIOD)
             self._follower.stop(now)
+
+    def moved(self, angles: Sequence[float]) -> None:
+        """Somebody else has moved the servos to `angles` [rad], shape (3,): what is sent goes on from there."""
+        self._follower.joints = self._stand(angles)
+
+    def _stand(self, angles: Sequence[float]) -> FloatArray:
+        """Take the place of the servos [rad], shape (3,); return the joints nearest to it within limits, shape (4,)."""
+        self._output, self._moved_at = np.array(angles, float), None
+        joints = self._follower.joints.copy()
+        joints[:COUNT] = np.clip(angles, self._limits.angle_min, self._limits.angle_max)
+        return joints
 
     def clear(self) -> None:
         """Forget a fault: somebody has looked."""
@@ -179,14 +216,14 @@ class Safety:
     # the operator ---------------------------------------------------------------------------------------------
 
     def activate(self, now: float) -> None:
-        """Allow motion; the joints begin by holding where they are assumed or were sent."""
+        """Allow motion; nothing is sent before a command, except to go on holding what the board holds."""
         self._active = True
         self._ignored = 0
         self._follower.rest(now)
 
     def deactivate(self) -> None:
         """Give no more angles."""
-        self._active = False
+        self._active = self._asked = False
         self._ignored = 0
 
     def trajectory(
@@ -205,14 +242,14 @@ class Safety:
         Raises:
             CommandError: it is refused and counted, whether motion is allowed or not.
         """
-        self._look(now)
+        self.look(now)
         try:
-            if self.authority.admits(source, now) or not self.can_move or self._halted:
+            if self.authority.admits(source, now) or not self.listens or self._halted:
                 self._follower.check(names, times, positions, velocities=velocities, age=age)
                 self._ignored += 1
             else:
                 self._follower.accept(names, times, positions, now, velocities=velocities, age=age)
-                self._notice = ""
+                self._notice, self._asked = "", True
         except ValueError as error:
             self.reject(error)
             raise
@@ -228,8 +265,8 @@ class Safety:
         if changed:
             self._obey(now)
 
-    def _look(self, now: float) -> None:
-        """Hold if the operator in charge is lost, or inverse kinematics in the midst of a trajectory."""
+    def look(self, now: float) -> None:
+        """Hold if the operator in charge is lost, or inverse kinematics in the midst of a trajectory: at each tick."""
         self._now = max(now, self._now)
         if self.authority.lapse(now):
             self._obey(now)
@@ -261,22 +298,29 @@ class Safety:
 
     def setpoint(self, now: float) -> FloatArray | None:
         """Return the angles to be sent at `now` [s], shape (3,); None: nothing may be sent. Call it at each tick."""
-        self._look(now)
         if not self.can_move:
             return None
+        dt = 0.0 if self._moved_at is None else min(max(0.0, now - self._moved_at), PULSE_PERIOD)
+        self._moved_at = now if self._moved_at is None else max(now, self._moved_at)
         asked = np.clip(self._follower.setpoint(now)[:COUNT], self._lower, self._upper)
-        if self._output is not None:
-            step = self._follower.limits.angle_speed * min(max(0.0, now - self._output_at), 2 * self._period)
-            asked = self._output + np.clip(asked - self._output, -step, step)
-        self._output, self._output_at = asked, max(now, self._output_at)
-        return asked
+        if self._follower.activity is not Activity.HOLDING:  # that is to stay, also outside of the range
+            step = dt * (min(CREEP, self._limits.angle_speed) if self._creeping else self._limits.angle_speed)
+            self._output = self._output + np.clip(asked - self._output, -step, step)
+            behind = self._output != asked
+            self._follower.joints[:COUNT][behind] = np.clip(
+                self._output, self._limits.angle_min, self._limits.angle_max
+            )[behind]
+            end = np.clip(self._follower.end[:COUNT], self._lower, self._upper)
+            if np.allclose(self._output, end, rtol=0, atol=np.radians(0.5)):
+                self._creeping = False
+        return self._output.copy()
 
     def _leave(self, board: State, now: float, why: str) -> None:
         if self._board is State.FAULT:
             return
         if self._board is State.READY:
             self._follower.rest(now)
-        self._board, self._trouble = board, why
+        self._board, self._trouble, self._asked = board, why, False
 
     def _stop(self, now: float) -> None:
         """Hold where the joints are, also after `park`."""
@@ -286,7 +330,7 @@ class Safety:
 
     def _follow_from_here(self, limits: CommandLimits) -> None:
         joints = [float(value) for value in self._follower.joints]
-        self._follower = CommandFollower(limits, joints, longest_step=2 * self._period)
+        self._follower = CommandFollower(limits, joints, longest_step=PULSE_PERIOD)
 
     def reject(self, error: ValueError) -> None:
         """Count a message that is refused."""

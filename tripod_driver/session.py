@@ -7,6 +7,7 @@ from typing import Final
 
 from tripod_driver.calibration import Calibration
 from tripod_driver.imu import ImuReading, LineReader
+from tripod_driver.place import Place, library_start
 from tripod_driver.protocol import LegacyProtocol
 
 Content = tuple[int, ...]
@@ -36,11 +37,13 @@ class Session(ABC):
     Attributes:
         name: Of its protocol.
         baud: Its usual speed [bit/s].
+        acknowledges: Whether the board acknowledges each packet.
         state: How far it is.
         message: Why it is not ready; else what is odd, empty if nothing is.
         interruption: Set when the motion must be given up: why. The caller takes it and empties it.
-        position: Where the board says that the servos are [rad], shape (3,), when the session became ready; None if
-            it does not tell.
+        place: Where the servos are since the session became ready, as the board says or its firmware always does; None
+            if nobody on the line knows.
+        told: What is in force as the board said last, taken and emptied by the caller; None: nothing new.
         readings: Readings of the IMU that came and were not taken yet, the newest last.
         firmware: What the board says that it runs; empty if it says nothing.
         reset: Why the board was reset last, in a word; empty if it does not say.
@@ -49,12 +52,14 @@ class Session(ABC):
 
     name: str
     baud: int = 115200
+    acknowledges: bool = False
 
     def __init__(self) -> None:
         self.state = SessionState.OPENING
         self.message = ""
         self.interruption = ""
-        self.position: tuple[float, ...] | None = None
+        self.place: Place | None = None
+        self.told: Content | None = None
         self.readings: list[ImuReading] = []
         self.firmware = self.reset = ""
         self.round_trip: float | None = None
@@ -132,11 +137,19 @@ class LegacySession(Session):
     get the same pulse; without a calibration that is the angle itself.
     """
 
-    def __init__(self, protocol: LegacyProtocol, calibration: Calibration) -> None:
+    def __init__(
+        self, protocol: LegacyProtocol, calibration: Calibration, start: Sequence[float] | None = None
+    ) -> None:
+        """`start`: angles of the servos after the firmware's own start [rad], shape (3,); None: those of the library.
+
+        Opening the port resets these boards, so that is where the servos are then, wherever they were before.
+        """
         super().__init__()
         self.name = protocol.name
         self.baud = protocol.baud
         self._protocol, self._calibration = protocol, calibration
+        angles = library_start(calibration) if start is None else tuple(map(float, start))
+        self.place = Place(angles, "its firmware attaches the servos there when it starts")
         self._ready_at = 0.0
         self._lines = self._reader()
         self._sent = b""

@@ -1,5 +1,6 @@
 """Parameters of the driver, and the driver that they describe."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,9 @@ from tripod_driver.calibration_file import read_calibration
 from tripod_driver.choose_session import PROTOCOLS, choose_sessions, common_bounds
 from tripod_driver.driver import Driver
 from tripod_driver.link import Link
+from tripod_driver.memory import Memory, state_folder
 from tripod_driver.ports.choose import CHOICES, choose_port
+from tripod_driver.ports.mock import MockPort
 from tripod_driver.protocol import AngleMapping
 from tripod_driver.safety import Safety
 from tripod_graph import names
@@ -58,8 +61,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "start",
         [],
-        "Angles of the three servos when the driver starts, for boards that do not tell; unset means the park "
-        "position. The workshop's program leaves them at -0.5236",
+        "Angles of the three servos after the board's own start, for boards that do not tell; unset: at 1500 us, where "
+        "the workshop's firmware attaches them; of this project's, which attaches none, the park position as a guess",
         "rad",
     ),
     *LIMIT_PARAMETERS,
@@ -80,17 +83,22 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
     if 0 < values["baud"] < SLOWEST:
         raise ValueError(f"parameter 'baud' is {values['baud']}; allowed: 0 or at least {SLOWEST}")
     calibration = read_calibration(Path(values["calibration"])) if values["calibration"] else Calibration()
-    sessions = choose_sessions(values["protocol"], AngleMapping(values["angle_mapping"]), calibration)
+    mapping = AngleMapping(values["angle_mapping"])
+    sessions = choose_sessions(values["protocol"], mapping, calibration, start=start or None)
     port = choose_port(
         values["port"],
         baud=values["baud"] or sessions[0].baud,
         boot_time=values["boot_time"],
         write_timeout=values["write_timeout"],
     )
-    period = 1.0 / values["rate"]
+    limits, memory = limits_from(values), Memory(state_folder(os.environ))
+    if isinstance(port, MockPort):  # of which is known where it stands
+        memory.turn_to(port.identity)
+        memory.keep(sessions[0].content(start or limits.park[: len(names.SERVOS)]))
     return Driver(
         Link(port, *sessions, retry_min=values["retry_min"], retry_max=values["retry_max"]),
-        Safety(limits_from(values), *common_bounds(sessions), start=start or None, period=period),
+        Safety(limits, *common_bounds(sessions), start=start or None),
         keep_alive=values["keep_alive"],
-        period=period,
+        period=1.0 / values["rate"],
+        memory=memory,
     )

@@ -283,6 +283,12 @@ class CommandFollower:
         self._approach(dt, together=True)
         return self.joints.copy()
 
+    @property
+    def end(self) -> FloatArray:
+        """Where the trajectory that is followed ends, or the joints hold, or go to park, shape (4,)."""
+        parked = self.activity is Activity.PARKED
+        return np.array(self.limits.park) if parked else self._points[-1].copy()
+
     def _interpolated(self, now: float) -> FloatArray:
         i = int(np.searchsorted(self._times, now, side="right"))
         if i == 0 or i == len(self._times):

@@ -21,6 +21,7 @@ from tripod_graph.names import SERVOS
 TICK = 0.005
 LIMITS = CommandLimits(angle_speed=2.0, park_after=1.0)
 CALIBRATION = Calibration()
+START = (-0.5, -0.5, -0.5)
 
 
 def hello_reply(**changed: object) -> HelloReply:
@@ -48,14 +49,19 @@ class Bench:
         protocol: str = "framed",
         calibration: Calibration = CALIBRATION,
         boot_time: float = 0.0,
+        known: bool = True,
     ) -> None:
+        """`known`: the driver remembers that the servos are at START."""
         self.clock = Clock()
         self.board = MockBoard(self.clock) if board is None else board
         self.port = MockPort(self.board, boot_time=boot_time)
-        sessions = choose_sessions(protocol, AngleMapping.ROUNDED, calibration)
+        sessions = choose_sessions(protocol, AngleMapping.ROUNDED, calibration, start=START)
         self.link = Link(self.port, *sessions, retry_min=0.5, retry_max=2.0)
-        self.safety = Safety(LIMITS, *common_bounds(sessions), start=[-0.5] * 3)
-        self.driver = Driver(self.link, self.safety)
+        self.safety = Safety(LIMITS, *common_bounds(sessions), start=START)
+        self.driver = Driver(self.link, self.safety, period=0.0195)  # a change at each fourth tick
+        if known:
+            self.driver.memory.turn_to(self.port.identity)
+            self.driver.memory.keep(sessions[0].content(START))
         self.sent: list[tuple[float, tuple[float, ...]]] = []
         self.states: list[State] = []
         self.driver.connect()
@@ -74,6 +80,12 @@ class Bench:
 
     def goto(self, *angles: float, time: float = 0.0) -> None:
         self.safety.trajectory(SERVOS, [time], [list(angles)], self.clock.now, source=SOURCE)
+
+    def asked(self) -> "Bench":
+        """Ask it to be where it is: from now on it sends packets."""
+        self.safety.control_mode(said(Mode.IK, self.clock.now), self.clock.now, self.clock.now)
+        self.goto(*START)
+        return self.run(0.1)
 
     def moving(self) -> "Bench":
         """Bring it into motion towards -1.5 rad, half way there."""

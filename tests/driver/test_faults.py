@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.decisions import said
-from tests.driver.bench import LIMITS, TICK, Bench
+from tests.driver.bench import LIMITS, START, TICK, Bench
 from tripod_driver.framed import encode
 from tripod_driver.framed_messages import BoardState, SetPulses
 from tripod_driver.ports.mock import Fault
@@ -93,7 +93,9 @@ def test_a_fault_in_motion_disconnects_says_why_and_the_next_motion_ramps(fault,
             break
     assert bench.safety.state is State.DISCONNECTED
     assert bench.safety.message == message
-    assert bench.clock.now < 100.0 + 0.6 + 0.35  # within the time of silence
+    assert (
+        bench.clock.now < 100.0 + 0.6 + 0.1 + 0.3 + 2 * TICK
+    )  # the next keep-alive is not acknowledged in time
     assert not bench.port.is_open
     sent = len(bench.sent)
     assert sent - before <= 16  # nothing but what was on its way
@@ -106,10 +108,11 @@ def test_a_fault_in_motion_disconnects_says_why_and_the_next_motion_ramps(fault,
     bench.run(3.0)
     assert State.CONNECTING in bench.states
     assert bench.safety.state in (State.HOLDING, State.PARKED)
+    assert len(bench.sent) == sent  # nothing before a command: the servos have let go
+    bench.run(0.5, bench.stream)
     assert bench.sent[sent][1] == pytest.approx(last, abs=2.0 * 0.02)  # from where they were, to a period
-    times = np.array([t for t, _ in bench.sent])
     angles = np.array([a for _, a in bench.sent])
-    assert (np.abs(np.diff(angles, axis=0)).max(axis=1) <= 2.0 * np.diff(times) + 1e-3).all()
+    assert np.abs(np.diff(angles, axis=0)).max() <= 2.0 * 0.02 + 1e-3
 
 
 def test_a_reset_in_motion_holds_says_so_and_greets_the_board_anew() -> None:
@@ -226,6 +229,8 @@ def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silen
     bench = Bench()
     bench.safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, 100.0)
     bench.run(0.1)
+    bench.goto(*START)
+    bench.run(0.1)
     foreign = Foreigner(bench)
     for kind, value in events:
         now, running = bench.clock.now, bench.safety.authority.mode
@@ -261,10 +266,9 @@ def test_whatever_the_port_does_angles_stay_within_range_and_slew_rate_and_silen
     assert len(bench.sent) == count
     assert bench.board.state in (BoardState.IDLE, BoardState.RELEASED), "the watchdog did not fire"
     angles = np.array([a for _, a in bench.sent])
-    times = np.array([t for t, _ in bench.sent])
     slack = 2e-4  # pulses are rounded to 0.1 us
     assert ((angles >= -2.1 - slack) & (angles <= 0.0 + slack)).all()
     jumps = [np.abs(np.subtract(pulses, 15000)).max() for pulses in bench.board.history]
     assert not jumps or max(jumps) < 15000
     if not any(kind == "reset" or kind == "foreign" for kind, _ in events):
-        assert (np.abs(np.diff(angles, axis=0)).max(axis=1) <= 2.0 * np.diff(times) + 2 * slack).all()
+        assert np.abs(np.diff(angles, axis=0)).max(initial=0.0) <= 2.0 * 0.02 + 2 * slack

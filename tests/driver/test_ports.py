@@ -213,7 +213,7 @@ def test_ports_carry_their_lasting_path(tmp_path: Path, monkeypatch) -> None:
     device.write_bytes(b"")
     (tmp_path / "by-id").mkdir()
     (tmp_path / "by-id" / "usb-FTDI").symlink_to(device)
-    info = SimpleNamespace(device=str(device), vid=0x0403, pid=0x6001, product="FT232R")
+    info = SimpleNamespace(device=str(device), vid=0x0403, pid=0x6001, product="FT232R", serial_number=None)
     other = SimpleNamespace(device="/dev/ttyS0", vid=None, pid=None, product=None)
     monkeypatch.setattr(boards, "comports", lambda: [info, other])
     link = str(tmp_path / "by-id" / "usb-FTDI")

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.decisions import SOURCE, said
-from tripod_driver.safety import Safety, State
+from tripod_driver.place import Place
+from tripod_driver.safety import CREEP, PULSE_PERIOD, Safety, State
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.mode import Mode
 from tripod_graph.names import SERVOS
@@ -18,15 +19,17 @@ LIMITS = CommandLimits(
 )
 LOWER, UPPER = (-1.6, -2.1, -1.7), (-0.1, 0.0, 0.2)
 START = (-0.5, -0.6, -0.7)
-PERIOD = 0.02
+PERIOD = PULSE_PERIOD
+TOLD = "the board says so"
+AT_START = Place(START, TOLD)
 
 
 def make(**options) -> Safety:
-    return Safety(LIMITS, LOWER, UPPER, start=START, period=PERIOD, **options)
+    return Safety(LIMITS, LOWER, UPPER, start=START, **options)
 
 
-def ready(safety: Safety, now: float = 0.0) -> Safety:
-    safety.ready(now)
+def ready(safety: Safety, now: float = 0.0, place: Place = AT_START) -> Safety:
+    safety.ready(now, place)
     safety.activate(now)
     safety.control_mode(said(Mode.TELEOP, now + 1.0), now + 1.0, now)
     return safety
@@ -48,11 +51,23 @@ def test_angles_come_out_only_when_the_board_is_ready_and_motion_is_allowed() ->
     assert (safety.state, safety.setpoint(0.1)) == (State.DISCONNECTED, None)
     safety.connecting(0.2, "port is open")
     assert (safety.state, safety.message, safety.setpoint(0.2)) == (State.CONNECTING, "port is open", None)
-    safety.ready(0.3)
+    safety.ready(0.3, Place(START, TOLD))
     assert (safety.state, safety.message) == (State.HOLDING, "")
-    assert safety.setpoint(0.3) == pytest.approx(START)
+    assert safety.setpoint(30.0) is None  # nothing was asked for, and nothing parks unasked
+    safety.control_mode(said(Mode.IK, 1.0), 1.0, 30.0)
+    goto(safety, [-1.0] * 3, 30.0)
+    assert safety.setpoint(30.0) == pytest.approx(START)
     safety.deactivate()
-    assert (safety.state, safety.setpoint(0.4)) == (State.READY, None)
+    assert (safety.state, safety.setpoint(30.1)) == (State.READY, None)
+
+
+def test_what_the_board_holds_on_its_behalf_goes_on_being_held_and_is_parked_after_silence() -> None:
+    safety = make()
+    safety.activate(0.0)
+    safety.ready(0.0, Place((-1.2, -1.3, -1.4), TOLD, kept=True))
+    way = run(safety, 0.0, 0.9)
+    assert way == pytest.approx(np.tile([-1.2, -1.3, -1.4], (len(way), 1)))
+    assert run(safety, 0.9, 1.0)[-1] == pytest.approx([-0.2] * 3)
 
 
 def test_a_fault_ends_all_motion_until_somebody_has_looked() -> None:
@@ -61,7 +76,7 @@ def test_a_fault_ends_all_motion_until_somebody_has_looked() -> None:
     assert safety.setpoint(0.02) is not None
     safety.fault(0.04, "wrong firmware")
     for event in (
-        safety.ready,
+        lambda t: safety.ready(t, Place(START, TOLD)),
         lambda t: safety.disconnected(t, "x"),
         lambda t: safety.connecting(t, "x"),
         safety.activate,
@@ -71,7 +86,7 @@ def test_a_fault_ends_all_motion_until_somebody_has_looked() -> None:
     goto(safety, [-1.0] * 3, 0.08)
     assert safety.setpoint(0.1) is None
     safety.clear()
-    safety.ready(0.2)
+    safety.ready(0.2, Place(START, TOLD))
     assert safety.state is State.HOLDING
 
 
@@ -97,20 +112,52 @@ def test_a_servo_that_may_be_sent_nothing_is_refused_at_the_start() -> None:
 def test_the_ramp_begins_where_the_board_says_that_the_servos_are() -> None:
     safety = ready(make())
     safety.disconnected(1.0, "unplugged")
-    safety.ready(2.0, [-1.2, -1.3, -1.4])
-    assert safety.setpoint(2.0) == pytest.approx([-1.2, -1.3, -1.4])
+    safety.ready(2.0, Place((-1.2, -1.3, -1.4), TOLD))
     goto(safety, [-0.5] * 3, 2.0)
+    assert safety.setpoint(2.0) == pytest.approx([-1.2, -1.3, -1.4])
     steps = np.diff(run(safety, 2.0, 0.8), axis=0)
     assert np.abs(steps).max() == pytest.approx(2.0 * PERIOD)
 
 
 def test_from_outside_of_the_limits_it_ramps_in_instead_of_jumping() -> None:
-    safety = make()
-    safety.activate(0.0)
-    safety.ready(0.0, [-2.0, -0.6, 0.5])  # servo 0 below -1.6, servo 2 above 0.2
-    way = np.vstack([[-2.0, -0.6, 0.5], run(safety, 0.0, 0.4)])
+    outside = (-2.0, -0.6, 0.5)  # servo 0 below -1.6, servo 2 above 0.2
+    safety = ready(make(), place=Place(outside, TOLD))
+    goto(safety, [-1.5, -0.6, 0.1], 0.0)
+    way = np.vstack([outside, run(safety, 0.0, 0.1)])
+    safety.control_mode(said(Mode.STOP, 2.0), 2.0, 0.1)
+    stopped = run(safety, 0.1, 0.5)
+    assert stopped == pytest.approx(np.tile(way[-1], (len(stopped), 1)))  # where it is, outside or not
+    safety.control_mode(said(Mode.IK, 3.0), 3.0, 0.6)
+    goto(safety, [-1.8, -0.6, 0.6], 0.6)
+    way = np.vstack([way, run(safety, 0.6, 0.4)])
     assert np.abs(np.diff(way, axis=0)).max() <= 2.0 * PERIOD + 1e-12
     assert way[-1] == pytest.approx([-1.6, -0.6, 0.2])
+
+
+def test_where_nobody_knows_the_place_it_says_so_and_creeps_to_the_first_pose() -> None:
+    safety = ready(make(), place=Place((-1.0, -1.0, -1.0)))
+    assert not safety.place_known
+    assert safety.message == "nobody knows where the servos are: the first motion goes at 20 degrees a second"
+    for k in range(100):  # a stream, as of inverse kinematics
+        goto(safety, [-0.6, -1.1, -1.0], PERIOD * k, 0.1)
+        run(safety, PERIOD * k, PERIOD)
+        assert np.abs(np.subtract(safety.place, -1.0)).max() <= CREEP * PERIOD * k + 1e-9
+        assert safety.place_known == (safety.place[0] > -0.6 - np.radians(0.5))
+    assert (safety.place_known, safety.message) == (True, "")
+    goto(safety, [-1.4, -1.1, -1.0], 2.0)
+    steps = np.diff(run(safety, 2.0, 0.4)[:, 0])
+    assert np.abs(steps).max() == pytest.approx(2.0 * PERIOD)
+
+
+def test_what_somebody_else_moved_goes_on_from_there() -> None:
+    safety = ready(make())
+    goto(safety, [-0.5] * 3, 0.0)
+    run(safety, 0.0, 0.1)
+    safety.moved([-1.2, -1.2, -1.2])
+    goto(safety, [-0.5] * 3, 0.1)
+    way = run(safety, 0.1, 0.5)
+    assert way[0] == pytest.approx([-1.2] * 3)
+    assert np.abs(np.diff(way, axis=0)).max() == pytest.approx(2.0 * PERIOD)
 
 
 def test_an_interruption_holds_is_told_and_ends_with_the_next_command() -> None:
@@ -138,7 +185,7 @@ event = st.one_of(
     st.tuples(st.just("goto"), st.tuples(angle, angle, angle, st.floats(0.0, 1.0))),
     st.tuples(st.just("bad"), st.sampled_from([math.nan, math.inf, -5.0])),
     st.tuples(st.just("mode"), st.sampled_from(Mode)),
-    st.tuples(st.just("ready"), st.none() | board_angle),
+    st.tuples(st.just("ready"), st.builds(Place, board_angle, st.sampled_from([TOLD, ""]), st.booleans())),
     st.tuples(
         st.sampled_from(
             [
@@ -173,7 +220,7 @@ class Watch:
     def do(self, kind: str, value) -> None:
         safety, now = self.safety, self.now
         if kind == "goto":
-            followed = safety.can_move and safety.authority.mode is not Mode.STOP and self.stopped_at is None
+            followed = safety.listens and safety.authority.mode is not Mode.STOP and self.stopped_at is None
             goto(safety, value[:3], now, value[3])
             if followed:
                 self.silent_at = now + value[3] + LIMITS.timeout
@@ -189,8 +236,8 @@ class Watch:
         elif kind == "ready":
             known = safety.state
             safety.ready(now, value)
-            if value is not None and known in (State.DISCONNECTED, State.CONNECTING):
-                self.last, self.held = np.array(value), None
+            if known in (State.DISCONNECTED, State.CONNECTING):
+                self.last, self.held = np.array(value.angles), None
         elif kind in ("interrupt", "disconnected", "connecting", "fault"):
             getattr(safety, kind)(now, "for a test")
         elif kind in ("halt", "activate", "park"):
@@ -203,7 +250,8 @@ class Watch:
     def tick(self) -> None:
         out = self.safety.setpoint(self.now)
         state = self.safety.state
-        assert (out is None) == (state not in (State.ACTIVE, State.HOLDING, State.PARKED))
+        assert (out is not None) == self.safety.can_move
+        assert not self.safety.can_move or state in (State.ACTIVE, State.HOLDING, State.PARKED)
         if out is None:
             return
         assert (out >= np.maximum(LOWER, LIMITS.angle_min) - 1e-9).all()
@@ -230,14 +278,17 @@ class Watch:
 @given(st.lists(event, max_size=25), st.lists(st.floats(0.0, 0.5), min_size=30, max_size=30))
 def test_limits_slew_rate_watchdog_and_stop_hold_in_every_sequence_of_events(events, gaps) -> None:
     watch = Watch()
-    for kind, value in (("activate", None), ("ready", None), ("mode", Mode.TELEOP), *events):
+    for kind, value in (("activate", None), ("ready", Place(START, TOLD)), ("mode", Mode.IK), *events):
         watch.do(kind, value)
         for gap in [0.0, PERIOD, gaps[len(kind) % 30], *([value] if kind == "wait" else [])]:
             watch.now += gap
             watch.tick()
     watch.safety.clear()
-    watch.do("ready", None)
+    watch.do("ready", Place(watch.safety.place, TOLD))
     watch.do("activate", None)
+    for mode in (Mode.STOP, Mode.IK):
+        watch.do("mode", mode)
+    watch.do("goto", (-1.0, -1.0, -1.0, 0.0))
     for _ in range(400):
         watch.now += PERIOD
         watch.tick()

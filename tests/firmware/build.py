@@ -75,6 +75,16 @@ def firmware(**parameters: int) -> Path:
 
 
 @cache
+def workshop() -> Path:
+    """Return the ELF file of workshop.c: what the workshop's boards do."""
+    need(*AVR)
+    elf = _directory() / "workshop.elf"
+    flags = ["-mmcu=atmega328p", "-DF_CPU=16000000UL", "-Os", "-std=gnu11", "-Wall", "-Wextra", "-Werror"]
+    build(["avr-gcc", *flags, str(HERE / "workshop.c"), "-o", str(elf)])
+    return elf
+
+
+@cache
 def simulator() -> Path:
     """Return the library of simulated_board.c."""
     need("cc", *SIMULATOR)

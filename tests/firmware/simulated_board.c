@@ -72,6 +72,25 @@ static void on_d11(struct avr_irq_t *irq, uint32_t value, void *b)
     add_edge(b, 2, value);
 }
 
+// D9 and D10 as bits of their port, of a firmware that leaves the compare outputs alone.
+static void on_pin(struct board *b, uint32_t servo, uint32_t value, int shift)
+{
+    if (!(b->avr->data[TCCR1A] >> shift & 3))
+        add_edge(b, servo, value);
+}
+
+static void on_pin_d9(struct avr_irq_t *irq, uint32_t value, void *b)
+{
+    (void)irq;
+    on_pin(b, 0, value, 6);
+}
+
+static void on_pin_d10(struct avr_irq_t *irq, uint32_t value, void *b)
+{
+    (void)irq;
+    on_pin(b, 1, value, 4);
+}
+
 // simavr reports a byte when the firmware writes it; it has arrived when the line has carried its ten bits.
 static void on_output(struct avr_irq_t *irq, uint32_t value, void *param)
 {
@@ -167,7 +186,10 @@ struct board *board_new(const char *elf, double host_baud)
     avr_irq_t *timer = avr_io_getirq(b->avr, AVR_IOCTL_TIMER_GETIRQ('1'), TIMER_IRQ_OUT_COMP);
     avr_irq_register_notify(timer, on_d9, b);
     avr_irq_register_notify(timer + 1, on_d10, b);
-    avr_irq_register_notify(avr_io_getirq(b->avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 3), on_d11, b);
+    avr_irq_t *port = avr_io_getirq(b->avr, AVR_IOCTL_IOPORT_GETIRQ('B'), 0);
+    avr_irq_register_notify(port + 1, on_pin_d9, b);
+    avr_irq_register_notify(port + 2, on_pin_d10, b);
+    avr_irq_register_notify(port + 3, on_d11, b);
     avr_irq_register_notify(avr_io_getirq(b->avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), on_output, b);
     return b;
 }

@@ -79,12 +79,14 @@ class Host:
         self.pulses = self.wire.pulses
         self.sent: list[tuple[int, ...]] = []
         self.times: list[float] = []
-        sessions = choose_sessions(protocol, AngleMapping.ROUNDED, CALIBRATION)
+        sessions = choose_sessions(protocol, AngleMapping.ROUNDED, CALIBRATION, start=START)
         self.port = MockPort(self.wire)
         self.link = Link(self.port, *sessions, retry_min=0.2, retry_max=1.0)
         limits = CommandLimits(angle_speed=SPEED, park_after=10.0)
         self.safety = Safety(limits, *common_bounds(sessions), start=START)
         self.driver = Driver(self.link, self.safety)
+        self.driver.memory.turn_to(self.port.identity)
+        self.driver.memory.keep(sessions[0].content(START))
         self.driver.connect()
         self.safety.activate(board.now)
         self.safety.control_mode(said(Mode.TELEOP, board.now), board.now, board.now)

@@ -45,6 +45,7 @@ class FoundPort:
         pid: USB product identity.
         product: What the device says that it is.
         by_id: Path that stays the same after a replug, empty if there is none.
+        serial_number: What tells this USB device from others of its kind, empty if nothing does.
     """
 
     device: str
@@ -52,6 +53,13 @@ class FoundPort:
     pid: int | None = None
     product: str = ""
     by_id: str = ""
+    serial_number: str = ""
+
+    @property
+    def identity(self) -> str:
+        """What tells the board from others: its USB identity or, without a number in it, the name of the port too."""
+        usb = "" if self.vid is None else f"{self.vid:04X}:{self.pid or 0:04X}"
+        return f"{usb}:{self.serial_number}" if usb and self.serial_number else f"{usb}:{self.device}"
 
     @property
     def board(self) -> str:
@@ -69,7 +77,7 @@ def serial_ports(by_id: Path = BY_ID) -> list[FoundPort]:
     """Return the serial ports of this machine, by device name."""
     links = {str(link.resolve()): str(link) for link in sorted(by_id.glob("*"))}
     return [
-        FoundPort(p.device, p.vid, p.pid, p.product or "", links.get(p.device, ""))
+        FoundPort(p.device, p.vid, p.pid, p.product or "", links.get(p.device, ""), p.serial_number or "")
         for p in sorted(comports(), key=lambda p: p.device)
     ]
 

@@ -25,6 +25,11 @@ class Port(ABC):
     def name(self) -> str:
         """The device while open, else what was asked for."""
 
+    @property
+    def identity(self) -> str:
+        """What tells this board from others while open, the same after a replug; empty if nothing does."""
+        return ""
+
     @abstractmethod
     def open(self) -> None:
         """Open the port, without waiting for the board to boot; raise PortError if that fails."""

@@ -50,6 +50,20 @@ class SerialPort(Port):
         """The device while open, else what was asked for."""
         return self._path if self._serial is None else str(self._serial.port)
 
+    @property
+    def identity(self) -> str:
+        """The USB identity of the board or, of what is no port of this machine, the device as long as it exists."""
+        if self._serial is None:
+            return ""
+        device = Path(str(self._serial.port)).resolve()
+        known = [port.identity for port in serial_ports() if port.device == str(device)]
+        if known:
+            return known[0]
+        try:
+            return f"{device}@{device.stat().st_ctime_ns}"  # a pseudo-terminal: the next one may have the same name
+        except OSError:
+            return ""
+
     def open(self) -> None:
         """Open the port; raise PortError with the reason and the remedy."""
         self.close()
