@@ -10,9 +10,8 @@ from tripod_graph.qos import LATCHED, RELIABLE
 
 EXACT = RESOLUTION + 1e-9
 
-LONGEST_STEP = 4.0 * 3 * 0.02 + 2 * RESOLUTION
-"""Of two packets [rad], at 4 rad/s: set-points go on until a packet is due, a period of 0.02 s after the last; a driver
-that comes late then moves on by two more (`Safety`), however late it is."""
+LONGEST_STEP = 4.0 * 0.02 + 2 * RESOLUTION
+"""Of two packets [rad], at 4 rad/s: what a servo may do from pulse to pulse, however late the driver comes."""
 
 
 class Operator:

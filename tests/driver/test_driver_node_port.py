@@ -36,7 +36,9 @@ def test_a_port_that_vanishes_and_returns_is_opened_again(board, operator, clien
     )
     operator.ready()
     client.wait(
-        lambda: near(board.packets[-1], [-1.0] * 3), "the pose", meanwhile=lambda: operator.send([-1.0] * 3)
+        lambda: board.packets and near(board.packets[-1], [-1.0] * 3),
+        "the pose",
+        meanwhile=lambda: operator.send([-1.0] * 3),
     )
     board.unplug()
     operator.wait_state(operator.status.DISCONNECTED, "the loss")
@@ -47,14 +49,15 @@ def test_a_port_that_vanishes_and_returns_is_opened_again(board, operator, clien
     count = len(board.packets)
     board.plug()
     client.wait(lambda: operator.status.reconnects == 1, "the reconnection")
-    client.wait(lambda: len(board.packets) > count, "packets")
-    assert near(board.packets[count], [-1.0] * 3)  # from where it was
+    operator.wait_state(operator.status.HOLDING, "the hold")
+    assert len(board.packets) == count  # nothing before a command
     client.wait(
-        lambda: near(board.packets[-1], [-1.6] * 3),
+        lambda: board.packets and near(board.packets[-1], [-1.6] * 3),
         "the next pose",
         meanwhile=lambda: operator.send([-1.6] * 3),
     )
     way = np.array(board.packets[count:])
+    assert near(way[0], [math.radians(93 - 180)] * 3)  # from where its firmware put the servos: 1502 us
     assert np.abs(np.diff(way, axis=0)).max() <= LONGEST_STEP
     assert operator.status.message == ""
     assert driver.process.poll() is None
@@ -83,8 +86,8 @@ def test_without_a_port_it_says_so_keeps_trying_and_ends_in_order(
     assert report.message in [status.message for status in operator.statuses]
     operator.statuses.clear()
     board.plug()
-    client.wait(lambda: board.packets, "the first packet")
-    assert board.packets[0] == PARKED
+    operator.wait_state(operator.status.HOLDING, "the board")
+    assert board.packets == []  # nothing before a command
     states = {status.state for status in operator.statuses}
     assert operator.status.CONNECTING in states  # the board has 0.2 s to boot
     board.unplug()
@@ -183,7 +186,12 @@ def test_a_second_driver_on_the_port_is_told_who_has_it(answering, operator, cli
         "motion",
         meanwhile=lambda: operator.send([-0.4] * 3),
     )
-    assert operator.status.message == ""  # the first goes on undisturbed
+    client.wait(  # the first goes on undisturbed
+        lambda: operator.status.message == "",
+        "the end of the creeping",
+        meanwhile=lambda: operator.send([-0.4] * 3),
+    )
+    assert operator.status.place_known
     assert second.stop() == 0
 
 
@@ -230,10 +238,14 @@ def test_another_firmware_is_a_fault_until_the_driver_is_configured_anew(
     operator.wait_state(6, "the fault that stays")
     assert change(Transition.TRANSITION_CONFIGURE)
     assert change(Transition.TRANSITION_ACTIVATE)
+    client.wait(lambda: operator.status.state > operator.status.READY, "the cure")
+    assert operator.status.message.startswith("nobody knows where the servos are")
+    operator.ready()
     client.wait(
-        lambda: operator.status.state > operator.status.READY and not operator.status.message, "the cure"
+        lambda: answering.firmware.history,
+        "a packet after the cure",
+        meanwhile=lambda: operator.send([-0.1] * 3),
     )
-    client.wait(lambda: answering.firmware.history, "a packet after the cure")
     assert driver.stop() == 0
     assert "Traceback" not in driver.log
 
@@ -248,7 +260,11 @@ def test_the_closed_loop_variant_sends_text_and_publishes_its_imu(
     client.node.create_subscription(Imu, names.ROBOT_IMU, readings.append, SENSOR)
     start_driver(f"port:={board.path}", "protocol:=ascii", "boot_time:=0", "start:=[-0.5236,-0.5236,-0.5236]")
     operator.ready()
-    client.wait(lambda: board.received.startswith(b"150 150 150\n"), "the first line")
+    client.wait(
+        lambda: board.received.startswith(b"150 150 150\n"),
+        "the first line",
+        meanwhile=lambda: operator.send([-0.5236] * 3),
+    )
     client.wait(
         lambda: readings,
         "a reading",
@@ -308,6 +324,8 @@ def test_lifecycle_configure_opens_and_activate_moves(board, operator, client, s
     assert change(Transition.TRANSITION_CONFIGURE)
     assert change(Transition.TRANSITION_ACTIVATE)
     client.wait(lambda: operator.status.state > operator.status.READY, "motion allowed")
+    count = len(board.packets)
+    client.wait(lambda: len(board.packets) > count, "motion", meanwhile=lambda: operator.send([-0.5] * 3))
     assert change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
     client.wait(lambda: board.packets[-1] == PARKED, "the park position")
     assert state() == "finalized"

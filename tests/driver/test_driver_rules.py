@@ -438,8 +438,8 @@ def test_whatever_happens_the_servos_see_neither_a_jump_nor_an_impossible_byte(e
     bench.port.fault = None
     bench.driver.connect()
     bench.safety.activate(bench.now)
-    run(3.0)
     for mode in (Mode.STOP, Mode.IK):
+        run(3.0)  # so that the next is a decision of its own
         bench.mode(mode)
     bench.goto(-1.0, -1.0, -1.0)
     run(5.0)

@@ -80,7 +80,7 @@ def test_only_the_answer_to_its_own_hello_makes_it_ready(pieces, sequence: int) 
     again = FramedSession(Calibration())
     again.begin(0.0, 0.5)
     again.hear(encode(GOOD, asked(again, 0.0)), 0.004)
-    assert (again.state, again.firmware, again.position) == (SessionState.READY, "1.2", None)
+    assert (again.state, again.firmware, again.place) == (SessionState.READY, "1.2", None)
     assert again.round_trip == 0.004
 
 

@@ -214,7 +214,7 @@ def test_ports_carry_their_lasting_path(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "by-id").mkdir()
     (tmp_path / "by-id" / "usb-FTDI").symlink_to(device)
     info = SimpleNamespace(device=str(device), vid=0x0403, pid=0x6001, product="FT232R", serial_number=None)
-    other = SimpleNamespace(device="/dev/ttyS0", vid=None, pid=None, product=None)
+    other = SimpleNamespace(device="/dev/ttyS0", vid=None, pid=None, product=None, serial_number=None)
     monkeypatch.setattr(boards, "comports", lambda: [info, other])
     link = str(tmp_path / "by-id" / "usb-FTDI")
     expected = [BUILT_IN, FoundPort(str(device), 0x0403, 0x6001, "FT232R", link)]

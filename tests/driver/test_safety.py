@@ -287,6 +287,7 @@ def test_limits_slew_rate_watchdog_and_stop_hold_in_every_sequence_of_events(eve
     watch.do("ready", Place(watch.safety.place, TOLD))
     watch.do("activate", None)
     for mode in (Mode.STOP, Mode.IK):
+        watch.now += 3.0  # so that the next is a decision of its own
         watch.do("mode", mode)
     watch.do("goto", (-1.0, -1.0, -1.0, 0.0))
     for _ in range(400):
