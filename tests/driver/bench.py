@@ -83,7 +83,7 @@ class Bench:
 
     def asked(self) -> "Bench":
         """Ask it to be where it is: from now on it sends packets."""
-        self.safety.control_mode(said(Mode.IK, self.clock.now), self.clock.now, self.clock.now)
+        self.safety.control_mode(said(Mode.TELEOP, self.clock.now), self.clock.now, self.clock.now)
         self.goto(*START)
         return self.run(0.1)
 

@@ -91,7 +91,7 @@ def test_nothing_is_sent_before_a_command_and_then_first_the_place_of_the_firmwa
     start, first
 ) -> None:
     bench = Bench(boot_time=1.0, start=start)
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     assert bench.run(0.98) == []
     assert bench.safety.state is State.CONNECTING
     assert bench.run(10.0) == []
@@ -206,7 +206,7 @@ def test_stop_holds_at_once_and_ignores_commands(stop: str) -> None:
 
 def test_stop_also_interrupts_the_way_to_the_park_position() -> None:
     bench = Bench(start=(-1.5, -1.5, -1.5))
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-1.5, -1.5, -1.5)
     bench.run(1.8)  # silent after 0.5 s, held for 1 s, then 0.3 s of the 0.65 s to the park position
     assert bench.safety.state is State.PARKED
@@ -220,7 +220,7 @@ def test_stop_also_interrupts_the_way_to_the_park_position() -> None:
 
 def test_the_same_mode_again_does_not_undo_a_stop_by_service() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-0.5, -0.5, -0.5)
     bench.run(0.1)
     bench.safety.halt(bench.now)
@@ -301,7 +301,7 @@ def test_a_fault_that_nobody_can_see_does_not_stop_the_stream(fault: Fault) -> N
 
 def test_a_write_cut_short_reopens_the_port_and_the_stream_recovers() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-0.5, -0.5, -0.5)
     bench.run(0.1)
     bench.port.fault = Fault.SHORT
@@ -360,7 +360,7 @@ def test_disconnecting_closes_the_port_and_keeps_it_closed() -> None:
 
 def test_a_stalled_executor_moves_no_further_than_one_pulse_may() -> None:
     bench = Bench()
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     bench.goto(-0.5, -0.5, -0.5)
     bench.run(0.1)
     bench.goto(-2.0, -2.0, -2.0)
@@ -380,7 +380,7 @@ def test_tutorial_bytes_are_those_of_the_workshop() -> None:
     driver = Driver(Link(port, session, retry_min=1, retry_max=1), safety)
     driver.connect()
     safety.activate(0.0)
-    safety.control_mode(said(Mode.IK, 1.0), 1.0, 0.0)
+    safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, 0.0)
     driver.tick(0.0)
     safety.trajectory(SERVOS, [0.0], [[0.0, 0.0, 0.0]], 0.0, source=SOURCE)
     driver.tick(0.0)
@@ -418,7 +418,7 @@ def test_whatever_happens_the_servos_see_neither_a_jump_nor_an_impossible_byte(e
                 steps.append(np.abs(PROTOCOL.decode(packet) - place).max())
                 place = np.array(PROTOCOL.decode(packet))
 
-    bench.mode(Mode.IK)
+    bench.mode(Mode.TELEOP)
     for kind, value in (("goto", (-0.5, -0.5, -0.5, 0.0)), *events):
         if kind == "goto":
             bench.goto(*value[:3], time=value[3])
@@ -438,7 +438,7 @@ def test_whatever_happens_the_servos_see_neither_a_jump_nor_an_impossible_byte(e
     bench.port.fault = None
     bench.driver.connect()
     bench.safety.activate(bench.now)
-    for mode in (Mode.STOP, Mode.IK):
+    for mode in (Mode.STOP, Mode.TELEOP):
         run(3.0)  # so that the next is a decision of its own
         bench.mode(mode)
     bench.goto(-1.0, -1.0, -1.0)

@@ -100,7 +100,7 @@ def test_a_modem_that_returns_what_it_hears_is_named_after_the_first_of_the_work
     protocol,
 ) -> None:
     bench = Bench(Talker(echo=True), protocol=protocol)
-    bench.safety.control_mode(said(Mode.IK, 1.0), 1.0, 100.0)
+    bench.safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, 100.0)
     bench.run(0.4, bench.stream)
     assert bench.safety.state is State.DISCONNECTED
     assert bench.safety.message == (

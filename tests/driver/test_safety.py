@@ -54,7 +54,7 @@ def test_angles_come_out_only_when_the_board_is_ready_and_motion_is_allowed() ->
     safety.ready(0.3, Place(START, TOLD))
     assert (safety.state, safety.message) == (State.HOLDING, "")
     assert safety.setpoint(30.0) is None  # nothing was asked for, and nothing parks unasked
-    safety.control_mode(said(Mode.IK, 1.0), 1.0, 30.0)
+    safety.control_mode(said(Mode.TELEOP, 1.0), 1.0, 30.0)
     goto(safety, [-1.0] * 3, 30.0)
     assert safety.setpoint(30.0) == pytest.approx(START)
     safety.deactivate()
@@ -127,7 +127,7 @@ def test_from_outside_of_the_limits_it_ramps_in_instead_of_jumping() -> None:
     safety.control_mode(said(Mode.STOP, 2.0), 2.0, 0.1)
     stopped = run(safety, 0.1, 0.5)
     assert stopped == pytest.approx(np.tile(way[-1], (len(stopped), 1)))  # where it is, outside or not
-    safety.control_mode(said(Mode.IK, 3.0), 3.0, 0.6)
+    safety.control_mode(said(Mode.TELEOP, 3.0), 3.0, 0.6)
     goto(safety, [-1.8, -0.6, 0.6], 0.6)
     way = np.vstack([way, run(safety, 0.6, 0.4)])
     assert np.abs(np.diff(way, axis=0)).max() <= 2.0 * PERIOD + 1e-12
@@ -278,7 +278,7 @@ class Watch:
 @given(st.lists(event, max_size=25), st.lists(st.floats(0.0, 0.5), min_size=30, max_size=30))
 def test_limits_slew_rate_watchdog_and_stop_hold_in_every_sequence_of_events(events, gaps) -> None:
     watch = Watch()
-    for kind, value in (("activate", None), ("ready", Place(START, TOLD)), ("mode", Mode.IK), *events):
+    for kind, value in (("activate", None), ("ready", Place(START, TOLD)), ("mode", Mode.TELEOP), *events):
         watch.do(kind, value)
         for gap in [0.0, PERIOD, gaps[len(kind) % 30], *([value] if kind == "wait" else [])]:
             watch.now += gap
@@ -286,7 +286,7 @@ def test_limits_slew_rate_watchdog_and_stop_hold_in_every_sequence_of_events(eve
     watch.safety.clear()
     watch.do("ready", Place(watch.safety.place, TOLD))
     watch.do("activate", None)
-    for mode in (Mode.STOP, Mode.IK):
+    for mode in (Mode.STOP, Mode.TELEOP):
         watch.now += 3.0  # so that the next is a decision of its own
         watch.do("mode", mode)
     watch.do("goto", (-1.0, -1.0, -1.0, 0.0))

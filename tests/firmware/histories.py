@@ -275,7 +275,7 @@ class World:
         self.mode(self.rng.choice(list(Mode)))
 
     def command(self) -> None:
-        self.mode(Mode.IK)
+        self.mode(Mode.TELEOP)
         self.send(self.angles(), self.rng.choice((0.0, 0.2, 1.0, 3.0)))
         self.run(self.rng.uniform(0.1, 1.2))
 

@@ -54,14 +54,14 @@ def test_the_measure_sees_a_jump(switched_on, tmp_path) -> None:
     world.recognised = False
     world.start()
     world.run(1.0)
-    world.mode(Mode.IK)
+    world.mode(Mode.TELEOP)
     world.send([-1.5, -1.5, -1.5], 0.5)
     world.run(1.5)
     world.kill()
     world.reset(told=True, power=True)
     world.start()
     world.run(2.0)
-    world.mode(Mode.IK)
+    world.mode(Mode.TELEOP)
     world.send([-1.5, -1.5, -1.5], 0.5)
     world.run(1.0)
     assert world.judged().step > 3 * SLEW_STEP
