@@ -94,6 +94,13 @@ class ViewNode(Node):
         self._watch_browsers()
         self._subscribe()
         self._diagnostics = Diagnostics(self, self._report)
+        self._ready = self.create_timer(0.0, self._on_ready, clock=steady)
+
+    def _on_ready(self) -> None:
+        """Say where the page is, once, when the node runs: who reads it may stop it in order."""
+        self._ready.cancel()
+        self.get_logger().info(f"the page is at {self._url}; its address with the token is printed")
+        print(f"page {self._server.url}", flush=True)
 
     def close(self) -> None:
         """Give up control, if it is the page's, and stop serving."""
@@ -379,10 +386,7 @@ def open_page(node: Node, port: int) -> tuple[PageServer, str]:
         text = f"port {port} is taken: the page is on port {taken}"
         print(text, flush=True)
         node.get_logger().warning(text)
-    url = f"http://{HOST}:{taken}"
-    node.get_logger().info(f"the page is at {url}; its address with the token is printed")
-    print(f"page {server.url}", flush=True)
-    return server, url
+    return server, f"http://{HOST}:{taken}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

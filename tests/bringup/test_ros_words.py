@@ -127,7 +127,10 @@ def test_a_node_takes_what_launch_appends(name: str, domain: int, tmp_path: Path
             ["-r", "__node:=a/b"],
             "driver: failed to initialize rcl: Couldn't parse remap rule: '-r __node:=a/b'",
         ),
-        (["--params-file", "none.yaml"], "driver: failed to initialize rcl: Couldn't parse params file"),
+        (
+            ["--params-file", "none.yaml"],
+            "driver: parameter file none.yaml cannot be read: No such file or directory",
+        ),
         (
             ["--log-level", "loud"],
             "driver: failed to initialize rcl: Couldn't parse log level: '--log-level loud'",

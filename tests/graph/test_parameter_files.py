@@ -1,5 +1,6 @@
 """Which blocks of a parameter file are for a node, and which names several nodes share."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,15 @@ def test_a_file_that_is_none_shares_nothing(text: str, tmp_path: Path) -> None:
     assert strangers([file], "/driver") == []
 
 
-def test_the_files_are_those_that_the_words_name() -> None:
-    words = ["--ros-args", "--params-file", "a.yaml", "-p", "x:=1", "--params-file", "b.yaml"]
-    assert parameter_files(words) == [Path("a.yaml"), Path("b.yaml")]
+def test_the_files_are_those_that_the_words_name(tmp_path: Path) -> None:
+    files = [tmp_path / "a.yaml", tmp_path / "b.yaml"]
+    words = ["--ros-args", "--params-file", str(files[0]), "-p", "x:=1", "--params-file", str(files[1])]
+    with pytest.raises(ValueError, match=rf"parameter file {files[0]} cannot be read: No such file"):
+        parameter_files(words)
+    for file in files:
+        file.touch()
+    assert parameter_files(words) == files
+    files[1].unlink()
+    os.mkfifo(files[1])
+    with pytest.raises(ValueError, match=str(files[1])):
+        parameter_files(words)
