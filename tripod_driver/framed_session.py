@@ -209,6 +209,8 @@ class FramedSession(Session):
                 self._suspect(now)
             elif reply.flags & Flags.RESTARTED:
                 self._restart(now)
+            elif 0 not in reply.pulses:
+                self.told = reply.pulses
             return
         if not self._answers(sequence, now):
             return  # of an earlier conversation

@@ -15,7 +15,7 @@ from tests.firmware.simulated_board import Pulse, SimulatedBoard
 from tripod_driver.calibration import Calibration
 from tripod_driver.choose_session import choose_sessions, common_bounds
 from tripod_driver.driver import Driver
-from tripod_driver.framed import SetPulses, encode
+from tripod_driver.framed import Decoder, SetPulses, encode
 from tripod_driver.link import Link
 from tripod_driver.memory import Memory
 from tripod_driver.ports.port import Port, PortError
@@ -53,8 +53,8 @@ class Result:
         events: What happened, with the time [s].
         steps: Largest step from pulse to pulse of each servo beyond JITTER [us].
         at: When the largest of them came [s].
-        hidden: Largest step that follows from what no driver can know of [us], see `World.hide`, or from the first
-            packet that another program sends to a board without a memory.
+        hidden: Largest step that follows from what no driver can know of [us], see `World.hide`, or from another
+            program whose packets were the last ones before a loss of power, or are the first ones after it.
         pulses: How many pulses there were.
         way: How far the servos moved, all steps together [us].
     """
@@ -140,6 +140,8 @@ class World:
         self._hidden_since: float | None = None
         self._hidden: list[tuple[float, float]] = []
         self._foreign, self._powerless_at = 0, board.now
+        self._foreign_moves = False
+        self._forgotten: list[float] = []
 
     # what the board hears ---------------------------------------------------------------------------------------
 
@@ -148,6 +150,8 @@ class World:
         if self.board.now < self._boots_until:
             return
         self.board.write(data)
+        if any(isinstance(frame.message, SetPulses) for frame in Decoder().feed(data)):
+            self._foreign_moves = False
         if self._hidden_since is not None:
             self._hidden.append((self._hidden_since, self.board.now + 2 * PERIOD + 0.005))
             self._hidden_since = None
@@ -166,6 +170,9 @@ class World:
         if power:
             self.board.power_cycle()
             self._powerless_at = self.board.now
+            if self._foreign_moves:
+                self._forgotten.append(self.board.now)
+            self._foreign_moves = False
         else:
             self.board.reset()
         self._boots_until = self.board.now + self.rng.uniform(0.0, 0.9 * BOOT_TIME)
@@ -336,6 +343,7 @@ class World:
                 a, b, c = (10 * (544 + degrees * 1856 // 180) for degrees in goal)
                 self._foreign = (self._foreign + 1) % 256
                 self.board.write(encode(SetPulses((a, b, c)), self._foreign))
+                self._foreign_moves = True
             else:
                 self.board.write(bytes([255, *goal]))
             self.hide()
@@ -375,7 +383,8 @@ class World:
             assert abs(pulse.width - ATTACHED) < 6, f"{pulse} is not where the workshop's firmware starts"
             return  # the firmware's own doing
         step = max(0.0, raw - JITTER[servo])
-        if any(begin <= pulse.start <= end for begin, end in self._hidden):
+        forgotten = any(last.start < at < pulse.start for at in self._forgotten)
+        if forgotten or any(begin <= pulse.start <= end for begin, end in self._hidden):
             result.hidden = max(result.hidden, step)
         elif step > result.steps[servo]:
             result.steps[servo] = step
