@@ -59,6 +59,7 @@ class Driver:
         self._connected = False
         self._wanted: Content | None = None
         self._content: Content | None = None
+        self._firm: Content | None = None  # the newest that is acknowledged, in this conversation
         self._sent_at = self._due = float("-inf")
         self._sent = (float("nan"),) * len(SERVOS)
         self._place: Place | None = None
@@ -99,8 +100,10 @@ class Driver:
         self.safety.look(now)
         if not self._connected or not self._poll(now):
             return False
-        if self._content is not None and not self.link.session.settled and self.safety.can_move:
-            return self._again(self._content, now)
+        if self.link.session.settled:
+            self._firm = self._content
+        elif self._content is not None and self.safety.can_move:
+            return self._again(self._content if self._firm is None else self._firm, now)
         angles = None if self.too_early(now) else self.safety.setpoint(now)
         if angles is None:
             return False
@@ -112,9 +115,15 @@ class Driver:
         return self._send(content, now)
 
     def _again(self, content: Content, now: float) -> bool:
-        """Send once more what is not acknowledged, a period after the last time; return whether that was now."""
+        """Take back what is not acknowledged after a period, and return whether that was now.
+
+        A board that has just lost its power has perhaps not even emitted what it acknowledged last, so it must not be
+        sent on from there; the first packet that it takes is that one once more.
+        """
         if now < self._sent_at + self._period:
             return False
+        if content != self._content:
+            self.safety.moved(self.link.session.angles(content))
         self._due = now + PACE * self._period  # the board may have the change only from this one
         return self._send(content, now)
 
@@ -153,7 +162,7 @@ class Driver:
             case LinkState.FAULT:
                 self.safety.fault(now, self.link.message)
             case LinkState.READY if before is not LinkState.READY:
-                self._content = None
+                self._content = self._firm = None
                 self._place = self._found()
                 self.safety.ready(now, self._place)
         if state is LinkState.READY and session.told is not None:
@@ -186,7 +195,7 @@ class Driver:
         angles = session.angles(told)
         if self._content is not None and self._near(angles, session.angles(self._content)):
             return
-        self._content = None
+        self._content = self._firm = None
         self.memory.keep(told)
         self.safety.moved(angles)
 

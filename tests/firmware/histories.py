@@ -29,6 +29,9 @@ EVENTS = 8
 BOOT_TIME = 0.6
 """A boot loader swallows what comes within so long after a reset, or less [s]."""
 
+START_TIME = 0.065
+"""An ATmega328P as the Arduino sets its fuses begins so long after a reset [s]."""
+
 LIMITS = CommandLimits()
 CALIBRATION = Calibration()
 US_PER_RAD = (2400 - 544) / 3.141592653589793
@@ -175,7 +178,7 @@ class World:
             self._foreign_moves = False
         else:
             self.board.reset()
-        self._boots_until = self.board.now + self.rng.uniform(0.0, 0.9 * BOOT_TIME)
+        self._boots_until = self.board.now + self.rng.uniform(START_TIME, 0.9 * BOOT_TIME)
         self._starts.append(self.board.now)
         if told:
             if self._hidden_since is not None:
