@@ -11,6 +11,19 @@ from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 MISSED = 1
 """Exit code where the target was not reached."""
 
+LINE = 60
+"""Width of the line that tells the progress."""
+
+
+def show_progress(count: int, missing: float) -> None:
+    """Overwrite the line on stderr that tells how far the search is."""
+    print(
+        f"\r{f'{count} linearisations, {1e3 * missing:.3f} mm left':<{LINE}}",
+        end="",
+        file=sys.stderr,
+        flush=True,
+    )
+
 
 def solve_command(
     target: str,
@@ -49,6 +62,7 @@ def solve_command(
             hard=hard,
             box=None if corners is None else (corners[:3], corners[3:]),  # type: ignore[arg-type]
             any_branch=any_branch,
+            progress=show_progress if sys.stderr.isatty() else None,
         )
     except (IkError, SceneError) as error:
         print("tripod ik: " + " ".join(str(error).split()), file=sys.stderr)
@@ -56,6 +70,9 @@ def solve_command(
     except StepError as error:
         print("tripod ik: " + " ".join(str(error).split()), file=sys.stderr)
         return FAILED
+    finally:
+        if sys.stderr.isatty():
+            print(f"\r{'':<{LINE}}\r", end="", file=sys.stderr, flush=True)
     if as_json:
         print(json.dumps(plain(result)))
     else:

@@ -2,11 +2,13 @@
 
 Where the tracker makes one step for each state that comes in, here the model is at hand: a step that makes things
 worse, or that would leave the branch, is taken back and shortened. Searches begin at the model's home, a fixed pose, as
-long as that is on the branch of the present one: so nothing but the target and the branch decides.
+long as that is on the branch of the present one: so nothing but the target and the branch decides. From a home that is
+soft, such as the flat piece, the search keeps off snaps: each step is followed along the equilibria
+(`StaticModel.follow`), and firmness is limited as the tracker does (`SnapLimit`).
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -19,14 +21,19 @@ from tripod_ik.merit import corrected, hard_limits_passed, merit
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import RowLimit
+from tripod_ik.snap import SNAP, SOFTEST, SnapLimit, longest_step
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.starts import StartPool
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask, Task, total_distance
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.softness import FIRM
 
 LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
 """Step limits [rad]: the first one tried, and the one below which no step helps any more."""
+
+SHARE = 0.2
+"""What a step may use of what is left to a snap, see `SnapLimit`."""
 
 PASSED = 1e-6
 """A solution keeps its hard limits if it passes none by more than this [rad]: 15 nm of the effector, 2e-7 N m."""
@@ -94,8 +101,9 @@ class InverseSolver:
         *,
         tolerance: float = 1e-6,
         accuracy: float = 1e-7,
-        max_iterations: int = 200,
+        max_iterations: int = 300,
         any_branch: bool = False,
+        progress: Callable[[int, float], None] | None = None,
     ) -> None:
         """Keep the model and set OSQP up.
 
@@ -106,16 +114,21 @@ class InverseSolver:
             row_limits: Limits of torques and effector.
             tolerance: What may be missing for REACHED [m].
             accuracy: Step below which the search has converged [rad].
-            max_iterations: Programs to solve at most.
+            max_iterations: Programs to solve at most, in all that one solution takes.
             any_branch: Whether a pose on another branch than that of the start will do too.
+            progress: Called with the number of programs solved so far and with what the last one found missing [m].
         """
         self.model = model
         self._angles, self._others, self._row_limits = angles, tuple(limits), tuple(row_limits)
         self._tolerance, self._accuracy = tolerance, accuracy
         self._max_iterations, self._any_branch = max_iterations, any_branch
+        firmness = _home_firmness(model)
+        self._snapping = firmness >= FIRM
+        self._kept_to = (*self._row_limits, SnapLimit(min(SOFTEST, firmness), share=SHARE))
         n = len(model.angles)
-        self._solver = IkSolver(n, rows=sum(limit.size(n) for limit in row_limits))
+        self._solver = IkSolver(n, rows=sum(limit.size(n) for limit in self._kept_to))
         self._pool: StartPool | None = None
+        self._progress, self._count = progress, 0
 
     def solve(
         self, tasks: Sequence[Task], *, time_limit: float = np.inf, everywhere: bool = False
@@ -132,6 +145,7 @@ class InverseSolver:
             everywhere: Whether to look further where a limit is active.
         """
         end = time.perf_counter() + time_limit
+        self._count = 0
         side = branch(self.model.state(), tasks)
         found = self._from_home(tasks, side, end, time_limit)
         if not everywhere or not self._may_be_elsewhere(tasks, found):
@@ -140,7 +154,7 @@ class InverseSolver:
         count = found.iterations
         self.model.go_home()
         for pose in self._starts(tasks, side, end):
-            if time.perf_counter() >= end:
+            if time.perf_counter() >= end or self._count >= self._max_iterations:
                 break
             self.model.restore(pose)
             other = self._settled(tasks, side, end, time_limit)
@@ -150,13 +164,18 @@ class InverseSolver:
         self.model.restore(here)
         return replace(best, iterations=count)
 
+    def _seen(self, state: LinearState) -> LinearState:
+        """Return `state`; from a firm home without what it tells of snaps: slack corners lie beyond these."""
+        n = len(state.angles)
+        return replace(state, firmness=1.0, firmness_slope=np.zeros(n)) if self._snapping else state
+
     def _may_be_elsewhere(self, tasks: Sequence[Task], found: Solution) -> bool:
         """Return whether a limit could hide a better pose.
 
         Where nothing but a box keeps the effector from a position, it is at the point of the box that is nearest to
-        that, and no pose is better.
+        that, and no pose is better. A snap is no limit in this sense: what lies beyond it is another branch.
         """
-        active = set(found.active_limits)
+        active = set(found.active_limits) - {SNAP}
         boxed = all(isinstance(task, PositionTask) for task in tasks) and all(
             name.startswith("effector ") for name in active
         )
@@ -189,6 +208,8 @@ class InverseSolver:
         for _ in range(SETTLES):
             if not self.model.settle():
                 return replace(again, iterations=count)
+            if not (self._snapping or self._any_branch or branch(self.model.state(), tasks) * side > 0):
+                break  # there the straight way leads to another branch
             again = self._descend(tasks, side, end, time_limit)
             count += again.iterations
         self.model.restore(first)
@@ -197,21 +218,31 @@ class InverseSolver:
 
     def _descend(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
         """Solve from where the model stands, on the branch of `side`, until `end` on the clock [s]."""
-        state, longest = self.model.state(), LONGEST_STEP
+        state, longest = self._seen(self.model.state()), LONGEST_STEP
         iterations, outcome, reason = 0, Outcome.UNFINISHED, ""
         while True:
             problem = build_ik(
-                state, tasks, [self._angles, *self._others, StepLimit(longest)], self._row_limits
+                state,
+                tasks,
+                [
+                    self._angles,
+                    *self._others,
+                    StepLimit(min(longest, longest_step(state))),
+                ],
+                self._kept_to,
             )
             result = self._solver.solve(problem)
             iterations += 1
+            self._count += 1
+            if self._progress:
+                self._progress(self._count, result.error)
             step = float(np.abs(result.command - state.angles).max())
             if not result.ok:
                 outcome, reason = Outcome.FAILED, result.status
             elif step <= self._accuracy or longest < SHORTEST_STEP:
                 outcome = Outcome.REACHED if result.error <= self._tolerance else Outcome.CLOSEST
-            elif iterations >= self._max_iterations:
-                reason = f"{iterations} iterations, the last step was {step:.2g} rad"
+            elif self._count >= self._max_iterations:
+                reason = f"{self._count} iterations, the last step was {step:.2g} rad"
             elif time.perf_counter() >= end:
                 reason = f"the time limit of {time_limit:g} s ended after {iterations} iterations"
             else:
@@ -227,13 +258,13 @@ class InverseSolver:
 
     def _advance(self, problem: IkProblem, result: IkResult, side: float) -> LinearState | None:
         """Move the model to the command; return the state there, or None where that is no progress, and go back."""
-        before, present = self.model.save(), merit(problem, problem.state, self._row_limits)
+        before, present = self.model.save(), merit(problem, problem.state, self._kept_to)
         state = self._moved(result.command)
         if state and self._is_progress(problem, present, state, side):
             return state
         if state and set(result.active_limits) & set(problem.names):
             step = state.angles - problem.state.angles
-            mended = self._solver.solve(corrected(problem, step, state, self._row_limits))
+            mended = self._solver.solve(corrected(problem, step, state, self._kept_to))
             state = self._moved(mended.command) if mended.ok else None
             if state and self._is_progress(problem, present, state, side):
                 return state
@@ -243,13 +274,13 @@ class InverseSolver:
     def _moved(self, command: FloatArray) -> LinearState | None:
         """Return the state of the model at `command` [rad], or None where it does not get there."""
         try:
-            return self.model.move(command)
+            return self._seen(self.model.move(command) if self._snapping else self.model.follow(command))
         except (StepError, SceneError):
             return None
 
     def _is_progress(self, problem: IkProblem, present: float, state: LinearState, side: float) -> bool:
         same = self._any_branch or not is_beyond(branch(state, problem.tasks), side)
-        return same and present - merit(problem, state, self._row_limits) >= -1e-12
+        return same and present - merit(problem, state, self._kept_to) >= -1e-12
 
     def _starts(self, tasks: Sequence[Task], side: float, end: float) -> Iterator[Saved]:
         """Yield poses to begin at: where the target is met without row limits, then the most promising of the pool."""
@@ -266,6 +297,13 @@ class InverseSolver:
         yield from self._pool.promising(
             tasks, self._row_limits, lambda s: self._any_branch or branch(s, tasks) * side >= 0, end
         )
+
+
+def _home_firmness(model: StaticModel) -> float:
+    here = model.save()
+    firmness = model.go_home().firmness
+    model.restore(here)
+    return firmness
 
 
 def _is_better(solution: Solution, other: Solution) -> bool:

@@ -29,11 +29,28 @@ SAME = 1e-6
 """Positions of the effector that differ by less [m] belong to one equilibrium; two are millimetres apart."""
 
 
+SHORTEST = 1e-3
+"""Part of a way [rad] below which an end of the equilibria is no longer looked for."""
+
+MISSED, PART = 2e-4, 0.05
+"""A move that differs by more than MISSED [m] and that part of its length from what the Jacobians at both ends say, was
+no smooth one."""
+
+
+def goes_on(before: LinearState, after: LinearState) -> bool:
+    """Return whether two states belong to one family of equilibria, as far as their Jacobians tell."""
+    move, turn = after.equilibrium - before.equilibrium, after.angles - before.angles
+    miss = move - 0.5 * (before.jacobian[:3] + after.jacobian[:3]) @ turn
+    return bool(after.firmness > 0 and np.linalg.norm(miss) <= MISSED + PART * np.linalg.norm(move))
+
+
 def linear_state(c: Compliance) -> LinearState:
     """Return the compliance of a simulation as inverse kinematics takes it; raise IkError if it cannot be used."""
+    soft = c.softness
     return LinearState(
-        SERVOS[: len(c.angles)], c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w
-    )
+        SERVOS[: len(c.angles)], c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w,
+        soft.firmness if soft else 1.0, soft.slope if soft else np.zeros(0),
+    )  # fmt: skip
 
 
 def model_scene(name: str, kind: str) -> Scene:
@@ -110,6 +127,32 @@ class StaticModel:
                 self.simulation.restore(before)
                 self._state = None
                 raise
+        return self.state()
+
+    def follow(self, angles: FloatArray) -> LinearState:
+        """Bring the servos to `angles` as `move` does, but only along the present equilibria, in parts where need be.
+
+        Raises:
+            SceneError: the angles are out of the scene's limits.
+            StepError: the equilibria end on the way: the body would snap. The model stays where it was.
+        """
+        begin, start = self.save(), self.angles
+        whole, done, part = angles - start, 0.0, 1.0
+        longest = float(np.abs(whole).max())
+        while done < 1.0:
+            here, before = self.save(), self.state()
+            end = min(1.0, done + part)
+            try:
+                if goes_on(before, self.move(angles if end == 1.0 else start + end * whole)):
+                    done, part = end, min(1.0, 2 * part)
+                    continue
+            except StepError:
+                pass
+            self.restore(here)
+            part /= 2
+            if part * longest < SHORTEST:
+                self.restore(begin)
+                raise StepError("the equilibria of the body end on the way: it would snap")
         return self.state()
 
     def state(self) -> LinearState:

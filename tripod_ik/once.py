@@ -1,7 +1,7 @@
 """One inverse kinematics, from a scene and a target to a summary: what `tripod ik --target` does."""
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ def solve_once(
     box: tuple[FloatArray, FloatArray] | None = None,
     any_branch: bool = False,
     tolerance: float = 1e-6,
+    progress: Callable[[int, float], None] | None = None,
 ) -> dict[str, Any]:
     """Return angles, torques and what is missing for a target.
 
@@ -51,6 +52,7 @@ def solve_once(
         box: Smallest and largest corner of where the effector may be [m], or None.
         any_branch: Whether another branch will do.
         tolerance: What may be missing [m].
+        progress: Called with the number of linearisations so far and with what the last one found missing [m].
 
     Returns:
         outcome and reason (words), reached (bool), angles [rad], torques [N m], position [m], roll and pitch [rad],
@@ -76,7 +78,9 @@ def solve_once(
     if scene.servos is None:  # StaticModel has refused it
         raise StepError("no servos")
     angles = AngleLimit(scene.servos.angle_min, scene.servos.angle_max)
-    solver = InverseSolver(model, angles, row_limits=limits, any_branch=any_branch, tolerance=tolerance)
+    solver = InverseSolver(
+        model, angles, row_limits=limits, any_branch=any_branch, tolerance=tolerance, progress=progress
+    )
     began = clock.perf_counter()
     begun = model.angles
     solution = solver.solve(tasks, everywhere=True)

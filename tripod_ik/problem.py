@@ -151,7 +151,7 @@ def build_ik(
     extra = sum(len(r.names) for r in limited)
     m = n + extra
     P, q, A = np.eye(m), np.zeros(m), np.zeros((m + extra, m))
-    P[:n, :n] = (SJ.T @ SJ + mu * np.eye(n)) / sigma + REGULARISATION * np.eye(n)
+    P[:n, :n] = (SJ.T @ SJ + mu * np.eye(n) + softening(state, SJ, Se)) / sigma + REGULARISATION * np.eye(n)
     q[:n] = -SJ.T @ Se / sigma - REGULARISATION * keep
     A[:m] = np.eye(m)
     low, high, push = np.full(m + extra, -np.inf), np.full(m + extra, np.inf), np.ones(m + extra)
@@ -179,6 +179,20 @@ def build_ik(
         first += len(found.names)
     names = tuple(name for found in limited for name in found.names)
     return IkProblem(P, q, A, low, high, push, state, tuple(tasks), rows, box, hold, names)
+
+
+def softening(state: LinearState, SJ: FloatArray, Se: FloatArray) -> FloatArray:
+    """Return what the growth of J towards a snap adds to the second derivative of |S e|²/2, at most, shape (n, n).
+
+    With s = dρ/dα, J n grows along n = s / |s| as |s| / ρ does, so that is |Se · SJ n| |s| / ρ in that direction.
+    """
+    slope = state.firmness_slope
+    steep = float(np.linalg.norm(slope))
+    if steep == 0.0:
+        return np.zeros((len(slope), len(slope)))
+    return np.outer(slope, slope) * (
+        abs(float(Se @ (SJ @ slope))) / (steep**2 * max(abs(state.firmness), 1e-3))
+    )
 
 
 def _reach(G: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:

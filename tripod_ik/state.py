@@ -1,6 +1,6 @@
 """The linearised state of the body: what inverse kinematics knows of the robot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +35,8 @@ class LinearState:
         equilibrium_offset: From that pose to the static equilibrium at the same angles: translation [m] (3)
             and rotation vector [rad] (3), shape (6,).
         W: Compliance, symmetric, shape (6 + n, 6 + n) [m/N, m/(N m), rad/N, rad/(N m)].
+        firmness: ρ, how far the body is from a snap, see `tripod_sim.softness`; 1 where that is not known.
+        firmness_slope: dρ/dα [1/rad], shape (n,); zero where it is not known; none at all is zero.
     """
 
     joint_names: tuple[str, ...]
@@ -44,6 +46,8 @@ class LinearState:
     rotation: FloatArray
     equilibrium_offset: FloatArray
     W: FloatArray
+    firmness: float = 1.0
+    firmness_slope: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         names = tuple(self.joint_names)
@@ -57,7 +61,12 @@ class LinearState:
             "rotation": (4,),
             "equilibrium_offset": (6,),
             "W": (6 + n, 6 + n),
+            "firmness_slope": (n,),
         }
+        if not np.size(self.firmness_slope):
+            object.__setattr__(self, "firmness_slope", np.zeros(n))
+        if not np.isfinite(self.firmness):
+            raise IkError(f"firmness is {self.firmness}; it must be finite")
         object.__setattr__(self, "joint_names", names)
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen(name, getattr(self, name), shape))

@@ -3,6 +3,7 @@
 Pure: the caller gives the time.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -15,6 +16,7 @@ from tripod_ik.feedback import ModelError
 from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
+from tripod_ik.snap import SOFTENING, SOFTEST, SnapLimit, longest_step
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.target_motion import TargetMotion
@@ -35,15 +37,17 @@ end.
 """
 
 
-RETURN = 0.5
-"""Time beyond a fold [s] after which the pose is taken as it is: the way back must have gone."""
+RETURN = 0.1
+"""Time at a pose of the trail [s] after which a body that is still beyond the fold is led farther back."""
+
+SPACING, TRAIL = 0.03, 200
+"""Distance of the poses of the trail [rad], and how many of them are remembered."""
+
+SHORTEST = 1e-5
+"""To which the step limit shrinks [rad]."""
 
 CALM = 1e-3
 """Distance from rest [m] up to which a pose is one to come back to."""
-
-SMALLEST_STEP = 1e-5
-"""To which the step limit shrinks at a fold [rad]; what a linear model misses in such a step is less than a nanometre.
-"""
 
 HALVINGS = 10
 """Lengths of a step that are tried beside hard limits."""
@@ -88,10 +92,10 @@ class Tracker:
     limit is not moved to relieve it: what it bears then is its limit, until it is once below `torque_max`. An effector
     found outside of the box is not brought in either: where it is then is the side, until it is once inside.
 
-    It stays on the branch of the pose that it began in. Where a state is found beyond a fold, or in it (see
-    `branch`), the command goes back to the last angles before it, and from then on steps are halved each time, until
-    the target moves: what remains is the closest pose on this side. Where the way back does not help within `RETURN`
-    (the body has snapped through), the pose is taken as it is.
+    It stays on the branch of the pose that it began in, off its snaps (`SnapLimit`). Where a state is found beyond
+    a fold or a snap, the command goes back along the trail of poses that it came by, as far as need be, and steps are
+    halved until the target moves: what remains is the closest pose on this side. Where the trail ends and the
+    body is still beyond, the pose is taken as it is.
 
     Attributes:
         settings: How it moves the robot.
@@ -107,7 +111,7 @@ class Tracker:
             SpeedLimit(settings.angle_speed),
         )
         self._limited = bool(np.isfinite(settings.torque_max))
-        self._solver = IkSolver(n, rows=(n if self._limited else 0) + (3 if settings.box else 0))
+        self._solver = IkSolver(n, rows=1 + (n if self._limited else 0) + (3 if settings.box else 0))
         self._motion = TargetMotion(settings.lead)
         self._target: FloatArray | None = None
         self.start()
@@ -155,9 +159,10 @@ class Tracker:
         self._time = 0.0
         self._kept: FloatArray | None = None
         self._side = 0.0
-        self._inside: FloatArray | None = None
-        self._inside_at = 0.0
+        self._trail: deque[FloatArray] = deque(maxlen=TRAIL)
+        self._back: float | None = None
         self._trust = self.settings.step
+        self._least: float | None = None
         if self.correction:
             self.correction.reset()
 
@@ -171,26 +176,32 @@ class Tracker:
         position, normal = self._corrected(wanted, state, now)
         tasks: Sequence[Task] = self.settings.tasks(position, normal)
         wanted_tasks = tasks
-        beyond = self._is_beyond_fold(state, tasks, now)
-        if beyond and self._inside is not None:
-            self._trust = max(SMALLEST_STEP, self._trust / 2)
-            tasks = (PostureTask(self._inside, weight=1.0),)
-        limits = (self._limits[0], StepLimit(self.settings.step if beyond else self._trust), self._limits[1])
-        row_limits = self._row_limits(state)
+        here = branch(state, tasks)
+        beyond = self._is_beyond_fold(state, here, now)
+        if beyond:
+            self._trust = max(self._trust / 2, SHORTEST)
+            tasks = (PostureTask(self._trail[-1], weight=1.0),)
+        limits = (
+            self._limits[0],
+            StepLimit(self.settings.step if beyond else min(self._trust, longest_step(state))),
+            self._limits[1],
+        )
+        row_limits = self._row_limits(state, dt)
         problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
         if self.settings.hard and result.ok:
             result = self._off_the_limits(problem, limits, row_limits, dt, result)
-        if beyond or self._trust < self.settings.step:  # what is left of the step is no way to go
-            kept = [name for name in result.active_limits if not name.endswith(" step")]
-            held = beyond or len(kept) < len(result.active_limits)
-            result = replace(result, active_limits=(*kept, *(["branch"] if held else [])))
+        if self._trust < self.settings.step:  # what is left of the step is no way to go
+            kept = tuple(name for name in result.active_limits if not name.endswith(" step"))
+            if len(kept) < len(result.active_limits):
+                result = replace(result, active_limits=(*kept, "branch"))
         if beyond:  # the program solved was that of the way back
             left = total_distance(wanted_tasks, [task.rows(state).error for task in wanted_tasks])
             residuals = {
                 k: d for task in wanted_tasks for k, d in task.distances(task.rows(state).error).items()
             }
-            result = replace(result, error=left, residual=left, residuals=residuals)
+            names = tuple(dict.fromkeys((*result.active_limits, "branch")))
+            result = replace(result, error=left, residual=left, residuals=residuals, active_limits=names)
         self._previous, self._time = result.command, max(self._time, now)
         error, tilt = self._present_error(state, wanted)
         return TrackerStep(
@@ -212,7 +223,7 @@ class Tracker:
         state, n = problem.state, len(problem.hold)
         longest = float(np.abs(result.command - state.angles).max())
         for _ in range(HALVINGS):
-            if longest < SMALLEST_STEP:
+            if longest < SHORTEST:
                 break
             within = build_ik(
                 state, problem.tasks, (*limits, StepLimit(longest)), row_limits,
@@ -234,16 +245,27 @@ class Tracker:
             return wanted[:3], wanted[3:]
         return self.correction.corrected(wanted[:3], wanted[3:])
 
-    def _is_beyond_fold(self, state: LinearState, tasks: Sequence[Task], now: float) -> bool:
-        side = branch(state, tasks)
-        away = self._inside is not None and is_beyond(side, self._side)
-        if away and now - self._inside_at <= RETURN:
-            return True
-        if away or self._side == 0:
-            self._side = side
-        self._inside_at = now
-        if self._inside is None or np.linalg.norm(state.equilibrium_offset[:3]) < CALM:
-            self._inside = state.angles
+    def _is_beyond_fold(self, state: LinearState, here: float, now: float) -> bool:
+        """Return whether the way back is to be taken; keep the trail that leads there."""
+        calm = bool(np.linalg.norm(state.equilibrium_offset[:3]) < CALM)
+        if self._side == 0:
+            self._side = here
+        if is_beyond(here, self._side) or state.firmness < min(0.0, self._least or 0.0):
+            if not self._trail:
+                self._side = here  # nowhere to go back to: the pose is taken as it is
+                return False
+            if self._back is None:
+                self._back = now
+            arrived = calm and np.abs(state.angles - self._trail[-1]).max() < SPACING / 10
+            if arrived and now - self._back > RETURN:
+                self._trail.pop()
+                self._back = now
+            return bool(self._trail)
+        self._back = None
+        if calm or not self._trail:  # the last pose is the present one, others are apart
+            if len(self._trail) > 1 and np.abs(state.angles - self._trail[-2]).max() < SPACING:
+                self._trail.pop()
+            self._trail.append(state.angles)
         return False
 
     def _present_error(self, state: LinearState, wanted: FloatArray) -> tuple[float, float]:
@@ -253,8 +275,10 @@ class Tracker:
         distances = [task.distances(error) for task, error in zip(tasks, errors, strict=True)]
         return total_distance(tasks, errors), sum(d.get(TILT, 0.0) for d in distances)
 
-    def _row_limits(self, state: LinearState) -> list[RowLimit]:
-        limits: list[RowLimit] = []
+    def _row_limits(self, state: LinearState, dt: float) -> list[RowLimit]:
+        found = state.firmness
+        self._least = SOFTEST if found >= SOFTEST else found if self._least is None else self._least
+        limits: list[RowLimit] = [SnapLimit(self._least, share=min(1.0, dt / SOFTENING))]
         if self._limited:
             limits.append(TorqueLimit(self._torque_ceiling(state), hard=self.settings.hard))
         if self.settings.box is not None:

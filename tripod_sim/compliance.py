@@ -19,14 +19,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.constraints.groups import quaternion
+from tripod_sim.constraints.groups import quaternion, rotation_vector
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.linear.solver import LinearError, solve_columns
+from tripod_sim.softness import Softness, softness
 from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rest_rows import Rest
+    from tripod_sim.rest_state import RestState
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -90,6 +92,7 @@ class Compliance:
         quaternion: Of the effector (x, y, z, w), shape (4,).
         equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
             and rotation vector [rad], shape (6,).
+        softness: How near it is to a snap; None where that is not known: with contact, and of a reduced model.
     """
 
     w: FloatArray
@@ -99,6 +102,7 @@ class Compliance:
     position: FloatArray
     quaternion: FloatArray
     equilibrium_offset: FloatArray
+    softness: Softness | None = None
 
 
 def compliance(
@@ -106,8 +110,10 @@ def compliance(
     state: State,
     contacts: Sequence[tuple[IndexArray, FloatArray]] = (),
     held: "Rest | None" = None,
+    rest: "RestState | None" = None,
+    reference: float = np.inf,
 ) -> Compliance:
-    """Return the compliance of `system` at `state`.
+    """Return the compliance of `system` at `state`, or where that would rest.
 
     Args:
         system: Without inertia and damping: the static potential. Its factorisation is overwritten.
@@ -115,6 +121,8 @@ def compliance(
         contacts: What else resists: nodes of a side of an element, shape (k,), and the stiffness between them [N/m],
             shape (3 k, 3 k).
         held: What contact holds; its forces must be among the loads of `system`.
+        rest: The state of rest that goes along with `state`: the tangent is that of rest then.
+        reference: Stiffness that the softness refers to [N/m]; infinite where nobody asks for it.
 
     Raises:
         SceneError: the system has no effector.
@@ -123,30 +131,21 @@ def compliance(
     if not system.groups.rigid:
         raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
     s = len(system.groups.driven)
-    for project in (False, True):
-        if system.assemble(state, project=project) < 0:
-            break
-    for nodes, stiffness in contacts:
-        system.solid.add_stiffness(nodes, stiffness)
-    system.evaluate(state)
+    at = _factored(system, state, contacts, rest)
     torques = system.torques.copy()
-    system.factor()
-    if not system.factored:
-        raise StepError(
-            f"the static tangent is singular at {state.time:.4g} s (or indefinite, with solver.linear = 'cholmod'); "
-            "the compliance is not defined"
-        )
     first = 3 * system.reduction.free_count
     effector = first + np.arange(6)
     try:
         if held:
             holding = held.holding(system)
             inside = (holding.unknowns >= first) & (holding.unknowns < first + 6)
-            free = _response(system, np.concatenate([effector, holding.unknowns[~inside]]))
+            unknowns = np.concatenate([effector, holding.unknowns[~inside]])
+            free = _response(system, unknowns, _answers(system, unknowns))
             where = np.where(inside, holding.unknowns - first, 5 + np.cumsum(~inside))
             answer = held_response(free, holding, where)
         else:
-            answer = _response(system, effector)
+            answers = _answers(system, effector)
+            answer = _response(system, effector, answers)
     except LinearError as error:
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
     except np.linalg.LinAlgError:
@@ -166,19 +165,56 @@ def compliance(
     w[6:, :6] = w[:6, 6:].T
     w[:6, :6] = answer.flexibility[:6, :6] + w[:6, 6:] @ jacobian.T
     w = 0.5 * (w + w.T)
+    fall = answer.fall[:6].copy()
+    soft = softness(system, at, answers, reference) if np.isfinite(reference) and not held else None
+    if rest:
+        rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
+        fall[:3] = at.centres[0] - state.centres[0]
+        fall[3:] = rotation_vector(at.rotations[0] @ state.rotations[0].T)
     return Compliance(
         w, state.joints[:-1].copy(), float(state.joints[-1]), torques, state.centres[0].copy(),
-        quaternion(state.rotations[0]), answer.fall[:6].copy(),
+        quaternion(state.rotations[0]), fall, soft,
     )  # fmt: skip
 
 
-def _response(system: System, unknowns: IndexArray) -> Response:
-    """Return how `unknowns`, shape (z,), answer by the factored tangent. Raises LinearError."""
+def _factored(
+    system: System, state: State, contacts: Sequence[tuple[IndexArray, FloatArray]], rest: "RestState | None"
+) -> State:
+    """Return where `system` is linearised, evaluated and factored: at rest, or as it is where that fails.
+
+    Raises:
+        StepError: the static tangent is singular.
+    """
+    for at in (rest.carried(state), state) if rest else (state,):
+        for project in (False, True):
+            if system.assemble(at, project=project) < 0:
+                break
+        for nodes, stiffness in contacts:
+            system.solid.add_stiffness(nodes, stiffness)
+        system.evaluate(at)
+        system.factor()
+        if system.factored:
+            return at
+        if rest:
+            rest.forget()
+    raise StepError(
+        f"the static tangent is singular at {state.time:.4g} s (or indefinite, with solver.linear = 'cholmod'); "
+        "the compliance is not defined"
+    )
+
+
+def _answers(system: System, unknowns: IndexArray) -> FloatArray:
+    """Return K⁻¹ of unit forces on `unknowns`, shape (z,), of the drive and of the residual. Raises LinearError."""
     reduction, z, s = system.reduction, len(unknowns), len(system.groups.driven)
     right = np.zeros((reduction.unknowns, z + s + 1))
     right[unknowns, np.arange(z)] = 1.0
     right[:, z:-1], right[:, -1] = reduction.drive, system.residual
-    answers = solve_columns(system.linear, right)
+    return solve_columns(system.linear, right)
+
+
+def _response(system: System, unknowns: IndexArray, answers: FloatArray) -> Response:
+    """Return how `unknowns`, shape (z,), answer by the factored tangent."""
+    reduction, z = system.reduction, len(unknowns)
     here, stiffness = answers[unknowns], reduction.drive_drive - reduction.drive.T @ answers[:, z:-1]
     return Response(here[:, :z], -here[:, z:-1], stiffness, -here[:, -1])
 

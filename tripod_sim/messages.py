@@ -72,10 +72,12 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
     c = snapshot.compliance
     if c is None:
         return None
+    soft = c.softness
     return Compliance(
         header=header(snapshot.stamp), joint_names=list(SERVOS[: len(c.angles)]), angles=flat(c.angles),
         torques=flat(c.torques), effector=pose_message(Pose(c.position, c.quaternion)),
-        equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide,
+        equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide, firmness=soft.firmness if soft else 1.0,
+        firmness_slope=flat(soft.slope) if soft else [],
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
+    from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
 
 FloatArray = NDArray[np.float64]
@@ -100,9 +101,16 @@ class Simulation:
         self.torques = np.zeros(count)
         self.report = StepReport()
         self.left_out: tuple[int, ...] = ()
+        self._rest: RestState | None = None
+        self._reference = np.inf
         self._servos: ServoMotion | None = parts.servos
         self._ball = parts.ball
         undeformed = self.state.copy()
+        static = self._static.system
+        if static.groups.rigid and isinstance(static, System) and not (self.state.reduced or scene.contact):
+            from tripod_sim.softness import reference_stiffness  # noqa: PLC0415 - only with an effector
+
+            self._reference = reference_stiffness(static, self.state)
         if scene.servos:
             self._pose(joints)
         if parts.check_start:
@@ -119,6 +127,7 @@ class Simulation:
             trial = self.state.ball.copy()  # compiles what moves it
             self._ball.load(self.state, trial)
             self._ball.follow(self.state, trial, scene.dt)
+        self._rest = self._state_of_rest()
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
         self._prepare()
@@ -130,6 +139,15 @@ class Simulation:
         static = self._static.system
         if isinstance(static, System) and static.loads is None:
             static.loads = NodalLoads(static.rest)
+
+    def _state_of_rest(self) -> "RestState | None":
+        """Return what follows the rest of a body in motion; None where nothing moves and of a reduced model."""
+        system = self._static.system
+        if self._static is self._parts or not isinstance(system, System) or self.state.reduced:
+            return None
+        from tripod_sim.rest_state import RestState  # noqa: PLC0415 - only where something moves
+
+        return RestState(system)
 
     def _prepare(self) -> None:
         """Make the first step from the start state as fast as the others."""
@@ -276,6 +294,7 @@ class Simulation:
     def reset(self) -> None:
         """Return to the start state, bit for bit."""
         self._start.copy_to(self.state)
+        self._forget_rest()
         self._prepare()
         self.torques[:] = self._start_torques
         self.report = StepReport()
@@ -289,7 +308,12 @@ class Simulation:
         state, torques = saved
         state.copy_to(self.state)
         self.torques[:] = torques
+        self._forget_rest()
         self._stepper.forget()
+
+    def _forget_rest(self) -> None:
+        if self._rest:
+            self._rest.forget()
 
     @property
     def command(self) -> FloatArray:
@@ -384,7 +408,10 @@ class Simulation:
         return Energies(kinetic, strain, gravity)
 
     def compliance(self) -> Compliance:
-        """Return the linearised static response about the present state, the ball lying where it is.
+        """Return the linearised static response about where the body would rest, the ball lying where it is.
+
+        Of a body in motion that state of rest goes along from one compliance to the next, see `rest_state`; with a ball
+        or contact it is the present state that is linearised.
 
         Obstacles, the body itself and rigid bodies that lie still on it hold it where they pressed it at the end of the
         last step; see `left_out` for those that do not.
@@ -399,9 +426,9 @@ class Simulation:
         if self.scene.contact:
             return self._held_compliance(system)
         if not (self._ball and self.state.ball and system.loads):
-            return compliance(system, self.state)
+            return compliance(system, self.state, rest=self._rest, reference=self._reference)
         contacts = self._ball.rest_load(self.state, self.state.ball, system.loads.force)
-        return compliance(system, self.state, contacts)
+        return compliance(system, self.state, contacts, reference=self._reference)
 
     def _held_compliance(self, system: System) -> Compliance:
         """Return the compliance of a body in contact."""

@@ -102,6 +102,10 @@ class System:
             first = 3 * self.reduction.free_count + 6 * b
             self._scale[first + 3 : first + 6] = 1 / radius
 
+    def radius(self, body: int) -> float:
+        """Return the radius of gyration of a rigid body's nodes [m]."""
+        return 1.0 / float(self._scale[3 * self.reduction.free_count + 6 * body + 3])
+
     def another_linear(self) -> LinearSolver:
         """Return one more linear solver for the Hessian, which has factored nothing yet."""
         sibling = getattr(self.linear, "sibling", None)

@@ -103,6 +103,13 @@ def rotation_matrix(rotation: FloatArray) -> FloatArray:
     return out
 
 
+def rotation_vector(matrix: FloatArray) -> FloatArray:
+    """Return the rotation vector [rad], shape (3,), of a rotation matrix; its length is at most pi."""
+    q = quaternion(matrix)
+    sine = float(np.linalg.norm(q[:3]))
+    return q[:3] * (2 * np.arctan2(sine, q[3]) / sine if sine > 1e-12 else 2.0)
+
+
 def quaternion(matrix: FloatArray) -> FloatArray:
     """Return the unit quaternion (x, y, z, w), w >= 0, of a rotation matrix [Shepperd1978]."""
     m = matrix

@@ -1,0 +1,80 @@
+"""How near to a snap: firmness and its slope against finite moves, and the state of rest of a body that swings."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+
+STATIC = ["inertia=off", "damping=off", "solver.tolerance=1e-9"]
+SNAPPING = np.array([-0.28, 0.14, 0.14, 0.0])
+"""Joints beyond those at which the flat piece snaps up, on the straight way."""
+
+
+@pytest.fixture(scope="module")
+def flat() -> Simulation:
+    return Simulation(load_scene("tripod", STATIC))
+
+
+@pytest.mark.parametrize("angles", [[-0.24, 0.12, 0.12], [-0.3, 0.06, 0.21], [-0.2, 0.0, 0.2]])
+def test_the_slope_of_the_firmness_is_that_of_finite_moves(flat: Simulation, angles: list[float]) -> None:
+    flat.reset()
+    end, h = np.array([*angles, 0.0]), 5e-4
+    for part in np.linspace(0.1, 1.0, 10):
+        flat.step(part * end)
+    here, soft = flat.save(), flat.compliance().softness
+    assert soft is not None
+    assert 0.04 < soft.firmness < 0.2
+    found = np.empty(3)
+    for servo in range(3):
+        ends = []
+        for sign in (1, -1):
+            flat.restore(here)
+            turned = end.copy()
+            turned[servo] += sign * h
+            flat.step(turned)
+            other = flat.compliance().softness
+            assert other is not None
+            ends.append(other.firmness)
+        found[servo] = (ends[0] - ends[1]) / (2 * h)
+    # h² times third derivatives, which grow as firmness falls: 1e-4 at most of these poses
+    np.testing.assert_allclose(soft.slope, found, rtol=5e-3, atol=1e-3 * np.abs(found).max())
+
+
+def test_firmness_goes_to_zero_at_the_snap_and_its_square_in_proportion_to_the_angles(
+    flat: Simulation,
+) -> None:
+    flat.reset()
+    squares, heights = [], []
+    for part in np.linspace(0.05, 1.0, 20):
+        flat.step(part * SNAPPING)
+        soft = flat.compliance().softness
+        assert soft is not None
+        squares.append(soft.firmness**2)
+        heights.append(flat.state.centres[0][2])
+    jump = int(np.argmax(np.diff(heights)))
+    assert np.diff(heights)[jump] > 2e-3  # it did snap
+    before = np.diff(squares[jump - 3 : jump + 1])
+    assert (before < 0).all()
+    left = squares[jump] / -before[-1]  # steps of the way left, if the last one goes on
+    assert 0 < left < 1.2
+
+
+def test_a_swinging_body_has_the_compliance_of_its_rest() -> None:
+    moving = Simulation(load_scene("tripod"))
+    end = np.array([-0.2, 0.1, 0.1, 0.0])
+    offsets = []
+    for k in range(60):
+        moving.step(end * min(1.0, (k + 1) / 12))
+        if k >= 4:
+            c = moving.compliance()
+            offsets.append(float(np.linalg.norm(c.equilibrium_offset[:3])))
+    resting = Simulation(load_scene("tripod", STATIC))
+    for part in np.linspace(0.1, 1.0, 10):
+        resting.step(part * end)
+    exact = resting.compliance()
+    assert max(offsets[12:20]) > 2e-5  # it swings
+    np.testing.assert_allclose(c.position + c.equilibrium_offset[:3], exact.position, atol=1e-8)
+    np.testing.assert_allclose(c.w, exact.w, rtol=1e-4, atol=1e-6 * np.abs(exact.w).max())
+    assert c.softness is not None
+    assert exact.softness is not None
+    assert c.softness.firmness == pytest.approx(exact.softness.firmness, rel=1e-4)

@@ -1,0 +1,65 @@
+"""A limit that keeps the body off a snap.
+
+Towards a limit point, where the equilibrium ends and the body snaps to another one, its firmness ρ goes to zero, see
+`tripod_sim.softness`; ρ² falls there in proportion to the angles. So ρ² is what is limited, linearly,
+
+    ρ² + 2 ρ (dρ/dα) δ ≥ least² + (1 - share) (ρ² - least²),
+
+and each step uses up a share of what is left: a body that is carried there fast would swing beyond.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tripod_ik.row_limits import LimitRows, RowLimit
+from tripod_ik.state import LinearState
+
+SNAP = "snap"
+"""Name of the limit."""
+
+SOFTEST = 0.05
+"""Firmness at which a branch ends, for inverse kinematics."""
+
+SOFTENING = 0.1
+"""Time in which commands use up what is left of ρ² - SOFTEST², but for 1/e [s]."""
+
+BEND = 0.03
+"""Square of the length of a step, for a distance of 1 rad from the snap [rad]: what the limit's curvature allows."""
+
+
+def longest_step(state: LinearState) -> float:
+    """Return how far the limit's tangent is to be trusted [rad]: √(BEND ρ / 2|dρ/dα|)."""
+    steep = float(np.linalg.norm(state.firmness_slope))
+    return float(np.sqrt(BEND * max(state.firmness, 1e-3) / (2 * steep))) if steep > 0 else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class SnapLimit(RowLimit):
+    """The firmness at rest stays above `least`.
+
+    Attributes:
+        least: Smallest ρ.
+        share: What a step may use of ρ² - least², 0 to 1.
+    """
+
+    least: float = SOFTEST
+    share: float = 1.0
+    hard: bool = field(default=True, kw_only=True)
+
+    @property
+    def what(self) -> str:
+        """What it limits."""
+        return SNAP
+
+    def size(self, n: int) -> int:
+        """Return 1."""
+        return 1
+
+    def rows(self, state: LinearState) -> LimitRows:
+        """Return 2 ρ dρ/dα δ ≥ share (least² - ρ²); a row of zeros where the slope is not known."""
+        rho = state.firmness
+        left = rho * abs(rho) - self.least * abs(self.least)
+        row = 2 * max(abs(rho), 1e-3) * state.firmness_slope
+        low = -left * self.share if left > 0 else -left
+        return LimitRows(row[None, :], np.array([low]), np.array([1e9]), (self.what,))
