@@ -5,10 +5,11 @@ once and corrected:
 
     x1 = x - A^-1 g(x) - p,   m = A^-1 g(x1),   x2 = x1 - m,
 
-p the forecast of `left_over`. A is kept from an earlier pose, and every solve with it leaves some part q of what it was
-to take away, known where a solve and what it left both are: q = |p + m| / |x1 - x|. So x2 misses about q |m|, and the
-step ends where that is below `near`: a length, and for every node. The forces there are not evaluated but taken to be
-in balance (`System.settle`); what that leaves out is of the order of q² and is seen by the evaluation of the next step.
+p the forecast of `left_over`. x1 misses about |m|, and the step ends there if that is below `near`: a length, and for
+every node; what it misses is left to the next step. A is kept from an earlier pose, and every solve with it leaves some
+part q of what it was to take away, known where a solve and what it left both are: q = |p + m| / |x1 - x|. So x2 misses
+about q |m|, and the step ends there if that is below `near`. The forces there are not evaluated but taken to be in
+balance (`System.settle`); what that leaves out is of the order of q² and is seen by the evaluation of the next step.
 Where x2 is not near enough it is evaluated and corrected in turn, as in Newton's method. The tangent is renewed in a
 step where it does not halve the residual, and else where such further evaluations, beyond those that a new tangent
 needs, have cost as much as it does.
@@ -88,14 +89,19 @@ class OneSolve(Newton):
             return False
         system, missed = self.system, self._missed
         correction = self._correction = self._solve()
+        system.reduction.moves(correction, system.lever, missed)
+        far = largest(missed)
+        if size < self.TRUSTED * before and far <= self.near:
+            if self._forecast is not None:
+                self._left_over.note(correction)
+            return True
         left = 0.0
         if self._forecast is not None:
             system.reduction.moves(self._forecast + correction, system.lever, missed)
             left = largest(missed)
             self._left_over.note(correction)
             self._forecast = None
-        system.reduction.moves(correction, system.lever, missed)
-        far = largest(missed)
+            system.reduction.moves(correction, system.lever, missed)
         left = max(left, far)
         trusted = size < self.TRUSTED * before and left < self.TRUSTED * self._moved
         if not (trusted and left * far <= self.near * self._moved):
