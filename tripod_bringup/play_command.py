@@ -10,7 +10,6 @@ from typing import Any
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
 
 NOT_SOLVED = 1
-MOST_SECONDS = 1e6
 """Largest --limit and --delay [s], and --noise [m]."""
 
 
@@ -100,11 +99,14 @@ def solve_command(
     from tripod_play.solve import Eye, solve  # noqa: PLC0415
     from tripod_sim import SceneError, Simulation, StepError, load_scene  # noqa: PLC0415
 
-    for name, value in (("limit", limit), ("noise", noise), ("delay", delay)):
-        if not 0 <= value <= MOST_SECONDS:
-            return _complain(
-                "solve", ValueError(f"--{name} is {value:g}; allowed is 0 to {MOST_SECONDS:g}"), BAD_ARGUMENTS
-            )
+    for name, value, most, unit in (
+        ("limit", limit, 1e6, "s"),
+        ("noise", noise, 1, "m"),
+        ("delay", delay, 1, "s"),
+    ):
+        if not 0 <= value <= most:
+            wrong = f"--{name} is {value:g} {unit}; allowed is 0 to {most:g} {unit}"
+            return _complain("solve", ValueError(wrong), BAD_ARGUMENTS)
     words = [*([f"maze.source={maze}"] if maze else []), *overrides]
     try:
         description = load_scene(scene, words)

@@ -85,7 +85,8 @@ def _named(path: Path, part: Path) -> Iterator[None]:
     except OSError as error:
         if error.filename not in (None, str(part), part):
             raise
-        why = error.strerror or str(error)
+        gone = isinstance(error, FileNotFoundError) and not path.parent.is_dir()
+        why = f"there is no directory {path.parent}" if gone else error.strerror or str(error)
         raise OSError(error.errno, why, str(path)) from None
 
 

@@ -63,7 +63,7 @@ def test_path_plays_and_names_where_servos_are_too_slow(tmp_path: Path) -> None:
         (("path", "GOOD", "--scene", "silicone"), "scene 'silicone' has no servos or no effector"),
         (("solve", "labyrint"), "maze.source is 'labyrint'; allowed: first, holes, labyrinth"),
         (("solve", "--scene", "tripod"), "scene 'tripod' has no maze of cells"),
-        (("solve", "--delay", "-1"), "eye delay is -1.0; allowed is 0 to 1"),
+        (("solve", "--delay", "-1"), "--delay is -1 s; allowed is 0 to 1 s"),
         (("maze", "random:x"), "a random maze is random:SEED"),
     ],
 )

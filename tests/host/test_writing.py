@@ -115,7 +115,7 @@ def test_a_vanished_directory_is_named(tmp_path: Path) -> None:
         next(folder.iterdir()).unlink()
         folder.rmdir()
     assert caught.value.filename == str(folder / "out")
-    assert caught.value.strerror == "No such file or directory"
+    assert caught.value.strerror == f"there is no directory {folder}"
 
 
 FULL = """
