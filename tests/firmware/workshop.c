@@ -69,8 +69,9 @@ int main(void)
     uint8_t angles[SERVOS];
     DDRB |= _BV(PB1) | _BV(PB2) | _BV(PB3);
     OCR1A = TICKS_PER_US * 1000;
-    TIMSK1 = _BV(OCIE1A);
     TCCR1B = _BV(CS11);
+    TIFR1 = _BV(OCF1A);  // of the time before a reset, in the simulator
+    TIMSK1 = _BV(OCIE1A);
     UCSR0A = _BV(U2X0);
     UBRR0 = 16;  // 115,200 baud
     UCSR0B = _BV(RXEN0) | _BV(RXCIE0);
