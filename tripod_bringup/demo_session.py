@@ -101,7 +101,7 @@ class DemoSession:
         self.track_start: float | None = None
         self._shape = DemoTarget((0.0, 0.0, 0.0)) if shape is None else shape
         self._since: float | None = None
-        self._commanded = False
+        self._commands = 0
 
     @property
     def finished(self) -> bool:
@@ -141,19 +141,19 @@ class DemoSession:
         return Action()
 
     def _move(self, now: float, elapsed: float, heard: Heard) -> Action:
-        if not self._commanded:
-            if elapsed < 0.3:  # the mode travels on another topic: let it arrive first
-                return Action()
-            self._commanded = True
-            return Action(pose=WORKING_POSE, move_time=self.times.move)
-        if elapsed < 0.3 + self.times.move:
+        if elapsed < 0.3 + min(self._commands, 1) * self.times.move:  # the mode travels on another topic
             return Action()
         off = np.abs(heard.joints - WORKING_POSE)
-        if (off <= [self.ANGLE_TOLERANCE] * 3 + [self.SLIDE_TOLERANCE]).all():
+        if self._commands and (off <= [self.ANGLE_TOLERANCE] * 3 + [self.SLIDE_TOLERANCE]).all():
             self._enter(Phase.SETTLE, now)
         elif elapsed > 0.3 + self.times.move + self.times.arrive:
             joints = ", ".join(f"{value:.4f}" for value in heard.joints)
             return self._fail(f"the simulated joints stayed at {joints} instead of the working pose", now)
+        elif (
+            self._commands < 2
+        ):  # again where the first ended on the way, this process having been silent too long
+            self._commands += 1
+            return Action(pose=WORKING_POSE, move_time=self.times.move)
         return Action()
 
     def _settle(self, now: float, elapsed: float, heard: Heard) -> Action:

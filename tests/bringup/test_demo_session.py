@@ -26,8 +26,8 @@ def play(session: DemoSession, hear: Callable[[float], Heard], seconds: float) -
 
 
 def robot(t: float) -> Heard:
-    """A chain that is complete after 1 s and at the working pose after 6 s."""
-    return Heard(t >= 1.0, THERE if t >= 6.0 else PARKED, EFFECTOR)
+    """A chain that is complete after 1 s and at the working pose after 4 s."""
+    return Heard(t >= 1.0, THERE if t >= 4.0 else PARKED, EFFECTOR)
 
 
 def test_the_script_is_played_in_order() -> None:
@@ -40,12 +40,21 @@ def test_the_script_is_played_in_order() -> None:
     assert time == pytest.approx(1.3, abs=0.03), "the mode has time to arrive first"
     time, first = done[2]
     assert first.mode is Mode.IK and first.target == tuple(EFFECTOR)
-    assert time == pytest.approx(7.0, abs=0.05), "a rest after the joints arrived at 6.0 s"
+    assert time == pytest.approx(5.3, abs=0.05), "a rest after the motion"
     assert done[-1][1] == Action(mode=Mode.STOP)
     targets = np.array([action.target for _, action in done[2:-1]])
     assert len(targets) == pytest.approx(2.0 / DT, abs=2)
     assert np.linalg.norm(np.diff(targets, axis=0), axis=1).max() < session.target.speed_bound * DT  # type: ignore[union-attr]
     assert np.linalg.norm(targets[-1] - EFFECTOR) > 0.004, "the target did leave the centre"
+
+
+def test_a_motion_that_ended_on_the_way_is_commanded_again() -> None:
+    session = DemoSession(SessionTimes(track=2.0))
+    done = play(session, lambda t: Heard(t >= 1.0, THERE if t >= 6.0 else 0.1 * THERE, EFFECTOR), 12.0)
+    assert session.phase is Phase.DONE and not session.failure
+    moves = [time for time, action in done if action == Action(pose=WORKING_POSE, move_time=3.0)]
+    assert moves == [pytest.approx(1.3, abs=0.03), pytest.approx(4.3, abs=0.05)]
+    assert done[3][0] == pytest.approx(7.0, abs=0.05), "a rest after the joints arrived at 6.0 s"
 
 
 def test_targets_are_those_of_the_function_that_the_error_is_measured_against() -> None:
