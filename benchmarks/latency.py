@@ -124,13 +124,9 @@ def measure(protocol: str, presses: int, seed: int) -> np.ndarray:
         "park_after:=600",
     )
     with node("driver", *words), node("teleop", terminal=terminal):
-        wait(lambda: board.packets, "the first packet")
-        time.sleep(3.0)  # teleop hears the joints
+        begin(board, keys)
         taken = np.full(presses, np.nan)
         for k in range(presses):
-            if k == 0:
-                os.write(keys, b"t")
-                time.sleep(1.0)
             count = len(board.changes)
             pressed = time.monotonic()
             os.write(keys, UP if k % 2 else DOWN)
@@ -143,6 +139,21 @@ def measure(protocol: str, presses: int, seed: int) -> np.ndarray:
     os.close(keys)
     os.close(terminal)
     return taken
+
+
+def begin(board: Board, keys: int) -> None:
+    """Take charge and press keys until the servos, whose place nobody knows at first, have moved and rest."""
+    pressed = float("-inf")
+
+    def moved() -> bool:
+        nonlocal pressed
+        if time.monotonic() > pressed + 1.0:
+            pressed = time.monotonic()
+            os.write(keys, b"t" + DOWN)  # in vain until the nodes have found each other
+        return board.packets > 0
+
+    wait(moved, "the first packet")
+    wait(lambda: time.monotonic() > board.changes[-1] + 2.0, "the servos to rest")
 
 
 class Mover:
@@ -219,6 +230,8 @@ def measure_stop(operator: str, stops: int, seed: int) -> np.ndarray:
     taken = np.full(stops, np.nan)
     with node("driver", *words), node("teleop", terminal=terminal):
         mover = Mover(rng)
+        time.sleep(3.0)
+        mover.say(Mode.TELEOP, 0)
         wait(lambda: board.packets, "the first packet")
         time.sleep(3.0)
         for k in range(stops):

@@ -40,7 +40,7 @@ FAILED_FRAMED = (*range(21), 42, 64, 197)
 """The first of them failed before ramps began at the place of the servos, the last ones on the way there."""
 
 FAILED_LEGACY = range(24)
-"""All of them failed before the driver knew where the workshop's firmware puts the servos."""
+"""The first six were seen to fail, at the first connect, before the driver knew where that firmware puts the servos."""
 
 
 def test_in_random_histories_no_pulse_of_the_projects_firmware_jumps(switched_on, tmp_path) -> None:
