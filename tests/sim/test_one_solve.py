@@ -92,7 +92,7 @@ def test_what_is_taken_for_solved_is_what_an_evaluation_finds() -> None:
 
 
 @pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
-@pytest.mark.parametrize(("scene", "level", "bound"), [("tripod", 1, 0.04), ("tripod_sofa", 5, 0.02)])
+@pytest.mark.parametrize(("scene", "level", "bound"), [("tripod", 1, 0.04), ("tripod_sofa", 5, 0.05)])
 def test_a_slow_motion_is_not_held_behind(scene: str, level: int, bound: float, scheme: str) -> None:
     """What a kept tangent gets wrong does not add up: `bound` is in parts of what the effector moves in a step."""
     words = (f"mesh.level={level}", f"inertia.scheme={scheme}")

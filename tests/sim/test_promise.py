@@ -60,14 +60,14 @@ def test_cases_that_are_kept_are_not_run_again_unless_the_code_changed(
 
     monkeypatch.setattr(accuracy_promise, "Simulation", counted)
     first = measure(PENDULUM, range(2), keep, 0)
-    assert len(runs) == 2 * 3, "the reference and two settings: 10 and 5 % take the same"
+    assert len(runs) == 2 * 2, "the reference and one setting: 10, 5 and 1 % take the same"
     with keep.open("a") as file:
         file.write('{"key": "torn')
     assert measure(PENDULUM, range(2), keep, 0) == first
-    assert len(runs) == 6
+    assert len(runs) == 4
     monkeypatch.setattr(accuracy_promise, "fingerprint", lambda module: "other")
     measure(PENDULUM, range(2), keep, 0)
-    assert len(runs) == 12
+    assert len(runs) == 8
 
 
 def test_ctrl_c_leaves_a_row_of_the_cases_that_are_done(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,7 +75,7 @@ def test_ctrl_c_leaves_a_row_of_the_cases_that_are_done(monkeypatch: pytest.Monk
     run = Runner.run
 
     def interrupted(self: Runner, settings: Any, seed: int) -> Any:
-        if seed == 2 and settings["inertia.scheme"] != "rk4":
+        if seed == 2 and settings["dt"] == 0.01:  # not the reference
             raise KeyboardInterrupt
         return run(self, settings, seed)
 
@@ -117,7 +117,10 @@ def test_the_better_reference_decides_where_a_picked_setting_is_far_from_the_che
     made = row(measure(PENDULUM, range(3), None, 0)[0], "5%")
     assert [key for key in asked_for if key[:2] == ("rk4", 0.002)] == [("rk4", 0.002, 1)]
     assert made["reference [%]"] == whole["reference [%]"] + " (1 cases; the others: dt=0.005)"
-    assert made["worst [%]"] == whole["worst [%]"]
+    worst, before = float(made["worst [%]"]), float(whole["worst [%]"])
+    assert abs(worst - before) < 0.0015 < 0.01 < worst, (
+        "the quick reference is off by 0.0007 %, off the branch by far more"
+    )
 
 
 def test_rows_of_studies_that_were_not_run_stay() -> None:

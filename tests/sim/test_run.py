@@ -201,7 +201,7 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_first_step(tmp_pat
     (tmp_path / "file").write_text("kept")
     (tmp_path / "folder").mkdir()
     for out, reason in (
-        (tmp_path / "gone" / "run.npz", "No such file or directory"),
+        (tmp_path / "gone" / "run.npz", "there is no directory "),
         (tmp_path / "file" / "run.npz", "Not a directory"),
         (tmp_path / "folder", "it is a directory"),
         (tmp_path / ("n" * 256), "File name too long"),
