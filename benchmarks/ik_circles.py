@@ -1,7 +1,6 @@
 """How inverse kinematics goes round circles that leave what can be reached.
 
-    python benchmarks/ik_circles.py [--radii 6 8 10 12] [--slides 0 12 23 35] [--heights -2 0 2] [--copies 5]
-                                    [--moving 10]
+    python benchmarks/ik_circles.py [--radii 6 8 10 12] [--slides 0 12 23 35] [--heights -2 0 2] [--moving 10]
 
 From a start pose, the flat piece (slide 0), the working pose (slide 35 mm) or between, the quasi-static model follows
 the goals of a horizontal circle about where the effector starts, 12 goals one after the other for as long as it takes,
@@ -9,8 +8,7 @@ the goals of a horizontal circle about where the effector starts, 12 goals one a
 Jacobians did not foretell (snaps), goals met to 0.1 mm, the longest time to one of these [s], and how far off others
 the effector stays [mm], in their order; nothing tells whether these could be reached, or neared more.
 
-Copies: goals at `--copies` azimuths, each with its five mirror images and rotations, straight from the start: by how
-much the answers differ once turned back [mm]. Moving: the circle of that radius from the flat piece in the dynamic
+Moving: the circle of that radius from the flat piece in the dynamic
 simulator, 2.4 s for each goal: speed of the effector and its distance at the end.
 """
 
@@ -90,22 +88,6 @@ def circle(model: StaticModel, radius: float, height: float) -> str:
     return f"{follower.speed:.3f} | {follower.snaps} | {len(times)} of 13 | {longest:.2f} | {', '.join(off) or '-'}"
 
 
-def asymmetry(model: StaticModel, radius: float, count: int) -> float:
-    """Return by how much answers to mirrored and rotated goals differ [m]."""
-    home, worst = model.go_home().equilibrium.copy(), 0.0
-    for angle in np.pi / 3 * np.arange(count) / max(1, count - 1):
-        answers = []
-        for turn in range(3):
-            for mirror in (1, -1):
-                turned = 2 * np.pi / 3 * turn + mirror * angle
-                state, _ = Follower(model).go(home + azimuth(turned, radius))
-                x, y, z = state.equilibrium - home
-                c, s = np.cos(2 * np.pi / 3 * turn), np.sin(2 * np.pi / 3 * turn)
-                answers.append([c * x + s * y, mirror * (c * y - s * x), z])
-        worst = max(worst, float(np.ptp(answers, axis=0).max()))
-    return worst
-
-
 def moving(radius: float) -> None:
     """Print the circle in the dynamic simulator, goal by goal."""
     simulation = Simulation(load_scene("tripod"))
@@ -132,7 +114,6 @@ def main() -> None:
     parser.add_argument("--radii", nargs="*", type=float, default=[6, 8, 10, 12], help="mm")
     parser.add_argument("--slides", nargs="*", type=float, default=[0, 12, 23, 35], help="mm")
     parser.add_argument("--heights", nargs="*", type=float, default=[-2, 0, 2], help="mm, from the start")
-    parser.add_argument("--copies", type=int, default=5, help="azimuths, six goals each; 0 for none")
     parser.add_argument("--moving", type=float, default=10, help="mm; 0 for none")
     chosen = parser.parse_args()
     print(f"machine: 1000 x 1000 matrix product in {1e3 * calibration():.0f} ms")
@@ -147,11 +128,6 @@ def main() -> None:
                 except StepError as error:
                     row = f"{error}" + " |" * 4
                 print(f"| {slide:g}, {height:g}, {radius:g} | {row} |", flush=True)
-        for radius in chosen.radii if chosen.copies else ():
-            worst = 1e3 * asymmetry(model, radius / 1e3, chosen.copies)
-            print(
-                f"slide {slide:g} mm, radius {radius:g} mm: {6 * chosen.copies} copies, {worst:.4f} mm apart"
-            )
     if chosen.moving:
         moving(chosen.moving / 1e3)
 
