@@ -18,7 +18,7 @@ from tests import services
 
 pytestmark = pytest.mark.ros
 
-DEADLINE = 20.0
+DEADLINE = 60.0
 
 
 class Pair:

@@ -18,7 +18,7 @@ import pytest
 from tripod_driver.ports.mock_board import MockBoard
 from tripod_driver.protocol import LegacyDecoder
 
-DEADLINE = 20.0
+DEADLINE = 60.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 PROJECT = Path(__file__).parents[2]

@@ -21,7 +21,7 @@ from tripod_driver.framed import (
 )
 from tripod_driver.protocol import LegacyProtocol
 
-DEADLINE = 20.0
+DEADLINE = 60.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 

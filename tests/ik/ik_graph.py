@@ -27,7 +27,7 @@ from tripod_ik.node import IkNode
 
 WORKING = np.full(3, -1.4965)
 NAN = float("nan")
-DEADLINE = 20.0
+DEADLINE = 60.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 

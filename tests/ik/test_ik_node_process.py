@@ -18,7 +18,7 @@ from tripod_ik.settings import PARAMETERS
 
 pytestmark = pytest.mark.ros
 
-DEADLINE = 30.0
+DEADLINE = 60.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 

@@ -26,7 +26,7 @@ from tripod_sim.tables.robot import Maze
 
 pytestmark = pytest.mark.ros
 
-DEADLINE = 20.0
+DEADLINE = 60.0
 OFFSET = 0.008
 
 

@@ -39,7 +39,7 @@ from tripod_graph.qos import LATCHED, RELIABLE, SENSOR  # noqa: E402
 from tripod_record import node as record_node  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
-DEADLINE = 20.0  # [s], discovery alone may take three
+DEADLINE = 60.0  # [s], discovery alone may take three
 ALL_KEPT = QoSProfile(depth=1000, reliability=RELIABLE.reliability)
 """For what is published faster than a recorder that the machine holds up may take it."""
 

@@ -25,7 +25,7 @@ from tripod_record.selection import is_selected, listening, patterns
 from tripod_record.topic import Qos
 from tripod_record.writer import BagWriter
 
-DEADLINE = 20.0  # [s]
+DEADLINE = 60.0  # [s]
 
 
 def until(recorder: Recorder, done, what: str) -> Progress:

@@ -34,7 +34,7 @@ from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import ros_arguments
 from tripod_sim.node import SimNode
 
-DEADLINE = 20.0
+DEADLINE = 60.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 PUBLISHED = {

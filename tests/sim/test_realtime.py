@@ -14,7 +14,7 @@ from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.realtime import LATE, Activity, RealTime, Snapshot
 from tripod_sim.simulation import Energies
 
-DEADLINE = 20.0
+DEADLINE = 60.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""
 
 

@@ -34,7 +34,7 @@ from trajectory_msgs.msg import JointTrajectory  # noqa: E402
 from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
-DEADLINE = 20.0  # [s], discovery alone may take three
+DEADLINE = 60.0  # [s], discovery alone may take three
 PROGRAM = """
 import fcntl, sys, termios
 from tripod_teleop.node import main

@@ -16,7 +16,7 @@ import pytest
 from tripod_teleop.terminal import Terminal, TerminalError
 
 ROOT = Path(__file__).parents[2]
-DEADLINE = 20.0  # [s]
+DEADLINE = 60.0  # [s]
 PROGRAM = """
 import os, sys, time
 from tripod_teleop.terminal import Terminal

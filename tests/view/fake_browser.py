@@ -13,7 +13,7 @@ import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-DEADLINE = 20.0  # [s], for a loaded machine
+DEADLINE = 60.0  # [s], for a loaded machine
 
 
 class FakeBrowser:

@@ -36,7 +36,7 @@ from tripod_view.messages import maze_of
 
 pytestmark = pytest.mark.ros
 
-DEADLINE = 20.0  # [s], for a loaded machine
+DEADLINE = 60.0  # [s], for a loaded machine
 
 
 @pytest.fixture(scope="module")
