@@ -1,7 +1,6 @@
 """Parameters of a node as one table, from which they are declared, checked and printed."""
 
 import math
-import sys
 from collections.abc import Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -110,8 +109,7 @@ def descriptor(p: Parameter) -> ParameterDescriptor:
         least, most = -(2**63) if p.low is None else int(p.low), 2**63 - 1 if p.high is None else int(p.high)
         told.integer_range = [IntegerRange(from_value=least, to_value=most)]
     elif isinstance(p.default, float):
-        end = sys.float_info.max
-        low, high = -end if p.low is None else p.low, end if p.high is None else p.high
+        low, high = -math.inf if p.low is None else p.low, math.inf if p.high is None else p.high
         told.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
     return told
 

@@ -69,8 +69,9 @@ def declared(domain: int, overrides: dict[str, object]) -> dict[str, object]:
 def test_declare_returns_defaults_and_takes_integers_for_floats(domain: int) -> None:
     defaults = {p.name: p.default for p in TABLE}
     assert declared(domain, {}) == defaults
-    values = declared(domain, {"rate": 20, "joints": [1, 0], "mode": "fast", "start": [1, -1]})
-    changed = {"rate": 20.0, "joints": [1.0, 0.0], "mode": "fast", "start": [1.0, -1.0]}
+    given = {"rate": 20, "joints": [1, 0], "mode": "fast", "start": [1, -1], "gain": -math.inf}
+    values = declared(domain, given)
+    changed = {**given, "rate": 20.0, "joints": [1.0, 0.0], "start": [1.0, -1.0]}
     assert values == {**defaults, **changed}
     assert type(values["rate"]) is float
     assert type(values["count"]) is int
