@@ -118,7 +118,8 @@ class ModeTracker:
     - A decision holds for its lease after it was last heard. Then its operator is lost, which is a STOP. If it is
       heard again within `RETURN` [s], it goes on.
     - A decision that is repeated after it was overruled stays overruled: a new one has another stamp. The repetitions
-      of a source that stamps each of them anew must pause for `PAUSE` [s] first.
+      of a source that stamps each of them anew must pause for `PAUSE` [s] first, unless that source itself had changed
+      to a mode other than STOP.
 
     In the modes TELEOP and REPLAY the commands of the operator in charge are obeyed, in mode IK those of inverse
     kinematics: of several that which comes first in the alphabet, so that all agree, until it is silent for
@@ -259,9 +260,9 @@ class ModeTracker:
 
     def _enforce(self, decision: Decision, decided: float, now: float) -> None:
         if self._mode is not Mode.STOP:
-            self._overruled[self.source, self._mode] = _Overruled(
-                self.stamp, self._restamped, now, self._heard
-            )
+            changed = decision.source == self.source and decision.mode != Mode.STOP  # by whoever repeated it
+            restamped = self._restamped and not changed
+            self._overruled[self.source, self._mode] = _Overruled(self.stamp, restamped, now, self._heard)
             if len(self._overruled) > REMEMBERED:
                 self._overruled.popitem(last=False)
         self._mode, self.source, self.stamp = Mode(decision.mode), decision.source, decision.stamp

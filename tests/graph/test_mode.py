@@ -91,6 +91,15 @@ def test_a_program_that_stamps_each_repetition_anew_does_not_undo_a_stop() -> No
     assert tracker.hear(Decision(1, "naive", 1000 + quiet), 1000 + quiet, quiet)
 
 
+def test_an_operator_that_decides_the_same_twice_may_change_its_mind_and_back_at_once() -> None:
+    tracker = ModeTracker()
+    for k, mode in enumerate((1, 1, 2, 1, 2)):  # the second press of the same key has a stamp of its own
+        tracker.hear(Decision(mode, "keys", 1000 + 0.1 * k), 1000 + 0.1 * k, 0.1 * k)
+        assert tracker.mode is Mode(mode)
+    assert not tracker.hear(Decision(1, "keys", 1000.3), 1000.5, 0.5)  # under way when it changed
+    assert tracker.mode is Mode.IK
+
+
 def test_what_is_not_stamped_can_be_stopped_too_and_typed_again_later() -> None:
     tracker = heard(ModeTracker(), Decision(1, "me"), Decision(0, "me"))
     for k in range(20):

@@ -230,13 +230,14 @@ def test_with_a_driver_in_the_graph_it_goes_where_the_driver_sends_and_says_so(m
     graph = make(timeout=60.0).start()
     graph.choose(ControlMode.TELEOP)
     driver = graph.ear.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
-    told = RobotStatus(lower=[-2.1] * 3, upper=[0.0, 0.0, 0.3], speed=[4.0] * 3)
-    timer = graph.ear.create_timer(0.1, lambda: driver.publish(told))
+    status = RobotStatus(lower=[-2.1] * 3, upper=[0.0, 0.0, 0.3], speed=[4.0] * 3)
+    timer = graph.ear.create_timer(0.1, lambda: driver.publish(status))
     graph.wait(lambda: list(graph.status().upper) == [0.0, 0.0, 0.3], "the driver's range")
     graph.command([0.5, 0.5, 0.5])
     graph.wait(lambda: graph.joints()[2] > 0.3 - 1e-6, "the end of the range")
     assert graph.joints()[:3] == pytest.approx([0.0, 0.0, 0.3], abs=1e-6)
-    assert "servo_0 is asked for 0.500 rad, its safe range is -2.100 to 0.000 rad" in graph.status().message
+    told = "servo_0 is asked for 0.500 rad, its safe range is -2.100 to 0.000 rad"
+    graph.wait(lambda: told in graph.status().message, "what is cut, at the end of the ramp")
     graph.ear.destroy_timer(timer)  # the driver is gone: own limits
     graph.wait(lambda: graph.joints()[0] > 0.4, "the own range")
     assert list(graph.status().upper) == [0.6] * 3
