@@ -2,5 +2,5 @@
 
 Nothing here knows physics: what is drawn comes from topics, except the arms, whose geometry is a table of
 parameters. `server`, `scene`, `panel` and `display` use viser; `settings`, `messages` and `node` use ROS; the
-other files are pure.
+other files are pure. `player` makes a page of a motion that plays without any of that.
 """

@@ -1,0 +1,219 @@
+"""Films as pages: what is refused, what the packed pictures hold, the camera, and that the page plays alone."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import zlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tripod_view.arm import ArmGeometry, arm_pose, carriage_pose
+from tripod_view.player.camera import camera
+from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece
+from tripod_view.player.html import player_page, write_html
+from tripod_view.player.packing import KINDS, edges, reel, stage
+from tripod_view.player.robot import robot_pieces
+from tripod_view.player.shapes import ball, box, disc
+
+RNG = np.random.default_rng(0)
+TIMES = np.array([0.0, 0.5, 1.0, 1.5])
+
+
+def sheet() -> Deforming:
+    """A square that waves."""
+    x, y = np.meshgrid(np.linspace(-0.05, 0.05, 6), np.linspace(-0.05, 0.05, 6))
+    flat = np.stack([x, y, 0 * x], axis=2).reshape(-1, 3)
+    i = np.arange(36).reshape(6, 6)
+    a, b, c, d = (part.ravel() for part in (i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    waves = np.array([flat + [0, 0, 0.02] * np.sin(30 * flat[:, :1] + 4 * t) for t in TIMES])
+    return Deforming("sheet", triangles, waves, (240, 190, 140))
+
+
+def still(shape: tuple[Any, Any]) -> Piece:
+    return Piece("block", shape[1], shape[0], (100, 100, 100))
+
+
+def film() -> Film:
+    poses = np.tile([0.0, 0.0, 0.06, 0.0, 0.0, 0.0, 1.0], (4, 1))
+    poses[:, 0] = 0.1 * TIMES
+    vertices, triangles = ball(0.01)[0]
+    return Film(
+        title="a <sheet> & more",
+        times=TIMES,
+        bodies=(sheet(),),
+        pieces=(
+            still(box((0.3, 0.3, 0.01), (0, 0, -0.05))),
+            Piece("ball", triangles, vertices, (200, 40, 40), poses),
+        ),
+        curves=(Curve("height", "mm", ("a", "b"), np.stack([TIMES, np.full(4, np.nan)], axis=1), (0.5,)),),
+        events=(Event(0.5, "the ball </script> falls"),),
+    )
+
+
+def unpacked(reeled: dict[str, Any]) -> Any:
+    data = zlib.decompress(base64.b64decode(reeled["data"]))
+    return lambda e: np.frombuffer(data, KINDS[e[0]], e[2], e[1])
+
+
+def test_positions_come_back_within_half_a_step_of_their_box() -> None:
+    made = film()
+    reeled = reel(made)
+    read = unpacked(reeled)
+    entry = reeled["bodies"][0]
+    low, step = read(entry["low"]).reshape(4, 1, 3), read(entry["step"]).reshape(4, 1, 3)
+    whole = np.cumsum(read(entry["positions"]).reshape(4, -1, 3), axis=0, dtype=np.uint16)  # wraps
+    positions = made.bodies[0].positions
+    assert (np.abs(low + step * whole - positions) <= 0.5 * step + 1e-12).all()
+    assert step.max() < 0.1 / 65000
+    assert read(reeled["times"]).tolist() == TIMES.tolist()
+    np.testing.assert_array_equal(read(reeled["poses"][0]).reshape(4, 7), made.pieces[1].poses)
+    np.testing.assert_array_equal(read(reeled["curves"][0])[::2], TIMES)
+
+
+def test_a_body_that_is_flat_or_a_single_picture_is_packed_too() -> None:
+    flat = replace(sheet(), positions=0 * sheet().positions[:1] + 0.25)
+    reeled = reel(Film("flat", TIMES[:1], bodies=(flat,)))
+    read = unpacked(reeled)
+    assert not read(reeled["bodies"][0]["positions"]).any()
+    assert (read(reeled["bodies"][0]["low"]) == 0.25).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"times": np.zeros(0)}, "times: * at least one, all finite"),
+        ({"times": np.zeros(4)}, "times: * each later than the one before"),
+        ({"times": np.array([0, 1, 2, np.nan])}, "times: * at least one, all finite"),
+        ({"times": TIMES[:3]}, "sheet: * 3 pictures of its nodes"),
+        ({"bodies": (replace(sheet(), positions=np.full((4, 36, 3), np.nan)),)}, "sheet: * finite positions"),
+        ({"bodies": (replace(sheet(), triangles=np.array([[0, 1, 36]])),)}, "sheet: * triangles of nodes 0 to 35"),
+        ({"pieces": (replace(still(box((1, 1, 1))), poses=np.zeros((3, 7))),)}, "block: * poses of shape (4, 7)"),
+        ({"curves": (Curve("angles", "rad", ("a",), np.zeros((4, 2))),)}, "angles: * values of shape (4, names)"),
+    ],
+)  # fmt: skip
+def test_arrays_that_make_no_film_are_named(change: dict[str, Any], why: str) -> None:
+    with pytest.raises(FilmError) as caught:
+        replace(film(), **change)
+    assert str(caught.value) == why.replace("*", "a film needs")
+
+
+def test_edges_are_each_there_once() -> None:
+    assert edges(np.array([[0, 1, 2], [2, 1, 3]])).tolist() == [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]
+
+
+@pytest.mark.parametrize("shape", [box((1, 2, 3), (1, 1, 1)), disc(0.5, 0.2)])
+def test_shapes_are_closed_and_face_outward(shape: tuple[Any, Any]) -> None:
+    vertices, triangles = shape
+    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    assert len({tuple(s) for s in sides}) == len(sides)
+    assert {tuple(s) for s in sides} == {tuple(s[::-1]) for s in sides}
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    assert (a * np.cross(b, c)).sum() / 6 > 0.1
+
+
+def test_the_two_halves_of_a_ball_are_all_of_it() -> None:
+    halves = ball(2.0)
+    areas = [
+        0.5 * np.linalg.norm(np.cross(v[t[:, 1]] - v[t[:, 0]], v[t[:, 2]] - v[t[:, 0]]), axis=1).sum()
+        for v, t in halves
+    ]
+    assert areas[0] == pytest.approx(areas[1])
+    assert sum(areas) == pytest.approx(4 * np.pi * 4, rel=0.03)
+    assert np.linalg.norm(halves[0][0], axis=1) == pytest.approx(2.0)
+
+
+def test_servos_and_arms_are_where_the_page_has_them() -> None:
+    geometry = ArmGeometry()
+    angles, slide = RNG.uniform(-2, 0.6, (5, 3)), RNG.uniform(0, 0.04, 5)
+    pieces = {p.name: p for p in robot_pieces(angles, slide, geometry)}
+    for i in range(3):
+        for k in range(5):
+            for name, pose in (
+                (f"servo {i}", carriage_pose(i, slide[k], geometry)),
+                (f"arm {i}", arm_pose(i, angles[k, i], slide[k], geometry)),
+            ):
+                poses = pieces[name].poses
+                assert poses is not None
+                assert poses[k, :3] == pytest.approx(pose.position)
+                assert abs(poses[k, 3:] @ pose.quaternion) == pytest.approx(1)
+
+
+def test_the_camera_sees_all_that_moves_and_the_ground_is_below() -> None:
+    made = film()
+    view = camera(made)
+    points = np.concatenate([made.bodies[0].positions.reshape(-1, 3), [[0.15, 0, 0.06]]])
+    assert np.linalg.norm(points - view.centre, axis=1).max() < view.radius < 0.25
+    assert -0.06 < view.floor < -0.055
+    assert not view.follow
+
+
+def test_the_camera_goes_along_with_what_falls_far_and_looks_at_a_plane_from_the_front() -> None:
+    body = sheet()
+    falling = replace(body, positions=body.positions - np.array([0, 0, 5.0]) * TIMES[:, None, None] ** 2)
+    view = camera(Film("fall", TIMES, bodies=(falling,)))
+    assert view.follow
+    assert view.radius < 0.2
+    swing = replace(body, positions=body.positions * [1.0, 0.001, 1.0])
+    assert camera(Film("swing", TIMES, bodies=(swing,))).elevation == 10
+
+
+def test_the_page_asks_for_nothing_and_holds_its_words_as_text(tmp_path: Path) -> None:
+    path = tmp_path / "film.html"
+    write_html(film(), path)
+    text = path.read_text()
+    assert not re.findall(r"(?:src|href|url)\s*[=(]\s*[\"']?(?!data:)[\w/]", text)
+    assert "https:" not in text
+    assert "http:" not in text
+    assert "default-src 'none'" in text
+    assert "<title>a &lt;sheet&gt; &amp; more</title>" in text
+    found = re.search(r'<script id="reel" type="application/json">(.*?)</script>', text, re.DOTALL)
+    assert found
+    assert json.loads(found[1])["events"] == [[0.5, "the ball </script> falls"]]
+    assert text.count("</script>") == 3
+
+
+def test_a_page_without_a_reel_says_so() -> None:
+    assert '<script id="reel" type="application/json">null</script>' in player_page(stage(film()), None)
+
+
+CHROMIUM = next(
+    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), ""
+)
+
+
+def opened(address: str, folder: Path, *words: str) -> str:
+    """Return what a browser made of a page, after the time that it needs; fails on an error of its script."""
+    command = [
+        CHROMIUM, "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking",
+        "--disable-component-update", "--disable-sync", f"--user-data-dir={folder}", "--window-size=900,600",
+        "--virtual-time-budget=3000", "--enable-logging=stderr", *words, address,
+    ]  # fmt: skip
+    result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert "CONSOLE" not in result.stderr, result.stderr
+    return result.stdout
+
+
+@pytest.mark.skipif(not CHROMIUM, reason="needs chromium")
+def test_a_browser_draws_it(tmp_path: Path) -> None:
+    from matplotlib.image import imread
+
+    path, picture = tmp_path / "film.html", tmp_path / "picture.png"
+    write_html(film(), path)
+    page = opened(f"{path.as_uri()}#t=0.75", tmp_path / "user", "--dump-dom")
+    assert "0.75 of 1.50 s" in page
+    assert "the ball &lt;/script&gt; falls" in page
+    assert "squares: " in page
+    opened(f"{path.as_uri()}#t=0.75", tmp_path / "user", f"--screenshot={picture}")
+    image = imread(picture)[40:540, :550, :3]
+    silicone = (image[..., 0] > image[..., 2] + 0.2) & (image[..., 1] > image[..., 2] + 0.1)
+    assert silicone.mean() > 0.02
+    red = (image[..., 0] > image[..., 1] + 0.3) & (image[..., 2] < 0.35)
+    assert red.mean() > 0.0005

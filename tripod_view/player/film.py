@@ -1,0 +1,137 @@
+"""A film: what moves, as named arrays over time, for whoever shows it. Metres, seconds, z up. Pure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+Rgb = tuple[int, int, int]
+
+
+class FilmError(ValueError):
+    """Arrays that make no film; the message names the one at fault and says what is needed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deforming:
+    """A body whose nodes move, each by itself.
+
+    Attributes:
+        name: For people.
+        triangles: Node indices, shape (m, 3).
+        positions: Of the nodes in each picture [m], shape (k, n, 3).
+        colour: Of its surface, 0 to 255.
+    """
+
+    name: str
+    triangles: IndexArray
+    positions: FloatArray
+    colour: Rgb
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A body that keeps its shape.
+
+    Attributes:
+        name: For people.
+        triangles: Indices of vertices, shape (m, 3).
+        vertices: In its own frame [m], shape (n, 3).
+        colour: Of its surface, 0 to 255.
+        poses: Its frame in each picture, position [m] and quaternion (x, y, z, w), shape (k, 7); None: it stands
+            still, and its frame is that of the world. In a picture in which its pose is NaN it is not there.
+    """
+
+    name: str
+    triangles: IndexArray
+    vertices: FloatArray
+    colour: Rgb
+    poses: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Numbers over time, drawn beside the picture.
+
+    Attributes:
+        title: What they are.
+        unit: As they are shown.
+        names: Of the numbers, w of them.
+        values: In that unit, shape (k, w); NaN leaves a gap.
+        limits: Values that are drawn as lines across.
+    """
+
+    title: str
+    unit: str
+    names: tuple[str, ...]
+    values: FloatArray
+    limits: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened: the time [s] and what, in words."""
+
+    time: float
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """A motion as pictures.
+
+    Attributes:
+        title: What it shows.
+        times: Of the pictures, rising [s], shape (k,), k at least 1.
+        bodies: What deforms.
+        pieces: What keeps its shape.
+        curves: What is drawn beside it.
+        events: What happened.
+        description: A sentence about it.
+        source: Where it comes from: simulated by which version, or recorded where.
+    """
+
+    title: str
+    times: FloatArray
+    bodies: tuple[Deforming, ...] = ()
+    pieces: tuple[Piece, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    events: tuple[Event, ...] = ()
+    description: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        k = len(self.times)
+        _need(k > 0 and bool(np.isfinite(self.times).all()), "times", "at least one, all finite")
+        _need(bool((np.diff(self.times) > 0).all()), "times", "each later than the one before")
+        for body in self.bodies:
+            _need(
+                body.positions.ndim == 3 and len(body.positions) == k, body.name, f"{k} pictures of its nodes"
+            )
+            _need(body.positions.shape[2] == 3, body.name, "three coordinates of each node")
+            _need(bool(np.isfinite(body.positions).all()), body.name, "finite positions")
+            _check_triangles(body.name, body.triangles, body.positions.shape[1])
+        for piece in self.pieces:
+            _need(
+                piece.vertices.ndim == 2 and piece.vertices.shape[1] == 3,
+                piece.name,
+                "vertices of shape (n, 3)",
+            )
+            _need(bool(np.isfinite(piece.vertices).all()), piece.name, "finite vertices")
+            _need(piece.poses is None or piece.poses.shape == (k, 7), piece.name, f"poses of shape ({k}, 7)")
+            _check_triangles(piece.name, piece.triangles, len(piece.vertices))
+        for curve in self.curves:
+            _need(curve.values.shape == (k, len(curve.names)), curve.title, f"values of shape ({k}, names)")
+
+
+def _check_triangles(name: str, triangles: IndexArray, count: int) -> None:
+    _need(triangles.ndim == 2 and triangles.shape[1] == 3, name, "triangles of shape (m, 3)")
+    within = triangles.size == 0 or (triangles.min() >= 0 and triangles.max() < count)
+    _need(bool(within), name, f"triangles of nodes 0 to {count - 1}")
+
+
+def _need(fine: bool, name: str, what: str) -> None:
+    if not fine:
+        raise FilmError(f"{name}: a film needs {what}")

@@ -1,0 +1,40 @@
+"""A film as one HTML file: nothing beside it is needed, and it asks no network for anything. Pure."""
+
+import html
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from tripod_host.writing import replaced_text
+from tripod_view.player.film import Film
+from tripod_view.player.packing import reel, stage
+
+
+def write_html(film: Film, path: Path) -> None:
+    """Write a page that plays `film`. Raises OSError where `path` cannot be written."""
+    with replaced_text(path) as file:
+        file.write(player_page(stage(film), reel(film)))
+
+
+def player_page(stage: dict[str, Any], reel: dict[str, Any] | None) -> str:
+    """Return the page of a film; without a `reel` it asks the server that it came from for one, again and again."""
+    parts = {
+        "TITLE": html.escape(stage["title"]),
+        "STYLE": _file("player.css"),
+        "SCRIPT": _file("player.js"),
+        "STAGE": _json(stage),
+        "REEL": _json(reel),
+    }
+    page = _file("player.html")
+    before, *rest = page.split("@@")
+    return before + "".join(parts.get(text, text) for text in rest)
+
+
+def _json(value: Any) -> str:
+    """Return JSON that may stand in a script of a page."""
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _file(name: str) -> str:
+    return (resources.files("tripod_view.player") / name).read_text(encoding="utf-8")

@@ -1,0 +1,86 @@
+"""The robot in a film: base, servos, arms and disc, from angles and slide over time. Pure."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_view.arm import ARMS, ArmGeometry, azimuth, clamp_corners
+from tripod_view.player.film import Piece, Rgb
+from tripod_view.player.shapes import box, disc, joined
+
+FloatArray = NDArray[np.float64]
+
+SERVO_COLOURS: tuple[Rgb, ...] = ((214, 64, 69), (31, 119, 180), (148, 90, 190))
+"""One colour a servo, the same as of its curve."""
+
+EFFECTOR, SERVO_BODY, BASE = (255, 140, 0), (52, 73, 110), (112, 120, 130)
+
+BODY_SIZE = (0.0230, 0.0225, 0.0122)
+"""A small hobby servo, its shaft along y [m]."""
+
+BRACKET = 0.003
+"""Thickness of brackets and rails [m]."""
+
+
+def robot_pieces(angles: FloatArray, slide: FloatArray, geometry: ArmGeometry) -> tuple[Piece, ...]:
+    """Return base, servo bodies and arms at `angles` [rad], shape (k, 3), and `slide` [m], shape (k,).
+
+    A negative angle tips an arm outward and down: it turns about +y of its servo's frame, x pointing outward.
+    """
+    pieces = []
+    for i in range(ARMS):
+        phi = azimuth(i)
+        upright = np.array([0.0, 0.0, np.sin(phi / 2), np.cos(phi / 2)])
+        radius = geometry.axis_radius - slide
+        where = np.stack(
+            [radius * np.cos(phi), radius * np.sin(phi), np.full(len(slide), -geometry.axis_depth)], axis=1
+        )
+        carriage = np.concatenate([where, np.broadcast_to(upright, (len(slide), 4))], axis=1)
+        s, c = upright[2], upright[3]
+        t, u = np.sin(-angles[:, i] / 2), np.cos(-angles[:, i] / 2)
+        turned = np.stack([-s * t, c * t, s * u, c * u], axis=1)
+        arm = np.concatenate([where, turned], axis=1)
+        pieces += [
+            _piece(f"rail {i}", _rail(phi, geometry), BASE, None),
+            _piece(f"servo {i}", box(BODY_SIZE), SERVO_BODY, carriage),
+            _piece(f"arm {i}", _bracket(geometry), SERVO_COLOURS[i], arm),
+        ]
+    return tuple(pieces)
+
+
+def effector_piece(radius: float, height: float, poses: FloatArray) -> Piece:
+    """Return the disc of the effector at `poses`, shape (k, 7)."""
+    return _piece("effector", disc(radius, height), EFFECTOR, poses)
+
+
+def _piece(
+    name: str, shape: tuple[FloatArray, NDArray[np.int64]], colour: Rgb, poses: FloatArray | None
+) -> Piece:
+    return Piece(name, shape[1], shape[0], colour, poses)
+
+
+def _rail(phi: float, g: ArmGeometry) -> tuple[FloatArray, NDArray[np.int64]]:
+    length = g.axis_radius + 0.018
+    vertices, triangles = box(
+        (length, BODY_SIZE[1] + 0.004, BRACKET),
+        (length / 2, 0.0, -g.axis_depth - BODY_SIZE[2] / 2 - BRACKET / 2),
+    )
+    c, s = np.cos(phi), np.sin(phi)
+    return vertices @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), triangles
+
+
+def _bracket(g: ArmGeometry) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return two cheeks on the axis, and plates under and over the clamped end."""
+    corners = clamp_corners(g)
+    inner, outer = corners[0, 0, 0, 0], corners[1, 0, 0, 0]
+    lower, upper = corners[0, 0, 0, 2], corners[0, 0, 1, 2]
+    y = max(g.strip_width, BODY_SIZE[1] + 4 * BRACKET) / 2 - BRACKET / 2
+    bottom, top = -2 * BRACKET, lower - BRACKET
+    cheek = (2 * BRACKET, BRACKET, top - bottom)
+    return joined(
+        [
+            box((BRACKET - inner, g.strip_width, BRACKET), ((BRACKET + inner) / 2, 0.0, lower - BRACKET / 2)),
+            box((outer - inner, g.strip_width, BRACKET), ((outer + inner) / 2, 0.0, upper + BRACKET / 2)),
+            box(cheek, (0.0, y, (top + bottom) / 2)),
+            box(cheek, (0.0, -y, (top + bottom) / 2)),
+        ]
+    )
