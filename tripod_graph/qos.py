@@ -36,3 +36,11 @@ SENSOR: Final = QoSProfile(
     depth=5,
 )
 """Streams of which only the newest matters."""
+
+KEPT: Final = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=200,
+)
+"""Streams of which nothing may be missing, also for who came a little late."""

@@ -28,6 +28,8 @@ UNPACKED_FREE, UNPACKED_RATIO = 2**29, 100
 """What chunks may unpack to in all [B], and besides, for each byte of the file; what exceeds it is made to do harm."""
 RECORDS_FREE, BYTES_A_RECORD = 500_000, 4
 """Records that are read of any file, and besides, one for so many bytes of it: unpacked, a message has 31 or more."""
+DEFINITION_LIMIT = 2**20
+"""Longest definition of a type that is believed [B]."""
 CHANNEL_LIMIT = 10_000
 """Most channels that are believed."""
 NOT_CLOSED = "not closed: still being recorded, or its recorder was killed and up to a second is missing"
@@ -42,20 +44,24 @@ class ExcessError(RecordError):
 
 @dataclass(frozen=True)
 class Schema:
-    """A message type: its name and the encoding of its definition."""
+    """A message type: its name, the encoding of its definition and that itself."""
 
     name: str
     encoding: str
+    definition: str
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic in a file: its name, type, encoding of its messages and rosbag2's text of the QoS offered."""
+    """A topic in a file: its name, type, encoding of its messages, rosbag2's text of the QoS offered, and the definition
+    of the type, empty if it is not one of ROS 2.
+    """
 
     topic: str
     type: str
     encoding: str
     qos: str
+    definition: str = ""
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,8 @@ class Reader:
 
     def _schema(self, fields: Fields) -> None:
         number = fields.number(2)
-        self._schemas[number] = Schema(fields.text(), fields.text())
+        name, encoding = fields.text(), fields.text()
+        self._schemas[number] = Schema(name, encoding, fields.text(DEFINITION_LIMIT))
 
     def _channel(self, fields: Fields) -> None:
         number, schema = fields.number(2), fields.number(2)
@@ -207,8 +214,9 @@ class Reader:
                 qos = value[: 2**14]
         if len(self.channels) >= CHANNEL_LIMIT and number not in self.channels:
             raise RecordError(f"more than {CHANNEL_LIMIT} channels")
-        kind = self._schemas[schema].name if schema in self._schemas else "unknown"
-        self.channels[number] = Channel(topic, kind, encoding, qos)
+        kind = self._schemas.get(schema, Schema("unknown", "", ""))
+        definition = kind.definition if kind.encoding == "ros2msg" else ""
+        self.channels[number] = Channel(topic, kind.name, encoding, qos, definition)
 
     def _footer(self, fields: Fields, magic: bytes) -> None:
         if magic != MAGIC:

@@ -8,10 +8,12 @@ from geometry_msgs.msg import Pose as PoseMessage
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
-from std_msgs.msg import Header
+from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout, UInt8MultiArray
 from tripod_msgs.msg import BodyState, Compliance
 
 from tripod_graph.names import SERVOS, SLIDE, WORLD
+from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
+from tripod_sim.journal import HEAD
 from tripod_sim.maze.board_mesh import BoardMesh
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Pose, Skin
@@ -79,6 +81,22 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
         equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide, firmness=soft.firmness if soft else 1.0,
         firmness_slope=flat(soft.slope) if soft else [],
     )  # fmt: skip
+
+
+def commands_message(rows: FloatArray) -> Float64MultiArray:
+    """Return runs of a journal, shape (n, k); the labels tell rows and columns."""
+    count, width = rows.shape
+    columns = " ".join(("epoch", "first", "last", "stamp_ns", *(*SERVOS, SLIDE)[: width - HEAD]))
+    layout = [
+        MultiArrayDimension(label="runs", size=count, stride=count * width),
+        MultiArrayDimension(label=columns, size=width, stride=width),
+    ]
+    return Float64MultiArray(layout=MultiArrayLayout(dim=layout), data=flat(rows))
+
+
+def checkpoint_message(checkpoint: Checkpoint) -> UInt8MultiArray:
+    """Return a checkpoint as an npz file."""
+    return UInt8MultiArray(data=array.array("B", checkpoint_bytes(checkpoint)))
 
 
 def mesh_message(mesh: Skin) -> Mesh:

@@ -17,6 +17,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from shape_msgs.msg import Mesh, SolidPrimitive
+from std_msgs.msg import Float64MultiArray, String, UInt8MultiArray
 from std_srvs.srv import SetBool, Trigger
 from tripod_msgs.msg import BodyState, Compliance, RobotStatus, SimStatus
 from visualization_msgs.msg import MarkerArray
@@ -28,7 +29,7 @@ from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.parameters import Parameter, ParameterError, declare
-from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.qos import KEPT, LATCHED, RELIABLE, SENSOR
 from tripod_graph.range import Fence, RangeWatch, cut
 from tripod_graph.run import run_node
 from tripod_graph.trajectory import Command, obey
@@ -37,8 +38,9 @@ from tripod_sim.errors import StepError
 from tripod_sim.markers import SceneMarkers
 from tripod_sim.maze.board_mesh import board_mesh
 from tripod_sim.realtime import RealTime, Snapshot
+from tripod_sim.rerun import Rerun
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene_file import load_scene, scene_to_toml
 from tripod_sim.simulation import Simulation
 from tripod_sim.transforms import Transforms
 
@@ -72,17 +74,12 @@ PARAMETERS: tuple[Parameter, ...] = (
 class SimNode(Node):
     """Feeds `RealTime` with the commands of the graph and publishes its snapshots."""
 
-    def __init__(self) -> None:
+    def __init__(self, rerun: Rerun | None = None, *, rate: float = 1.0) -> None:
+        """Build the simulation; `rerun`: make the steps of a recording again, so many times as fast, instead."""
         super().__init__("sim")
         values = declare(self, PARAMETERS)
-        overrides = [w for w in values["set"].split(";") if w.strip()]
-        if values["accuracy"] or values["study"]:
-            overrides = self._settle(values, overrides)
-        scene = load_scene(values["scene"], overrides)
-        try:
-            simulation = Simulation(scene)
-        except StepError as error:
-            raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
+        simulation = rerun.simulation if rerun else self._new_simulation(values)
+        scene, self._rerun = simulation.scene, rerun
         self._scene, self._mesh, self._skin = scene, simulation.mesh, simulation.skin
         self._shown_by_skin = simulation.shown
         plate, ball = simulation.plate, simulation.scene.ball
@@ -100,7 +97,8 @@ class SimNode(Node):
         self._transforms = Transforms(self, scene, values["frame_prefix"]) if scene.servos else None
         self._physics = RealTime(
             simulation,
-            self._setpoint,
+            self._setpoint if rerun is None else self._recorded,
+            rate=rate,
             compliance_period=1 / values["compliance_rate"],
             on_snapshot=self._on_snapshot,
             on_reset=self._on_start_state,
@@ -120,6 +118,16 @@ class SimNode(Node):
         )
         for note in simulation.notes:
             self.get_logger().warning(note)
+
+    def _new_simulation(self, values: dict[str, Any]) -> Simulation:
+        overrides = [w for w in values["set"].split(";") if w.strip()]
+        if values["accuracy"] or values["study"]:
+            overrides = self._settle(values, overrides)
+        scene = load_scene(values["scene"], overrides)
+        try:
+            return Simulation(scene)
+        except StepError as error:
+            raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
 
     def _settle(self, values: dict[str, Any], overrides: list[str]) -> list[str]:
         """Return the overrides of the setting for an accuracy, and say what it is. Raises SceneError."""
@@ -146,10 +154,16 @@ class SimNode(Node):
         self._maze_publisher.publish(messages.maze_message(self._maze_mesh))
         self._ball_shape = self.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
         self._ball_shape.publish(messages.ball_shape_message(self._ball_radius))
-        listen(self, self._on_decision)
-        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
-        obey(self, self._follow, lambda error: self._refuse(str(error)))
-        self.create_service(Trigger, names.SIM_RESET, self._on_reset)
+        self._scene_text = self.create_publisher(String, names.SCENE, LATCHED)
+        self._scene_text.publish(String(data=scene_to_toml(self._scene)))
+        self._commands = self.create_publisher(Float64MultiArray, names.COMMANDS, KEPT)
+        self._checkpoint = self.create_publisher(UInt8MultiArray, names.CHECKPOINT, LATCHED)
+        self._recorders = 0
+        if self._rerun is None:  # what was commanded once is not commanded again
+            listen(self, self._on_decision)
+            self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
+            obey(self, self._follow, lambda error: self._refuse(str(error)))
+            self.create_service(Trigger, names.SIM_RESET, self._on_reset)
         self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
         self.create_service(Trigger, names.SIM_STEP, self._on_step)
 
@@ -176,7 +190,13 @@ class SimNode(Node):
             self._look(now)
             return self._fence.nearest(self._follower.setpoint(now), self._range.limits, now)
 
+    def _recorded(self, _: float) -> FloatArray | None:
+        assert self._rerun
+        return self._rerun.joints()
+
     def _on_snapshot(self, snapshot: Snapshot) -> None:
+        if self._rerun:
+            self._rerun.compare()
         if (c := messages.compliance_message(snapshot)) is not None:
             self._compliance.publish(c)
         if snapshot.step % self._pose_every == 0:
@@ -283,16 +303,29 @@ class SimNode(Node):
         self._physics.want_compliance = (
             self._scene.effector is not None and self._compliance.get_subscription_count() > 0
         )
+        self._publish_journal()
         with self._lock:
             self._range.lapse(time.monotonic())
         self._status.publish(self._status_message())
+
+    def _publish_journal(self) -> None:
+        """Publish what the steps were made with; who begins to record late gets a checkpoint to begin at."""
+        recorders = self._checkpoint.get_subscription_count()
+        if recorders > self._recorders:
+            self._physics.request_checkpoint()
+        self._recorders = recorders
+        rows = self._physics.journal.take()
+        if checkpoint := self._physics.take_checkpoint():  # first: it belongs before the last of the rows
+            self._checkpoint.publish(messages.checkpoint_message(checkpoint))
+        if len(rows):
+            self._commands.publish(messages.commands_message(rows))
 
     def _state(self) -> int:
         if self._physics.activity is realtime.Activity.FAILED:
             return int(SimStatus.FAILED)
         if self._physics.activity is realtime.Activity.PAUSED:
             return int(SimStatus.PAUSED)
-        if not self._scene.servos or self._follower.activity is Activity.ACTIVE:
+        if self._rerun or not self._scene.servos or self._follower.activity is Activity.ACTIVE:
             return int(SimStatus.RUNNING)
         return int(SimStatus.HOLDING if self._follower.activity is Activity.HOLDING else SimStatus.PARKED)
 

@@ -13,9 +13,12 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.checkpoint import Checkpoint
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.journal import Journal
+from tripod_sim.rerun import Ended
 from tripod_sim.simulation import Energies, Pose, Simulation
 
 FloatArray = NDArray[np.float64]
@@ -93,6 +96,8 @@ class RealTime(threading.Thread):
         activity: What the thread is doing.
         failure: Why it failed, empty if it did not.
         want_compliance: Whether anyone needs compliances now.
+        journal: What the steps were made with.
+        ended: Whether there is nothing more to step with.
     """
 
     def __init__(
@@ -100,6 +105,7 @@ class RealTime(threading.Thread):
         simulation: Simulation,
         command: Callable[[float], FloatArray | None],
         *,
+        rate: float = 1.0,
         compliance_period: float = 0.02,
         on_snapshot: Callable[[Snapshot], None] | None = None,
         on_reset: Callable[[], None] | None = None,
@@ -108,7 +114,8 @@ class RealTime(threading.Thread):
 
         Args:
             simulation: Belongs to the thread from `start` on.
-            command: Gives the joints (s + 1,) for the steady time [s] of a step; called in the thread.
+            command: Gives the joints (s + 1,) for the steady time [s] of a step, or raises `Ended`; called in the thread.
+            rate: Simulated time over wall time; infinite: as fast as it can.
             compliance_period: Shortest time between two compliances [s].
             on_snapshot: Called in the thread after each step; it must be short.
             on_reset: Called in the thread when the simulation is back in its start state, before its next step.
@@ -117,6 +124,7 @@ class RealTime(threading.Thread):
         self._simulation, self._command = simulation, command
         self._on_snapshot, self._on_reset = on_snapshot, on_reset
         dt = simulation.scene.dt
+        self._period = dt / rate
         self._every = max(1, round(compliance_period / dt))
         self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
         self._done: deque[float] = deque(maxlen=self._taken.maxlen)
@@ -124,13 +132,16 @@ class RealTime(threading.Thread):
         self._requests = threading.Condition()
         self._reset_wanted = self._stopping = self._stepping = False
         self._steps_wanted = 0
+        self._checkpoint: Checkpoint | None = None
+        self._checkpoint_wanted = self.ended = False
+        self.journal = Journal()
         self.activity, self.failure = Activity.RUNNING, ""
         self.want_compliance = False
         self.latest = self._snapshot(compliance=False)
 
     def run(self) -> None:
         """Step until `stop`."""
-        dt, due = self._simulation.scene.dt, clock.monotonic()
+        period, due = self._period, clock.monotonic()
         while not self._stopping:
             if self._reset_wanted:
                 self._reset()
@@ -144,14 +155,14 @@ class RealTime(threading.Thread):
                     self._requests.wait_for(self._is_wanted)
                     due = clock.monotonic()
                     continue
-            due += dt
+            due += period
             ahead = due - clock.monotonic()
             if ahead > 0:
                 clock.sleep(ahead)
-            elif ahead < -LATE:
-                skipped = int(-ahead / dt)
+            elif ahead < -LATE and period:
+                skipped = int(-ahead / period)
                 self._missed += skipped
-                due += skipped * dt
+                due += skipped * period
 
     def _is_wanted(self) -> bool:
         single = self.activity is Activity.PAUSED and self._steps_wanted > 0
@@ -167,17 +178,24 @@ class RealTime(threading.Thread):
             return self._stepping
 
     def _advance(self) -> None:
-        start = clock.perf_counter()
         try:
-            report = self._simulation.step(self._command(clock.monotonic()))
+            joints = self._command(clock.monotonic())
+            if self._checkpoint_wanted:
+                self._save()
+            start = clock.perf_counter()
+            report = self._simulation.step(joints)
             self._taken.append(clock.perf_counter() - start)
             self._done.append(clock.perf_counter())
             due = self.want_compliance and self._simulation.state.step % self._every == 0
             self.latest = self._snapshot(compliance=due)
+            self.journal.add(self.latest.step, self.latest.stamp, joints)
             if self._on_snapshot:
                 self._on_snapshot(self.latest)
             if report.instability:
                 raise StepError(report.instability)
+        except Ended:
+            with self._requests:
+                self.activity, self.ended = Activity.PAUSED, True
         except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
             expected = isinstance(
                 error, StepError | ValueError
@@ -186,8 +204,27 @@ class RealTime(threading.Thread):
                 self.activity = Activity.FAILED
                 self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
 
+    def _save(self) -> None:
+        """Drop what is kept from earlier steps, so that from here on a copy of the state is enough to go on from."""
+        self._checkpoint_wanted = False
+        if self._simulation.state.step:  # everybody has the start state
+            saved = self._simulation.save()
+            self._simulation.restore(saved)
+            self.journal.cut()
+            self._checkpoint = Checkpoint(self.journal.epoch, *saved)
+
+    def request_checkpoint(self) -> None:
+        """Make a checkpoint before the next step; `take_checkpoint` returns it."""
+        self._checkpoint_wanted = True
+
+    def take_checkpoint(self) -> Checkpoint | None:
+        """Return the newest checkpoint, once."""
+        checkpoint, self._checkpoint = self._checkpoint, None
+        return checkpoint
+
     def _reset(self) -> None:
         self._simulation.reset()
+        self.journal.reset()
         if self._on_reset:
             self._on_reset()
         self.latest = self._snapshot(compliance=False)

@@ -44,10 +44,24 @@ def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:
         SceneError: no such scene, unknown field, wrong type or value out of range; the message names the path.
     """
     text, folder = _read(source)
+    return _scene(text, folder, f"scene {str(source)!r}", overrides)
+
+
+def scene_from_toml(text: str) -> Scene:
+    """Return the scene that a TOML text describes; files that it names are found by their whole paths.
+
+    Raises SceneError as `load_scene` does.
+    """
+    if len(text) > MAX_BYTES:
+        raise SceneError(f"a scene of {len(text)} characters; allowed are {MAX_BYTES}")
+    return _scene(text, None, "the scene", ())
+
+
+def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str]) -> Scene:
     try:
         table = _parse(text)
     except ValueError as error:
-        raise SceneError(f"scene {str(source)!r} is not valid TOML: {error}") from None
+        raise SceneError(f"{what} is not valid TOML: {error}") from None
     interval = table.get("dt")
     named = interval == AUTO
     for word in overrides:

@@ -1,0 +1,159 @@
+"""Sessions of the simulator for tests: recorded by its own thread, written as the recorder writes them."""
+
+import itertools
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from tripod_graph import names
+from tripod_record.topic import Qos, Topic
+from tripod_record.writer import BagWriter
+from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
+from tripod_sim.realtime import RealTime, Snapshot
+from tripod_sim.rerun import Ended
+from tripod_sim.scene_file import load_scene, scene_to_toml
+from tripod_sim.simulation import Simulation
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+BODY_STATE = """std_msgs/Header header
+uint32 topology_id
+uint64 step
+float64 time
+float64[] positions
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+
+
+@dataclass
+class Recorded:
+    """What a session left."""
+
+    simulation: Simulation
+    bodies: list[Snapshot] = field(default_factory=list)
+    rows: list[np.ndarray] = field(default_factory=list)
+    checkpoints: list[Checkpoint] = field(default_factory=list)
+
+
+def run_session(
+    scene: str,
+    overrides: tuple[str, ...] = (),
+    *,
+    steps: int,
+    seed: int,
+    reset_at: int = 0,
+    checkpoint_at: int = 0,
+    every: int = 7,
+) -> Recorded:
+    """Let the physics' own thread run, as fast as it can, with joints that swing and hold at random.
+
+    At the given counts of steps it is asked, from another thread as in a node, for a reset and for a checkpoint: when that
+    happens is up to the machine. Every so many steps the body is kept, and the journal taken.
+    """
+    simulation = Simulation(load_scene(scene, overrides))
+    found = Recorded(simulation)
+    rng, count = np.random.default_rng(seed), itertools.count(1)
+    asked: list[threading.Thread] = []
+    joints = simulation.command
+
+    def request(what: Callable[[], object]) -> None:
+        asked.append(threading.Thread(target=what))
+        asked[-1].start()
+
+    def command(_: float) -> np.ndarray | None:
+        made = next(count)
+        if made > steps:
+            raise Ended
+        if made == reset_at:
+            request(lambda: physics.request_reset(60.0))
+        if made == checkpoint_at:
+            physics.request_checkpoint()
+        if not (servos := simulation.scene.servos):
+            return None
+        if made % 20 < 12:  # else they hold
+            joints[:] += rng.normal(size=4) * [0.01, 0.01, 0.01, 1e-4]
+            joints[:3] = np.clip(joints[:3], servos.angle_min, servos.angle_max)
+            joints[3] = np.clip(joints[3], 0.0, servos.slide_max)
+        return joints.copy()
+
+    def keep(snapshot: Snapshot) -> None:
+        if snapshot.step % every == 0:
+            found.bodies.append(snapshot)
+        if snapshot.step % (3 * every) == 0:
+            take()
+
+    def take() -> None:
+        rows = physics.journal.take()
+        if checkpoint := physics.take_checkpoint():
+            found.checkpoints.append(checkpoint)
+        if len(rows):
+            found.rows.append(rows)
+
+    physics = RealTime(simulation, command, rate=np.inf, on_snapshot=keep)
+    physics.start()
+    while not physics.ended and not physics.failure:
+        physics.join(0.01)
+    physics.stop(60.0)
+    for thread in asked:
+        thread.join()
+    assert not physics.failure, physics.failure
+    take()
+    return found
+
+
+def write_session(found: Recorded, directory: Path, *, first: int = 0) -> Path:
+    """Write a session as a recording that begins with the `first` batch of commands and return its directory."""
+    writer = BagWriter(directory)
+    for topic, kind in (
+        (names.SCENE, "std_msgs/msg/String"),
+        (names.COMMANDS, "std_msgs/msg/Float64MultiArray"),
+        (names.CHECKPOINT, "std_msgs/msg/UInt8MultiArray"),
+    ):
+        text, _ = STORE.generate_msgdef(kind, ros_version=2)
+        writer.add_topic(Topic(f"/{topic}", kind, text, (Qos(),)))
+    writer.add_topic(Topic(f"/{names.BODY_STATE}", "tripod_msgs/msg/BodyState", BODY_STATE, (Qos(),)))
+    at = itertools.count(1_700_000_000_000_000_000, 10**7)
+
+    def write(topic: str, data: bytes) -> None:
+        writer.write(f"/{topic}", data, next(at))
+
+    T = STORE.types
+    Dim, Layout = T["std_msgs/msg/MultiArrayDimension"], T["std_msgs/msg/MultiArrayLayout"]
+    text = T["std_msgs/msg/String"](data=scene_to_toml(found.simulation.scene))
+    write(names.SCENE, STORE.serialize_cdr(text, "std_msgs/msg/String"))
+    for checkpoint in found.checkpoints:
+        data = np.frombuffer(checkpoint_bytes(checkpoint), np.uint8)
+        message = T["std_msgs/msg/UInt8MultiArray"](layout=Layout(dim=[], data_offset=0), data=data)
+        write(names.CHECKPOINT, STORE.serialize_cdr(message, "std_msgs/msg/UInt8MultiArray"))
+    for rows in found.rows[first:]:
+        dim = [Dim(label="", size=size, stride=0) for size in rows.shape]
+        message = T["std_msgs/msg/Float64MultiArray"](layout=Layout(dim=dim, data_offset=0), data=rows.ravel())
+        write(names.COMMANDS, STORE.serialize_cdr(message, "std_msgs/msg/Float64MultiArray"))
+    store = get_typestore(Stores.EMPTY)
+    from rosbags.typesys import get_types_from_msg
+
+    store.register(get_types_from_msg(BODY_STATE, "tripod_msgs/msg/BodyState"))
+    B = store.types
+    for s in found.bodies:
+        sec, nanosec = divmod(s.stamp, 10**9)
+        stamp = B["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
+        message = B["tripod_msgs/msg/BodyState"](
+            header=B["std_msgs/msg/Header"](stamp=stamp, frame_id="world"),
+            topology_id=0,
+            step=s.step,
+            time=s.time,
+            positions=found.simulation.shown(s.positions).ravel(),
+        )
+        write(names.BODY_STATE, bytes(store.serialize_cdr(message, "tripod_msgs/msg/BodyState")))
+    writer.close()
+    return directory

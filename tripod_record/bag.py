@@ -1,0 +1,93 @@
+"""A recording as a sequence of messages, decoded by the definitions that it carries itself: no ROS is needed."""
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
+
+from tripod_record.errors import RecordError
+from tripod_record.info import BagInfo, printable, read_info
+from tripod_record.reading import Channel, Reader
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A recorded message.
+
+    Attributes:
+        topic: Full name.
+        log_time: When it was received [ns since 1970].
+        data: The message as CDR with its four bytes of header.
+    """
+
+    topic: str
+    log_time: int
+    data: memoryview
+
+
+class Bag:
+    """A recording of ROS 2.
+
+    Attributes:
+        info: What is in it.
+        channels: Of each topic, as the first message that was read had it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Look into an mcap file, or the directory of a recording. Raises RecordError."""
+        self.info: BagInfo = read_info(path)
+        self.channels: dict[str, Channel] = {}
+        self._decoders: dict[str, Callable[[bytes], Any]] = {}
+
+    @cached_property
+    def topics(self) -> tuple[str, ...]:
+        """Names of the topics that have messages."""
+        return tuple(t.name for t in self.info.topics if t.count)
+
+    @property
+    def start(self) -> int:
+        """Stamp of the first message [ns since 1970]; 0 without messages."""
+        return self.info.start or 0
+
+    def messages(self, wanted: Callable[[str], bool] = lambda _: True) -> Iterator[Heard]:
+        """Yield the messages of the wanted topics that can be read, in the order of the files. Raises RecordError."""
+        for file in self.info.files:
+            reader = Reader(Path(file))
+            chosen: dict[int, bool] = {}
+            for message in reader.messages():
+                channel = reader.channels[message.channel]
+                if message.channel not in chosen:
+                    chosen[message.channel] = wanted(channel.topic)
+                    self.channels.setdefault(channel.topic, channel)
+                if chosen[message.channel]:
+                    yield Heard(channel.topic, message.log_time, message.data)
+
+    def decoded(self, heard: Heard) -> Any:
+        """Return a message with its fields as attributes, arrays of numbers as numpy arrays.
+
+        Raises RecordError if it, or the definition of its type, cannot be read.
+        """
+        if heard.topic not in self._decoders:
+            self._decoders[heard.topic] = self._decoder(self.channels[heard.topic])
+        try:
+            return self._decoders[heard.topic](bytes(heard.data))
+        except (SerdeError, struct.error, AssertionError, IndexError, KeyError, ValueError) as error:
+            raise RecordError(f"a message of {printable(heard.topic)} cannot be read: {error}") from None
+
+    @staticmethod
+    def _decoder(channel: Channel) -> Callable[[bytes], Any]:
+        if channel.encoding != "cdr" or not channel.definition:
+            raise RecordError(f"topic {printable(channel.topic)} is not in the encoding of ROS 2")
+        store = get_typestore(Stores.EMPTY)
+        try:
+            store.register(get_types_from_msg(channel.definition, channel.type))
+        except (TypesysError, AssertionError, KeyError, ValueError) as error:
+            what = f"the definition of {printable(channel.type)}, topic {printable(channel.topic)}"
+            raise RecordError(f"{what}, cannot be read: {printable(str(error))}") from None
+        return lambda data: store.deserialize_cdr(data, channel.type)

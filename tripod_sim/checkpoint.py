@@ -1,0 +1,91 @@
+"""A state of a simulation as bytes, from which it goes on with the same bits."""
+
+import io
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.errors import SceneError
+from tripod_sim.simulation import Simulation
+from tripod_sim.state import State
+
+FloatArray = NDArray[np.float64]
+
+LARGEST = 10**9
+"""Of a checkpoint [bytes]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """Where a simulation dropped what it kept from earlier steps, so that the next depends on this alone.
+
+    Attributes:
+        epoch: How often it had been reset.
+        state: With the number of the step.
+        torques: Of the servos [N m], shape (s,).
+    """
+
+    epoch: int
+    state: State
+    torques: FloatArray
+
+
+def checkpoint_bytes(checkpoint: Checkpoint) -> bytes:
+    """Return a checkpoint as an npz file, without pickled objects."""
+    file = io.BytesIO()
+    numbers = {f"state.{name}": np.asarray(getattr(owner, field)) for name, owner, field in _leaves(checkpoint.state)}
+    np.savez(file, epoch=checkpoint.epoch, torques=checkpoint.torques, **numbers)
+    return file.getvalue()
+
+
+def read_checkpoint(data: bytes, simulation: Simulation) -> Checkpoint:
+    """Return a checkpoint of a simulation of the same scene, for `Simulation.restore`.
+
+    Raises SceneError if it is none, or of another scene.
+    """
+    state = simulation.state.copy()
+    try:
+        with np.load(io.BytesIO(data[:LARGEST]), allow_pickle=False) as numbers:
+            for name, owner, field in _leaves(state):
+                value, own = numbers[f"state.{name}"], getattr(owner, field)
+                if isinstance(own, np.ndarray):
+                    if value.shape != own.shape:
+                        raise SceneError(
+                            f"a checkpoint of another scene: {name} has shape {value.shape}, here {own.shape}"
+                        )
+                    own[:] = value
+                else:
+                    setattr(owner, field, type(own)(value.item()))
+            epoch, torques = int(numbers["epoch"]), np.array(numbers["torques"], dtype=float)
+    except (KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError(f"not a checkpoint of this scene: {error}") from None
+    if torques.shape != simulation.torques.shape:
+        raise SceneError(f"a checkpoint of another scene: {torques.size} torques, here {simulation.torques.size}")
+    return Checkpoint(epoch, state, torques)
+
+
+def checkpoint_place(data: bytes) -> tuple[int, int]:
+    """Return epoch and step of a checkpoint. Raises SceneError if it is none."""
+    try:
+        with np.load(io.BytesIO(data[:LARGEST]), allow_pickle=False) as numbers:
+            return int(numbers["epoch"]), int(numbers["state.step"])
+    except (KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile) as error:
+        raise SceneError(f"not a checkpoint: {error}") from None
+
+
+def _leaves(owner: Any, path: str = "") -> Iterator[tuple[str, Any, str]]:
+    """Yield dotted name, owner and field of every array and number in a tree of dataclasses."""
+    for field in fields(owner):
+        value, name = getattr(owner, field.name), f"{path}{field.name}"
+        if is_dataclass(value):
+            yield from _leaves(value, f"{name}.")
+        elif value is not None:
+            assert isinstance(value, np.ndarray | int | float | IntEnum), f"{name} is a {type(value).__name__}"
+            yield name, owner, field.name
