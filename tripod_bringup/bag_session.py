@@ -78,7 +78,9 @@ def read_session(bag: Bag, wanted: Callable[[str], bool] = lambda _: True) -> Se
         )
     texts = {bag.decoded(heard).data for heard in _of(bag, whole[0] + names.SCENE)}
     if len(texts) > 1:
-        raise RecordError(f"{bag.info.path} holds {len(texts)} scenes: the simulator was started anew in between")
+        raise RecordError(
+            f"{bag.info.path} holds {len(texts)} scenes: the simulator was started anew in between"
+        )
     return Session(bag, whole[0], scene_from_toml(texts.pop()))
 
 

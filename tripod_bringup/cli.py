@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup import explain_command, ik_cli, play_cli, robot_cli, study_cli
+from tripod_bringup import bag_cli, explain_command, ik_cli, play_cli, robot_cli, study_cli
 from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
 from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples
@@ -20,8 +20,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
-bag = typer.Typer(help="Look into recordings.", no_args_is_help=True)
-app.add_typer(bag, name="bag")
+app.add_typer(bag_cli.bag, name="bag")
 
 
 def _version(wanted: bool) -> None:
@@ -170,24 +169,6 @@ def up(
             verbose=verbose,
         )
     )
-
-
-@bag.command(
-    epilog=examples(
-        "tripod bag info recordings/tripod_2030-01-31_12-00-00",
-        "tripod bag info recording.mcap --check --json",
-    )
-)
-def info(
-    file: Annotated[Path, typer.Argument(help="An .mcap file, or the directory of a recording.")],
-    *,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
-    check: Annotated[bool, typer.Option("--check", help="Read every message, believe no summary.")] = False,
-) -> None:
-    """Tell what a recording holds: topics, types, counts, rates, time span."""
-    from tripod_record.info import info_command  # noqa: PLC0415
-
-    raise typer.Exit(info_command(file, as_json=json, check=check))
 
 
 def _add_node_command(name: str, node: NodeInfo) -> None:

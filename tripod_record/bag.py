@@ -36,13 +36,12 @@ class Bag:
 
     Attributes:
         info: What is in it.
-        channels: Of each topic, as the first message that was read had it.
     """
 
     def __init__(self, path: Path) -> None:
         """Look into an mcap file, or the directory of a recording. Raises RecordError."""
         self.info: BagInfo = read_info(path)
-        self.channels: dict[str, Channel] = {}
+        self._channels: dict[str, Channel] = {}
         self._decoders: dict[str, Callable[[bytes], Any]] = {}
 
     @cached_property
@@ -64,9 +63,15 @@ class Bag:
                 channel = reader.channels[message.channel]
                 if message.channel not in chosen:
                     chosen[message.channel] = wanted(channel.topic)
-                    self.channels.setdefault(channel.topic, channel)
+                    self._channels.setdefault(channel.topic, channel)
                 if chosen[message.channel]:
                     yield Heard(channel.topic, message.log_time, message.data)
+
+    def channel(self, topic: str) -> Channel:
+        """Return type, definition and quality of service of a topic that has messages. Raises RecordError."""
+        if topic not in self._channels:
+            next(self.messages(topic.__eq__), None)
+        return self._channels[topic]
 
     def decoded(self, heard: Heard) -> Any:
         """Return a message with its fields as attributes, arrays of numbers as numpy arrays.
@@ -74,7 +79,7 @@ class Bag:
         Raises RecordError if it, or the definition of its type, cannot be read.
         """
         if heard.topic not in self._decoders:
-            self._decoders[heard.topic] = self._decoder(self.channels[heard.topic])
+            self._decoders[heard.topic] = self._decoder(self._channels[heard.topic])
         try:
             return self._decoders[heard.topic](bytes(heard.data))
         except (SerdeError, struct.error, AssertionError, IndexError, KeyError, ValueError) as error:

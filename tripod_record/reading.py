@@ -53,8 +53,8 @@ class Schema:
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic in a file: its name, type, encoding of its messages, rosbag2's text of the QoS offered, and the definition
-    of the type, empty if it is not one of ROS 2.
+    """A topic in a file: its name, type, encoding of its messages, rosbag2's text of the QoS offered, and the
+    definition of the type, empty if it is not one of ROS 2.
     """
 
     topic: str

@@ -20,6 +20,10 @@ LARGEST = 10**9
 """Of a checkpoint [bytes]."""
 
 
+UNREADABLE = (EOFError, KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile)
+"""What numpy raises for bytes that are no npz file of these arrays."""
+
+
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
     """Where a simulation dropped what it kept from earlier steps, so that the next depends on this alone.
@@ -38,8 +42,10 @@ class Checkpoint:
 def checkpoint_bytes(checkpoint: Checkpoint) -> bytes:
     """Return a checkpoint as an npz file, without pickled objects."""
     file = io.BytesIO()
-    numbers = {f"state.{name}": np.asarray(getattr(owner, field)) for name, owner, field in _leaves(checkpoint.state)}
-    np.savez(file, epoch=checkpoint.epoch, torques=checkpoint.torques, **numbers)
+    numbers: dict[str, Any] = {"epoch": checkpoint.epoch, "torques": checkpoint.torques}
+    for name, owner, field in _leaves(checkpoint.state):
+        numbers[f"state.{name}"] = getattr(owner, field)
+    np.savez(file, **numbers)
     return file.getvalue()
 
 
@@ -62,12 +68,14 @@ def read_checkpoint(data: bytes, simulation: Simulation) -> Checkpoint:
                 else:
                     setattr(owner, field, type(own)(value.item()))
             epoch, torques = int(numbers["epoch"]), np.array(numbers["torques"], dtype=float)
-    except (KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile) as error:
+    except UNREADABLE as error:
         if isinstance(error, SceneError):
             raise
         raise SceneError(f"not a checkpoint of this scene: {error}") from None
     if torques.shape != simulation.torques.shape:
-        raise SceneError(f"a checkpoint of another scene: {torques.size} torques, here {simulation.torques.size}")
+        raise SceneError(
+            f"a checkpoint of another scene: {torques.size} torques, here {simulation.torques.size}"
+        )
     return Checkpoint(epoch, state, torques)
 
 
@@ -76,7 +84,7 @@ def checkpoint_place(data: bytes) -> tuple[int, int]:
     try:
         with np.load(io.BytesIO(data[:LARGEST]), allow_pickle=False) as numbers:
             return int(numbers["epoch"]), int(numbers["state.step"])
-    except (KeyError, OSError, TypeError, ValueError, zipfile.BadZipFile) as error:
+    except UNREADABLE as error:
         raise SceneError(f"not a checkpoint: {error}") from None
 
 
@@ -87,5 +95,7 @@ def _leaves(owner: Any, path: str = "") -> Iterator[tuple[str, Any, str]]:
         if is_dataclass(value):
             yield from _leaves(value, f"{name}.")
         elif value is not None:
-            assert isinstance(value, np.ndarray | int | float | IntEnum), f"{name} is a {type(value).__name__}"
+            assert isinstance(value, np.ndarray | int | float | IntEnum), (
+                f"{name} is a {type(value).__name__}"
+            )
             yield name, owner, field.name

@@ -219,6 +219,7 @@ class SimNode(Node):
         if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
             return
         self._shown, self._shown_at = snapshot, now
+        self._publish_journal()  # before the body to which it leads
         snapshot = replace(snapshot, positions=self._shown_by_skin(snapshot.positions))
         self._body.publish(messages.body_message(snapshot, self._skin))
         if self._markers.get_subscription_count():

@@ -114,7 +114,8 @@ class RealTime(threading.Thread):
 
         Args:
             simulation: Belongs to the thread from `start` on.
-            command: Gives the joints (s + 1,) for the steady time [s] of a step, or raises `Ended`; called in the thread.
+            command: Gives the joints (s + 1,) for the steady time [s] of a step, or raises `Ended`; called in the
+                thread.
             rate: Simulated time over wall time; infinite: as fast as it can.
             compliance_period: Shortest time between two compliances [s].
             on_snapshot: Called in the thread after each step; it must be short.
@@ -187,8 +188,9 @@ class RealTime(threading.Thread):
             self._taken.append(clock.perf_counter() - start)
             self._done.append(clock.perf_counter())
             due = self.want_compliance and self._simulation.state.step % self._every == 0
-            self.latest = self._snapshot(compliance=due)
-            self.journal.add(self.latest.step, self.latest.stamp, joints)
+            snapshot = self._snapshot(compliance=due)
+            self.journal.add(snapshot.step, snapshot.stamp, joints)
+            self.latest = snapshot  # nobody sees a state without the steps to it
             if self._on_snapshot:
                 self._on_snapshot(self.latest)
             if report.instability:

@@ -121,7 +121,7 @@ class Rerun:
         for row in self._rows(width):
             epoch, first, last = (int(number) for number in row[:3])
             self.stamp = row[3]
-            self._gather(first, last)
+            self._gather(self.stamp, first, last)
             before = (epoch, first - 1)
             if first == 1:
                 simulation.reset()
@@ -137,6 +137,7 @@ class Rerun:
                 yield row[HEAD:] if servos else None
             here = (epoch, last)
             self._leave()
+        self._gather(np.inf, 1, 0)
 
     def _rows(self, width: int) -> Iterator[FloatArray]:
         """Yield the runs; a checkpoint that was published before a batch of them may stand behind it."""
@@ -145,7 +146,11 @@ class Rerun:
             if isinstance(item, Saved):
                 self._saved[checkpoint_place(item.data)] = item.data
                 continue
-            if item.rows.ndim != 2 or item.rows.shape[1] != width or not np.isfinite(item.rows[:, :HEAD]).all():
+            if (
+                item.rows.ndim != 2
+                or item.rows.shape[1] != width
+                or not np.isfinite(item.rows[:, :HEAD]).all()
+            ):
                 raise SceneError(
                     f"commands of shape {item.rows.shape}; scene {self.simulation.scene.name!r} needs {width} columns"
                 )
@@ -155,9 +160,9 @@ class Rerun:
         if waiting is not None:
             yield from waiting
 
-    def _gather(self, first: int, last: int) -> None:
-        """Keep the bodies that were published until the end of a run."""
-        while self._body and self._body.stamp <= self.stamp + STAMP_ERROR:
+    def _gather(self, until: float, first: int, last: int) -> None:
+        """Keep the bodies of steps `first` to `last`, of those that are stamped `until` [ns] or earlier."""
+        while self._body and self._body.stamp <= until + STAMP_ERROR:
             body, self._body = self._body, next(self._coming, None)
             if first <= body.step <= last or (body.step == 0 and first == 1):
                 self._due[body.step] = body
@@ -185,4 +190,6 @@ class Rerun:
         found.largest = max(found.largest, float(distances.max()))
         if not found.parted:
             node = int(distances.argmax())
-            found.parted = f"step {step} ({self.simulation.state.time:.3f} s): node {node} by {distances[node]:.2g} m"
+            found.parted = (
+                f"step {step} ({self.simulation.state.time:.3f} s): node {node} by {distances[node]:.2g} m"
+            )

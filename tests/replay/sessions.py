@@ -57,8 +57,8 @@ def run_session(
 ) -> Recorded:
     """Let the physics' own thread run, as fast as it can, with joints that swing and hold at random.
 
-    At the given counts of steps it is asked, from another thread as in a node, for a reset and for a checkpoint: when that
-    happens is up to the machine. Every so many steps the body is kept, and the journal taken.
+    At the given counts of steps it is asked, from another thread as in a node, for a reset and for a checkpoint: when
+    that happens is up to the machine. Every so many steps the body is kept, and the journal taken.
     """
     simulation = Simulation(load_scene(scene, overrides))
     found = Recorded(simulation)
@@ -111,8 +111,8 @@ def run_session(
     return found
 
 
-def write_session(found: Recorded, directory: Path, *, first: int = 0) -> Path:
-    """Write a session as a recording that begins with the `first` batch of commands and return its directory."""
+def write_session(found: Recorded, directory: Path, *, first: int = 0, sync_every: int = 0) -> Path:
+    """Write a session as a recording that begins with the `first` batch of commands, and return its directory."""
     writer = BagWriter(directory)
     for topic, kind in (
         (names.SCENE, "std_msgs/msg/String"),
@@ -122,23 +122,27 @@ def write_session(found: Recorded, directory: Path, *, first: int = 0) -> Path:
         text, _ = STORE.generate_msgdef(kind, ros_version=2)
         writer.add_topic(Topic(f"/{topic}", kind, text, (Qos(),)))
     writer.add_topic(Topic(f"/{names.BODY_STATE}", "tripod_msgs/msg/BodyState", BODY_STATE, (Qos(),)))
-    at = itertools.count(1_700_000_000_000_000_000, 10**7)
+    said: list[tuple[int, str, bytes]] = []
 
-    def write(topic: str, data: bytes) -> None:
-        writer.write(f"/{topic}", data, next(at))
+    def write(topic: str, data: bytes, stamp: float) -> None:
+        said.append((int(stamp), f"/{topic}", data))
+
+    begin = found.rows[0][0, 3]
 
     T = STORE.types
     Dim, Layout = T["std_msgs/msg/MultiArrayDimension"], T["std_msgs/msg/MultiArrayLayout"]
     text = T["std_msgs/msg/String"](data=scene_to_toml(found.simulation.scene))
-    write(names.SCENE, STORE.serialize_cdr(text, "std_msgs/msg/String"))
+    write(names.SCENE, STORE.serialize_cdr(text, "std_msgs/msg/String"), begin)
     for checkpoint in found.checkpoints:
         data = np.frombuffer(checkpoint_bytes(checkpoint), np.uint8)
         message = T["std_msgs/msg/UInt8MultiArray"](layout=Layout(dim=[], data_offset=0), data=data)
-        write(names.CHECKPOINT, STORE.serialize_cdr(message, "std_msgs/msg/UInt8MultiArray"))
+        write(names.CHECKPOINT, STORE.serialize_cdr(message, "std_msgs/msg/UInt8MultiArray"), begin)
     for rows in found.rows[first:]:
         dim = [Dim(label="", size=size, stride=0) for size in rows.shape]
-        message = T["std_msgs/msg/Float64MultiArray"](layout=Layout(dim=dim, data_offset=0), data=rows.ravel())
-        write(names.COMMANDS, STORE.serialize_cdr(message, "std_msgs/msg/Float64MultiArray"))
+        message = T["std_msgs/msg/Float64MultiArray"](
+            layout=Layout(dim=dim, data_offset=0), data=rows.ravel()
+        )
+        write(names.COMMANDS, STORE.serialize_cdr(message, "std_msgs/msg/Float64MultiArray"), rows[-1, 3])
     store = get_typestore(Stores.EMPTY)
     from rosbags.typesys import get_types_from_msg
 
@@ -154,6 +158,10 @@ def write_session(found: Recorded, directory: Path, *, first: int = 0) -> Path:
             time=s.time,
             positions=found.simulation.shown(s.positions).ravel(),
         )
-        write(names.BODY_STATE, bytes(store.serialize_cdr(message, "tripod_msgs/msg/BodyState")))
+        write(names.BODY_STATE, bytes(store.serialize_cdr(message, "tripod_msgs/msg/BodyState")), s.stamp)
+    for stamp, topic, data in sorted(said, key=lambda one: one[0]):
+        writer.write(topic, bytes(data), stamp)
+        if sync_every and writer.messages % sync_every == 0:
+            writer.sync()
     writer.close()
     return directory

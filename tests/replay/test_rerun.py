@@ -8,8 +8,11 @@ import pytest
 from tests.replay.sessions import run_session, write_session
 from tripod_bringup.bag_session import read_session
 from tripod_record.bag import Bag
+from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, checkpoint_place, read_checkpoint
+from tripod_sim.errors import SceneError
 from tripod_sim.rerun import Ended, Outcome, Rerun
-from tripod_sim.scene_file import scene_names
+from tripod_sim.scene_file import load_scene, scene_names
+from tripod_sim.simulation import Simulation
 
 SESSIONS = [(name, ()) for name in scene_names()] + [
     ("tripod", ("mesh.level=1", "dt=auto", "inertia.scheme=auto")),
@@ -31,11 +34,66 @@ def made_again(rerun: Rerun) -> Outcome:
         rerun.compare()
 
 
-@pytest.mark.parametrize(("scene", "overrides"), SESSIONS, ids=lambda v: v if isinstance(v, str) else "-".join(v))
-def test_a_session_made_again_is_the_recorded_one(scene: str, overrides: tuple[str, ...], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("scene", "overrides"), SESSIONS, ids=lambda v: v if isinstance(v, str) else "-".join(v)
+)
+def test_a_session_made_again_is_the_recorded_one(
+    scene: str, overrides: tuple[str, ...], tmp_path: Path
+) -> None:
     found = run_session(scene, overrides, steps=120, seed=len(scene), reset_at=50, checkpoint_at=85)
     path = write_session(found, tmp_path / "whole")
     outcome = made_again(read_session(Bag(path)).rerun())
     assert outcome.different == 0, outcome.parted
     assert (outcome.steps, outcome.lost, outcome.unknown) == (120, 0, 0)
     assert outcome.equal == len(found.bodies)
+
+
+def test_a_recording_that_begins_late_is_made_again_from_its_first_reset_or_checkpoint(
+    tmp_path: Path,
+) -> None:
+    found = run_session("tripod", ("mesh.level=1",), steps=120, seed=1, checkpoint_at=60)
+    outcome = made_again(read_session(Bag(write_session(found, tmp_path / "late", first=1))).rerun())
+    assert outcome.different == 0, outcome.parted
+    begin, saved = int(found.rows[1][0, 1]), found.checkpoints[0].state.step
+    assert 1 < begin <= saved
+    assert (outcome.lost, outcome.steps) == (saved - begin + 1, 120 - saved)
+    assert outcome.equal == sum(s.step > saved for s in found.bodies)
+    assert outcome.unknown == len(found.bodies) - outcome.equal
+
+
+def test_a_body_that_is_not_the_recorded_one_is_told_with_its_first_step(tmp_path: Path) -> None:
+    found = run_session("tripod", ("mesh.level=1",), steps=40, seed=2)
+    for snapshot in found.bodies[2:]:
+        snapshot.positions[5, 1] = np.nextafter(snapshot.positions[5, 1], 1.0)
+    outcome = made_again(read_session(Bag(write_session(found, tmp_path / "changed"))).rerun())
+    assert (outcome.equal, outcome.different) == (2, len(found.bodies) - 2)
+    assert outcome.parted.startswith(f"step {found.bodies[2].step} ")
+    assert "node 5" in outcome.parted
+    assert 0 < outcome.largest < 1e-16
+
+
+def test_commands_of_another_scene_are_refused(tmp_path: Path) -> None:
+    found = run_session("tripod", ("mesh.level=1",), steps=10, seed=3)
+    found.rows = [rows[:, :-1] for rows in found.rows]
+    rerun = read_session(Bag(write_session(found, tmp_path / "narrow"))).rerun()
+    with pytest.raises(SceneError, match="scene 'tripod' needs 8 columns"):
+        rerun.joints()
+
+
+def test_a_checkpoint_is_read_back_bit_for_bit_and_only_for_its_own_scene() -> None:
+    maze = Simulation(load_scene("maze", ["mesh.level=1"]))
+    for _ in range(5):
+        maze.step()
+    data = checkpoint_bytes(Checkpoint(3, *maze.save()))
+    assert checkpoint_place(data) == (3, 5)
+    again = read_checkpoint(data, maze)
+    assert again.epoch == 3
+    assert checkpoint_bytes(again) == data
+    other = Simulation(load_scene("maze", ["mesh.level=2"]))
+    with pytest.raises(SceneError, match=r"another scene: positions has shape"):
+        read_checkpoint(data, other)
+    for wrong in (b"", b"PK\3\4 no", data[: len(data) // 2]):
+        with pytest.raises(SceneError, match="not a checkpoint"):
+            checkpoint_place(wrong)
+        with pytest.raises(SceneError, match="not a checkpoint"):
+            read_checkpoint(wrong, maze)

@@ -1,0 +1,54 @@
+"""A recorded motion: what of it the driver's range and speed allow."""
+
+import numpy as np
+import pytest
+
+from tripod_play.errors import PlayError
+from tripod_play.joint_path import SAFE_SPEED, JointPath, ramp_time
+
+LOWER, UPPER, SPEED = [-1.0] * 3, [0.5] * 3, [2.0] * 3
+TIMES = np.linspace(0.0, 4.0, 401)
+
+
+def swing(amplitude: float, servo: int = 1) -> JointPath:
+    joints = np.zeros((len(TIMES), 4))
+    joints[:, servo] = amplitude * np.sin(TIMES)
+    return JointPath(TIMES, joints)
+
+
+def test_between_two_poses_joints_are_in_proportion() -> None:
+    path = JointPath(np.array([1.0, 3.0]), np.array([[0.0, 1.0, 2.0], [4.0, 1.0, 0.0]]))
+    np.testing.assert_allclose(path.at(1.5), [1.0, 1.0, 1.5])
+    np.testing.assert_allclose(path.at(9.0), [4.0, 1.0, 0.0])
+    assert path.end == 3.0
+
+
+def test_a_motion_within_range_and_speed_may_be_played_as_fast_as_the_servos_are() -> None:
+    path = swing(0.4)
+    path.check(LOWER, UPPER, SPEED, start=0.0, rate=1.0)
+    path.check(LOWER, UPPER, SPEED, start=0.0, rate=5.0)
+    with pytest.raises(PlayError, match=r"servo_1 would move at 2\.\d+ rad/s at .* --rate 4\.9"):
+        path.check(LOWER, UPPER, SPEED, start=0.0, rate=5.7)
+
+
+def test_an_angle_out_of_the_range_is_named_with_its_time_and_only_if_it_is_played() -> None:
+    path = swing(0.6, servo=2)  # above 0.5 rad from 0.985 to 2.156 s
+    with pytest.raises(
+        PlayError, match=r"servo_2 is at 0\.50. rad at 0\.99 s; .* -1.000 to 0.500 rad: nothing moves"
+    ):
+        path.check(LOWER, UPPER, SPEED, start=0.0, rate=1.0)
+    path.check(LOWER, UPPER, SPEED, start=2.2, rate=1.0)
+    path.joints[-1, 2] = np.nan
+    with pytest.raises(PlayError, match="servo_2 is at nan rad"):
+        path.check(LOWER, UPPER, SPEED, start=2.2, rate=1.0)
+
+
+def test_a_start_behind_the_end_is_refused() -> None:
+    with pytest.raises(PlayError, match=r"--start is 4 s; the motion ends at 4.00 s"):
+        swing(0.1).check(LOWER, UPPER, SPEED, start=4.0, rate=1.0)
+
+
+def test_the_way_to_the_first_pose_is_slow_also_for_a_fast_driver() -> None:
+    here, there = np.array([0.0, 0.0, 0.0]), np.array([0.1, -1.0, 0.2, 0.03])
+    assert ramp_time(here, there, [50.0] * 3) == pytest.approx(1.0 / SAFE_SPEED + 0.1)
+    assert ramp_time(here, there, [50.0, 0.1, 50.0]) == pytest.approx(10.1)

@@ -1,0 +1,84 @@
+"""`tripod bag play` as users type it, and what it refuses: one line, and nothing moves."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.replay.sessions import run_session, write_session
+from tripod_bringup.bag_cli import To
+from tripod_bringup.bag_play import play_command
+from tripod_record.bag import Bag
+
+pytestmark = pytest.mark.ros
+
+
+def play(file: Path, to: To = To.SIM, *, rate: float = 1.0, start: float = 0.0, topics: str = "") -> int:
+    return play_command(file, to=to, rate=rate, start=start, topics=topics, subnet=False, ros=())
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    found = run_session("tripod", ("mesh.level=1",), steps=60, seed=4, reset_at=30)
+    return write_session(found, tmp_path_factory.mktemp("bags") / "bag")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6])
+def test_a_session_is_simulated_again_and_its_bodies_are_counted(
+    bag: Path, share: float, domain: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    start = share * Bag(bag).info.duration
+    assert play(bag, rate=float("inf"), start=start) == 0
+    out, _ = capfd.readouterr()
+    assert "60 steps made again, 8 bodies equal bit for bit\n" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"rate": 0.0}, "--rate is 0; allowed is 0.01 to 100, or inf"),
+        ({"rate": float("nan")}, "--rate is nan"),
+        ({"rate": float("inf"), "to": To.ROBOT}, "--rate is inf; allowed is 0.01 to 100\n"),
+        ({"start": -1.0}, "--start is -1 s"),
+        ({"start": 99.0}, "--start is 99 s; the recording ends at"),
+        ({"topics": "other/*"}, "does not hold what the simulator was given"),
+        ({"topics": "other/*", "to": To.ROBOT}, "holds no motion of the joints"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_in_one_line(
+    bag: Path, options: dict, words: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert play(bag, **options) == 2
+    out, err = capfd.readouterr()
+    assert not out
+    assert err.startswith("tripod bag play: ")
+    assert err.count("\n") == 1
+    assert words in err
+
+
+@pytest.mark.parametrize("to", list(To))
+def test_files_that_are_no_recordings_are_refused_in_one_line(
+    to: To, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "text.mcap").write_text("no")
+    for file, words in (
+        (tmp_path / "gone.mcap", "does not exist"),
+        (tmp_path / "text.mcap", "is not an mcap file"),
+    ):
+        assert play(file, to) == 2
+        err = capfd.readouterr().err
+        assert words in err
+        assert err.count("\n") == 1
+
+
+def test_a_recording_cut_in_half_is_played_as_far_as_it_goes(
+    bag: Path, tmp_path: Path, domain: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = run_session("tripod", ("mesh.level=1",), steps=30, seed=5)
+    whole = write_session(found, tmp_path / "whole", sync_every=1)
+    (file,) = whole.glob("*.mcap")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(file.read_bytes()[: 2 * file.stat().st_size // 3])
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    assert play(cut, rate=float("inf")) == 0
+    assert " steps made again" in capfd.readouterr().out

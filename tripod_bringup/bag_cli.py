@@ -1,0 +1,76 @@
+"""Options and help of `tripod bag`: what can be done with recordings."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripod_bringup.node_command import RosCommand
+from tripod_bringup.options import Subnet, examples
+
+bag = typer.Typer(help="Look into recordings, and play them.", no_args_is_help=True)
+
+
+class To(StrEnum):
+    """Where a recording is played to."""
+
+    SIM = "sim"
+    ROBOT = "robot"
+    TOPICS = "topics"
+
+
+File = Annotated[Path, typer.Argument(help="An .mcap file, or the directory of a recording.")]
+
+
+@bag.command(
+    epilog=examples(
+        "tripod bag info recordings/tripod_2030-01-31_12-00-00",
+        "tripod bag info recording.mcap --check --json",
+    )
+)
+def info(
+    file: File,
+    *,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    check: Annotated[bool, typer.Option("--check", help="Read every message, believe no summary.")] = False,
+) -> None:
+    """Tell what a recording holds: topics, types, counts, rates, time span."""
+    from tripod_record.info import info_command  # noqa: PLC0415
+
+    raise typer.Exit(info_command(file, as_json=json, check=check))
+
+
+@bag.command(
+    cls=RosCommand,
+    epilog=examples(
+        "tripod bag play recordings/NAME",
+        "tripod bag play recordings/NAME --to sim --rate inf",
+        "tripod bag play recordings/NAME --to robot --start 2.5 --rate 0.5",
+        "tripod bag play recordings/NAME --topics 'sim/* /tf'",
+    ),
+)
+def play(
+    context: typer.Context,
+    file: File,
+    *,
+    to: Annotated[
+        To,
+        typer.Option(
+            help="topics: publish what was recorded; sim: simulate it again, bit for bit; robot: follow its motion."
+        ),
+    ] = To.TOPICS,
+    rate: Annotated[float, typer.Option(help="Recorded time over time; of sim also inf.")] = 1.0,
+    start: Annotated[float, typer.Option(help="Where to begin \\[s].")] = 0.0,
+    topics: Annotated[str, typer.Option(help="Names or patterns (*, ?), parted by spaces or commas.")] = "",
+    subnet: Subnet = False,
+) -> None:
+    """Play a recording. In a terminal: space pauses, `.` steps, q ends.
+
+    What commands a robot (joint_trajectory, control_mode, target_pose) is published only where --topics names it.
+    """
+    from tripod_bringup.bag_play import play_command  # noqa: PLC0415
+
+    raise typer.Exit(
+        play_command(file, to=to, rate=rate, start=start, topics=topics, subnet=subnet, ros=context.obj)
+    )

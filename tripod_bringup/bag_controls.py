@@ -1,0 +1,82 @@
+"""Keys and a line of progress for what plays a recording, where there is a terminal."""
+
+import sys
+from typing import Any, Protocol
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from tripod_teleop.terminal import Terminal, TerminalError
+
+PERIOD = 0.05
+"""Time between two looks at the keys [s]."""
+
+
+class Player(Protocol):
+    """A node that plays a recording."""
+
+    done: str
+    duration: float
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still."""
+
+    @property
+    def place(self) -> float:
+        """Place in the recording [s]."""
+
+    def toggle(self) -> None:
+        """Pause, or go on."""
+
+    def step(self) -> None:
+        """While paused: go on by one step."""
+
+
+class Controls:
+    """Gives the keys of the terminal to a player: space pauses and goes on, `.` and the right arrow step, q ends."""
+
+    def __init__(self, node: Node, player: Player) -> None:
+        """The node keeps the object."""
+        self._player = player
+        self._terminal: Terminal | None = None
+        if sys.stdin.isatty() and sys.stdout.isatty():
+            self._terminal = Terminal()
+            self._terminal.enter()
+            node.create_timer(PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def close(self) -> None:
+        """Restore the terminal."""
+        if self._terminal:
+            self._terminal.show("")
+            self._terminal.restore()
+
+    def _look(self) -> None:
+        assert self._terminal
+        try:
+            self.press(self._terminal.read())
+        except TerminalError as error:
+            self._player.done = str(error)
+            return
+        self._terminal.show(progress_line(self._player))
+
+    def press(self, keys: bytes) -> None:
+        """Do what `keys` say."""
+        rest = keys.replace(b"\x1b[C", b".")
+        for key in rest.decode(errors="replace"):
+            if key == " ":
+                self._player.toggle()
+            elif key == ".":
+                self._player.step()
+            elif key == "q":
+                self._player.done = self._player.done or "ended by q"
+
+
+def progress_line(player: Any) -> str:
+    """Return place, duration and what the keys do."""
+    share = player.place / player.duration if player.duration else 1.0
+    bar = "#" * round(20 * min(max(share, 0.0), 1.0))
+    state = "paused " if player.paused else "playing"
+    return (
+        f"{state} [{bar:<20}] {player.place:7.2f} / {player.duration:.2f} s   space: pause  .: step  q: end"
+    )

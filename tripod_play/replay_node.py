@@ -1,0 +1,189 @@
+"""Plays a recorded motion of the joints to the driver: mode REPLAY, a slow way to the first pose, then the motion."""
+
+import math
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from tripod_msgs.msg import RobotStatus
+
+from tripod_graph import names
+from tripod_graph.control_mode import Speaker, clocks, listen
+from tripod_graph.mandate import Mandate
+from tripod_graph.mode import Decision, Mode
+from tripod_graph.qos import RELIABLE
+from tripod_graph.source import name_of, new_source
+from tripod_graph.transport import Transport
+from tripod_play.errors import PlayError
+from tripod_play.joint_path import JointPath, ramp_time
+
+FloatArray = NDArray[np.float64]
+
+PERIOD = 0.1
+"""Time between two trajectories [s]."""
+
+AHEAD = 0.4
+"""How far a trajectory reaches [s]: what the robot still does when this program is killed."""
+
+SPACING = 0.02
+"""Time between its points [s]."""
+
+NEAR = 0.03
+"""Distance from the first pose at which the motion begins [rad]; packets have whole degrees at the coarsest."""
+
+PATIENCE = 10.0
+"""Time within which a driver must be heard, and within which the servos arrive after a ramp [s]."""
+
+MOVING = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatus.PARKED)
+
+
+class ReplayNode(Node):
+    """Commands the robot as a recording has it.
+
+    Attributes:
+        done: Why it has ended, empty while it has not.
+        duration: Time of the last pose in the recording [s].
+        failed: Whether it ended before the end of the motion.
+    """
+
+    def __init__(self, path: JointPath, *, start: float, rate: float) -> None:
+        """`start`: in the recording [s]; `rate`: recorded time over time."""
+        super().__init__("bag_play")
+        self.done, self.duration, self.failed = "", path.end, False
+        self._path, self._start, self._rate = path, start, rate
+        self._mandate = Mandate(new_source("bag_play", self.get_namespace()))
+        self._status: RobotStatus | None = None
+        self._here: FloatArray | None = None
+        self._since = time.monotonic()
+        self._arrival: float | None = None  # on the way to the first pose: when it should be reached
+        self._ramp: tuple[FloatArray, float] | None = None  # where and when that way began
+        self._transport: Transport | None = None  # once the motion plays
+        self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
+        self._speaker = Speaker(self, self._mandate)
+        listen(self, self._on_decision)
+        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_status, RELIABLE)
+        self.create_subscription(JointState, names.ROBOT_JOINT_STATES, self._on_joints, RELIABLE)
+        self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still."""
+        return bool(self._transport and self._transport.paused)
+
+    @property
+    def place(self) -> float:
+        """Place in the recording [s]."""
+        return min(self._transport.place(time.monotonic()), self.duration) if self._transport else self._start
+
+    def toggle(self) -> None:
+        """Pause where the robot is, or go on."""
+        if self._transport:
+            self._transport.toggle(time.monotonic())
+
+    def step(self) -> None:
+        """While paused: play one period more."""
+        if self._transport and self._transport.paused:
+            self._transport.move(self.place + self._rate * PERIOD, time.monotonic())
+
+    def close(self) -> None:
+        """Leave the graph: when the lease ends, everything holds, then parks."""
+        self.destroy_node()
+
+    def _on_decision(self, decision: Decision) -> None:
+        try:
+            self._mandate.hear(decision, *clocks(self))
+        except ValueError as error:
+            self.get_logger().warning(str(error))
+
+    def _on_status(self, message: RobotStatus) -> None:
+        self._status = message
+
+    def _on_joints(self, message: JointState) -> None:
+        angles = dict(zip(message.name, message.position, strict=False))
+        here = np.array([angles.get(name, math.nan) for name in names.SERVOS])
+        if np.isfinite(here).all():
+            self._here = here
+
+    def _on_timer(self) -> None:
+        now = time.monotonic()
+        if self.done:
+            return
+        if self._ramp is None:
+            self._begin(now)
+        elif not self._mandate.held:
+            tracker = self._mandate.tracker
+            by = name_of(tracker.source) or "nobody"
+            self._end(f"mode is {self._mandate.mode.name}, by {by}: another operator has taken over")
+        elif self._transport is None:
+            self._approach(now)
+        else:
+            self._play(self._transport, now)
+
+    def _end(self, why: str) -> None:
+        self.done, self.failed = why, True
+
+    def _begin(self, now: float) -> None:
+        """Check everything before anything moves."""
+        status = self._status
+        if status is None or not status.lower or self._commands.get_subscription_count() == 0:
+            if now - self._since > PATIENCE:
+                self._end("no driver is heard in this graph: start `tripod up` or `tripod driver`")
+            return
+        if status.state not in MOVING:
+            self._end(f"the driver cannot move: {status.message or 'no robot is connected'}")
+            return
+        tracker = self._mandate.tracker
+        if tracker.mode is Mode.REPLAY and not tracker.lost:
+            self._end(f"{name_of(tracker.source)} replays already: stop it first")
+            return
+        try:
+            self._path.check(status.lower, status.upper, status.speed, start=self._start, rate=self._rate)
+        except PlayError as error:
+            self._end(str(error))
+            return
+        first = self._path.at(self._start)
+        here = first[:3] if self._here is None else self._here
+        self._ramp = (np.concatenate([here, first[3:]]), now)
+        self._arrival = now + ramp_time(here, first, status.speed)
+        self._speaker.decide(Mode.REPLAY)
+
+    def _approach(self, now: float) -> None:
+        assert self._ramp
+        assert self._arrival is not None
+        here, began = self._ramp
+        first = self._path.at(self._start)
+        if now < self._arrival:
+            grid = np.arange(now, now + AHEAD, SPACING)
+            share = np.clip((grid - began) / (self._arrival - began), 0.0, 1.0)[:, None]
+            self._send(grid - now, here + share * (first - here))
+            return
+        self._send(np.zeros(1), first[None])
+        if self._here is not None and np.abs(self._here - first[:3]).max() < NEAR:
+            self._transport = Transport(self._start, self._rate, now)
+        elif now > self._arrival + PATIENCE + 2 * (self._arrival - began):
+            self._end(
+                f"the servos do not reach the first pose, {', '.join(f'{a:.3f}' for a in first[:3])} rad"
+            )
+
+    def _play(self, transport: Transport, now: float) -> None:
+        grid = np.arange(0.0, AHEAD, SPACING)
+        place = transport.place(now)
+        places = np.full(1, place) if transport.paused else place + self._rate * grid
+        self._send(grid[: len(places)], np.array([self._path.at(p) for p in places]))
+        if place >= self.duration:
+            self.done = f"played {self.duration - self._start:.2f} s of motion"
+
+    def _send(self, times: FloatArray, joints: FloatArray) -> None:
+        """Command poses, shape (n, 3 or 4), at times from now [s]."""
+        message = JointTrajectory(joint_names=[*names.SERVOS, names.SLIDE][: joints.shape[1]])
+        message.header.frame_id = self._mandate.source
+        message.points = [
+            JointTrajectoryPoint(positions=row.tolist(), time_from_start=Duration(seconds=float(t)).to_msg())
+            for t, row in zip(times, joints, strict=True)
+        ]
+        self._commands.publish(message)

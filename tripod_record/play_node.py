@@ -1,0 +1,156 @@
+"""Publishes what was recorded, at the pace at which it was, as `ros2 bag play` does."""
+
+import re
+import time
+from collections import deque
+from collections.abc import Callable
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
+
+from tripod_graph.names import CONTROL_MODE, JOINT_TRAJECTORY, TARGET_POSE
+from tripod_graph.presence import publisher_elsewhere
+from tripod_graph.transport import Transport
+from tripod_record.bag import Bag, Heard
+from tripod_record.definitions import definition_text, message_class
+from tripod_record.errors import RecordError
+from tripod_record.info import printable
+from tripod_record.selection import ALWAYS
+
+PERIOD = 0.005
+"""Time between two looks at what is due [s]."""
+
+DEPTH = 100
+"""Messages of a topic that may wait for the middleware, and of a latched one that are kept for who comes late."""
+
+COMMANDING = (JOINT_TRAJECTORY, CONTROL_MODE, TARGET_POSE)
+"""Topics that could move a robot: only played where they are named."""
+
+
+class TopicPlayer(Node):
+    """Publishes the bytes of recorded messages.
+
+    Attributes:
+        done: Why it has ended, empty while it has not.
+        duration: Of the recording [s].
+    """
+
+    def __init__(self, bag: Bag, wanted: Callable[[str], bool], *, start: float, rate: float) -> None:
+        """`wanted`: which topics; `start` [s]. Raises RecordError if there are none, or others publish on them."""
+        super().__init__("bag_play")
+        self.done, self.duration = "", bag.info.duration
+        self._bag, self._offset, self._count = bag, start, 0
+        self._publishers: dict[str, Publisher] = {}
+        self._latched: dict[str, deque[Heard]] = {}
+        self._messages = bag.messages(wanted)
+        self._topics = [t for t in bag.topics if wanted(t)]
+        if not self._topics:
+            raise RecordError(f"{bag.info.path} has no message on the topics that are asked for")
+        self._next: Heard | None = next(self._messages, None)
+        self._check_others()
+        for topic in self._topics:
+            self._offer(topic)
+        if not self._publishers:
+            raise RecordError(f"{bag.info.path} has no topic whose type is installed here as it was recorded")
+        self._skip_to_start()
+        self._transport = Transport(start, rate, time.monotonic())
+        self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still."""
+        return self._transport.paused
+
+    @property
+    def place(self) -> float:
+        """Place in the recording [s]."""
+        return min(self._transport.place(time.monotonic()), self.duration)
+
+    def toggle(self) -> None:
+        """Pause, or go on."""
+        self._transport.toggle(time.monotonic())
+
+    def step(self) -> None:
+        """While paused: publish the next message."""
+        if self.paused and self._next:
+            self._transport.move(self._time(self._next), time.monotonic())
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.destroy_node()
+
+    def _time(self, heard: Heard) -> float:
+        return 1e-9 * (heard.log_time - self._bag.start)
+
+    def _check_others(self) -> None:
+        if found := publisher_elsewhere(self, [t for t in self._topics if t not in ALWAYS]):
+            topic, who = found
+            raise RecordError(
+                f"{who} publishes {printable(topic)} already, and two would mix: stop it, or choose other --topics"
+            )
+
+    def _offer(self, topic: str) -> None:
+        channel = self._bag.channel(topic)
+        try:
+            kind = message_class(channel.type)
+            if not is_installed(channel.type, channel.definition):
+                raise RecordError(f"its type {printable(channel.type)} had other fields when it was recorded")
+        except RecordError as error:
+            self.get_logger().warning(f"{printable(topic)} is not played: {error}")
+            return
+        reliable = "best_effort" not in channel.qos
+        latched = bool(re.search(r"durability: (transient_local|1\b)", channel.qos))
+        profile = QoSProfile(
+            depth=DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        )
+        self._publishers[topic] = self.create_publisher(kind, topic, profile)
+        if latched:
+            depths = [int(d) for d in re.findall(r"depth: (\d{1,6})", channel.qos)]
+            self._latched[topic] = deque(maxlen=min(max(1, *depths, len(depths)), DEPTH) if depths else 1)
+
+    def _skip_to_start(self) -> None:
+        """Publish what a late joiner would have heard at the start."""
+        while self._next and self._time(self._next) < self._offset:
+            if self._next.topic in self._latched:
+                self._latched[self._next.topic].append(self._next)
+            self._next = next(self._messages, None)
+        for waiting in self._latched.values():
+            for heard in waiting:
+                self._publish(heard)
+
+    def _publish(self, heard: Heard) -> None:
+        if publisher := self._publishers.get(heard.topic):
+            publisher.publish(bytes(heard.data))
+            self._count += 1
+
+    def _on_timer(self) -> None:
+        place = self._transport.place(time.monotonic())
+        while self._next and self._time(self._next) <= place:
+            self._publish(self._next)
+            self._next = next(self._messages, None)
+        if self._next is None and not self.done:
+            self.done = f"played {self._count} messages"
+
+
+def is_installed(kind: str, definition: str) -> bool:
+    """Return whether the type `kind` of this environment has the fields of the `definition` that was recorded.
+
+    Raises RecordError if either cannot be read.
+    """
+    found = []
+    for text in (definition, definition_text(kind)):
+        store = get_typestore(Stores.EMPTY)
+        try:
+            store.register(get_types_from_msg(text, kind))
+            found.append(store.hash_rihs01(kind))
+        except (TypesysError, AssertionError, KeyError, ValueError) as error:
+            raise RecordError(
+                f"the definition of {printable(kind)} cannot be read: {printable(str(error))}"
+            ) from None
+    return found[0] == found[1]
