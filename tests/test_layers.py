@@ -32,8 +32,8 @@ ROS_EDGE = {
     "tripod_driver": {"node", "messages", "settings"},
     "tripod_teleop": {"node"},
     "tripod_view": {"node", "messages", "settings"},
-    "tripod_record": {"node"},
-    "tripod_play": {"node"},
+    "tripod_record": {"node", "play_node"},
+    "tripod_play": {"node", "replay_node"},
 }
 """Modules that touch ROS, themselves or through what they import. All others work where there is no ROS."""
 
@@ -45,6 +45,7 @@ HOME = {
     "websockets": {"tripod_view"},
     "serial": {"tripod_driver", "tripod_bringup"},  # the doctor looks at ports
     "mcap": {"tripod_record"},
+    "rosbags": {"tripod_record"},
     "osqp": {"tripod_ik"},
     "qdldl": {"tripod_sim"},
     "numba": {"tripod_sim", "tripod_ik"},

@@ -44,7 +44,7 @@ class TopicPlayer(Node):
         super().__init__("bag_play")
         self.done, self.duration = "", bag.info.duration
         self._bag, self._offset, self._count = bag, start, 0
-        self._publishers: dict[str, Publisher] = {}
+        self._played: dict[str, Publisher] = {}
         self._latched: dict[str, deque[Heard]] = {}
         self._messages = bag.messages(wanted)
         self._topics = [t for t in bag.topics if wanted(t)]
@@ -54,7 +54,7 @@ class TopicPlayer(Node):
         self._check_others()
         for topic in self._topics:
             self._offer(topic)
-        if not self._publishers:
+        if not self._played:
             raise RecordError(f"{bag.info.path} has no topic whose type is installed here as it was recorded")
         self._skip_to_start()
         self._transport = Transport(start, rate, time.monotonic())
@@ -109,7 +109,7 @@ class TopicPlayer(Node):
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
-        self._publishers[topic] = self.create_publisher(kind, topic, profile)
+        self._played[topic] = self.create_publisher(kind, topic, profile)
         if latched:
             depths = [int(d) for d in re.findall(r"depth: (\d{1,6})", channel.qos)]
             self._latched[topic] = deque(maxlen=min(max(1, *depths, len(depths)), DEPTH) if depths else 1)
@@ -125,7 +125,7 @@ class TopicPlayer(Node):
                 self._publish(heard)
 
     def _publish(self, heard: Heard) -> None:
-        if publisher := self._publishers.get(heard.topic):
+        if publisher := self._played.get(heard.topic):
             publisher.publish(bytes(heard.data))
             self._count += 1
 

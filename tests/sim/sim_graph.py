@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState, PointCloud2
 from shape_msgs.msg import Mesh, SolidPrimitive
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String, UInt8MultiArray
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -30,7 +30,7 @@ from tests.decisions import SOURCE
 from tests.services import call
 from tripod_graph import names
 from tripod_graph.mode import LONGEST_LEASE
-from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.qos import KEPT, LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import ros_arguments
 from tripod_sim.node import SimNode
 
@@ -44,6 +44,9 @@ PUBLISHED = {
     names.BALL_SHAPE: (SolidPrimitive, LATCHED),
     names.MARKERS: (MarkerArray, SENSOR),
     names.POINT_CLOUD: (PointCloud2, SENSOR),
+    names.SCENE: (String, LATCHED),
+    names.COMMANDS: (Float64MultiArray, KEPT),
+    names.CHECKPOINT: (UInt8MultiArray, LATCHED),
     names.SIM_JOINT_STATES: (JointState, RELIABLE),
     names.EFFECTOR_POSE: (PoseStamped, RELIABLE),
     names.COMPLIANCE: (Compliance, RELIABLE),

@@ -1,0 +1,205 @@
+"""A recorded motion to the robot: all is checked, then slowly to the first pose, then as recorded."""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("tripod_msgs")
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+from tripod_msgs.msg import ControlMode, RobotStatus
+
+from tripod_graph import names
+from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
+from tripod_graph.trajectory import seconds
+from tripod_play import replay_node
+from tripod_play.joint_path import SAFE_SPEED, JointPath
+from tripod_play.replay_node import ReplayNode
+
+pytestmark = pytest.mark.ros
+
+DEADLINE = 60.0
+
+
+class Driver(Node):
+    """Stands for the driver: goes at once where the last trajectory begins."""
+
+    def __init__(self) -> None:
+        super().__init__("driver")
+        self.here = np.zeros(3)
+        self.modes: list[ControlMode] = []
+        self.asked: list[JointTrajectory] = []
+        self._status = self.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+        self._joints = self.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
+        self.operator = self.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+        self.create_subscription(ControlMode, names.CONTROL_MODE, self.modes.append, LATCHED_OF_ALL)
+        self.create_subscription(JointTrajectory, names.JOINT_TRAJECTORY, self._on_trajectory, RELIABLE)
+
+    def say(self, **status: Any) -> None:
+        values = {
+            "state": RobotStatus.PARKED,
+            "lower": [-1.0] * 3,
+            "upper": [0.5] * 3,
+            "speed": [4.0] * 3,
+            **status,
+        }
+        self._status.publish(RobotStatus(**values))
+        self._joints.publish(JointState(name=list(names.SERVOS), position=self.here.tolist()))
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        self.asked.append(message)
+        self.here = np.array(message.points[0].positions[:3])
+
+
+class Graph:
+    def __init__(self, path: JointPath, **options: Any) -> None:
+        self.driver = Driver()
+        self.node = ReplayNode(path, **{"start": 0.0, "rate": 1.0, **options})
+        self.executor = SingleThreadedExecutor()
+        for node in (self.driver, self.node):
+            self.executor.add_node(node)
+
+    def until(self, condition: Callable[[], Any], **status: Any) -> None:
+        end = time.monotonic() + DEADLINE
+        while not condition():
+            assert time.monotonic() < end, self.node.done
+            self.driver.say(**status)
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.close()
+        self.driver.destroy_node()
+
+
+@pytest.fixture
+def make(domain: int) -> Iterator[Callable[..., Graph]]:
+    rclpy.init(args=[], domain_id=domain)
+    made: list[Graph] = []
+
+    def graph(path: JointPath, **options: Any) -> Graph:
+        made.append(Graph(path, **options))
+        return made[-1]
+
+    yield graph
+    for graph_ in made:
+        graph_.close()
+    rclpy.try_shutdown()
+
+
+def motion(first: float = -0.3, size: float = 0.2) -> JointPath:
+    """A second of motion that begins at `first` [rad]."""
+    times = np.linspace(2.0, 3.0, 101)
+    joints = np.zeros((101, 4))
+    joints[:, :3] = first + size * np.sin(np.pi * (times[:, None] - 2.0))
+    joints[:, 3] = 0.02
+    return JointPath(times, joints)
+
+
+def test_it_takes_the_mode_goes_slowly_to_the_first_pose_and_plays_to_the_end(make) -> None:
+    path = motion()
+    graph = make(path, start=2.0)
+    graph.until(lambda: graph.node.done)
+    assert (graph.node.done, graph.node.failed) == ("played 1.00 s of motion", False)
+    decided = [m for m in graph.driver.modes if m.mode == ControlMode.REPLAY]
+    source = decided[0].source
+    assert {m.header.frame_id for m in graph.driver.asked} == {source}
+    assert "bag_play#" in source
+    there = next(i for i, m in enumerate(graph.driver.asked) if len(m.points) == 1)
+    assert there >= 5  # 0.3 rad at the safe speed
+    for i, message in enumerate(graph.driver.asked):
+        assert list(message.joint_names) == [*names.SERVOS, names.SLIDE]
+        angles = np.array([p.positions[:3] for p in message.points])
+        times = np.array([seconds(p.time_from_start) for p in message.points])
+        assert times[-1] <= replay_node.AHEAD
+        if i < there:
+            assert (
+                np.abs(np.diff(angles, axis=0)).max(axis=1) <= 1.01 * SAFE_SPEED * np.diff(times) + 1e-9
+            ).all()
+        assert (angles >= -0.3 - 1e-9).all()
+    graph.until(lambda: np.allclose(graph.driver.here, path.at(3.0)[:3], rtol=0, atol=1e-9))
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "words"),
+    [
+        (motion(first=-0.95, size=-0.2), {}, "servo_0 is at -1.0"),
+        (motion(), {"speed": [0.3] * 3}, "servo_0 would move at 0.6"),
+        (motion(), {"state": RobotStatus.FAULT, "message": "no answer"}, "the driver cannot move: no answer"),
+    ],
+)
+def test_what_the_driver_cannot_do_is_refused_and_nothing_moves(make, path, status, words: str) -> None:
+    graph = make(path, start=2.0)
+    graph.until(lambda: graph.node.done, **status)
+    assert graph.node.failed
+    assert graph.node.done.startswith(words)
+    graph.until(lambda: graph.driver.count_publishers(names.CONTROL_MODE))
+    assert not graph.driver.asked
+    assert not [m for m in graph.driver.modes if m.mode == ControlMode.REPLAY]
+
+
+def test_without_a_driver_it_says_so_and_nothing_moves(make, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replay_node, "PATIENCE", 0.3)
+    graph = make(motion(), start=2.0)
+    end = time.monotonic() + DEADLINE
+    while not graph.node.done and time.monotonic() < end:
+        graph.executor.spin_once(timeout_sec=0.01)
+    assert graph.node.done.startswith("no driver is heard in this graph")
+    assert not graph.driver.asked
+
+
+def test_a_second_replay_is_refused_and_the_first_goes_on(make) -> None:
+    graph = make(motion(), start=2.0)
+    graph.until(lambda: graph.driver.asked)
+    second = ReplayNode(motion(), start=2.0, rate=1.0)
+    graph.executor.add_node(second)
+    try:
+        graph.until(lambda: second.done)
+        assert second.failed
+        assert second.done == "bag_play replays already: stop it first"
+        graph.until(lambda: graph.node.done)
+        assert not graph.node.failed
+        assert len({m.header.frame_id for m in graph.driver.asked}) == 1
+    finally:
+        graph.executor.remove_node(second)
+        second.close()
+
+
+def test_another_operator_ends_it(make) -> None:
+    graph = make(motion(), start=2.0)
+    graph.until(lambda: graph.driver.asked)
+    message = ControlMode(mode=ControlMode.TELEOP, source="/teleop#1")
+    message.header.stamp = graph.driver.get_clock().now().to_msg()
+    graph.driver.operator.publish(message)
+    graph.until(lambda: graph.node.done)
+    assert graph.node.failed
+    assert graph.node.done == "mode is TELEOP, by teleop: another operator has taken over"
+    count = len(graph.driver.asked)
+    for _ in range(20):
+        graph.executor.spin_once(timeout_sec=0.01)
+    assert len(graph.driver.asked) <= count + 1  # one may have been under way
+
+
+def test_paused_it_holds_the_pose_and_steps_by_a_tenth(make) -> None:
+    graph = make(motion(), start=2.0)
+    graph.until(lambda: graph.node.place > 2.2)
+    graph.node.toggle()
+    place = graph.node.place
+    graph.until(lambda: len(graph.driver.asked[-1].points) == 1)
+    pose = graph.driver.asked[-1].points[0].positions
+    count = len(graph.driver.asked)
+    graph.until(lambda: len(graph.driver.asked) > count + 3)  # it is not silent, so that nothing parks
+    assert graph.driver.asked[-1].points[0].positions == pose
+    graph.node.step()
+    assert graph.node.place == pytest.approx(place + replay_node.PERIOD)
+    graph.node.toggle()
+    graph.until(lambda: graph.node.done)
+    assert not graph.node.failed

@@ -1,0 +1,151 @@
+"""Recorded topics in a graph: at their pace, latched ones at any start, nothing that could move a robot unasked."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from tripod_graph.qos import LATCHED, RELIABLE
+from tripod_record.bag import Bag
+from tripod_record.definitions import definition_text
+from tripod_record.errors import RecordError
+from tripod_record.play_node import COMMANDING, TopicPlayer
+from tripod_record.selection import is_selected
+from tripod_record.topic import Qos, Topic
+from tripod_record.writer import BagWriter
+
+pytestmark = pytest.mark.ros
+
+DEADLINE = 60.0
+START = 1_700_000_000_000_000_000  # [ns]
+TEXT = definition_text("std_msgs/msg/String")
+
+
+def write_bag(directory: Path, *, count: int = 10, period: float = 0.1) -> Path:
+    """Write /said, /kept (latched: two messages at the beginning) and a command."""
+    writer = BagWriter(directory)
+    writer.add_topic(Topic("/said", "std_msgs/msg/String", TEXT, (Qos(),)))
+    writer.add_topic(
+        Topic("/kept", "std_msgs/msg/String", TEXT, (Qos(durability="transient_local", depth=1),))
+    )
+    command = "trajectory_msgs/msg/JointTrajectory"
+    writer.add_topic(Topic("/joint_trajectory", command, definition_text(command), (Qos(),)))
+    for text in ("old", "kept"):
+        writer.write("/kept", serialize_message(String(data=text)), START)
+    for i in range(count):
+        stamp = START + round(1e9 * period * i)
+        writer.write("/said", serialize_message(String(data=str(i))), stamp)
+        writer.write("/joint_trajectory", serialize_message(JointTrajectory()), stamp)
+    writer.close()
+    return directory
+
+
+def unasked(topic: str) -> bool:
+    """What is played where nobody names topics."""
+    return is_selected(topic, "/", ("/*",), tuple(f"*/{name}" for name in COMMANDING))
+
+
+class Graph:
+    def __init__(self) -> None:
+        self.ear = Node("ear")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.ear)
+        self.heard: dict[str, list[Any]] = {"/said": [], "/kept": [], "/joint_trajectory": []}
+        for topic, kind in (("/said", String), ("/joint_trajectory", JointTrajectory)):
+            self.ear.create_subscription(kind, topic, self.heard[topic].append, RELIABLE)
+        self.player: TopicPlayer | None = None
+
+    def play(self, path: Path, **options: Any) -> TopicPlayer:
+        options = {"start": 0.0, "rate": 1.0, **options}
+        self.player = TopicPlayer(Bag(path), options.pop("wanted", unasked), **options)
+        self.executor.add_node(self.player)
+        return self.player
+
+    def until(self, condition: Callable[[], Any]) -> None:
+        end = time.monotonic() + DEADLINE
+        while not condition():
+            assert time.monotonic() < end, self.heard
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def said(self) -> list[int]:
+        return [int(m.data) for m in self.heard["/said"]]
+
+    def close(self) -> None:
+        if self.player:
+            self.player.close()
+        self.executor.shutdown()
+        self.ear.destroy_node()
+
+
+@pytest.fixture
+def graph(domain: int) -> Iterator[Graph]:
+    rclpy.init(args=[], domain_id=domain)
+    graph = Graph()
+    yield graph
+    graph.close()
+    rclpy.try_shutdown()
+
+
+def test_what_was_recorded_is_heard_in_its_order_but_no_command(graph: Graph, tmp_path: Path) -> None:
+    player = graph.play(write_bag(tmp_path / "bag"))
+    graph.until(lambda: player.done)
+    assert player.done == "played 12 messages"
+    graph.until(lambda: 9 in graph.said())
+    assert graph.said() == sorted(graph.said())
+    assert not graph.heard["/joint_trajectory"]
+    assert not player.count_publishers("/joint_trajectory")
+
+
+def test_a_command_that_is_named_is_played(graph: Graph, tmp_path: Path) -> None:
+    player = graph.play(write_bag(tmp_path / "bag"), wanted="/joint_trajectory".__eq__)
+    graph.until(lambda: player.done and graph.heard["/joint_trajectory"])
+    assert not graph.heard["/said"]
+
+
+def test_what_was_latched_before_the_start_is_there_for_who_comes_late(graph: Graph, tmp_path: Path) -> None:
+    player = graph.play(write_bag(tmp_path / "bag"), start=0.45)
+    graph.until(lambda: player.done)
+    assert player.done == "played 6 messages"  # the newest latched one, and 5 to 9
+    graph.ear.create_subscription(String, "/kept", graph.heard["/kept"].append, LATCHED)
+    graph.until(lambda: graph.heard["/kept"])
+    assert [m.data for m in graph.heard["/kept"]] == ["kept"]
+    assert set(graph.said()) <= {5, 6, 7, 8, 9}
+
+
+def test_paused_it_goes_on_one_message_a_step(graph: Graph, tmp_path: Path) -> None:
+    player = graph.play(write_bag(tmp_path / "bag", period=1000.0), wanted="/said".__eq__)
+    graph.until(lambda: player._played["/said"].get_subscription_count())
+    player.toggle()
+    assert player.paused
+    graph.until(lambda: graph.said() == [0])
+    for wanted in (1, 2, 3):
+        player.step()
+        graph.until(lambda wanted=wanted: graph.said() == list(range(wanted + 1)))
+    assert player.place == pytest.approx(3000.0)
+    assert not player.done
+
+
+def test_what_another_node_publishes_is_not_mixed_with(graph: Graph, tmp_path: Path) -> None:
+    graph.ear.create_publisher(String, "/said", RELIABLE)
+    with pytest.raises(RecordError, match=r"^/ear publishes /said already, and two would mix"):
+        graph.play(write_bag(tmp_path / "bag"))
+
+
+def test_a_type_with_other_fields_is_told_and_left_out(graph: Graph, tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag")
+    writer.add_topic(Topic("/said", "std_msgs/msg/String", "string data\nint32 more\n", (Qos(),)))
+    writer.write("/said", serialize_message(String(data="1")), START)
+    writer.close()
+    with pytest.raises(RecordError, match="no topic whose type is installed here as it was recorded"):
+        graph.play(tmp_path / "bag")
