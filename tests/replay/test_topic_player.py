@@ -125,7 +125,7 @@ def test_what_was_latched_before_the_start_is_there_for_who_comes_late(graph: Gr
 
 def test_paused_it_goes_on_one_message_a_step(graph: Graph, tmp_path: Path) -> None:
     player = graph.play(write_bag(tmp_path / "bag", period=1000.0), wanted="/said".__eq__)
-    graph.until(lambda: player._played["/said"].get_subscription_count())
+    graph.until(player._played["/said"].get_subscription_count)
     player.toggle()
     assert player.paused
     graph.until(lambda: graph.said() == [0])
