@@ -48,7 +48,7 @@ HOME = {
     "rosbags": {"tripod_record"},
     "osqp": {"tripod_ik"},
     "qdldl": {"tripod_sim"},
-    "numba": {"tripod_sim", "tripod_ik"},
+    "numba": {"tripod_sim", "tripod_ik", "tripod_view"},
     "typer": {"tripod_bringup"},
     "rich": {"tripod_bringup"},
 }

@@ -9,6 +9,7 @@ from tripod_bringup import bag_cli, explain_command, ik_cli, play_cli, robot_cli
 from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
 from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples
+from tripod_bringup.pictures import Gif, Html, Mp4, Pictures, Plot
 from tripod_host.program import program
 
 app = typer.Typer(
@@ -59,6 +60,8 @@ def root(
         "tripod run tripod --json",
         'tripod run tripod --duration 2 --servo "0:0,0,0; 1:-0.7854,-0.7854,-0.7854"',
         'tripod run tripod --servo "0:0,0,0; 2:-1.4965,-1.4965,-1.4965" --slide "0:0; 2:0.035" --out run.npz',
+        "tripod run pendulum --view",
+        "tripod run cloth --html cloth.html --plot cloth.png",
         "tripod run silicone --set material.young=3e5",
         "tripod run tripod --set dt=auto --set time_error.tolerance=1e-5 --set inertia.scheme=tr_bdf2",
         "tripod run tripod --accuracy 5%",
@@ -75,7 +78,15 @@ def run(
         str | None, typer.Option(help='Inward slide \\[m]: a number, or "time:value; ...".')
     ] = None,
     set_: Overrides = None,
-    out: Annotated[Path | None, typer.Option(help="Write the motion to this .npz file.")] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show it on a page, while it runs and after.")] = False,
+    html: Html = None,
+    plot: Plot = None,
+    gif: Gif = None,
+    mp4: Mp4 = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.npz", help="Write every step as arrays, for NumPy and `tripod show`."),
+    ] = None,
     accuracy: Accuracy = None,
     study: Study = None,
     json: Json = False,
@@ -92,12 +103,31 @@ def run(
             slide=slide,
             overrides=set_ or [],
             out=out,
+            pictures=Pictures(html=html, plot=plot, gif=gif, mp4=mp4),
+            view=view,
             accuracy=accuracy,
             study=study,
             as_json=json,
             quiet=quiet,
         )
     )
+
+
+@app.command(
+    epilog=examples("tripod show run.npz", "tripod show run.npz --html run.html --plot run.png --gif run.gif")
+)
+def show(
+    file: Annotated[Path, typer.Argument(metavar="FILE.npz", help="A recording, from `tripod run --out`.")],
+    *,
+    html: Html = None,
+    plot: Plot = None,
+    gif: Gif = None,
+    mp4: Mp4 = None,
+) -> None:
+    """Show a recorded run on a page, until Ctrl-C, or write it as files."""
+    from tripod_bringup.show_command import show_command  # noqa: PLC0415
+
+    raise typer.Exit(show_command(file, Pictures(html=html, plot=plot, gif=gif, mp4=mp4)))
 
 
 app.add_typer(explain_command.commands)

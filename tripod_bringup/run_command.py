@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from tripod_bringup.pictures import PictureError, Pictures, ShownRun
 from tripod_bringup.run_summary import result_rows
 from tripod_host.stop import first
 
@@ -26,6 +27,8 @@ def run_scene(
     slide: str | None,
     overrides: list[str],
     out: Path | None,
+    pictures: Pictures,
+    view: bool,
     accuracy: str | None = None,
     study: Path | None = None,
     as_json: bool,
@@ -40,29 +43,42 @@ def run_scene(
     from tripod_sim.run import run  # noqa: PLC0415
 
     try:
-        choice = chosen(scene, accuracy, overrides, study)
-        if choice:
-            overrides = list(choice.overrides)
-            if not (quiet or as_json):
-                print(choice.sentence, file=sys.stderr)
-        with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
-            result = run(
-                scene,
-                duration=duration,
-                servo=servo,
-                slide=slide,
-                overrides=overrides,
-                out=out,
-                progress=progress,
-            )
-    except SceneError as error:
+        with ShownRun("tripod run", pictures, view=view) as shown:
+            choice = chosen(scene, accuracy, overrides, study)
+            if choice:
+                overrides = list(choice.overrides)
+                if not (quiet or as_json):
+                    print(choice.sentence, file=sys.stderr)
+            broken: StepError | None = None
+            with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
+                try:
+                    result = run(
+                        scene,
+                        duration=duration,
+                        servo=servo,
+                        slide=slide,
+                        overrides=overrides,
+                        out=out,
+                        recorded=shown.begin if shown.wanted else None,
+                        progress=progress,
+                    )
+                except StepError as error:
+                    broken = error
+            with progress_bar(shown=shown.wanted and not quiet and sys.stderr.isatty()) as progress:
+                written = shown.end(progress)
+            if broken:
+                return _complain(broken, FAILED)
+            if choice:
+                result["accuracy"] = asdict(choice)
+            if files := [path for path in (out, *written) if path and path.exists()]:
+                result["written"] = [{"file": str(path), "bytes": path.stat().st_size} for path in files]
+            return _tell(result, as_json=as_json, quiet=quiet)
+    except (SceneError, PictureError, OSError) as error:  # the last: a file to write
         return _complain(error, BAD_ARGUMENTS)
-    except StepError as error:
-        return _complain(error, FAILED)
-    except OSError as error:  # the file to write
-        return _complain(error, BAD_ARGUMENTS)
-    if choice:
-        result["accuracy"] = asdict(choice)
+
+
+def _tell(result: dict[str, Any], *, as_json: bool, quiet: bool) -> int:
+    """Print the result of a run; return the exit code."""
     if as_json:
         print(json.dumps(plain(result)))
     elif not quiet:

@@ -39,6 +39,8 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         work += f", {result['halvings']} steps halved"
     if result["newton_iterations"] or result.get("dt_limit") is None:
         rows.append(("solved by", work))
+    for file in result.get("written", ()):
+        rows.append(("written", f"{file['file']}, {file['bytes'] / 1e6:.2f} MB"))
     times = result["step_ms"]
     factor = result["dt"] * 1e3 / times["median"] if times["median"] > 0 else math.inf
     rows.append(

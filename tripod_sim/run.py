@@ -4,6 +4,7 @@ import time as clock
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_host import stop
-from tripod_host.writing import check_place, replaced
 from tripod_sim.errors import SceneError
+from tripod_sim.recording import Recording, check_out
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
@@ -26,9 +27,6 @@ SETTLING = 1.0
 MOST_STEPS = 10**9
 """Of one run."""
 
-MOST_BYTES = 4e9
-"""Largest recording of `out` held in memory [bytes]."""
-
 
 def run(
     scene: str,
@@ -38,6 +36,7 @@ def run(
     slide: str | None = None,
     overrides: Sequence[str] = (),
     out: Path | None = None,
+    recorded: Callable[[Recording], None] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> dict[str, Any]:
     """Simulate a scene and return its summary.
@@ -48,8 +47,10 @@ def run(
         servo: Angles over time [rad], `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`.
         slide: Slide over time [m], or one number (see `parse_slide`).
         overrides: Words `dotted.path=value`.
-        out: File for every step's time, positions, effector pose, angles, slide, torques; of the steps that were made,
-            if the run breaks off.
+        out: File (`.npz`) for every step, see `tripod_sim.recording`; of the steps that were made, if the run breaks
+            off.
+        recorded: Called before the first step with the recording, which grows with each step; None: there is none
+            unless `out` is given.
         progress: Called with the finished fraction after each step.
 
     Returns:
@@ -82,14 +83,16 @@ def run(
         )
     steps = max(1, round(duration / description.dt))
     description = _starting(description, servos, slides)
-    _check_place(out)
+    check_out("--out", out, (".npz",))
     simulation = Simulation(description)
-    recording = _Recording(simulation, steps, out) if out else None
+    recording = Recording(simulation, steps) if out or recorded else None
+    if recording and recorded:
+        recorded(recording)
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
     worst = dict.fromkeys(("worst_effector", "worst", "worst_added"), np.nan)
     stalled_steps = [0] * len(simulation.torques)
-    kept = recording.save if recording else lambda: None
+    kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
     try:
         for k in range(steps):
@@ -106,7 +109,7 @@ def run(
             for stall in report.stalled:
                 stalled_steps[stall.servo] += 1
             if recording:
-                recording.add(k, simulation)
+                recording.add(simulation)
             if progress:
                 progress((k + 1) / steps)
     finally:  # a run that breaks off keeps what it has
@@ -209,68 +212,3 @@ def _joints(
     if slides:
         joints[-1] = slides.at(time)[0]
     return joints
-
-
-class _Recording:
-    """Every step of a run, in memory until it is saved whole."""
-
-    def __init__(self, simulation: Simulation, steps: int, path: Path) -> None:
-        nodes, servos = len(simulation.mesh.nodes), len(simulation.torques)
-        size = 8.0 * steps * (3 * nodes + 2 * servos + 9)
-        if size > MOST_BYTES:
-            raise SceneError(
-                f"--out would take {size / 1e9:.1f} GB (at most {MOST_BYTES / 1e9:g}); shorten --duration or enlarge dt"
-            )
-        self._path = path
-        self._has_pose = simulation.effector is not None
-        self._count = 0
-        try:
-            self._arrays = {
-                "time": np.empty(steps),
-                "positions": np.empty((steps, nodes, 3)),
-                "effector": np.full((steps, 7), np.nan),
-                "angles": np.empty((steps, servos)),
-                "slide": np.empty(steps),
-                "torques": np.empty((steps, servos)),
-            }
-        except MemoryError:
-            raise SceneError(
-                f"--out needs {size / 1e9:.1f} GB of memory; shorten --duration or enlarge dt"
-            ) from None
-
-    def add(self, k: int, simulation: Simulation) -> None:
-        a, state, pose = self._arrays, simulation.state, simulation.effector
-        a["time"][k], a["positions"][k] = state.time, simulation.positions
-        a["angles"][k], a["slide"][k], a["torques"][k] = (
-            state.joints[:-1],
-            state.joints[-1],
-            simulation.torques,
-        )
-        if pose:
-            a["effector"][k, :3], a["effector"][k, 3:] = pose.position, pose.quaternion
-        self._count = k + 1
-
-    def save(self) -> None:
-        """Write the steps added so far; nothing if there are none."""
-        if not self._count:
-            return
-        kept = {n: a[: self._count] for n, a in self._arrays.items() if self._has_pose or n != "effector"}
-        try:
-            with replaced(self._path) as file:
-                np.savez(file, allow_pickle=False, **kept)
-        except OSError as error:
-            raise _unwritable(self._path, error) from None
-
-
-def _check_place(out: Path | None) -> None:
-    """Raise SceneError if `out` is a file that could not be written after the run."""
-    if out is None:
-        return
-    try:
-        check_place(out)
-    except OSError as error:
-        raise _unwritable(out, error) from None
-
-
-def _unwritable(path: Path, error: OSError) -> SceneError:
-    return SceneError(f"--out {str(path)!r} cannot be written: {error.strerror or error}")

@@ -353,6 +353,12 @@ class Simulation:
         """What shows the body: undeformed nodes, surface triangles and topology id."""
         return self._parts.skin or self.mesh
 
+    @property
+    def bodies(self) -> tuple[int, ...]:
+        """How many nodes of `skin` belong to the soft body, 0 where there is none, and to each rigid one."""
+        rigid = [len(shape.vertices) for shape in self._parts.rigid.shapes] if self._parts.rigid else []
+        return (len(self.skin.nodes) - sum(rigid), *rigid)
+
     def shown(self, positions: FloatArray) -> FloatArray:
         """Return where the nodes of `skin` are [m], shape (k, 3), for `positions` of the mesh's nodes [m], (n, 3)."""
         skin = self._parts.skin

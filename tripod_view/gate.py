@@ -61,7 +61,7 @@ class Gate:
         given, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
         if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
             raise RefusedError(
-                "the address of this page ends in a token; open the whole address, as `tripod up` or `tripod view` "
-                "printed it when it started"
+                "the address of this page ends in a token; open the whole address, as it was printed in the "
+                "terminal"
             )
         return slash + rest or "/"

@@ -80,13 +80,14 @@ def test_run_passes_its_options_on(fake_run: FakeRun, tmp_path: Path) -> None:
         "slide": "0.035",
         "overrides": ["material.young=3e5", "gravity=off"],
         "out": out,
+        "recorded": None,
         "progress": None,
     }
 
 
 def test_run_without_options_leaves_all_to_the_scene(fake_run: FakeRun) -> None:
     tripod("run", "silicone")
-    nothing = dict.fromkeys(("duration", "servo", "slide", "out", "progress"))
+    nothing = dict.fromkeys(("duration", "servo", "slide", "out", "recorded", "progress"))
     assert fake_run.given == {**nothing, "overrides": []}
 
 

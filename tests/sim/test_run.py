@@ -4,6 +4,7 @@ import errno
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -66,15 +67,28 @@ def test_the_recording_holds_every_step(recorded) -> None:
     summary, arrays, _ = recorded
     nodes = 144
     shapes = {name: a.shape for name, a in arrays.items()}
+    faces = shapes.pop("triangles")
     assert shapes == {
+        "version": (),
+        "scene": (),
+        "units": (),
         "time": (60,),
         "positions": (60, nodes, 3),
+        "bodies": (1,),
+        "energies": (60, 3),
         "effector": (60, 7),
         "angles": (60, 3),
         "slide": (60,),
         "torques": (60, 3),
+        "event_times": (0,),
+        "event_texts": (0,),
     }
-    assert all(np.isfinite(a).all() for a in arrays.values())
+    assert faces[1:] == (3,)
+    assert arrays["bodies"].tolist() == [nodes]
+    assert 0 <= arrays["triangles"].min() < arrays["triangles"].max() < nodes
+    assert all(np.isfinite(a).all() for a in arrays.values() if a.dtype.kind == "f")
+    assert json.loads(str(arrays["units"]))["torques"] == "N m"
+    assert list(arrays["energies"][-1]) == list(summary["energies"].values())
     np.testing.assert_allclose(arrays["time"], 0.005 * np.arange(1, 61), atol=1e-12)
     share = np.minimum(arrays["time"] / 0.2, 1)
     np.testing.assert_allclose(arrays["angles"], share[:, None] * [-0.4, -0.3, 0.1], atol=1e-12)
@@ -101,7 +115,7 @@ def test_two_runs_give_the_same_bits_in_two_processes_and_in_one(recorded, tmp_p
         check=True,
     )
     assert third.read_bytes() == first.read_bytes()
-    reports = [{**r, "step_ms": None} for r in (summary, again, json.loads(child.stdout))]
+    reports = [{**r, "step_ms": None, "written": None} for r in (summary, again, json.loads(child.stdout))]
     assert reports[0] == reports[1] == reports[2]
 
 
@@ -118,6 +132,18 @@ def test_another_input_gives_other_bits(recorded, tmp_path: Path) -> None:
     assert other.read_bytes() != recorded[2].read_bytes()
 
 
+def test_the_recording_names_the_scene_with_all_its_values(recorded, tmp_path: Path) -> None:
+    path = tmp_path / "again.toml"
+    path.write_text(str(recorded[1]["scene"]))
+    servos = replace(load_scene("tripod").servos, angles=(0.0, 0.0, 0.0), slide=0.0)
+    assert load_scene(path) == replace(load_scene("tripod", COARSE), servos=servos)
+
+
+def test_a_recording_changes_nothing(recorded) -> None:
+    alone = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=COARSE)
+    assert {**alone, "step_ms": None} == {**recorded[0], "step_ms": None}
+
+
 @pytest.mark.parametrize("name", scene_names())
 def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
@@ -129,7 +155,15 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
     assert len(summary["angles"]) == len(summary["torques"]) == (3 if scene.servos else 0)
     with np.load(out) as arrays:
         assert ("effector" in arrays) == (scene.effector is not None)
-        assert all(np.isfinite(arrays[n]).all() for n in arrays)
+        assert all(np.isfinite(arrays[n]).all() for n in arrays if arrays[n].dtype.kind == "f")
+        corners = arrays["vertices" if "vertices" in arrays else "positions"].shape[1]
+        assert sum(arrays["bodies"]) == corners > arrays["triangles"].max()
+        assert len(arrays["bodies"]) == 1 + len(scene.rigid)
+        assert (arrays["bodies"][0] > 0) == bool(scene.mesh or scene.springs)
+        assert ("ball" in arrays) == (scene.ball is not None)
+        assert ("maze_vertices" in arrays) == (scene.maze is not None)
+        assert ("still_vertices" in arrays) == bool(scene.obstacles)
+        assert ("rigid" in arrays) == bool(scene.rigid)
 
 
 def steps(**options: Any) -> int:
@@ -191,7 +225,7 @@ def test_bad_options_are_refused_before_the_first_step(options: dict[str, Any], 
 
 def test_a_recording_too_large_for_memory_is_refused(tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
-    assert "--out would take 17.9 GB (at most 4); shorten --duration or enlarge dt" in refusal(
+    assert "the run would take 18.0 GB to keep (at most 4); shorten --duration or enlarge dt" in refusal(
         duration=25e3, out=out
     )
     assert not list(tmp_path.iterdir())
@@ -199,22 +233,26 @@ def test_a_recording_too_large_for_memory_is_refused(tmp_path: Path) -> None:
 
 def test_a_place_that_cannot_be_written_is_refused_before_the_first_step(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("kept")
-    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder.npz").mkdir()
     for out, reason in (
         (tmp_path / "gone" / "run.npz", "there is no directory "),
         (tmp_path / "file" / "run.npz", "Not a directory"),
-        (tmp_path / "folder", "it is a directory"),
-        (tmp_path / ("n" * 256), "File name too long"),
-        (tmp_path / "a\0b", "embedded null byte"),
-        (Path("/"), "it is a directory"),
-        (Path(), "it is a directory"),
+        (tmp_path / "folder.npz", "it is a directory"),
+        (tmp_path / ("n" * 256 + ".npz"), "File name too long"),
+        (tmp_path / "a\0b.npz", "embedded null byte"),
         (Path("/proc/run.npz"), ""),
     ):
         message = refusal(out=out)
         assert message.startswith("--out ")
         assert f"cannot be written: {reason}" in message
     assert (tmp_path / "file").read_text() == "kept"
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.npz"]
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run", "run.npz.gz", "."])
+def test_another_suffix_is_refused(name: str, tmp_path: Path) -> None:
+    assert "must end in .npz: that is what is written" in refusal(out=tmp_path / name)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_full_disk_is_said_and_leaves_the_older_file(
@@ -262,7 +300,8 @@ def test_a_run_that_breaks_off_keeps_the_steps_it_made(
     with np.load(broken) as a, np.load(whole) as b:
         assert len(a["time"]) == 4
         for name in b:
-            np.testing.assert_array_equal(a[name], b[name][:4])
+            moving = b[name].shape[:1] == b["time"].shape
+            np.testing.assert_array_equal(a[name], b[name][:4] if moving else b[name])
 
 
 def test_a_run_that_breaks_off_at_once_writes_nothing(

@@ -18,7 +18,17 @@ COMMANDS = sorted(
         for command in text.split(" && ")
     }
 )
-GIVEN = {"robot.yaml", "reach.csv", "reach.png", "run.npz", "recordings", "recordings/NAME"}
+GIVEN = {
+    "robot.yaml",
+    "reach.csv",
+    "reach.png",
+    "run.npz",
+    "run.html",
+    "run.png",
+    "run.gif",
+    "recordings",
+    "recordings/NAME",
+}
 """Files of the user."""
 
 

@@ -54,7 +54,7 @@ def camera(film: Film) -> Camera:
     ground = [low[2], *(vertices[:, 2].min() for vertices in still)]
     return Camera(
         centre=(float(centre[0]), float(centre[1]), float(centre[2])),
-        radius=float(np.linalg.norm(extent) / 2) or 0.05,
+        radius=float(0.43 * np.linalg.norm(extent)) or 0.05,  # of a sphere that a box does not fill
         azimuth=-80.0 if flat else -50.0,
         elevation=10.0 if flat else 30.0,
         follow=follow,

@@ -238,7 +238,7 @@ class Camera {
 
   home() {
     const { centre, radius, azimuth, elevation, follow } = this.from;
-    Object.assign(this, { centre: [...centre], radius, follow });
+    Object.assign(this, { centre: [...centre], radius, follow, touched: false });
     this.azimuth = azimuth * Math.PI / 180;
     this.elevation = elevation * Math.PI / 180;
   }
@@ -260,16 +260,21 @@ class Camera {
   }
 
   turn(dx, dy) {
+    this.touched = true;
     this.azimuth -= dx;
     this.elevation = clamp(this.elevation + dy, -1.55, 1.55);
   }
 
   shift(dx, dy) {
     const { right, up } = this.axes;
+    this.touched = true;
     for (let a = 0; a < 3; a++) this.centre[a] -= this.radius * (dx * right[a] - dy * up[a]);
   }
 
-  zoom(factor) { this.radius = clamp(this.radius * factor, 0.02 * this.from.radius, 50 * this.from.radius); }
+  zoom(factor) {
+    this.touched = true;
+    this.radius = clamp(this.radius * factor, 0.02 * this.from.radius, 50 * this.from.radius);
+  }
 }
 
 function steer(canvas, camera, redraw) {
@@ -365,13 +370,13 @@ class Plot {
 
 // ---- the ground
 
-function ground(camera, floor) {
+function ground(camera) {
   const cell = 10 ** Math.floor(Math.log10(camera.radius)) * (camera.radius / 10 ** Math.floor(Math.log10(camera.radius)) > 4 ? 1 : 0.2);
   const count = Math.ceil(2.5 * camera.radius / cell), reach = count * cell, lines = [], vertices = [];
   const cx = Math.round(camera.centre[0] / cell) * cell, cy = Math.round(camera.centre[1] / cell) * cell;
   for (let i = -count; i <= count; i++) {
-    vertices.push(cx + i * cell, cy - reach, floor, cx + i * cell, cy + reach, floor);
-    vertices.push(cx - reach, cy + i * cell, floor, cx + reach, cy + i * cell, floor);
+    vertices.push(cx + i * cell, cy - reach, 0, cx + i * cell, cy + reach, 0);
+    vertices.push(cx - reach, cy + i * cell, 0, cx + reach, cy + i * cell, 0);
   }
   for (let i = 0; i < vertices.length / 3; i++) lines.push(i);
   return { vertices: new Float32Array(vertices), lines: new Uint32Array(lines), cell };
@@ -388,8 +393,13 @@ async function main() {
   const read = await unpack(stage.data), none = new Uint32Array(0);
   const bodies = stage.bodies.map((b) => painter.shape(new Float32Array(3 * b.nodes), read(b.triangles), read(b.edges), true));
   const pieces = stage.pieces.map((p) => painter.shape(read(p.vertices), read(p.triangles), none, false));
-  const grid = ground(stage.camera, stage.camera.floor), floor = painter.shape(grid.vertices, none, grid.lines, false);
-  byId("scale").textContent = `squares: ${length(grid.cell)}`;
+  let grid, floor;
+  function layGround() {
+    grid = ground(stage.camera);
+    floor = painter.shape(grid.vertices, none, grid.lines, false);
+    byId("scale").textContent = `squares: ${length(grid.cell)}`;
+  }
+  layGround();
 
   let time = 0, playing = false, asked = 0, live = !first, showLines = false, waiting = false;
   const redraw = () => { if (!asked) asked = requestAnimationFrame(paint); };
@@ -436,8 +446,8 @@ async function main() {
       const pose = stage.pieces[p].moves ? film.pose(p, moment) : null;
       if (pose || !stage.pieces[p].moves) drawn.push([shape, pose ? frame(pose, origin) : still, stage.pieces[p].colour]);
     });
-    const about = camera.follow ? [Math.round(origin[0] / grid.cell) * grid.cell, Math.round(origin[1] / grid.cell) * grid.cell, 0] : [0, 0, 0];
-    painter.draw(floor, frame([...about, 0, 0, 0, 1], origin), [120, 135, 150], { lines: true, alpha: 0.35 });
+    const about = [0, 1].map((a) => (camera.follow ? Math.round((origin[a] - stage.camera.centre[a]) / grid.cell) * grid.cell : 0));
+    painter.draw(floor, frame([...about, stage.camera.floor, 0, 0, 0, 1], origin), [120, 135, 150], { lines: true, alpha: 0.35 });
     if (eye[2] > height) painter.shadows(() => drawn.forEach(([shape, model]) => painter.draw(shape, model, [40, 50, 60], { alpha: 0.13 })));
     drawn.forEach(([shape, model, colour]) => painter.draw(shape, model, colour));
     if (showLines) bodies.forEach((shape) => painter.draw(shape, identity, [60, 35, 15], { lines: true, alpha: 0.55 }));
@@ -487,7 +497,12 @@ async function main() {
   while (live) {
     const answer = await fetch(`${location.pathname.replace(/\/$/, "")}/reel?from=${film.length}`);
     if (!answer.ok) throw new Error(`the run cannot be read any more: ${answer.status}`);
-    const { reel, done } = await answer.json();
+    const { reel, camera: seen, done } = await answer.json();
+    if (seen) { // what moves goes further than it had when the page was opened
+      stage.camera = camera.from = seen;
+      if (!camera.touched) camera.home();
+      layGround();
+    }
     if (reel) await take(reel);
     live = !done;
     if (live) await new Promise((wake) => setTimeout(wake, 200));

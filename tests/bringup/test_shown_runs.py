@@ -1,0 +1,194 @@
+"""`tripod run --view`, `--html` and so on, and `tripod show`, from the command line."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from tripod_bringup.cli import app
+from tripod_sim import Simulation, load_scene, scene_names
+from tripod_sim.recording import Recording
+from tripod_view.player.of_run import film_of
+
+SHORT = ["run", "pendulum", "--duration", "0.1"]
+QUIET = {**os.environ, "OMP_NUM_THREADS": "1"}
+
+
+def tripod(*words: str) -> Result:
+    return CliRunner().invoke(app, list(words))
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_each_shipped_scene_is_shown_with_all_that_is_in_it(name: str) -> None:
+    scene = load_scene(name)
+    coarse = (
+        ["springs.nodes=5"]
+        if scene.springs
+        else ["mesh.level=1"]
+        if scene.mesh and name != "tripod_sofa"
+        else []
+    )
+    simulation = Simulation(load_scene(name, coarse))
+    recording = Recording(simulation, 2)
+    for _ in range(2):
+        simulation.step()
+        recording.add(simulation)
+    film = film_of(recording.arrays())
+    assert film.title == name
+    assert len(film.bodies) == bool(scene.mesh or scene.springs) + len(scene.rigid)
+    assert all(len(body.triangles) for body in film.bodies)
+    names = [piece.name for piece in film.pieces]
+    assert ("arm 2" in names) == bool(scene.servos)
+    assert ("maze" in names) == ("goal" in names) == bool(scene.maze)
+    assert names.count("ball") == 2 * bool(scene.ball)
+    assert ("obstacles" in names) == bool(scene.obstacles)
+    assert ("effector" in names) == bool(scene.effector and not scene.maze)
+    assert ("servo torques" in [c.title for c in film.curves]) == bool(scene.servos)
+
+
+def test_a_run_writes_what_is_asked_and_says_so(tmp_path: Path) -> None:
+    page, plot, out = (tmp_path / f"run.{kind}" for kind in ("html", "png", "npz"))
+    result = tripod(*SHORT, "--html", str(page), "--plot", str(plot), "--out", str(out))
+    assert result.exit_code == 0, result.output
+    assert re.search(r"^written +.*run\.html, 0\.\d\d MB$", result.output, re.MULTILINE)
+    assert "Simulated by tripod" in page.read_text()
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    with np.load(out) as arrays:
+        assert len(arrays["time"]) == 20
+    again = tmp_path / "again.html"
+    shown = tripod("show", str(out), "--html", str(again))
+    assert shown.exit_code == 0, shown.output
+    assert shown.stdout.startswith(f"{again}  0.")
+    assert again.read_bytes() == page.read_bytes()
+
+
+def test_the_files_are_in_the_json(tmp_path: Path) -> None:
+    page = tmp_path / "run.html"
+    result = json.loads(tripod(*SHORT, "--html", str(page), "--json").stdout)
+    assert result["written"] == [{"file": str(page), "bytes": page.stat().st_size}]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--html", "a.htm"], "--html 'a.htm' must end in .html: that is what is written"),
+        (["--plot", "a.jpg"], "--plot 'a.jpg' must end in .png: that is what is written"),
+        (["--gif", "a.mp4"], "--gif 'a.mp4' must end in .gif: that is what is written"),
+        (["--out", "a.csv"], "--out 'a.csv' must end in .npz: that is what is written"),
+        (["--html", "gone/a.html"], "--html 'gone/a.html' cannot be written: there is no directory gone"),
+        (["--gif", "a.gif"], "--gif: ffmpeg is not there; to install: sudo apt-get install ffmpeg."),
+        (["--mp4", "a.mp4"], "--mp4: ffmpeg is not there; to install: sudo apt-get install ffmpeg."),
+    ],
+)
+def test_what_cannot_be_written_is_told_before_the_run(
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    result = tripod(*SHORT, *words)
+    assert result.exit_code == 2
+    assert result.output.startswith(f"tripod run: {message}")
+    assert result.output.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_breaks_off_still_shows_how(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tripod_sim import run as module
+    from tripod_sim.errors import StepError
+
+    class Breaking(module.Simulation):
+        def step(self, joints: object = None) -> object:
+            if self.state.step == 7:
+                raise StepError("node 3 is gone")
+            return super().step(joints)
+
+    monkeypatch.setattr(module, "Simulation", Breaking)
+    page = tmp_path / "run.html"
+    result = tripod(*SHORT, "--html", str(page))
+    assert result.exit_code == 1
+    assert result.output == "tripod run: node 3 is gone\n"
+    assert page.exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "cannot be read: No such file or directory"), (b"words", "is no recording of a run: ")],
+)
+def test_what_cannot_be_shown_is_told(content: bytes | None, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    if content:
+        path.write_bytes(content)
+    result = tripod("show", str(path))
+    assert result.exit_code == 2
+    assert message in result.output
+    assert result.output.count("\n") == 1
+
+
+def viewed(words: list[str]) -> tuple[subprocess.Popen[str], str]:
+    """Start a command that serves a page; return it and the address."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tripod_bringup.cli", *words],
+        env=QUIET, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert process.stderr
+    for line in process.stderr:
+        if found := re.search(r"watch it at (http://127\.0\.0\.1:\d+/\S+)$", line):
+            return process, found[1]
+    raise AssertionError(f"no address; it ended with code {process.wait()}")
+
+
+def fetched(address: str) -> str:
+    with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(address, timeout=60) as answer:
+        return str(answer.read().decode())
+
+
+def ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+    """Send Ctrl-C as soon as it waits for that; return code and what it wrote."""
+    assert process.stderr
+    for line in process.stderr:
+        if "until Ctrl-C" in line:
+            break
+    process.send_signal(signal.SIGINT)
+    out, errors = process.communicate(timeout=60)
+    return process.returncode, out, errors
+
+
+def test_a_run_can_be_watched_and_the_page_stays_until_ctrl_c() -> None:
+    process, address = viewed([*SHORT[:-1], "0.5", "--view"])
+    try:
+        assert "<title>pendulum</title>" in fetched(address)
+        done, shown = False, 0
+        while not done:
+            answer = json.loads(fetched(f"{address}/reel?from={shown}"))
+            shown += answer["reel"]["times"][2] if answer["reel"] else 0
+            done = answer["done"]
+        assert shown == 26
+        code, out, errors = ended(process)
+    finally:
+        process.kill()
+    assert code == 0
+    assert "scene " in out
+    assert errors == ""
+
+
+def test_a_recording_is_served_until_ctrl_c(tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    assert tripod(*SHORT, "--out", str(out)).exit_code == 0
+    process, address = viewed(["show", str(out)])
+    try:
+        page = fetched(address)
+        assert "<title>pendulum</title>" in page
+        assert '<script id="reel" type="application/json">{"times"' in page
+        code, _, errors = ended(process)
+    finally:
+        process.kill()
+    assert code == 0
+    assert errors == ""

@@ -1,0 +1,193 @@
+"""`--view`, `--html`, `--plot`, `--gif`, `--mp4`: a run as pictures, the same for `tripod run` and `tripod show`."""
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripod_host import stop
+
+if TYPE_CHECKING:
+    from tripod_view.player.live import GrowingFilm
+    from tripod_view.player.serve import FilmServer
+
+Arrays = Mapping[str, Any]
+
+Html = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.html", help="Write one page that plays the motion in any browser, without a network."
+    ),
+]
+Plot = Annotated[
+    Path | None, typer.Option(metavar="FILE.png", help="Draw angles, torques, effector, energies over time.")
+]
+Gif = Annotated[
+    Path | None, typer.Option(metavar="FILE.gif", help="Write the motion as a GIF; needs ffmpeg.")
+]
+Mp4 = Annotated[
+    Path | None, typer.Option(metavar="FILE.mp4", help="Write the motion as a video; needs ffmpeg.")
+]
+
+LOOK = 0.2
+"""Between two looks whether the page is to be closed [s]."""
+
+
+class PictureError(Exception):
+    """A picture that is not made; the message names the option and why."""
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Files to write of a run; None: not that one."""
+
+    html: Path | None = None
+    plot: Path | None = None
+    gif: Path | None = None
+    mp4: Path | None = None
+
+    @property
+    def wanted(self) -> dict[str, Path]:
+        """Path by the name of its option, without those that are not wanted."""
+        return {f.name: path for f in fields(self) if (path := getattr(self, f.name)) is not None}
+
+    def check(self) -> None:
+        """Raise PictureError unless each can be made: its suffix, its place, its program."""
+        from tripod_host.writing import check_place  # noqa: PLC0415 - not needed for the help
+        from tripod_view.player.video import NoFfmpegError, find_ffmpeg  # noqa: PLC0415
+
+        for name, path in self.wanted.items():
+            suffix = ".png" if name == "plot" else f".{name}"
+            if path.suffix.lower() != suffix:
+                raise PictureError(f"--{name} {str(path)!r} must end in {suffix}: that is what is written")
+            try:
+                check_place(path)
+            except OSError as error:
+                raise PictureError(_unwritable(name, path, error)) from None
+        if self.plot:
+            try:
+                import matplotlib  # noqa: F401, PLC0415
+            except ImportError:
+                raise PictureError("--plot needs matplotlib; run `make setup`") from None
+        try:
+            if self.gif or self.mp4:
+                find_ffmpeg()
+        except NoFfmpegError as error:
+            raise PictureError(f"--{'gif' if self.gif else 'mp4'}: {error}") from None
+
+    def write(self, arrays: Arrays, progress: Callable[[float], None] | None = None) -> list[Path]:
+        """Write them of the arrays of a run; return their paths. Raises PictureError."""
+        if not (self.wanted and len(arrays["time"])):
+            return []
+        from tripod_view.player.film import FilmError  # noqa: PLC0415
+        from tripod_view.player.of_run import film_of  # noqa: PLC0415
+
+        name, path = "film", Path()
+        try:
+            film = film_of(arrays)
+            for name, path in self.wanted.items():
+                if name == "html":
+                    from tripod_view.player.html import write_html  # noqa: PLC0415
+
+                    write_html(film, path)
+                elif name == "plot":
+                    from tripod_view.player.curves_plot import write_plot  # noqa: PLC0415
+
+                    write_plot(film, path)
+                else:
+                    from tripod_view.player.video import write_video  # noqa: PLC0415
+
+                    write_video(film, path, progress)
+        except FilmError as error:
+            raise PictureError(f"--{name}: {error}") from None
+        except OSError as error:
+            raise PictureError(_unwritable(name, path, error)) from None
+        return list(self.wanted.values())
+
+
+class ShownRun:
+    """A run that is shown while it goes on, and whose pictures are written when it has ended, however that is.
+
+    The block of its `with` ends, after the run, when the user asks for it, by Ctrl-C: until then the page is there.
+    """
+
+    def __init__(self, command: str, pictures: Pictures, *, view: bool) -> None:
+        """`command`: its name in messages."""
+        self._command, self._pictures, self._view = command, pictures, view
+        self._recording: Any = None
+        self._film: GrowingFilm | None = None
+        self._server: FilmServer | None = None
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a recording of the run is needed."""
+        return self._view or bool(self._pictures.wanted)
+
+    def __enter__(self) -> "ShownRun":
+        """Raise PictureError unless all that is wanted can be made."""
+        self._pictures.check()
+        return self
+
+    def begin(self, recording: Any) -> None:
+        """Take the recording of the run, which is about to begin: its page is there from now on."""
+        self._recording = recording
+        stop.before(self._save)
+        if self._view:
+            from tripod_view.player.live import GrowingFilm  # noqa: PLC0415
+            from tripod_view.player.serve import FilmServer  # noqa: PLC0415
+
+            self._film = GrowingFilm(recording.arrays, recording.dt)
+            self._server = FilmServer(self._film.page, self._film.reel)
+            print(f"{self._command}: watch it at {self._server.url}", file=sys.stderr, flush=True)
+
+    def end(self, progress: Callable[[float], None] | None = None) -> list[Path]:
+        """Write the pictures of the steps that were made; return their paths. Raises PictureError."""
+        stop.no_more(self._save)
+        if self._film:
+            self._film.finish()
+        return self._pictures.write(self._recording.arrays(), progress) if self._recording else []
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Wait for the user, and close the page."""
+        stop.no_more(self._save)
+        if self._server:
+            if kind is None:
+                until_asked(self._command)
+            self._server.close()
+
+    def _save(self) -> None:
+        """Write what is made in a moment: the process is about to end."""
+        Pictures(html=self._pictures.html, plot=self._pictures.plot).write(self._recording.arrays())
+
+
+def serve_arrays(arrays: Arrays, command: str) -> None:
+    """Serve the page of a finished run until Ctrl-C. Raises FilmError."""
+    from tripod_view.player.html import player_page  # noqa: PLC0415
+    from tripod_view.player.of_run import film_of  # noqa: PLC0415
+    from tripod_view.player.packing import reel, stage  # noqa: PLC0415
+    from tripod_view.player.serve import FilmServer  # noqa: PLC0415
+
+    film = film_of(arrays)
+    page = player_page(stage(film), reel(film))
+    server = FilmServer(lambda: page, lambda _: {"reel": None, "done": True})
+    print(f"{command}: watch it at {server.url}", file=sys.stderr, flush=True)
+    try:
+        until_asked(command)
+    finally:
+        server.close()
+
+
+def until_asked(command: str) -> None:
+    """Wait for Ctrl-C or SIGTERM."""
+    with stop.taken() as asked:
+        print(f"{command}: the page is there until Ctrl-C", file=sys.stderr, flush=True)
+        while not asked.count:
+            time.sleep(LOOK)
+
+
+def _unwritable(name: str, path: Path, error: OSError) -> str:
+    return f"--{name} {str(path)!r} cannot be written: {error.strerror or error}"

@@ -1,0 +1,204 @@
+"""What a run leaves behind: every step as arrays, and all that is needed to show them again.
+
+| key | shape | what |
+|---|---|---|
+| `version` | text | of tripod |
+| `scene` | text | the scene with all its values, as TOML |
+| `units` | text | unit of each array, as JSON |
+| `time` | k | at the end of each step [s] |
+| `positions` | k, n, 3 | of the nodes, those of rigid bodies last [m] |
+| `vertices` | k, v, 3 | what shows a body that has no surface of its own (a chain) [m]; else it is not there |
+| `triangles` | t, 3 | of the surface: indices of `vertices`, or else of `positions` |
+| `bodies` | b | how many of these the soft body has (0: there is none), then each rigid one |
+| `energies` | k, 3 | kinetic, strain, of gravity [J] |
+| `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
+| `angles`, `torques` | k, 3 | of the servos [rad], [N m] |
+| `slide` | k | of the servo bodies [m] |
+| `ball` | k, 7 | pose of the ball; with a ball |
+| `rigid` | k, r, 7 | poses of rigid bodies; with any |
+| `maze_vertices`, `maze_triangles` | v, 3 and t, 3 | of the maze, in the frame of the disc [m]; with a maze |
+| `maze_goal` | 4 | centre of the goal in the frame of the disc, radius [m]; with a maze that has one |
+| `still_vertices`, `still_triangles` | v, 3 and t, 3 | of the obstacles [m]; with any |
+| `event_times`, `event_texts` | e | what happened: when [s], what |
+"""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tripod_host.writing import check_place, replaced
+from tripod_sim.errors import SceneError
+from tripod_sim.scene_file import scene_to_toml
+from tripod_sim.simulation import Pose, Simulation
+
+MOST_BYTES = 4e9
+"""Of one run, held in memory [bytes]."""
+
+UNITS = {
+    "time": "s",
+    "positions": "m",
+    "vertices": "m",
+    "energies": "J",
+    "effector": "m, m, m, 1, 1, 1, 1",
+    "angles": "rad",
+    "torques": "N m",
+    "slide": "m",
+    "ball": "m, m, m, 1, 1, 1, 1",
+    "rigid": "m, m, m, 1, 1, 1, 1",
+    "maze_vertices": "m",
+    "maze_goal": "m",
+    "still_vertices": "m",
+    "event_times": "s",
+}
+"""Of the arrays."""
+
+
+class Recording:
+    """Every step of a run, in memory.
+
+    Attributes:
+        count: Steps that are in it: another thread may read what is before.
+        dt: Of a step [s].
+    """
+
+    def __init__(self, simulation: Simulation, steps: int) -> None:
+        """Raises SceneError where `steps` of them take more memory than there is."""
+        nodes, servos, rigid = len(simulation.mesh.nodes), len(simulation.torques), len(simulation.rigid)
+        own_skin = simulation.skin is not simulation.mesh
+        shapes: dict[str, tuple[int, ...]] = {
+            "time": (),
+            "positions": (nodes, 3),
+            "energies": (3,),
+            "angles": (servos,),
+            "slide": (),
+            "torques": (servos,),
+        }
+        if own_skin:
+            shapes["vertices"] = (len(simulation.skin.nodes), 3)
+        if simulation.effector:
+            shapes["effector"] = (7,)
+        if simulation.ball:
+            shapes["ball"] = (7,)
+        if rigid:
+            shapes["rigid"] = (rigid, 7)
+        size = 8.0 * steps * sum(math.prod(shape) for shape in shapes.values())
+        if size > MOST_BYTES:
+            raise SceneError(
+                f"the run would take {size / 1e9:.1f} GB to keep (at most {MOST_BYTES / 1e9:g}); shorten --duration or "
+                "enlarge dt"
+            )
+        try:
+            self._moving = {name: np.empty((steps, *shape)) for name, shape in shapes.items()}
+        except MemoryError:
+            raise SceneError(
+                f"the run needs {size / 1e9:.1f} GB of memory to be kept; shorten --duration or enlarge dt"
+            ) from None
+        self._still = _still(simulation)
+        there = {*shapes, *self._still, "event_times"}
+        self._still["units"] = np.array(json.dumps({n: unit for n, unit in UNITS.items() if n in there}))
+        self._events: list[tuple[float, str]] = []
+        self.count, self.dt = 0, simulation.scene.dt
+
+    def add(self, simulation: Simulation) -> None:
+        """Add the present state of `simulation`."""
+        a, k, state, energies = self._moving, self.count, simulation.state, simulation.energies()
+        a["time"][k] = state.time
+        positions = a["positions"][k] = simulation.positions
+        a["energies"][k] = energies.kinetic, energies.strain, energies.gravity
+        a["angles"][k], a["slide"][k] = state.joints[:-1], state.joints[-1]
+        a["torques"][k] = simulation.torques
+        if "vertices" in a:
+            a["vertices"][k] = simulation.shown(positions)
+        for name, pose in (("effector", simulation.effector), ("ball", simulation.ball)):
+            if pose:
+                a[name][k] = _row(pose)
+        for i, pose in enumerate(simulation.rigid):
+            a["rigid"][k, i] = _row(pose)
+        event = simulation.ball_event
+        if event and not (self._events and self._events[-1][1] == event):
+            self._events.append((state.time, event))
+        self.count = k + 1
+
+    def arrays(self, first: int = 0) -> dict[str, Any]:
+        """Return what is in it from step `first` on, by the names that the module's table tells."""
+        end = self.count
+        found: dict[str, Any] = {name: a[first:end] for name, a in self._moving.items()}
+        events = list(self._events)
+        found["event_times"] = np.array([time for time, _ in events])
+        found["event_texts"] = np.array([text for _, text in events], dtype=str)
+        return found | self._still
+
+    def save(self, path: Path) -> None:
+        """Write the steps added so far; nothing if there are none. Raises SceneError where `path` cannot be written."""
+        if not self.count:
+            return
+        try:
+            with replaced(path) as file:
+                np.savez(file, allow_pickle=False, **self.arrays())
+        except OSError as error:
+            raise unwritable("--out", path, error) from None
+
+
+def check_out(option: str, path: Path | None, suffixes: tuple[str, ...]) -> None:
+    """Raise SceneError if `path` has another suffix, or could not be written after the run."""
+    if path is None:
+        return
+    if path.suffix.lower() not in suffixes:
+        raise SceneError(
+            f"{option} {str(path)!r} must end in {' or '.join(suffixes)}: that is what is written"
+        )
+    try:
+        check_place(path)
+    except OSError as error:
+        raise unwritable(option, path, error) from None
+
+
+def unwritable(option: str, path: Path, error: OSError) -> SceneError:
+    """Return what to tell of a file that cannot be written."""
+    return SceneError(f"{option} {str(path)!r} cannot be written: {error.strerror or error}")
+
+
+def version() -> str:
+    """Return the version of tripod."""
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - slow to import
+
+    try:
+        return version("tripod")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _still(simulation: Simulation) -> dict[str, Any]:
+    """Return what stays the same in all steps."""
+    scene = simulation.scene
+    found: dict[str, Any] = {
+        "version": np.array(version()),
+        "scene": np.array(scene_to_toml(scene)),
+        "triangles": simulation.skin.surface,
+        "bodies": np.array(simulation.bodies, dtype=np.int64),
+    }
+    if scene.obstacles:
+        from tripod_sim.contact.build import obstacle_parts  # noqa: PLC0415 - only with obstacles
+
+        parts = obstacle_parts(scene)
+        first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        found["still_vertices"] = np.concatenate([part.vertices for part in parts])
+        found["still_triangles"] = np.concatenate(
+            [part.triangles + k for part, k in zip(parts, first, strict=False)]
+        )
+    if plate := simulation.plate:
+        from tripod_sim.maze.board_mesh import board_mesh  # noqa: PLC0415 - only with a maze
+
+        mesh = board_mesh(plate.board, plate.offset)
+        found["maze_vertices"], found["maze_triangles"] = mesh.vertices, mesh.triangles
+        x, y, radius = plate.board.goal
+        if radius > 0:
+            found["maze_goal"] = np.array([x, y, plate.offset, radius])
+    return found
+
+
+def _row(pose: Pose) -> list[float]:
+    return [*pose.position.tolist(), *pose.quaternion.tolist()]

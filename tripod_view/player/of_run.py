@@ -1,0 +1,163 @@
+"""The film of a run of the simulator, from the arrays that it leaves behind (`tripod_sim.recording` tells them). Pure.
+
+Nothing is simulated or read again: what the arrays do not hold is not shown.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_view.arm import ArmGeometry
+from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
+from tripod_view.player.robot import effector_piece, robot_pieces
+from tripod_view.player.shapes import ball, disc
+
+FloatArray = NDArray[np.float64]
+Arrays = Mapping[str, Any]
+
+SILICONE, CLOTH, CHAIN = (240, 190, 140), (92, 148, 206), (92, 148, 206)
+RIGID: tuple[Rgb, ...] = ((214, 120, 60), (66, 140, 110), (150, 100, 180), (190, 170, 60), (90, 120, 190))
+OBSTACLE, MAZE, GOAL, BALL, BELT = (
+    (176, 184, 192),
+    (196, 160, 116),
+    (60, 170, 80),
+    (205, 45, 45),
+    (250, 240, 225),
+)
+
+RATE = 50.0
+"""Most pictures a second."""
+
+MOST_PICTURES = 1500
+"""Of a film: longer ones have fewer a second."""
+
+MOST_NUMBERS = 3e7
+"""Coordinates in all pictures of a film; larger bodies have fewer pictures."""
+
+
+def pictures(times: FloatArray, corners: int) -> NDArray[np.int64]:
+    """Return which steps are shown, evenly spaced and the last one always, of a body with so many corners."""
+    count = len(times)
+    if not count:
+        raise FilmError("time: a film needs at least one step; the run made none")
+    apart = (times[-1] - times[0]) / max(count - 1, 1)
+    stride = max(1, int(1 / (RATE * apart) + 1e-9) if apart > 0 else 1)
+    most = int(max(2, min(MOST_PICTURES, MOST_NUMBERS / max(3 * corners, 1))))
+    stride = max(stride, -(-count // most))
+    return np.unique(np.append(np.arange(0, count, stride), count - 1))
+
+
+def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: float = -np.inf) -> Film:
+    """Return the film of a run.
+
+    Args:
+        arrays: By name, as `tripod run --out` writes them.
+        steps: Which of them are shown; None: `pictures` chooses.
+        after: Events up to this time are left out [s].
+
+    Raises:
+        FilmError: arrays are missing or do not fit each other.
+    """
+    missing = [n for n in ("time", "positions", "triangles", "bodies", "scene", "version") if n not in arrays]
+    if missing:
+        raise FilmError(
+            f"{', '.join(missing)}: not in this file; a recording that `tripod run --out` of this version has "
+            "written is needed"
+        )
+    shown = arrays["vertices"] if "vertices" in arrays else arrays["positions"]
+    if steps is None:
+        steps = pictures(arrays["time"], shown.shape[1])
+    try:
+        scene = tomllib.loads(str(arrays["scene"]))
+    except tomllib.TOMLDecodeError as error:
+        raise FilmError(f"scene: a film needs the scene as TOML: {error}") from None
+    times = np.asarray(arrays["time"], float)[steps]
+    return Film(
+        title=str(scene.get("name", "run")),
+        description=str(scene.get("description", "")),
+        source=f"Simulated by tripod {arrays['version']} in steps of {1e3 * float(scene.get('dt', np.nan)):.4g} ms; "
+        "no robot was moved.",
+        times=times,
+        bodies=tuple(_bodies(arrays, shown[steps], scene)),
+        pieces=tuple(_pieces(arrays, steps, scene)),
+        curves=tuple(_curves(arrays, steps, scene)),
+        events=tuple(e for e in _events(arrays) if after < e.time <= times[-1] + 1e-9),
+    )
+
+
+def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list[Deforming]:
+    """Return soft and rigid bodies, each with the triangles that have corners of it."""
+    triangles, found = np.asarray(arrays["triangles"]), []
+    first = np.cumsum([0, *np.asarray(arrays["bodies"]).tolist()])
+    for i, (low, high) in enumerate(pairwise(first.tolist())):
+        if low == high:
+            continue
+        own = triangles[((triangles >= low) & (triangles < high)).all(axis=1)] - low
+        if i == 0:
+            name, colour = ("silicone", SILICONE) if "mesh" in scene else ("springs", CLOTH)
+        else:
+            name, colour = f"rigid.{i - 1}", RIGID[(i - 1) % len(RIGID)]
+        found.append(Deforming(name, own, shown[:, low:high], colour))
+    return found
+
+
+def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Piece]:
+    """Return robot, maze, ball and obstacles, as far as there are any."""
+    found: list[Piece] = []
+    if servos := scene.get("servos"):
+        radius = scene.get("effector", {}).get("radius", 0.0075)
+        geometry = ArmGeometry(
+            axis_radius=servos["axis_radius"],
+            axis_depth=servos["axis_depth"],
+            clamp_inner=servos["clamp_radius"],
+            clamp_outer=max(0.055, 1.1 * servos["clamp_radius"]),
+            effector_radius=radius,
+        )
+        found += robot_pieces(arrays["angles"][steps], arrays["slide"][steps], geometry)
+    poses = arrays["effector"][steps] if "effector" in arrays else None
+    if poses is not None and "maze_vertices" in arrays:
+        found.append(Piece("maze", arrays["maze_triangles"], arrays["maze_vertices"], MAZE, poses))
+        if "maze_goal" in arrays:
+            x, y, z, size = np.asarray(arrays["maze_goal"]).tolist()
+            vertices, triangles = disc(size, 0.0004)
+            found.append(Piece("goal", triangles, vertices + np.array([x, y, z]), GOAL, poses))
+    elif poses is not None:
+        found.append(effector_piece(scene["effector"]["radius"], 0.006, poses))
+    if "ball" in arrays:
+        for (vertices, triangles), colour in zip(ball(scene["ball"]["radius"]), (BALL, BELT), strict=True):
+            found.append(Piece("ball", triangles, vertices, colour, arrays["ball"][steps]))
+    if "still_vertices" in arrays:
+        found.append(Piece("obstacles", arrays["still_triangles"], arrays["still_vertices"], OBSTACLE))
+    return found
+
+
+def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Curve]:
+    """Return what is drawn over time: of a robot its joints, torques and effector, of all others the energies."""
+    found = []
+    if scene.get("servos"):
+        servos = ("servo 0", "servo 1", "servo 2")
+        found.append(Curve("servo angles", "degrees", servos, np.degrees(arrays["angles"][steps])))
+        stall = scene.get("servo_dynamics", {}).get("stall_torque")
+        limits = (stall, -stall) if stall else ()
+        found.append(Curve("servo torques", "N m", servos, arrays["torques"][steps], limits))
+    if "effector" in arrays:
+        found.append(Curve("effector", "mm", ("x", "y", "z"), 1e3 * arrays["effector"][steps, :3]))
+    if "rigid" in arrays:
+        heights = 1e3 * arrays["rigid"][steps, :, 2]
+        names = tuple(f"rigid.{i}" for i in range(heights.shape[1]))
+        found.append(Curve("heights", "mm", names, heights))
+    if "energies" in arrays:
+        joules = arrays["energies"][steps]
+        unit, scale = ("J", 1.0) if np.abs(joules).max() >= 1 else ("mJ", 1e3)
+        found.append(Curve("energies", unit, ("kinetic", "strain", "gravity"), scale * joules))
+    return found
+
+
+def _events(arrays: Arrays) -> list[Event]:
+    """Return what happened."""
+    pairs = zip(arrays.get("event_times", ()), arrays.get("event_texts", ()), strict=True)
+    return [Event(float(time), str(text)) for time, text in pairs]

@@ -1,0 +1,157 @@
+"""Single pictures of a film, drawn without a browser or a graphics card. Looks like the player's."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_view.player.camera import Camera, camera
+from tripod_view.player.film import Film, Rgb
+from tripod_view.player.picture_kernels import draw_lines, fill_triangles
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+HALF_ANGLE = 0.3
+"""Half the angle of view [rad]."""
+
+FINER = 2
+"""Points of a side for each that is shown."""
+
+SKY, GROUND_HAZE, GRID, SHADOW = (244, 247, 250), (221, 228, 234), (120.0, 135.0, 150.0), 0.87
+
+
+class Painter:
+    """Draws pictures of one film.
+
+    Attributes:
+        size: Columns and rows of a picture.
+    """
+
+    def __init__(self, film: Film, size: tuple[int, int] = (640, 480)) -> None:
+        self._film, self.size, self._view = film, size, camera(film)
+        self._eye_axes = _axes(self._view)
+        self._grid = _grid(self._view)
+        columns, rows = FINER * size[0], FINER * size[1]
+        share = np.linspace(0, 1, rows)[:, None, None]
+        self._sky = np.broadcast_to((1 - share) * SKY + share * GROUND_HAZE, (rows, columns, 3)).copy()
+
+    def picture(self, k: int) -> NDArray[np.uint8]:
+        """Return picture k, shape (rows, columns, 3)."""
+        image = self._sky.copy()
+        depth = np.zeros(image.shape[:2])
+        centre = self._centre(k)
+        shapes = self._shapes(k)
+        grid, lines = self._grid
+        cell = np.abs(grid[2, 0] - grid[0, 0]) or 1.0
+        moved = np.array([*np.rint((centre - self._view.centre)[:2] / cell) * cell, 0.0])
+        draw_lines(self._seen(grid + moved, centre), lines, np.array(GRID), 0.35, image, depth)
+        self._shadows(shapes, centre, image)
+        for vertices, triangles, colour in shapes:
+            if len(triangles):
+                shades = self._shades(vertices, triangles, colour, centre)
+                fill_triangles(self._seen(vertices, centre), triangles, shades, image, depth)
+        smaller = image.reshape(self.size[1], FINER, self.size[0], FINER, 3).mean(axis=(1, 3))
+        return np.clip(np.rint(smaller), 0, 255).astype(np.uint8)
+
+    def _centre(self, k: int) -> FloatArray:
+        """Return what is looked at; it goes along with bodies that go far."""
+        centre = np.array(self._view.centre)
+        if self._view.follow and self._film.bodies:
+            positions = self._film.bodies[0].positions
+            centre += positions[k].mean(axis=0) - positions[0].mean(axis=0)
+        return centre
+
+    def _shapes(self, k: int) -> list[tuple[FloatArray, IndexArray, Rgb]]:
+        """Return vertices in the world, triangles and colour of all that is there in picture k."""
+        found = [(body.positions[k], body.triangles, body.colour) for body in self._film.bodies]
+        for piece in self._film.pieces:
+            vertices = piece.vertices
+            if piece.poses is not None:
+                pose = piece.poses[k]
+                if not np.isfinite(pose).all():
+                    continue
+                axis, w = pose[3:6], pose[6]
+                turned = 2 * np.cross(axis, vertices)
+                vertices = vertices + w * turned + np.cross(axis, turned) + pose[:3]
+            found.append((vertices, piece.triangles, piece.colour))
+        return found
+
+    def _seen(self, vertices: FloatArray, centre: FloatArray) -> FloatArray:
+        """Return column, row and 1 / distance of `vertices`, shape (n, 3)."""
+        back, right, up = self._eye_axes
+        columns, rows = FINER * self.size[0], FINER * self.size[1]
+        from_centre = vertices - centre
+        away = self._distance - from_centre @ back
+        inverse = np.where(away > 0.02 * self._distance, 1 / np.where(away == 0, 1, away), 0.0)
+        scale = 0.5 * rows / math.tan(HALF_ANGLE)
+        column = 0.5 * columns + scale * (from_centre @ right) * inverse
+        row = 0.5 * rows - scale * (from_centre @ up) * inverse
+        return np.stack([column, row, inverse], axis=1)
+
+    @property
+    def _distance(self) -> float:
+        aspect = self.size[0] / self.size[1]
+        return self._view.radius / math.sin(HALF_ANGLE) / min(1.0, aspect)
+
+    def _shades(
+        self, vertices: FloatArray, triangles: IndexArray, colour: Rgb, centre: FloatArray
+    ) -> FloatArray:
+        """Return the colour of each triangle in the light, seen from either side."""
+        a, b, c = (vertices[triangles[:, i]] for i in range(3))
+        normal = np.cross(b - a, c - a)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        eye = centre + self._distance * self._eye_axes[0]
+        normal *= np.sign(((eye - a) * normal).sum(axis=1))[:, None]
+        light = 0.52 + 0.16 * normal[:, 2]
+        for strength, direction in ((0.40, (0.6, -0.3, 1.0)), (0.12, (-0.6, 0.7, 0.3))):
+            light += strength * np.maximum(normal @ (np.array(direction) / np.linalg.norm(direction)), 0)
+        return np.asarray(light[:, None] * np.array(colour, float))
+
+    def _shadows(
+        self, shapes: list[tuple[FloatArray, IndexArray, Rgb]], centre: FloatArray, image: FloatArray
+    ) -> None:
+        """Darken the ground under all shapes."""
+        floor = self._view.floor
+        if centre[2] + self._distance * self._eye_axes[0][2] <= floor:
+            return
+        mask, depth = np.ones_like(image), np.zeros(image.shape[:2])
+        for vertices, triangles, _ in shapes:
+            if len(triangles):
+                height = np.maximum(vertices[:, 2] - floor, 0.0)
+                flat = np.stack(
+                    [
+                        vertices[:, 0] - 0.15 * height,
+                        vertices[:, 1] + 0.075 * height,
+                        np.full(len(vertices), floor),
+                    ],
+                    axis=1,
+                )
+                fill_triangles(
+                    self._seen(flat, centre), triangles, np.full((len(triangles), 3), SHADOW), mask, depth
+                )
+        image *= mask
+
+
+def _axes(view: Camera) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the directions back to the eye, right and up."""
+    a, e = math.radians(view.azimuth), math.radians(view.elevation)
+    back = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
+    right = np.array([-math.sin(a), math.cos(a), 0.0])
+    return back, right, np.cross(back, right)
+
+
+def _grid(view: Camera) -> tuple[FloatArray, IndexArray]:
+    """Return ends and lines of the squares on the ground."""
+    power = 10.0 ** math.floor(math.log10(view.radius))
+    cell = power * (1.0 if view.radius / power > 4 else 0.2)
+    count = math.ceil(2.5 * view.radius / cell)
+    x, y = (round(c / cell) * cell for c in view.centre[:2])
+    ticks, reach = cell * np.arange(-count, count + 1), cell * count
+    pieces = np.linspace(-reach, reach, 9)
+    along = [[[x + t, y + p, view.floor] for p in pieces] for t in ticks]
+    across = [[[x + p, y + t, view.floor] for p in pieces] for t in ticks]
+    ends = np.array(along + across)
+    k = np.arange(ends.size // 3).reshape(ends.shape[:2])
+    lines = np.stack([k[:, :-1].ravel(), k[:, 1:].ravel()], axis=1)
+    return ends.reshape(-1, 3), lines
