@@ -40,8 +40,8 @@ UP_HELP = (
     "Ctrl-C stops all in order: the driver parks the servos, the recording is closed last. "
     "A second Ctrl-C kills.\n\n"
     "Exit codes: 0 stopped as asked; 1 this process itself failed; 2 bad arguments; 3 another `tripod up` "
-    "runs on this ROS domain; 10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself or could not stop "
-    "in order; 20 the demo's chain did not run; 130 killed by a second Ctrl-C."
+    "runs on this ROS domain in the same namespace; 10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself "
+    "or could not stop in order; 20 the demo's chain did not run; 130 killed by a second Ctrl-C."
 )
 
 
@@ -151,6 +151,7 @@ def scenes(*, json: Annotated[bool, typer.Option("--json", help="Print JSON.")] 
         "tripod up --port auto --record recordings",
         "tripod up --demo --duration 20",
         "tripod up --no-view driver.angle_max:=0.3",
+        "tripod up --namespace left sim.frame_prefix:=left/",
     ),
 )
 def up(
@@ -169,6 +170,9 @@ def up(
         int | None, typer.Option(min=1, max=65535, help="Port of the page on this machine.")
     ] = None,
     demo: Annotated[bool, typer.Option("--demo", help="Follow a circle; records into ./recordings.")] = False,
+    namespace: Annotated[
+        str, typer.Option(metavar="NAME", help="Of all nodes: two robots in one domain have two.")
+    ] = "",
     duration: Annotated[
         float | None,
         typer.Option(
@@ -192,6 +196,7 @@ def up(
             view=view,
             view_port=view_port,
             demo=demo,
+            namespace=namespace,
             duration=duration,
             accuracy=accuracy,
             study=study,

@@ -53,7 +53,7 @@ class DemoNode(Node):
         self._go, self._cut = threading.Event(), threading.Event()
         self._joints, self._effector = np.full(4, np.nan), np.full(3, np.nan)
         self._stamp_start = 0.0
-        self._mandate = Mandate(new_source("demo"))
+        self._mandate = Mandate(new_source("demo", self.get_namespace()))
         self._speaker = Speaker(self, self._mandate)
         listen(self, self._on_decision)
         self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)

@@ -1,7 +1,8 @@
-"""One `tripod up` a user and ROS domain: a lock file that the kernel releases however its holder ends."""
+"""One `tripod up` a user, ROS domain and namespace: a lock file that the kernel releases however its holder ends."""
 
 import fcntl
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,22 +12,29 @@ from tripod_host.locks import open_lock
 HIGHEST_DOMAIN = 232
 """Above it the UDP ports of DDS would exceed 65535."""
 
+LONGEST_NAMESPACE = 100
+"""Characters of a namespace: with what stands behind it a name of ROS has 245 at most."""
+
 
 class DomainError(ValueError):
     """ROS_DOMAIN_ID is no domain; the message says what is allowed."""
 
 
+class NamespaceError(ValueError):
+    """A name that is no namespace of ROS; the message says what is allowed."""
+
+
 class DomainBusyError(RuntimeError):
-    """Another `tripod up` runs on the domain; the message names its process.
+    """Another `tripod up` runs on the domain, in the same namespace; the message names its process.
 
     Attributes:
         pid: Process of the holder, None if it has not written it yet.
     """
 
-    def __init__(self, domain: int, pid: int | None) -> None:
+    def __init__(self, domain: int, namespace: str, pid: int | None) -> None:
         super().__init__(
-            f"another `tripod up` (process {pid or 'unknown'}) runs on ROS domain {domain}: "
-            "stop it, or set ROS_DOMAIN_ID to another number"
+            f"another `tripod up` (process {pid or 'unknown'}) runs on ROS domain {domain} in namespace {namespace}: "
+            "stop it, give this one another --namespace, or set ROS_DOMAIN_ID to another number"
         )
         self.pid = pid
 
@@ -39,20 +47,36 @@ def domain_id(environment: Mapping[str, str]) -> int:
     return int(text)
 
 
+def full_namespace(name: str) -> str:
+    """Return a namespace with its leading slash. Raises NamespaceError.
+
+    >>> full_namespace("left"), full_namespace("/left/arm"), full_namespace("")
+    ('/left', '/left/arm', '/')
+    """
+    full = "/" + name.removeprefix("/")
+    if len(full) > LONGEST_NAMESPACE or not re.fullmatch(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+", full):
+        raise NamespaceError(
+            f"namespace {name!r:.80} is no name; allowed: parts of letters, digits and _ that begin with no digit, "
+            f"parted by /, of {LONGEST_NAMESPACE} characters at most"
+        )
+    return full
+
+
 @contextmanager
-def only_one(domain: int, directory: Path) -> Iterator[Path]:
-    """Hold the lock of `domain` for this user; yields the file. Raises DomainBusyError, OSError.
+def only_one(domain: int, namespace: str, directory: Path) -> Iterator[Path]:
+    """Hold the lock of a full `namespace` in `domain` for this user; yields the file. Raises DomainBusyError, OSError.
 
     The lock belongs to the open file, not to its content: a holder that was killed leaves a file, not a lock.
     """
-    path = directory / f"tripod-up-{os.uname().nodename}-{domain}.lock"  # a home may be shared by machines
+    machine = os.uname().nodename  # a home may be shared by several
+    path = directory / f"tripod-up-{machine}-{domain}{namespace.replace('/', '-').rstrip('-')}.lock"
     handle = open_lock(path)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             text = os.pread(handle, 32, 0).decode("ascii", "replace").strip()
-            raise DomainBusyError(domain, int(text) if text.isdecimal() else None) from None
+            raise DomainBusyError(domain, namespace, int(text) if text.isdecimal() else None) from None
         os.ftruncate(handle, 0)
         os.pwrite(handle, f"{os.getpid()}\n".encode("ascii"), 0)
         yield path

@@ -1,9 +1,9 @@
 """`tripod up`: the whole chain as supervised processes, one status line, and an exit code that says why.
 
 Exit codes: 0 stopped as asked; 1 this process itself failed; 2 bad arguments, or nothing could start;
-3 another `tripod up` on the domain; 10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself, did not
-come up or could not stop in order (14 too: the recording is not whole, or not where it began); 20 the demo
-ran but not the whole chain did; 130 killed by a second Ctrl-C.
+3 another `tripod up` on the domain, in the same namespace; 10 sim, 11 ik, 12 driver, 13 view, 14 record
+ended by itself, did not come up or could not stop in order (14 too: the recording is not whole, or not where it began);
+20 the demo ran but not the whole chain did; 130 killed by a second Ctrl-C.
 """
 
 import os
@@ -56,6 +56,7 @@ class UpOptions:
         view: Whether to serve the page.
         view_port: Where, None for the default of the view.
         demo: Whether to play the scripted session.
+        namespace: Of all nodes, with its leading slash: two robots in one domain have two.
         duration: How long the chain (or with `demo` the targets) shall run [s], None until told.
         subnet: Whether ROS discovery may leave this machine.
         values: More parameters, by node and name.
@@ -68,6 +69,7 @@ class UpOptions:
     view: bool = True
     view_port: int | None = None
     demo: bool = False
+    namespace: str = "/"
     duration: float | None = None
     subnet: bool = False
     values: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
@@ -94,7 +96,7 @@ def up(options: UpOptions, screen: Screen) -> int:
     try:
         check_loopback()
         domain = domain_id(os.environ)
-        with taken(), only_one(domain, private_directory(os.environ)):
+        with taken(), only_one(domain, options.namespace, private_directory(os.environ)):
             if options.record is not None:
                 check_place(options.record, ENOUGH_SPACE)
             return _run(options, screen)
@@ -111,10 +113,11 @@ def up(options: UpOptions, screen: Screen) -> int:
 
 def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[ProcessSpec]]:
     """Return what to start, in order: the recorder sees all, the driver moves last."""
+    place = [] if options.namespace == "/" else [f"__ns:={options.namespace}"]
 
     def spec(name: str, values: Mapping[str, object], **more: object) -> ProcessSpec:
         given = {**values, **options.values.get(name, {})}
-        arguments = [*node_arguments(given), *(["--subnet"] if options.subnet else [])]
+        arguments = [*place, *node_arguments(given), *(["--subnet"] if options.subnet else [])]
         return ProcessSpec(name, f"tripod_{name}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
 
     record = spec(
@@ -184,7 +187,8 @@ def _graph(options: UpOptions) -> Iterator[Graph]:
 
     from tripod_bringup.watch import Watch  # noqa: PLC0415
 
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    place = ["--ros-args", "-r", f"__ns:={options.namespace}"]
+    rclpy.init(args=place, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor()
     over = threading.Event()
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tripod_bringup.accuracy_option import chosen
+from tripod_bringup.lock import full_namespace
 from tripod_bringup.node_command import missing_import, unknown_name
 from tripod_bringup.node_values import RawYaml, split_word
 from tripod_bringup.screen import Screen
@@ -21,6 +22,7 @@ def up_command(
     view: bool,
     view_port: int | None,
     demo: bool,
+    namespace: str,
     duration: float | None,
     subnet: bool,
     verbose: bool,
@@ -30,6 +32,7 @@ def up_command(
     """Run the chain; return the exit code that `tripod_bringup.up` documents."""
     try:
         values = node_values(words)
+        namespace = full_namespace(namespace)
         check_scene(scene)
         if sentence := settle(scene, values, accuracy, study):
             print(sentence, file=sys.stderr)
@@ -50,6 +53,7 @@ def up_command(
         view=view,
         view_port=view_port,
         demo=demo,
+        namespace=namespace,
         duration=duration,
         subnet=subnet,
         values=values,

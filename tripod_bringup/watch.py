@@ -43,7 +43,7 @@ class Watch(Node):
         super().__init__("bringup")
         self._lock = threading.Lock()
         self._heard: dict[str, tuple[float, Any]] = {}
-        self._mandate = Mandate(new_source("up"))
+        self._mandate = Mandate(new_source("up", self.get_namespace()))
         self._processes: Callable[[], Mapping[str, str]] = dict
         self._speaker = Speaker(self, self._mandate)
         listen(self, self._on_decision)

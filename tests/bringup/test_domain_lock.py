@@ -1,20 +1,28 @@
-"""One `tripod up` a domain: the lock, and what it says of its holder."""
+"""One `tripod up` a domain and namespace: the lock, and what it says of its holder."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tripod_bringup.lock import DomainBusyError, DomainError, domain_id, only_one
+from tripod_bringup.lock import (
+    DomainBusyError,
+    DomainError,
+    NamespaceError,
+    domain_id,
+    full_namespace,
+    only_one,
+)
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys, time
 from pathlib import Path
 from tripod_bringup.lock import only_one
-with only_one(7, Path(sys.argv[1])):
+with only_one(7, "/", Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)
 """
@@ -31,15 +39,30 @@ def test_a_domain_out_of_range_is_refused_by_its_value(text: str) -> None:
         domain_id({"ROS_DOMAIN_ID": text})
 
 
+@pytest.mark.parametrize(("name", "full"), [("", "/"), ("/", "/"), ("left", "/left"), ("/a_1/b", "/a_1/b")])
+def test_a_namespace_gets_its_slash(name: str, full: str) -> None:
+    assert full_namespace(name) == full
+
+
+@pytest.mark.parametrize(
+    "name", ["9left", "left/", "a//b", "//a", "a b", "a-b", "~/a", "ä", "a/9", "a" * 100, "{a}"]
+)
+def test_what_is_no_namespace_is_refused_by_its_value(name: str) -> None:
+    with pytest.raises(
+        NamespaceError, match=re.escape(f"namespace {name!r:.80} is no name; allowed: parts of")
+    ):
+        full_namespace(name)
+
+
 def test_a_second_holder_is_refused_and_told_the_process_of_the_first(tmp_path: Path) -> None:
-    with only_one(7, tmp_path):
-        words = rf"process {os.getpid()}\) runs on ROS domain 7"
-        with pytest.raises(DomainBusyError, match=words) as caught, only_one(7, tmp_path):
+    with only_one(7, "/", tmp_path):
+        words = rf"process {os.getpid()}\) runs on ROS domain 7 in namespace /: stop it"
+        with pytest.raises(DomainBusyError, match=words) as caught, only_one(7, "/", tmp_path):
             pytest.fail("held twice")
         assert caught.value.pid == os.getpid()
-        with only_one(8, tmp_path):
+        with only_one(8, "/", tmp_path), only_one(7, "/left", tmp_path), only_one(7, "/left/arm", tmp_path):
             pass
-    with only_one(7, tmp_path):
+    with only_one(7, "/", tmp_path):
         pass
 
 
@@ -49,22 +72,22 @@ def test_a_killed_holder_leaves_no_lock(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as holder:
         try:
             assert holder.stdout is not None and holder.stdout.readline() == "held\n"
-            with pytest.raises(DomainBusyError) as caught, only_one(7, tmp_path):
+            with pytest.raises(DomainBusyError) as caught, only_one(7, "/", tmp_path):
                 pytest.fail("held twice")
             assert caught.value.pid == holder.pid
         finally:
             holder.kill()
-    with only_one(7, tmp_path) as path:
+    with only_one(7, "/", tmp_path) as path:
         assert path.read_text() == f"{os.getpid()}\n"
 
 
 def test_the_lock_file_is_never_a_link_to_another_file(tmp_path: Path) -> None:
     precious = tmp_path / "precious"
     precious.write_text("kept")
-    with only_one(7, tmp_path) as path:
+    with only_one(7, "/", tmp_path) as path:
         pass
     path.unlink()
     path.symlink_to(precious)
-    with pytest.raises(OSError), only_one(7, tmp_path):
+    with pytest.raises(OSError), only_one(7, "/", tmp_path):
         pytest.fail("followed the link")
     assert precious.read_text() == "kept"

@@ -275,7 +275,7 @@ def test_up_passes_its_options_on_and_returns_the_code(options: list[Any]) -> No
         "--duration",
         "3",
     ]
-    assert tripod("up", *words, "--subnet", "driver.rate:=25").exit_code == 12
+    assert tripod("up", *words, "--subnet", "--namespace", "left", "driver.rate:=25").exit_code == 12
     given = options[0]
     assert (given.port, given.record, given.view, given.view_port) == (
         "/dev/ttyACM0",
@@ -283,7 +283,7 @@ def test_up_passes_its_options_on_and_returns_the_code(options: list[Any]) -> No
         False,
         9000,
     )
-    assert (given.duration, given.subnet, given.demo) == (3.0, True, False)
+    assert (given.duration, given.subnet, given.demo, given.namespace) == (3.0, True, False, "/left")
     assert given.values == {"driver": {"rate": "25"}}
 
 
@@ -302,6 +302,7 @@ def test_a_demo_without_a_terminal_records_and_ends_by_itself(options: list[Any]
         (["--duration", "inf"], "--duration"),
         (["drvier.rate:=1"], "did you mean 'driver'"),
         (["--view-port", "70000"], "--view-port"),
+        (["--namespace", "9left"], "namespace '9left' is no name; allowed: parts of letters"),
     ],
 )
 def test_up_refuses_bad_arguments_before_it_does_anything(
@@ -354,7 +355,7 @@ def test_a_second_up_on_the_domain_is_refused_with_the_process_of_the_first(tmp_
     from tripod_bringup.lock import only_one
 
     more = {"XDG_RUNTIME_DIR": str(tmp_path), "ROS_DOMAIN_ID": "99"}
-    with only_one(99, tmp_path):
+    with only_one(99, "/", tmp_path):
         done = subprocess.run(
             command("up"), env=environment(**more), capture_output=True, text=True, timeout=30, check=False
         )

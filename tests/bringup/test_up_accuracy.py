@@ -52,8 +52,8 @@ def test_what_is_wrong_is_named(study: Path, capsys: pytest.CaptureFixture[str])
     with pytest.raises(SceneError, match="--study needs --accuracy"):
         settle("tripod", {}, None, study)
     code = up_command(
-        [], scene="tripod", port="mock", record=None, view=False, view_port=None, demo=False, duration=1.0,
-        subnet=False, verbose=False, accuracy="0.1%", study=study,
+        [], scene="tripod", port="mock", record=None, view=False, view_port=None, demo=False, namespace="",
+        duration=1.0, subnet=False, verbose=False, accuracy="0.1%", study=study,
     )  # fmt: skip
     assert code == 2
     message = capsys.readouterr().err

@@ -68,6 +68,11 @@ def test_options_reach_their_nodes_and_explicit_values_win() -> None:
     }
 
 
+def test_a_namespace_is_that_of_every_node() -> None:
+    plan = started(UpOptions(record=Path("bags"), namespace="/left"))
+    assert all(spec.arguments[0] == "__ns:=/left" for stage in plan for spec in stage)
+
+
 def test_a_node_is_ready_when_it_does_its_work() -> None:
     facts, watch = Facts(), FakeWatch()
     ready = {
@@ -125,6 +130,7 @@ def test_without_ros_up_says_what_to_do(
         view=True,
         view_port=None,
         demo=False,
+        namespace="",
         duration=None,
         subnet=False,
         verbose=False,

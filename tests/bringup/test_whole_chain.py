@@ -230,3 +230,41 @@ def children(pid: int) -> list[int]:
     """Return the processes that `pid` started."""
     text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
     return [int(word) for word in text.split()]
+
+
+@pytest.mark.ros
+def test_two_robots_share_a_domain_in_two_namespaces(tmp_path: Path, domain: int) -> None:
+    """Each hears its own nodes only; one more in a namespace that is taken is refused."""
+    import rclpy
+
+    words = ("--no-view", "--scene", "silicone", "--namespace")
+    robots = [start(*words, name, directory=tmp_path, domain=domain) for name in ("left", "right")]
+    wanted = {
+        f"/{robot}/{node}" for robot in ("left", "right") for node in ("bringup", "sim", "ik", "driver")
+    }
+    context = rclpy.Context()
+    context.init(domain_id=domain)
+    asking = rclpy.create_node("asking", context=context)
+    try:
+        deadline = time.monotonic() + 120
+        while set(asking.get_fully_qualified_node_names()) != wanted | {"/asking"}:
+            assert time.monotonic() < deadline, asking.get_fully_qualified_node_names()
+            assert all(robot.poll() is None for robot in robots)
+            time.sleep(0.1)
+        third = start(*words, "/left", directory=tmp_path, domain=domain)
+        _, said = third.communicate(timeout=60)
+        assert third.returncode == 3
+        assert f"(process {robots[0].pid}) runs on ROS domain {domain} in namespace /left" in said
+        topics = {name for name, _ in asking.get_topic_names_and_types()}
+        assert {f"/{robot}/{names.CONTROL_MODE}" for robot in ("left", "right")} <= topics
+        assert not [t for t in topics if t.lstrip("/") in vars(names).values() and t != names.DIAGNOSTICS]
+    finally:
+        asking.destroy_node()
+        context.try_shutdown()
+        ended = []
+        for robot in robots:
+            robot.send_signal(signal.SIGINT)
+        for robot in robots:
+            out, err = robot.communicate(timeout=60)
+            ended.append((robot.returncode, out + err))
+    assert [code for code, _ in ended] == [0, 0], ended
