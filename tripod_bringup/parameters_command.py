@@ -3,13 +3,9 @@
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 from tripod_bringup.node_command import NODES, missing_import, parameter_table
 from tripod_bringup.node_values import yaml_value
-
-if TYPE_CHECKING:
-    from tripod_graph.parameters import Parameter
 
 WIDTH = 100
 """Longest line of a comment."""
@@ -46,10 +42,6 @@ def _block(name: str) -> Iterator[str]:
     yield "  ros__parameters:"
     for p in parameter_table(name):
         indent = "    # "
-        yield from textwrap.wrap(_meaning(p), WIDTH, initial_indent=indent, subsequent_indent=indent)
+        text = p.meaning + (f"; {p.allowed}" if p.allowed else "")
+        yield from textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent)
         yield f"    {p.name}: {yaml_value(p.default)}"
-
-
-def _meaning(p: "Parameter") -> str:
-    unit = f" [{p.unit}]" if p.unit else ""
-    return f"{p.help}{unit}" + (f"; {p.allowed}" if p.allowed else "")

@@ -30,6 +30,8 @@ class Driver:
         link: The port and the conversation on it.
         safety: What may be sent.
         memory: The newest packet, for a board that has forgotten it.
+        period: Shortest time between two changes [s].
+        keep_alive: Longest time between two packets [s].
         packets_sent: Packets handed to the port.
         bytes_sent: Their bytes.
     """
@@ -55,7 +57,7 @@ class Driver:
         self.link, self.safety = link, safety
         self.memory = Memory() if memory is None else memory
         self.packets_sent, self.bytes_sent = 0, 0
-        self._period, self._keep_alive = period, keep_alive
+        self.period, self.keep_alive = period, keep_alive
         self._connected = False
         self._wanted: Content | None = None
         self._content: Content | None = None
@@ -108,10 +110,10 @@ class Driver:
         if angles is None:
             return False
         content = self._wanted = self.link.session.content([float(angle) for angle in angles])
-        if content == self._content and now + self._period <= self._sent_at + self._patience():
+        if content == self._content and now + self.period <= self._sent_at + self._patience():
             return False
         if content != self._content:  # a change need not wait for a packet that only keeps the watchdog quiet
-            self._due = now + PACE * self._period
+            self._due = now + PACE * self.period
         return self._send(content, now)
 
     def _again(self, content: Content, now: float) -> bool:
@@ -120,11 +122,11 @@ class Driver:
         A board that has just lost its power has perhaps not even emitted what it acknowledged last, so it must not be
         sent on from there; the first packet that it takes is that one once more.
         """
-        if now < self._sent_at + self._period:
+        if now < self._sent_at + self.period:
             return False
         if content != self._content:
             self.safety.moved(self.link.session.angles(content))
-        self._due = now + PACE * self._period  # the board may have the change only from this one
+        self._due = now + PACE * self.period  # the board may have the change only from this one
         return self._send(content, now)
 
     def too_early(self, now: float) -> bool:
@@ -145,7 +147,7 @@ class Driver:
     def _patience(self) -> float:
         """Return how long the newest packet is good for [s]."""
         watchdog = self.link.session.watchdog
-        return self._keep_alive if watchdog is None else min(self._keep_alive, WATCHDOG_SHARE * watchdog)
+        return self.keep_alive if watchdog is None else min(self.keep_alive, WATCHDOG_SHARE * watchdog)
 
     def _poll(self, now: float) -> bool:
         """Converse with the board and tell `safety` how it is; return whether packets may be written."""

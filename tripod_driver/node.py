@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
@@ -20,10 +20,12 @@ from tripod_graph import names
 from tripod_graph.command import CommandError
 from tripod_graph.control_mode import authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision
 from tripod_graph.parameters import declare
 from tripod_graph.qos import RELIABLE, SENSOR
 from tripod_graph.run import run_node
+from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
 
 STATUS_PERIOD = 0.1
@@ -41,10 +43,9 @@ class DriverNode(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("driver")
-        values = declare(self, PARAMETERS)
+        values = declare(self, PARAMETERS, self._adopt)
         self._driver = make_driver(values)
         self._safety = self._driver.safety
-        self._period = 1.0 / values["rate"]
         self._park_time_max = values["park_time_max"]
         self._shown: tuple[Any, ...] = ()
         self._logged: State | None = None
@@ -59,12 +60,19 @@ class DriverNode(LifecycleNode):
         obey(self, self._follow, self._refuse)
         self.create_service(Trigger, names.ROBOT_STOP, self._on_stop)
         self._diagnostics = Diagnostics(self, self._report, values["port"])
-        self.create_timer(TURN * self._period, self._on_timer, clock=steady)
+        self._timer = self.create_timer(TURN * self._driver.period, self._on_timer, clock=steady)
         self._soon = self.create_timer(SOON, self._on_soon, clock=steady)
         self._soon.cancel()
         if values["autostart"]:
             self.trigger_configure()
             self.trigger_activate()
+
+    def _adopt(self, values: Mapping[str, Any]) -> None:
+        """Take rates, times and slew rates that have changed."""
+        self._safety.adopt(limits_from(values))
+        self._driver.period, self._driver.keep_alive = 1.0 / values["rate"], values["keep_alive"]
+        self._park_time_max = values["park_time_max"]
+        set_period(self._timer, TURN * self._driver.period)
 
     def close(self) -> None:
         """Park within `park_time_max`, then close the port, also when parking failed."""
@@ -232,7 +240,7 @@ class DriverNode(LifecycleNode):
                     f"not parked within park_time_max {self._park_time_max:g} s: servos left at {angles} rad"
                 )
                 break
-            time.sleep(self._period / 2)
+            time.sleep(self._driver.period / 2)
             if self._driver.tick(time.monotonic()) and self.context.ok():
                 self._publish_joint_states(self._driver.sent)
         if self.context.ok():

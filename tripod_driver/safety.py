@@ -105,6 +105,13 @@ class Safety:
         self._output = self._follower.joints[:COUNT].copy()
         self._moved_at: float | None = None
 
+    def adopt(self, limits: CommandLimits) -> None:
+        """Keep to other slew rates and times from now on; their angles are those of before."""
+        parking = self._follower.limits is not self._limits
+        self.range = limits.within(self._lower.tolist(), self._upper.tolist(), [limits.angle_speed] * COUNT)
+        self._limits = limits
+        self._follower.limits = replace(limits, park_after=0.0) if parking else limits
+
     @property
     def state(self) -> State:
         """What it is doing."""

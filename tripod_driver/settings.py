@@ -49,7 +49,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "Angle to degrees, legacy and ascii: to the nearest, or as the workshop's program does",
         choices=tuple(mapping.value for mapping in AngleMapping),
     ),
-    Parameter("rate", 50.0, "Largest number of packets a second", "Hz", low=5.0, high=50.0),
+    Parameter("rate", 50.0, "Largest number of packets a second", "Hz", low=5.0, high=50.0, dynamic=True),
     Parameter(
         "keep_alive",
         0.1,
@@ -57,6 +57,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "s",
         low=0.02,
         high=0.4,
+        dynamic=True,
     ),
     Parameter(
         "start",
@@ -66,7 +67,9 @@ PARAMETERS: tuple[Parameter, ...] = (
         "rad",
     ),
     *LIMIT_PARAMETERS,
-    Parameter("park_time_max", 3.0, "Longest time for parking on exit", "s", low=0.0, high=60.0),
+    Parameter(
+        "park_time_max", 3.0, "Longest time for parking on exit", "s", low=0.0, high=60.0, dynamic=True
+    ),
     Parameter("autostart", True, "Configure and activate at once; else a lifecycle manager does"),
 )
 

@@ -1,17 +1,20 @@
 """Parameters of a node as one table, from which they are declared, checked and printed."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, Final
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 SHARED: Final[ContextVar[frozenset[str]]] = ContextVar("SHARED", default=frozenset())
 """Names in blocks of parameter files that are for several nodes: who does not know one leaves it alone."""
+
+Adopt = Callable[[Mapping[str, Any]], None]
+"""Takes the values of a node's whole table, some of them new; raises ValueError to refuse these, changing nothing."""
 
 
 class ParameterError(ValueError):
@@ -20,7 +23,7 @@ class ParameterError(ValueError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a node, set once when the node starts.
+    """One parameter of a node.
 
     Attributes:
         name: As in `NAME:=VALUE`.
@@ -31,6 +34,7 @@ class Parameter:
         low: Smallest value allowed.
         high: Largest value allowed.
         choices: The values allowed, where they are a closed set.
+        dynamic: Whether it may change while the node runs; else it is set once, when the node starts.
     """
 
     name: str
@@ -40,6 +44,13 @@ class Parameter:
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
+    dynamic: bool = False
+
+    @property
+    def meaning(self) -> str:
+        """What it does, with its unit and when it may change, for people."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        return f"{self.help}{unit}" + ("; may change while the node runs" if self.dynamic else "")
 
     @property
     def allowed(self) -> str:
@@ -66,17 +77,26 @@ class Parameter:
                 raise ParameterError(f"parameter '{self.name}' is {value!r}; allowed: {allowed}")
 
 
-def declare(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
-    """Declare every parameter of `table` (read-only) and return their values by name.
+def declare(node: Node, table: Sequence[Parameter], adopt: Adopt | None = None) -> dict[str, Any]:
+    """Declare every parameter of `table` and return their values by name.
 
-    Integers given for floats are taken as the floats that they are. Raises ParameterError.
+    Integers given for floats are taken as the floats that they are. `adopt`: for tables with dynamic parameters; ROS
+    refuses a change of any other.
+
+    Raises:
+        ParameterError: a value is not allowed, or a name unknown. What `qos_overrides` would set is fixed: the nodes
+            rely on it.
     """
     overrides = node._parameter_overrides  # rclpy offers no other way to list what was set
     names = {p.name for p in table}
     known = names | {"use_sim_time", "start_type_description_service"} | SHARED.get()
     for name in overrides:
-        if name not in known and not name.startswith("qos_overrides."):
-            raise ParameterError(f"parameter '{name}' is unknown; parameters: {', '.join(sorted(names))}")
+        if name in known:
+            continue
+        if name.startswith("qos_overrides."):
+            raise ParameterError(f"parameter '{name}' is refused: the quality of service of topics is fixed")
+        all_names = ", ".join(sorted(names)) or "none"
+        raise ParameterError(f"parameter '{name}' is unknown; parameters: {all_names}")
     values: dict[str, Any] = {}
     for p in table:
         kind = _type(p.default)
@@ -95,14 +115,39 @@ def declare(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
             overrides[p.name] = RosParameter(p.name, kind, value)
             node.declare_parameter(p.name, kind, descriptor(p))
         values[p.name] = value
+    if adopt is not None:
+        node.add_on_set_parameters_callback(_taker({p.name: p for p in table}, dict(values), adopt))
     return values
+
+
+def _taker(
+    table: Mapping[str, Parameter], values: dict[str, Any], adopt: Adopt
+) -> Callable[[list[RosParameter]], SetParametersResult]:
+    """Return what ROS asks about changes, after it has looked at types, ranges and what is read-only."""
+
+    def take(changes: list[RosParameter]) -> SetParametersResult:
+        new = {c.name: c.value for c in changes if c.name in table}
+        new = {name: list(v) if isinstance(table[name].default, list) else v for name, v in new.items()}
+        try:
+            for name, value in new.items():
+                table[name].check(value)
+            if new:
+                adopt({**values, **new})
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        values.update(new)
+        return SetParametersResult(successful=True)
+
+    return take
 
 
 def descriptor(p: Parameter) -> ParameterDescriptor:
     """Return what ROS tools show of a parameter and check: meaning, unit, range."""
     text = f"{p.help} [{p.unit}]" if p.unit else p.help
     kind = _type(p.default).value
-    told = ParameterDescriptor(description=text, type=kind, additional_constraints=p.allowed, read_only=True)
+    told = ParameterDescriptor(
+        description=text, type=kind, additional_constraints=p.allowed, read_only=not p.dynamic
+    )
     if p.low is None and p.high is None:
         return told
     if type(p.default) is int:

@@ -43,19 +43,30 @@ class RangeWatch:
         self._heard = now
         if told == self._told:
             return False
-        self._told, self.notice = told, ""
-        try:
-            self.limits = self._own.within(*told)
-        except CommandError as error:
-            self.limits, self.notice = self._own, f"the driver's range is not kept: {error}"
+        self._told = told
+        self._narrow()
         return True
+
+    def adopt(self, own: CommandLimits) -> None:
+        """Keep to other own limits from now on."""
+        self._own = own
+        self._narrow()
 
     def lapse(self, now: float) -> bool:
         """Return whether the limits changed because the driver is gone. Call it regularly."""
         if not self._told or now - self._heard <= SILENT:
             return False
-        self._told, self.limits, self.notice = (), self._own, ""
+        self._told = ()
+        self._narrow()
         return True
+
+    def _narrow(self) -> None:
+        self.limits, self.notice = self._own, ""
+        if self._told:
+            try:
+                self.limits = self._own.within(*self._told)
+            except CommandError as error:
+                self.notice = f"the driver's range is not kept: {error}"
 
 
 class Fence:

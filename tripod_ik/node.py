@@ -10,7 +10,7 @@ after a while, instead of being kept awake by a command that nobody stands behin
 import sys
 import time
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import Compliance, IkStatus, RobotStatus
 
 from tripod_graph import names
-from tripod_graph.command import CommandLimits
 from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Decision, Mode, ModeTracker
@@ -33,12 +32,13 @@ from tripod_graph.qos import RELIABLE, SENSOR
 from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import IK, new_source
+from tripod_graph.timers import set_period
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
 from tripod_ik.rotation import quaternion_matrix, unit_quaternion
-from tripod_ik.settings import PARAMETERS, model_error, tracker_settings
+from tripod_ik.settings import PARAMETERS, command_limits, model_error, tracker_settings
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
 from tripod_ik.tracker import Activity, Tracker, TrackerStep
@@ -58,19 +58,10 @@ class IkNode(Node):
 
     def __init__(self) -> None:
         super().__init__("ik")
-        values = declare(self, PARAMETERS)
+        values = declare(self, PARAMETERS, self._adopt)
         self._targets = TargetBox(values["target_low"], values["target_high"])
         self._tracker = Tracker(tracker_settings(values), len(names.SERVOS), model_error(values))
-        s = self._tracker.settings
-        still = min(max(0.0, s.angle_min), s.angle_max)  # it never parks
-        self._range = RangeWatch(
-            CommandLimits(
-                angle_min=s.angle_min,
-                angle_max=s.angle_max,
-                angle_speed=s.angle_speed,
-                park=(still, still, still, 0.0),
-            )
-        )
+        self._range = RangeWatch(command_limits(self._tracker.settings))
         self._scene, self._slide, self._kind = values["scene"], values["slide"], values["model"]
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
@@ -104,13 +95,24 @@ class IkNode(Node):
         self._simulator_at = time.monotonic()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH, self._on_timer, clock=steady)
-        self.create_timer(1.0 / values["own_model_rate"], self._on_own_timer, clock=steady)
+        self._own_timer = self.create_timer(1.0 / values["own_model_rate"], self._on_own_timer, clock=steady)
         self._diagnostics = Diagnostics(self, self._report)
 
     def _build_model(self, angles: FloatArray) -> Any:
         from tripod_ik.model import StaticModel, model_scene  # noqa: PLC0415 - beside a simulator it is not needed
 
         return StaticModel(model_scene(self._scene, self._kind), self._slide, angles)
+
+    def _adopt(self, values: Mapping[str, Any]) -> None:
+        """Take rates, times, tolerance and gains that have changed."""
+        settings = tracker_settings(values)
+        self._tracker.adopt(settings)
+        self._range.adopt(command_limits(settings))
+        self._keep_range()
+        if correction := self._tracker.correction:
+            correction.time, correction.delay = values["feedback_time"], values["feedback_delay"]
+        self._own_after, self._stale_after = values["own_model_after"], values["stale_after"]
+        set_period(self._own_timer, 1.0 / values["own_model_rate"])
 
     def close(self) -> None:
         """Say that nothing more will be commanded, and leave the graph."""

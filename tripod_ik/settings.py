@@ -22,6 +22,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "rad/s",
         low=0.01,
         high=20.0,
+        dynamic=True,
     ),
     Parameter(
         "max_step",
@@ -30,6 +31,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "rad",
         low=0.01,
         high=3.2,
+        dynamic=True,
     ),
     # An SG90 stalls at 0.18 N m and the working pose alone takes 0.14 N m: near the stall torque the limit would
     # rule out much of the workspace in simulation; the default keeps off only what no such servo comes near.
@@ -48,10 +50,19 @@ PARAMETERS: tuple[Parameter, ...] = (
         "whether torque_max and the box are hard limits; else the target may pass them a little",
     ),
     Parameter(
-        "weights", [1.0, 1.0, 1.0], "how much x, y and z of the target count; 0 leaves an axis free", low=0.0
+        "weights",
+        [1.0, 1.0, 1.0],
+        "how much x, y and z of the target count; 0 leaves an axis free",
+        low=0.0,
+        dynamic=True,
     ),
     Parameter(
-        "tolerance", _TRACKER.tolerance, "distance up to which the target counts as reached", "m", low=1e-7
+        "tolerance",
+        _TRACKER.tolerance,
+        "distance up to which the target counts as reached",
+        "m",
+        low=1e-7,
+        dynamic=True,
     ),
     Parameter("target_low", [-0.15, -0.15, -0.15], "smallest x, y, z of a target that is accepted", "m"),
     Parameter("target_high", [0.15, 0.15, 0.15], "largest x, y, z of a target that is accepted", "m"),
@@ -61,7 +72,9 @@ PARAMETERS: tuple[Parameter, ...] = (
         "what of a target is followed: its position; its roll, pitch and height; or position and tilt, a compromise",
         choices=tuple(Goal),
     ),
-    Parameter("lever", _TRACKER.lever, "metres that a radian of tilt counts", "m", low=1e-4, high=1.0),
+    Parameter(
+        "lever", _TRACKER.lever, "metres that a radian of tilt counts", "m", low=1e-4, high=1.0, dynamic=True
+    ),
     Parameter(
         "lead",
         _TRACKER.lead,
@@ -69,6 +82,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         "s",
         low=0.0,
         high=0.5,
+        dynamic=True,
     ),
     Parameter(
         "feedback",
@@ -77,8 +91,18 @@ PARAMETERS: tuple[Parameter, ...] = (
         f"({names.ROBOT_IMU})",
         choices=("none", "pose", "imu"),
     ),
-    Parameter("feedback_time", 0.4, "time in which the feedback removes an error", "s", low=0.02, high=60.0),
-    Parameter("feedback_delay", 0.03, "age of a measurement when it comes in", "s", low=0.0, high=0.5),
+    Parameter(
+        "feedback_time",
+        0.4,
+        "time in which the feedback removes an error",
+        "s",
+        low=0.02,
+        high=60.0,
+        dynamic=True,
+    ),
+    Parameter(
+        "feedback_delay", 0.03, "age of a measurement when it comes in", "s", low=0.0, high=0.5, dynamic=True
+    ),
     Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
     Parameter(
         "model",
@@ -94,7 +118,9 @@ PARAMETERS: tuple[Parameter, ...] = (
         low=0.0,
         high=0.1,
     ),
-    Parameter("own_model_rate", 50.0, "how often the own model is asked", "Hz", low=5.0, high=200.0),
+    Parameter(
+        "own_model_rate", 50.0, "how often the own model is asked", "Hz", low=5.0, high=200.0, dynamic=True
+    ),
     Parameter(
         "own_model_after",
         1.0,
@@ -102,8 +128,17 @@ PARAMETERS: tuple[Parameter, ...] = (
         "s",
         low=0.1,
         high=60.0,
+        dynamic=True,
     ),
-    Parameter("stale_after", 0.2, "age from which on a compliance is not used", "s", low=0.02, high=0.5),
+    Parameter(
+        "stale_after",
+        0.2,
+        "age from which on a compliance is not used",
+        "s",
+        low=0.02,
+        high=0.5,
+        dynamic=True,
+    ),
 )
 
 
@@ -124,6 +159,17 @@ def tracker_settings(values: Mapping[str, Any]) -> TrackerSettings:
         goal=Goal(values["goal"]),
         lever=values["lever"],
         lead=values["lead"],
+    )
+
+
+def command_limits(settings: TrackerSettings) -> CommandLimits:
+    """Return the tracker's limits as those of commands; it never parks."""
+    still = min(max(0.0, settings.angle_min), settings.angle_max)
+    return CommandLimits(
+        angle_min=settings.angle_min,
+        angle_max=settings.angle_max,
+        angle_speed=settings.angle_speed,
+        park=(still, still, still, 0.0),
     )
 
 

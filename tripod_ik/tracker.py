@@ -120,6 +120,10 @@ class Tracker:
         """Keep to angles from `low` to `high` [rad], shape (n,), and to `speed` [rad/s] from now on."""
         self._limits = AngleLimit(low, high), SpeedLimit(speed)
 
+    def adopt(self, settings: TrackerSettings) -> None:
+        """Take other weights, tolerance, lever, lead and step from now on; the other settings are those of before."""
+        self.settings, self._motion.lead, self._trust = settings, settings.lead, settings.step
+
     @property
     def target(self) -> FloatArray | None:
         """The target's position [m], shape (3,); None while there is none, then the tracker keeps the effector

@@ -17,6 +17,7 @@ from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
+from tripod_graph.parameters import declare
 from tripod_graph.qos import RELIABLE
 from tripod_graph.source import name_of, new_source
 from tripod_play.errors import PlayError
@@ -39,6 +40,7 @@ class PlayNode(Node):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
+        declare(self, ())
         self.done = ""
         self._mandate = Mandate(new_source(name, self.get_namespace()))
         self._position: FloatArray | None = None

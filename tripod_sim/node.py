@@ -5,7 +5,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import KEPT, LATCHED, RELIABLE, SENSOR
 from tripod_graph.range import Fence, RangeWatch, cut
 from tripod_graph.run import run_node
+from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
 from tripod_sim import messages, realtime
 from tripod_sim.errors import StepError
@@ -61,10 +62,26 @@ PARAMETERS: tuple[Parameter, ...] = (
         "Cheapest setting with an error below this: 5%, draft, real-time, reference; empty: as it is",
     ),
     Parameter("study", "", "File of the study that accuracy looks into; empty: the scene's own"),
-    Parameter("body_rate", 30.0, "Node positions published a second", "Hz", low=0.1, high=1000.0),
-    Parameter("pose_rate", 100.0, "Effector poses and joint states a second", "Hz", low=0.1, high=1000.0),
     Parameter(
-        "compliance_rate", 50.0, "Compliances a second, while someone listens", "Hz", low=0.1, high=1000.0
+        "body_rate", 30.0, "Node positions published a second", "Hz", low=0.1, high=1000.0, dynamic=True
+    ),
+    Parameter(
+        "pose_rate",
+        100.0,
+        "Effector poses and joint states a second",
+        "Hz",
+        low=0.1,
+        high=1000.0,
+        dynamic=True,
+    ),
+    Parameter(
+        "compliance_rate",
+        50.0,
+        "Compliances a second, while someone listens",
+        "Hz",
+        low=0.1,
+        high=1000.0,
+        dynamic=True,
     ),
     Parameter("frame_prefix", "", "Stands before every frame on /tf but `world`: two robots have two"),
     *LIMIT_PARAMETERS,
@@ -77,7 +94,7 @@ class SimNode(Node):
     def __init__(self, rerun: Rerun | None = None, *, rate: float = 1.0) -> None:
         """Build the simulation; `rerun`: make the steps of a recording again, so many times as fast, instead."""
         super().__init__("sim")
-        values = declare(self, PARAMETERS)
+        values = declare(self, PARAMETERS, self._adopt)
         simulation = rerun.simulation if rerun else self._new_simulation(values)
         scene, self._rerun = simulation.scene, rerun
         self._scene, self._mesh, self._skin = scene, simulation.mesh, simulation.skin
@@ -105,8 +122,8 @@ class SimNode(Node):
         )
         self._shown: Snapshot | None = None
         self._shown_at = 0.0
-        self._pose_every = max(1, round(1 / (values["pose_rate"] * scene.dt)))
-        self.create_timer(
+        self._pose_every = self._steps_a_pose(values)
+        self._body_timer = self.create_timer(
             1 / values["body_rate"], self._on_body_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -137,6 +154,19 @@ class SimNode(Node):
         choice = choose(values["scene"], values["accuracy"], overrides, study=study)
         self.get_logger().info(choice.sentence)
         return list(choice.overrides)
+
+    def _adopt(self, values: Mapping[str, Any]) -> None:
+        """Take rates and command limits that have changed."""
+        limits = _within_scene(limits_from(values), self._scene)
+        with self._lock:
+            self._limits = self._follower.limits = limits
+            self._range.adopt(limits)
+        self._pose_every = self._steps_a_pose(values)
+        self._physics.compliance_period = 1 / values["compliance_rate"]
+        set_period(self._body_timer, 1 / values["body_rate"])
+
+    def _steps_a_pose(self, values: Mapping[str, Any]) -> int:
+        return max(1, round(1 / (values["pose_rate"] * self._scene.dt)))
 
     def _join_graph(self) -> None:
         self._body = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)

@@ -93,6 +93,7 @@ class RealTime(threading.Thread):
 
     Attributes:
         latest: The newest snapshot.
+        compliance_period: Shortest time between two compliances [s]; may change at any time.
         activity: What the thread is doing.
         failure: Why it failed, empty if it did not.
         want_compliance: Whether anyone needs compliances now.
@@ -126,7 +127,7 @@ class RealTime(threading.Thread):
         self._on_snapshot, self._on_reset = on_snapshot, on_reset
         dt = simulation.scene.dt
         self._period = dt / rate
-        self._every = max(1, round(compliance_period / dt))
+        self.compliance_period = compliance_period
         self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
         self._done: deque[float] = deque(maxlen=self._taken.maxlen)
         self._missed = 0
@@ -187,7 +188,8 @@ class RealTime(threading.Thread):
             report = self._simulation.step(joints)
             self._taken.append(clock.perf_counter() - start)
             self._done.append(clock.perf_counter())
-            due = self.want_compliance and self._simulation.state.step % self._every == 0
+            every = max(1, round(self.compliance_period / self._simulation.scene.dt))
+            due = self.want_compliance and self._simulation.state.step % every == 0
             snapshot = self._snapshot(compliance=due)
             self.journal.add(snapshot.step, snapshot.stamp, joints)
             self.latest = snapshot  # nobody sees a state without the steps to it

@@ -33,20 +33,16 @@ class Drive:
     Attributes:
         limits: Bounds of the set-point.
         joints: The set-point: three angles [rad], and the slide [m] if it is known.
+        speed: Of a servo whose key is down [rad/s].
+        hold: Time for which a press counts [s].
+        pose_time: Shortest time of a motion to a pose [s].
         motion: Name of the motion under way, empty if none.
         at_once: Whether the set-point has jumped: followers are not to take the time between two set-points for it.
     """
 
     def __init__(self, limits: CommandLimits, *, speed: float, hold: float, pose_time: float) -> None:
-        """Begin without a set-point; `start` gives one.
-
-        Args:
-            limits: Bounds of the set-point.
-            speed: Of a servo whose key is down [rad/s].
-            hold: Time for which a press counts [s].
-            pose_time: Shortest time of a motion to a pose [s].
-        """
-        self.limits, self._speed, self._hold, self._pose_time = limits, speed, hold, pose_time
+        """Begin without a set-point; `start` gives one. The arguments are the attributes."""
+        self.limits, self.speed, self.hold, self.pose_time = limits, speed, hold, pose_time
         self.joints: FloatArray = np.zeros(3)
         self.motion = ""
         self.at_once = False
@@ -82,7 +78,7 @@ class Drive:
         elif sign != move.sign:
             here = self._at(now)
             self._begin, self.joints[i], moved = (now, here), here[i], now
-        self._pressed[i] = (move.sign, moved, now + self._hold)
+        self._pressed[i] = (move.sign, moved, now + self.hold)
 
     def is_pressed(self, move: Move, now: float) -> bool:
         """Return whether `move` counts at `now` [s]: another press of its key changes no speed."""
@@ -95,7 +91,7 @@ class Drive:
         size = len(self.joints)
         goal = np.clip(np.array(pose, float), self.limits.lower, self.limits.upper)[:size]
         fastest = PEAK * np.abs(goal - self.joints) / self.limits.speed[:size]
-        self._path = (self.joints.copy(), goal, now, max(self._pose_time, float(fastest.max())))
+        self._path = (self.joints.copy(), goal, now, max(self.pose_time, float(fastest.max())))
         self.motion = name
 
     def jump(self, angles: Sequence[float]) -> None:
@@ -123,7 +119,7 @@ class Drive:
                 self.joints = begin + smooth((time - start) / duration) * (goal - begin)
         for servo, (sign, moved, until) in self._pressed.items():
             last = max(moved, time - LONGEST_STEP)
-            self.joints[servo] += sign * self._speed * max(0.0, min(time, until) - last)
+            self.joints[servo] += sign * self.speed * max(0.0, min(time, until) - last)
             self._pressed[servo] = (sign, max(moved, time), until)
         size = len(self.joints)
         self.joints = np.clip(self.joints, self.limits.lower[:size], self.limits.upper[:size])

@@ -3,7 +3,7 @@
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -38,9 +38,17 @@ LIMITS = ("angle_min", "angle_max", "angle_speed", "slide_max", "slide_speed", "
 """The command limits that matter to an operator; silence is the followers' affair."""
 
 PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("speed", 0.5, "Speed of a servo whose key is down", "rad/s", low=0.01, high=4.0),
-    Parameter("hold", 0.2, "Time for which a key press counts: silence means stop", "s", low=0.05, high=1.0),
-    Parameter("pose_time", 3.0, "Shortest time of a motion to a pose", "s", low=0.5, high=60.0),
+    Parameter("speed", 0.5, "Speed of a servo whose key is down", "rad/s", low=0.01, high=4.0, dynamic=True),
+    Parameter(
+        "hold",
+        0.2,
+        "Time for which a key press counts: silence means stop",
+        "s",
+        low=0.05,
+        high=1.0,
+        dynamic=True,
+    ),
+    Parameter("pose_time", 3.0, "Shortest time of a motion to a pose", "s", low=0.5, high=60.0, dynamic=True),
     Parameter("catch", list(Toss.catch), "Servo angles of the catch, key Q", "rad", low=-3.2, high=3.2),
     Parameter("throw", list(Toss.throw), "Servo angles of the throw, key z", "rad", low=-3.2, high=3.2),
     *(p for p in LIMIT_PARAMETERS if p.name in LIMITS),
@@ -65,8 +73,8 @@ class TeleopNode(Node):
 
     def __init__(self, terminal: Terminal) -> None:
         super().__init__("teleop")
-        values = declare(self, PARAMETERS)
-        limits = CommandLimits(**{n: values[n] for n in LIMITS if n != "park"}, park=tuple(values["park"]))
+        values = declare(self, PARAMETERS, self._adopt)
+        limits = operator_limits(values)
         drive = Drive(limits, speed=values["speed"], hold=values["hold"], pose_time=values["pose_time"])
         toss = Toss(*(checked_angles(name, values[name], limits) for name in ("catch", "throw")))
         source = new_source(self.get_name(), self.get_namespace())
@@ -92,6 +100,13 @@ class TeleopNode(Node):
         terminal.enter()
         self._waiter.start()
         terminal.print(f"Keys, with or without Ctrl:\n{HELP}")
+
+    def _adopt(self, values: Mapping[str, Any]) -> None:
+        """Take speeds and times that have changed."""
+        self._range.adopt(operator_limits(values))
+        drive = self._operator.drive
+        drive.speed, drive.hold, drive.pose_time = values["speed"], values["hold"], values["pose_time"]
+        self._keep_range()
 
     def close(self) -> None:
         """Announce STOP and give the terminal back, the latter whatever becomes of the former."""
@@ -215,6 +230,11 @@ class TeleopNode(Node):
         if self._watch.joints(time.monotonic()) is None:
             return Level.WARN, "waiting for joint angles", values
         return Level.OK, "driving" if operator.is_driving else "watching", values
+
+
+def operator_limits(values: Mapping[str, Any]) -> CommandLimits:
+    """Return the limits that the parameters set; raise CommandError if they contradict each other."""
+    return CommandLimits(**{n: values[n] for n in LIMITS if n != "park"}, park=tuple(values["park"]))
 
 
 def checked_angles(name: str, angles: list[float], limits: CommandLimits) -> tuple[float, ...]:

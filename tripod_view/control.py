@@ -36,6 +36,7 @@ class Control:
 
     Attributes:
         mandate: What this page has decided, and what is in force.
+        speed: Mean speed of a motion [rad/s], where the followers' slew rate allows it.
         angles: What the sliders ask for [rad], shape (3,).
         synced: Set when `angles` changed otherwise than by a slider; whoever shows the sliders clears it.
         moving: Name of the motion under way, empty if none.
@@ -45,7 +46,7 @@ class Control:
     def __init__(self, source: str, limits: CommandLimits, speed: float) -> None:
         """`source`: name of this operator; `speed`: mean speed of a motion [rad/s]."""
         self.mandate, self.limits = Mandate(source), limits
-        self._speed = min(speed, limits.angle_speed / PEAK)  # followers keep up
+        self.speed = speed
         self.angles: FloatArray = np.zeros(3)
         self.synced = True
         self.moving = ""
@@ -160,7 +161,9 @@ class Control:
         if not self.streaming or joints is None or now < self._ready_at:
             return None
         if self.moving and self._motion_until is None:
-            path = motion(joints, self._goal, self._speed)
+            path = motion(
+                joints, self._goal, min(self.speed, self.limits.angle_speed / PEAK)
+            )  # followers keep up
             self._motion_until = now + float(path.times[-1]) + 2 * PERIOD
             return path
         if self._motion_until is not None:

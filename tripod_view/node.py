@@ -11,7 +11,7 @@ While no browser is connected nothing is drawn, the timers rest, and the fast to
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import new_source
+from tripod_graph.timers import set_period
 from tripod_view import events
 from tripod_view.body import BodyError
 from tripod_view.control import PERIOD, STALE, Control
@@ -68,7 +69,7 @@ class ViewNode(Node):
 
     def __init__(self) -> None:
         super().__init__("view")
-        settings = checked_settings(declare(self, PARAMETERS))
+        settings = checked_settings(declare(self, PARAMETERS, self._adopt))
         self._target, self._rejects = settings.target, Rejects()
         source = new_source(self.get_name(), self.get_namespace())
         self._control = Control(source, settings.limits, settings.move_speed)
@@ -101,6 +102,14 @@ class ViewNode(Node):
         self._ready.cancel()
         self.get_logger().info(f"the page is at {self._url}; its address with the token is printed")
         print(f"page {self._server.url}", flush=True)
+
+    def _adopt(self, values: Mapping[str, Any]) -> None:
+        """Take rate and speeds that have changed."""
+        settings = checked_settings(values)
+        self._control.speed = settings.move_speed
+        self._range.adopt(settings.limits)
+        self._keep_range()
+        set_period(self._draw_timer, 1 / settings.rate)
 
     def close(self) -> None:
         """Give up control, if it is the page's, and stop serving."""

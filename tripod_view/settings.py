@@ -1,5 +1,6 @@
 """Parameters of the page, and what they describe together."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,10 +14,16 @@ GEOMETRY = ArmGeometry()
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("port", 8080, "Port of the page; 0: any free one", low=0, high=65535),
-    Parameter("rate", 30.0, "Pictures a second", "Hz", low=1.0, high=60.0),
+    Parameter("rate", 30.0, "Pictures a second", "Hz", low=1.0, high=60.0, dynamic=True),
     *LIMIT_PARAMETERS,
     Parameter(
-        "move_speed", 0.4, "Mean speed of the servos on the way to a pose", "rad/s", low=0.01, high=4.0
+        "move_speed",
+        0.4,
+        "Mean speed of the servos on the way to a pose",
+        "rad/s",
+        low=0.01,
+        high=4.0,
+        dynamic=True,
     ),
     Parameter("target_low", [-0.02, -0.02, -0.03], "Lower corner of the box for the target", "m"),
     Parameter("target_high", [0.02, 0.02, 0.015], "Upper corner of that box", "m"),
@@ -55,7 +62,7 @@ class Settings:
     target: TargetHandle
 
 
-def checked_settings(values: dict[str, Any]) -> Settings:
+def checked_settings(values: Mapping[str, Any]) -> Settings:
     """Return what the parameters `values` describe; raise ParameterError if they do not fit together."""
     try:
         limits = limits_from(values)

@@ -1,10 +1,11 @@
-"""What `ros2 run` and `ros2 launch` write behind every program's name: node, namespace, parameter files, log level."""
+"""What `ros2 run` and `ros2 launch` write behind every program's name, and what `ros2 param` asks of it."""
 
 import os
+import pty
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,17 +15,21 @@ import pytest
 pytest.importorskip("rclpy")
 
 from tests.services import call
+from tripod_bringup.node_command import parameter_table
+from tripod_graph.parameters import Parameter
 
 pytestmark = pytest.mark.ros
 
 ROOT = Path(__file__).parents[2]
 TRIPOD = [sys.executable, "-m", "tripod_bringup.cli"]
-NODES = {
+PROGRAMS = {
     "sim": ["scene:=silicone"],
     "ik": [],
     "driver": ["port:=mock"],
+    "teleop": [],
     "view": ["port:=0"],
     "record": [],
+    "solve": ["--live"],
 }
 DEADLINE = 120.0  # [s], for a loaded machine
 
@@ -32,6 +37,7 @@ FILE = """
 /**:
   ros__parameters:
     of_another_node: 1.5
+    qos_overrides: {{/tf: {{publisher: {{depth: 5}}}}}}
 /**/robot_{name}:
   ros__parameters:
     {parameter}: {value}
@@ -40,13 +46,59 @@ PARAMETER = {
     "sim": ("body_rate", 20.0),
     "ik": ("angle_speed", 2.0),
     "driver": ("rate", 25.0),
+    "teleop": ("speed", 0.25),
     "view": ("angle_speed", 2.0),
     "record": ("directory", ""),
+    "solve": ("use_sim_time", False),
 }
 
 
+class Asker:
+    """A node that asks others for their parameters, as `ros2 param` does."""
+
+    def __init__(self, node: Any, executor: Any) -> None:
+        self.node, self._executor = node, executor
+
+    def wait(self, done: Callable[[], Any], what: str) -> None:
+        deadline = time.monotonic() + DEADLINE
+        while not done():
+            assert time.monotonic() < deadline, f"no {what}"
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def _ask(self, kind: Any, name: str, verb: str, request: object) -> Any:
+        return call(self.node, kind, f"{name}/{verb}", request, server=name, wait=self.wait)
+
+    def dump(self, name: str) -> dict[str, Any]:
+        """Return every parameter of a node, asked for in one call."""
+        from rcl_interfaces.srv import GetParameters, ListParameters
+        from rclpy.parameter import parameter_value_to_python
+
+        found = self._ask(ListParameters, name, "list_parameters", ListParameters.Request(depth=10)).result
+        values = self._ask(
+            GetParameters, name, "get_parameters", GetParameters.Request(names=found.names)
+        ).values
+        assert len(values) == len(found.names), "one parameter without a value leaves all without"
+        return {n: parameter_value_to_python(value) for n, value in zip(found.names, values, strict=True)}
+
+    def change(self, name: str, values: Mapping[str, object]) -> dict[str, str]:
+        """Set parameters of a node one by one; return why each was refused, empty if it was not."""
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter as RosParameter
+
+        given = [RosParameter(n, value=value).to_parameter_msg() for n, value in values.items()]
+        answer = self._ask(SetParameters, name, "set_parameters", SetParameters.Request(parameters=given))
+        assert all(result.successful != bool(result.reason) for result in answer.results)
+        return {n: result.reason for n, result in zip(values, answer.results, strict=True)}
+
+    def topics(self, name: str, namespace: str) -> set[str]:
+        """Return what a node publishes and listens to."""
+        found = self.node.get_publisher_names_and_types_by_node(name, namespace)
+        found += self.node.get_subscriber_names_and_types_by_node(name, namespace)
+        return {topic for topic, _ in found}
+
+
 @contextmanager
-def asking(domain: int) -> Iterator[tuple[Any, Any]]:
+def asking(domain: int) -> Iterator[Asker]:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
@@ -56,62 +108,71 @@ def asking(domain: int) -> Iterator[tuple[Any, Any]]:
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
-        yield node, executor
+        yield Asker(node, executor)
     finally:
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
 
 
-def parameters_of(asker: tuple[Any, Any], name: str) -> dict[str, object]:
-    """Return every parameter of a node, asked for in one call, as `ros2 param dump` does."""
-    from rcl_interfaces.srv import GetParameters, ListParameters
-    from rclpy.parameter import parameter_value_to_python
-
-    node, executor = asker
-
-    def wait(done: Callable[[], Any], what: str) -> None:
-        deadline = time.monotonic() + DEADLINE
-        while not done():
-            assert time.monotonic() < deadline, f"no {what}"
-            executor.spin_once(timeout_sec=0.1)
-
-    def ask(kind: Any, verb: str, request: object) -> Any:
-        return call(node, kind, f"{name}/{verb}", request, server=name, wait=wait)
-
-    names = list(ask(ListParameters, "list_parameters", ListParameters.Request(depth=10)).result.names)
-    values = ask(GetParameters, "get_parameters", GetParameters.Request(names=names)).values
-    assert len(values) == len(names), "one parameter without a value leaves all without"
-    return {name: parameter_value_to_python(value) for name, value in zip(names, values, strict=True)}
+@contextmanager
+def running(words: list[str], domain: int) -> Iterator[subprocess.Popen[str]]:
+    """Run a program where its standard input is a terminal, which teleop needs."""
+    near, far = pty.openpty()
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+    process = subprocess.Popen(
+        [*TRIPOD, *words], cwd=ROOT, env=environment, stdin=far, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+        os.close(near)
+        os.close(far)
 
 
-@pytest.mark.parametrize("name", NODES)
-def test_a_node_takes_what_launch_appends(name: str, domain: int, tmp_path: Path) -> None:
+def other_value(p: Parameter) -> object:
+    """Return another value that is allowed: a little nearer to an end of the range."""
+    if isinstance(p.default, list):
+        return [0.9 * v for v in p.default]
+    assert isinstance(p.default, float)
+    return 0.9 * p.default + 0.1 * (p.low or 0.0)
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_program_takes_what_launch_appends_and_its_parameters_answer(
+    name: str, domain: int, tmp_path: Path
+) -> None:
     parameter, value = PARAMETER[name]
     value = str(tmp_path / "bags") if name == "record" else value
     file = tmp_path / "robot.yaml"
-    file.write_text(FILE.format(name=name, parameter=parameter, value=value), encoding="utf-8")
-    ros = [
-        "-r",
-        f"__node:=robot_{name}",
-        "-r",
-        "__ns:=/left",
-        "--params-file",
-        str(file),
-        "--log-level",
-        "info",
-    ]
-    words = [*TRIPOD, name, *NODES[name], "--ros-args", *ros]
-    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
-    process = subprocess.Popen(words, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True)
-    try:
+    text = FILE.format(name=name, parameter=parameter, value=str(value).lower() if value is False else value)
+    file.write_text(text, encoding="utf-8")
+    remaps = [f"__node:=robot_{name}", "__ns:=/left", "control_mode:=operator", "/diagnostics:=health"]
+    ros = [word for remap in remaps for word in ("-r", remap)]
+    ros += ["--params-file", str(file), "--log-level", "info"]
+    node = f"/left/robot_{name}"
+    table = parameter_table(name) if name != "solve" else ()
+    with running([name, *PROGRAMS[name], "--ros-args", *ros], domain) as process:
         with asking(domain) as asker:
-            given = parameters_of(asker, f"/left/robot_{name}")
+            given = asker.dump(node)
             assert given[parameter] == value
+            assert set(given) == {p.name for p in table} | {"use_sim_time", "start_type_description_service"}
+            assert ("/left/health" if name == "record" else "/left/operator") in asker.topics(
+                f"robot_{name}", "/left"
+            )
+            changes = {p.name: other_value(p) for p in table if p.dynamic}
+            fixed = {p.name: given[p.name] for p in table if not p.dynamic and given[p.name] != []}
+            if table:
+                refused = asker.change(node, {**changes, **fixed})
+                wanted = {n: f"Trying to set a read-only parameter: {n}." for n in fixed}
+                assert refused == {**dict.fromkeys(changes, ""), **wanted}
+            now = asker.dump(node)
+            assert {n: now[n] for n in changes} == {n: pytest.approx(v) for n, v in changes.items()}
         process.send_signal(2)
         _, said = process.communicate(timeout=DEADLINE)
-    finally:
-        process.kill()
     assert process.returncode == 0, said
     assert "Traceback" not in said
 

@@ -1,6 +1,7 @@
 """The state machine between commands and servos: no sequence of events gets a forbidden angle past it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -295,3 +296,35 @@ def test_limits_slew_rate_watchdog_and_stop_hold_in_every_sequence_of_events(eve
         watch.tick()
     assert watch.safety.state is State.PARKED
     assert watch.last == pytest.approx([-0.2] * 3)
+
+
+def test_other_slew_rates_and_times_hold_from_when_they_are_adopted() -> None:
+    safety = ready(make())
+    goto(safety, [-1.5, -1.6, -1.7], 0.0, time=0.1)
+    way = run(safety, 0.0, 0.2)
+    assert np.abs(np.diff(way, axis=0)).max() == pytest.approx(2.0 * PERIOD)
+    safety.adopt(replace(LIMITS, angle_speed=0.5, timeout=2.0, park_after=4.0))
+    assert safety.range.speed[:3] == pytest.approx([0.5] * 3)
+    assert safety.range.lower[:3] == pytest.approx([-1.6, -1.8, -1.7])  # the angles are those of before
+    goto(safety, [-1.5, -1.6, -1.7], 0.2, time=0.1)
+    way = run(safety, 0.2, 0.6)
+    assert np.abs(np.diff(way, axis=0)).max() == pytest.approx(0.5 * PERIOD)
+    assert safety.state is State.ACTIVE  # silent for longer than the first time-out
+    run(safety, 0.8, 4.0)
+    assert safety.state is State.HOLDING
+    run(safety, 4.8, 2.0)
+    assert safety.state is State.PARKED
+
+
+def test_adopting_other_limits_does_not_end_parking() -> None:
+    safety = ready(make())
+    goto(safety, [-1.5, -1.6, -1.7], 0.0, time=0.1)
+    run(safety, 0.0, 1.0)
+    safety.park(1.0)
+    safety.adopt(replace(LIMITS, angle_speed=1.0))
+    run(safety, 1.0, 2.0)
+    assert safety.state is State.PARKED
+    assert safety.at_rest
+    safety.halt(3.0)  # which ends it
+    assert run(safety, 3.0, 0.5) == pytest.approx(np.tile([-0.2] * 3, (25, 1)), abs=1e-9)
+    assert safety.state is State.HOLDING

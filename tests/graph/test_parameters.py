@@ -2,6 +2,9 @@
 
 import math
 import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
 
 import pytest
 
@@ -10,12 +13,12 @@ pytest.importorskip("rclpy")
 from tripod_graph.parameters import Parameter, ParameterError, declare
 
 TABLE = (
-    Parameter("rate", 50.0, "Packets a second", "Hz", low=1.0, high=50.0),
+    Parameter("rate", 50.0, "Packets a second", "Hz", low=1.0, high=50.0, dynamic=True),
     Parameter("count", 3, "A number of things", low=0),
     Parameter("gain", 1.0, "Any gain", high=9.0),
     Parameter("offset", 0.0, "Any offset"),
     Parameter("mode", "slow", "How", choices=("slow", "fast")),
-    Parameter("joints", [0.0, 0.0], "Angles", "rad", low=-1.0, high=1.0),
+    Parameter("joints", [0.0, 0.0], "Angles", "rad", low=-1.0, high=1.0, dynamic=True),
     Parameter("start", [], "Angles, if known", "rad", low=-1.0, high=1.0),
     Parameter("enabled", True, "Whether"),
 )
@@ -47,7 +50,8 @@ def test_value_within_the_range_passes(value: float) -> None:
     TABLE[0].check(value)
 
 
-def declared(domain: int, overrides: dict[str, object]) -> dict[str, object]:
+@contextmanager
+def node_with(domain: int, overrides: dict[str, object]) -> Iterator[Any]:
     import rclpy
     from rclpy.node import Node
     from rclpy.parameter import Parameter as RosParameter
@@ -58,11 +62,16 @@ def declared(domain: int, overrides: dict[str, object]) -> dict[str, object]:
     try:
         given = [RosParameter(name, value=value) for name, value in overrides.items()]
         node = Node("declares", context=context, parameter_overrides=given, enable_rosout=False)
-        return declare(node, TABLE)
+        yield node
     finally:
         if node is not None:
             node.destroy_node()
         context.try_shutdown()
+
+
+def declared(domain: int, overrides: dict[str, object]) -> dict[str, object]:
+    with node_with(domain, overrides) as node:
+        return declare(node, TABLE)
 
 
 @pytest.mark.ros
@@ -85,6 +94,10 @@ def test_declare_returns_defaults_and_takes_integers_for_floats(domain: int) -> 
             {"speed": 1.0},
             "parameter 'speed' is unknown; parameters: count, enabled, gain, joints, mode, offset",
         ),
+        (
+            {"qos_overrides./sim/mesh.publisher.depth": 5},
+            "parameter 'qos_overrides./sim/mesh.publisher.depth' is refused: the quality of service of topics is fixed",
+        ),
         ({"rate": "quick"}, "parameter 'rate' is 'quick'; it must be of type float"),
         ({"count": 1.5}, "parameter 'count' is 1.5; it must be of type int"),
         ({"enabled": 1}, "parameter 'enabled' is 1; it must be of type bool"),
@@ -96,3 +109,55 @@ def test_declare_returns_defaults_and_takes_integers_for_floats(domain: int) -> 
 def test_declare_refuses_by_name(domain: int, overrides: dict[str, object], message: str) -> None:
     with pytest.raises(ParameterError, match=re.escape(message)):
         declared(domain, overrides)
+
+
+@pytest.mark.ros
+def test_dynamic_parameters_change_together_or_not_at_all(domain: int) -> None:
+    from rclpy.parameter import Parameter as RosParameter
+
+    adopted: list[Mapping[str, Any]] = []
+
+    def adopt(values: Mapping[str, Any]) -> None:
+        if values["rate"] == 13.0:
+            raise ValueError("rate is 13 Hz, which brings bad luck")
+        adopted.append(values)
+
+    with node_with(domain, {"count": 4}) as node:
+        first = declare(node, TABLE, adopt)
+
+        def change(**values: object) -> tuple[bool, str]:
+            result = node.set_parameters_atomically([RosParameter(k, value=v) for k, v in values.items()])
+            return result.successful, result.reason
+
+        for values, reason in (
+            ({"count": 5}, "Trying to set a read-only parameter: count."),
+            ({"rate": 10.0, "mode": "fast"}, "Trying to set a read-only parameter: mode."),
+            ({"rate": 51.0}, "Parameter rate out of range Min: 1.0, Max: 50.0, value: 51.0"),
+            ({"rate": 20}, "Wrong parameter type, expected 'Type.DOUBLE' got 'Type.INTEGER'"),
+            ({"rate": 10.0, "joints": [0.0, 1.5]}, "parameter 'joints' is [0.0, 1.5]; allowed: -1 to 1 rad"),
+            ({"rate": 13.0}, "rate is 13 Hz, which brings bad luck"),
+        ):
+            assert change(**values) == (False, reason)
+            assert node.get_parameter("rate").value == 50.0
+        assert adopted == []
+        assert change(rate=10.0) == (True, "")
+        assert change(joints=[0.5, -0.5]) == (True, "")
+        assert change(use_sim_time=False) == (True, "")  # which is not of the table
+        assert adopted == [{**first, "rate": 10.0}, {**first, "rate": 10.0, "joints": [0.5, -0.5]}]
+        assert type(adopted[1]["joints"]) is list
+        told = {p.name: node.describe_parameter(p.name).read_only for p in TABLE}
+        assert told == {p.name: p.name not in ("rate", "joints") for p in TABLE}
+
+
+@pytest.mark.ros
+def test_a_period_changes_at_once_and_wakes_no_timer_that_is_cancelled(domain: int) -> None:
+    from tripod_graph.timers import set_period
+
+    with node_with(domain, {}) as node:
+        timer = node.create_timer(1000.0, lambda: None)
+        set_period(timer, 2.0)
+        assert 0 < timer.time_until_next_call() <= 2e9
+        timer.cancel()
+        set_period(timer, 3.0)
+        assert timer.is_canceled()
+        assert timer.timer_period_ns == 3e9

@@ -27,6 +27,18 @@ def test_limits_are_what_both_allow_and_end_with_the_driver() -> None:
     assert watch.hear(LOWER, UPPER, SPEED, 100.0)  # it is back
 
 
+def test_other_own_limits_are_narrowed_as_the_first_were() -> None:
+    watch = RangeWatch(OWN)
+    watch.hear(LOWER, UPPER, SPEED, 0.0)
+    slow = CommandLimits(angle_speed=0.5, timeout=3.0)
+    watch.adopt(slow)
+    assert watch.limits.speed == pytest.approx([0.5, 0.5, 0.5, 0.1])
+    assert watch.limits.timeout == 3.0
+    assert watch.limits.upper == pytest.approx([0.0, 0.6, -0.1, 0.04])
+    assert watch.lapse(1.0 + SILENT)
+    assert watch.limits is slow
+
+
 def test_a_driver_that_tells_no_range_changes_nothing() -> None:
     watch = RangeWatch(OWN)
     assert not watch.hear((), (), (), 0.0)
