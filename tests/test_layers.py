@@ -26,8 +26,18 @@ MAY_IMPORT = {
 
 ROS_EDGE = {
     "tripod_host": set(),
-    "tripod_graph": {"control_mode", "diagnostics", "limits", "parameters", "qos", "run", "trajectory"},
-    "tripod_sim": {"node", "messages", "markers", "transforms"},
+    "tripod_graph": {
+        "control_mode",
+        "diagnostics",
+        "follow_action",
+        "limits",
+        "parameters",
+        "qos",
+        "run",
+        "timers",
+        "trajectory",
+    },
+    "tripod_sim": {"node", "messages", "markers", "standard_services", "transforms"},
     "tripod_ik": {"node", "messages", "settings"},
     "tripod_driver": {"node", "messages", "settings"},
     "tripod_teleop": {"node"},
@@ -63,6 +73,7 @@ ROS = {
     "rosidl_parser",
     "rosidl_runtime_py",
     "rpyutils",
+    "simulation_interfaces",
     "std_srvs",
 }
 

@@ -54,7 +54,7 @@ class SimPlayer(SimNode):
 
     def step(self) -> None:
         """While paused: make one step."""
-        self._physics.request_step()
+        self._physics.request_steps()
 
     def _join_graph(self) -> None:
         topic = self.resolve_topic_name(names.BODY_STATE)

@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,16 +11,9 @@ from tripod_host.locks import open_lock
 HIGHEST_DOMAIN = 232
 """Above it the UDP ports of DDS would exceed 65535."""
 
-LONGEST_NAMESPACE = 100
-"""Characters of a namespace: with what stands behind it a name of ROS has 245 at most."""
-
 
 class DomainError(ValueError):
     """ROS_DOMAIN_ID is no domain; the message says what is allowed."""
-
-
-class NamespaceError(ValueError):
-    """A name that is no namespace of ROS; the message says what is allowed."""
 
 
 class DomainBusyError(RuntimeError):
@@ -45,21 +37,6 @@ def domain_id(environment: Mapping[str, str]) -> int:
     if not text.isdecimal() or int(text) > HIGHEST_DOMAIN:
         raise DomainError(f"ROS_DOMAIN_ID is {text!r}; allowed: a whole number from 0 to {HIGHEST_DOMAIN}")
     return int(text)
-
-
-def full_namespace(name: str) -> str:
-    """Return a namespace with its leading slash. Raises NamespaceError.
-
-    >>> full_namespace("left"), full_namespace("/left/arm"), full_namespace("")
-    ('/left', '/left/arm', '/')
-    """
-    full = "/" + name.removeprefix("/")
-    if len(full) > LONGEST_NAMESPACE or not re.fullmatch(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+", full):
-        raise NamespaceError(
-            f"namespace {name!r:.80} is no name; allowed: parts of letters, digits and _ that begin with no digit, "
-            f"parted by /, of {LONGEST_NAMESPACE} characters at most"
-        )
-    return full
 
 
 @contextmanager

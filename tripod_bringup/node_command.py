@@ -146,7 +146,7 @@ def print_parameters(name: str, table: Sequence["Parameter"]) -> None:
     rows += [(p.name, _default(p.default), p.unit or "-", _allowed(p) or "any") for p in table]
     widths = [max(len(row[i]) for row in rows) for i in range(3)]
     print(f"Parameters of {name}, each set by NAME:=VALUE:\n")
-    meanings = ["meaning", *(p.meaning for p in table)]
+    meanings = ["meaning", *(p.help + p.note for p in table)]
     for row, meaning in zip(rows, meanings, strict=True):
         columns = [f"{text:<{width}}" for text, width in zip(row, widths, strict=False)]
         print("  ".join(["", *columns, row[3]]).rstrip())

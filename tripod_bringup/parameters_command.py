@@ -42,6 +42,7 @@ def _block(name: str) -> Iterator[str]:
     yield "  ros__parameters:"
     for p in parameter_table(name):
         indent = "    # "
-        text = p.meaning + (f"; {p.allowed}" if p.allowed else "")
+        unit, allowed = f" [{p.unit}]" if p.unit else "", f"; {p.allowed}" if p.allowed else ""
+        text = f"{p.help}{unit}{allowed}{p.note}"
         yield from textwrap.wrap(text, WIDTH, initial_indent=indent, subsequent_indent=indent)
         yield f"    {p.name}: {yaml_value(p.default)}"

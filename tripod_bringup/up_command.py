@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tripod_bringup.accuracy_option import chosen
-from tripod_bringup.lock import full_namespace
 from tripod_bringup.node_command import missing_import, unknown_name
 from tripod_bringup.node_values import RawYaml, split_word
 from tripod_bringup.screen import Screen
 from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, up
+from tripod_graph.namespace import full_namespace
 
 
 def up_command(

@@ -17,9 +17,10 @@ from tripod_driver.messages import imu_message, status_message
 from tripod_driver.safety import State
 from tripod_driver.settings import PARAMETERS, make_driver
 from tripod_graph import names
-from tripod_graph.command import CommandError
 from tripod_graph.control_mode import authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.follow_action import FollowAction
+from tripod_graph.goal import Motion
 from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision
 from tripod_graph.parameters import declare
@@ -53,11 +54,14 @@ class DriverNode(LifecycleNode):
         self._status_due = 0.0
         self._answer_bad_transitions()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._joint_states = self.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
+        topics = (names.ROBOT_JOINT_STATES, *([names.JOINT_STATES] if values["joint_states"] else []))
+        self._joint_states = [self.create_publisher(JointState, topic, RELIABLE) for topic in topics]
         self._status = self.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
         self._imu: Publisher | None = None  # until the board has told of one
         listen(self, self._on_decision)
         obey(self, self._follow, self._refuse)
+        action = f"robot/{names.FOLLOW_JOINT_TRAJECTORY}"
+        self._action = FollowAction(self, action, self._follow, self._motion, self._hold, self._refuse)
         self.create_service(Trigger, names.ROBOT_STOP, self._on_stop)
         self._diagnostics = Diagnostics(self, self._report, values["port"])
         self._timer = self.create_timer(TURN * self._driver.period, self._on_timer, clock=steady)
@@ -110,35 +114,35 @@ class DriverNode(LifecycleNode):
 
     # graph ----------------------------------------------------------------------------------------------------
 
-    def _follow(self, command: Command) -> None:
-        try:
-            self._safety.trajectory(
-                command.names,
-                command.times,
-                command.positions,
-                command.now,
-                source=command.source,
-                velocities=command.velocities,
-                age=command.age,
-            )
-        except ValueError as error:
-            self._warn(error)
-            return
+    def _follow(self, command: Command) -> str:
+        why = self._safety.trajectory(
+            command.names,
+            command.times,
+            command.positions,
+            command.now,
+            source=command.source,
+            velocities=command.velocities,
+            age=command.age,
+        )
         if self._soon.is_canceled():
             self._soon.reset()
+        return why
 
-    def _refuse(self, error: CommandError) -> None:
+    def _motion(self) -> Motion:
+        return self._safety.motion(time.monotonic())
+
+    def _hold(self) -> None:
+        self._safety.interrupt(time.monotonic(), "a goal ended early: the next command goes on from here")
+
+    def _refuse(self, error: ValueError) -> None:
         self._safety.reject(error)
-        self._warn(error)
-
-    def _warn(self, error: ValueError) -> None:
         self.get_logger().warning(f"command refused: {error}", throttle_duration_sec=2.0)
 
     def _on_decision(self, decision: Decision) -> None:
         try:
             self._safety.control_mode(decision, *clocks(self))
         except ValueError as error:
-            self.get_logger().warning(str(error), throttle_duration_sec=2.0)
+            self._refuse(error)
         if self._soon.is_canceled():
             self._soon.reset()
 
@@ -170,7 +174,8 @@ class DriverNode(LifecycleNode):
     def _publish_joint_states(self, angles: Sequence[float]) -> None:
         message = JointState(name=list(names.SERVOS), position=angles)
         message.header.stamp = self.get_clock().now().to_msg()
-        self._joint_states.publish(message)
+        for publisher in self._joint_states:
+            publisher.publish(message)
 
     def _publish_imu(self) -> None:
         readings = self._driver.link.session.readings

@@ -9,6 +9,7 @@ import numpy as np
 
 from tripod_driver.place import Place
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits, FloatArray
+from tripod_graph.goal import Motion, motion_of
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.names import SERVOS
 from tripod_graph.range import cut
@@ -126,11 +127,23 @@ class Safety:
             return self._trouble
         if self._creeping or self._notice:
             return CREEPING if self._creeping else self._notice
+        if self._halted or (self._ignored and not self._active):
+            return self._deafness
+        return next(self.authority.notices(self._now), "") or cut(self._follower.joints, self.range)
+
+    @property
+    def _deafness(self) -> str:
+        """Why no command is obeyed, whoever sends it; empty if those of who is in charge are."""
+        if self._board is not State.READY:
+            return self._trouble
         if self._halted:
             return "stopped by service; change the control mode to go on"
-        if self._ignored and not self._active:
-            return "not active: commands are ignored"
-        return next(self.authority.notices(self._now), "") or cut(self._follower.joints, self.range)
+        return "" if self._active else "not active: commands are ignored"
+
+    def motion(self, now: float) -> Motion:
+        """Return what it does at `now` [s], for who waits for the end of a trajectory."""
+        found = motion_of(self._follower, self.place, now, self.message or self.authority.in_force)
+        return found if self.listens else replace(found, trajectory=None)
 
     @property
     def commanded(self) -> tuple[float, ...]:
@@ -243,33 +256,27 @@ class Safety:
         source: str,
         velocities: Sequence[Sequence[float]] = (),
         age: float = 0.0,
-    ) -> None:
-        """Follow a trajectory of `source` if that is allowed; see `CommandFollower.accept`.
+    ) -> str:
+        """Follow a trajectory of `source` if that is allowed; return why it is not, else nothing.
+
+        See `CommandFollower.accept`.
 
         Raises:
-            CommandError: it is refused and counted, whether motion is allowed or not.
+            CommandError: it is refused, whether motion is allowed or not.
         """
         self.look(now)
-        try:
-            if self.authority.admits(source, now) or not self.listens or self._halted:
-                self._follower.check(names, times, positions, velocities=velocities, age=age)
-                self._ignored += 1
-            else:
-                self._follower.accept(names, times, positions, now, velocities=velocities, age=age)
-                self._notice, self._asked = "", True
-        except ValueError as error:
-            self.reject(error)
-            raise
+        if why := self.authority.admits(source, now) or self._deafness:
+            self._follower.check(names, times, positions, velocities=velocities, age=age)
+            self._ignored += 1
+        else:
+            self._follower.accept(names, times, positions, now, velocities=velocities, age=age)
+            self._notice, self._asked = "", True
+        return why
 
     def control_mode(self, decision: Decision, wall: float, now: float) -> None:
-        """Take what an operator says; see `ModeTracker.hear`. What is refused with a ValueError is counted."""
+        """Take what an operator says; see `ModeTracker.hear`. Raises ValueError for what cannot be."""
         self._now = max(now, self._now)
-        try:
-            changed = self.authority.hear(decision, wall, now)
-        except ValueError as error:
-            self.reject(error)
-            raise
-        if changed:
+        if self.authority.hear(decision, wall, now):
             self._obey(now)
 
     def look(self, now: float) -> None:

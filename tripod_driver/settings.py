@@ -16,7 +16,7 @@ from tripod_driver.ports.mock import MockPort
 from tripod_driver.protocol import AngleMapping
 from tripod_driver.safety import Safety
 from tripod_graph import names
-from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
+from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
 from tripod_graph.parameters import Parameter
 
 SLOWEST = 1200
@@ -70,6 +70,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "park_time_max", 3.0, "Longest time for parking on exit", "s", low=0.0, high=60.0, dynamic=True
     ),
+    JOINT_STATES_PARAMETER,
     Parameter("autostart", True, "Configure and activate at once; else a lifecycle manager does"),
 )
 

@@ -26,6 +26,14 @@ class CommandError(ValueError):
     """A command that is refused; the message names the joint, the value and what is allowed."""
 
 
+class JointNameError(CommandError):
+    """A command that names other joints than those that there are, or not all."""
+
+
+class LateError(CommandError):
+    """A command that should have begun too long ago."""
+
+
 class Activity(IntEnum):
     """What the follower is doing."""
 
@@ -156,6 +164,7 @@ class CommandFollower:
         joints: The set-point, shape (4,) [rad, rad, rad, m].
         goal: What `joints` approaches at its limited speed, shape (4,).
         activity: What the follower is doing.
+        trajectory: Stands for the trajectory that was taken last, also after its end; None: it was interrupted.
         rejected: Number of trajectories refused.
         last_rejection: Why the newest of them was refused.
     """
@@ -175,6 +184,7 @@ class CommandFollower:
         self.joints: FloatArray = np.array(limits.park if start is None else start, float)
         limits.check(self.joints, "start position")
         self.goal: FloatArray = self.joints.copy()
+        self.trajectory: object = None
         self.rejected = 0
         self.last_rejection = ""
         self._longest_step = longest_step
@@ -220,7 +230,7 @@ class CommandFollower:
         self._points, self._slopes = np.vstack([here, points]), slopes
         self._silent_at = self._times[-1] + self.limits.timeout
         self._held_since = None
-        self.activity = Activity.ACTIVE
+        self.activity, self.trajectory = Activity.ACTIVE, object()
 
     def check(
         self,
@@ -238,7 +248,7 @@ class CommandFollower:
         """
         try:
             if not age <= LATE:  # the negation also catches NaN
-                raise CommandError(f"it should have begun {age:.3f} s ago; allowed is {LATE:g} s")
+                raise LateError(f"it should have begun {age:.3f} s ago; allowed is {LATE:g} s")
             points = self._checked(names, times, positions, min(age, 0.0))
             return points, self._checked_velocities(names, velocities, len(points)) if len(
                 velocities
@@ -252,7 +262,7 @@ class CommandFollower:
         """Hold the present position at once, also on the way to the park position, and count as silent."""
         self._times, self._points, self._slopes = np.array([now]), self.joints[None].copy(), None
         self._silent_at = self._held_since = now
-        self.activity = Activity.HOLDING
+        self.activity, self.trajectory = Activity.HOLDING, None
 
     def rest(self, now: float) -> None:
         """Hold as `stop` does; what is parked, or on its way there, stays so."""
@@ -320,11 +330,13 @@ class CommandFollower:
     ) -> FloatArray:
         known = (*SERVOS, SLIDE)
         if unknown := [n for n in names if n not in known]:
-            raise CommandError(f"unknown joint {unknown[0]!r:.60}; joints: {', '.join(known)}")
+            raise JointNameError(f"unknown joint {unknown[0]!r:.60}; joints: {', '.join(known)}")
         if twice := [n for n in known if list(names).count(n) > 1]:
-            raise CommandError(f"joint {twice[0]!r} is named twice; a command names each joint once")
+            raise JointNameError(f"joint {twice[0]!r} is named twice; a command names each joint once")
         if missing := [n for n in SERVOS if n not in names]:
-            raise CommandError(f"joint {missing[0]!r} is missing; a command names all of {', '.join(SERVOS)}")
+            raise JointNameError(
+                f"joint {missing[0]!r} is missing; a command names all of {', '.join(SERVOS)}"
+            )
         if len(times) == 0 or len(times) != len(positions):
             raise CommandError(
                 f"{len(positions)} points with {len(times)} times; at least one of each is needed"

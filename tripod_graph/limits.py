@@ -1,9 +1,10 @@
-"""The command limits as parameters, the same in every node that follows commands."""
+"""Parameters that are the same in every node that follows commands."""
 
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final
 
+from tripod_graph import names
 from tripod_graph.command import CommandLimits
 from tripod_graph.parameters import Parameter
 
@@ -52,6 +53,12 @@ LIMIT_PARAMETERS: Final = (
     Parameter("park", list(_DEFAULTS.park), "Park position: three angles [rad] and the slide [m]"),
 )
 """To be part of a node's table; `limits_from` reads the values."""
+
+JOINT_STATES_PARAMETER: Final = Parameter(
+    "joint_states",
+    False,
+    f"Tell the joint states on `{names.JOINT_STATES}`, too, where other programs look: of one robot let one node",
+)
 
 
 def limits_from(values: Mapping[str, Any]) -> CommandLimits:

@@ -195,6 +195,11 @@ class ModeTracker:
             return True
         return False
 
+    @property
+    def in_force(self) -> str:
+        """What is in force, for people."""
+        return next(self._lost_notice(), f"{self.mode.name} by {self.source or 'nobody named'} is in force")
+
     def is_held_by(self, source: str) -> bool:
         """Return whether a decision of `source` is in force, not STOP, be its operator lost for the moment."""
         return self._mode is not Mode.STOP and self.source == source
@@ -214,11 +219,14 @@ class ModeTracker:
 
     def notices(self, now: float) -> Iterator[str]:
         """Yield what people should know, one line each: a lost operator, ignored commands and decisions of late."""
-        if self.lost:
-            yield f"operator {self.lost!r} is silent: everything holds, then parks"
+        yield from self._lost_notice()
         for ignored in (self.ignored_commands, self.ignored):
             if now - ignored.at < 2 * LEASE:
                 yield ignored.last
+
+    def _lost_notice(self) -> Iterator[str]:
+        if self.lost:
+            yield f"operator {self.lost!r} is silent: everything holds, then parks"
 
     def _refusal(self, source: str, now: float) -> str:
         shown = repr(source) if source else "nobody named in header.frame_id"

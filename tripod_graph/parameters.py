@@ -47,10 +47,9 @@ class Parameter:
     dynamic: bool = False
 
     @property
-    def meaning(self) -> str:
-        """What it does, with its unit and when it may change, for people."""
-        unit = f" [{self.unit}]" if self.unit else ""
-        return f"{self.help}{unit}" + ("; may change while the node runs" if self.dynamic else "")
+    def note(self) -> str:
+        """When it may change, to be put behind what is said of it."""
+        return "; may change while the node runs" if self.dynamic else ""
 
     @property
     def allowed(self) -> str:

@@ -4,6 +4,7 @@ Exit codes: 0 stopped as asked, 1 failed while running, 2 refused its parameters
 """
 
 import gc
+import itertools
 import os
 import re
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from tripod_graph.loopback import check_loopback, keep_local
+from tripod_graph.namespace import full_namespace
 from tripod_host.stop import end_at_once, first, taken
 
 FAILED = 1
@@ -104,7 +106,7 @@ def run_node(
     words = list(sys.argv[1:] if arguments is None else arguments)
     keep_local(subnet="--subnet" in words or os.environ.get("TRIPOD_SUBNET") == "1")
     import rclpy  # noqa: PLC0415 - only after the range of discovery is set
-    from rclpy.exceptions import NameValidationException  # noqa: PLC0415
+    from rclpy.exceptions import NameValidationException, ParameterException  # noqa: PLC0415
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415
     from rclpy.node import Node  # noqa: PLC0415
 
@@ -125,7 +127,7 @@ def run_node(
             with first(lambda: _close_nodes(name)):
                 node = make()
                 asked = signals.enter_context(taken())
-        except (ValueError, OSError, NameValidationException) as error:
+        except (ValueError, OSError, NameValidationException, ParameterException) as error:
             print(f"{name}: {_one_line(error)}", file=sys.stderr)
             return REFUSED
         executor.add_node(cast(Node, node))
@@ -163,10 +165,26 @@ def _init(words: Sequence[str]) -> list[Path]:
     from tripod_graph.parameters import SHARED  # noqa: PLC0415
 
     ros = ros_arguments(words)
+    _check_namespaces(ros)
     files = parameter_files(ros)
-    rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=ros, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        if str(error).startswith("["):  # UnknownROSArgsError, which rclpy does not export
+            raise ValueError(f"ROS knows no argument {str(error)[1:-1]}") from None
+        raise
     SHARED.set(shared_names(files))
     return files
+
+
+def _check_namespaces(ros: Sequence[str]) -> None:
+    """Raise ValueError for a namespace that ROS would refuse in several lines, or only when the node is made."""
+    for option, rule in itertools.pairwise(ros):
+        name, assigns, value = rule.partition(":=")
+        if option in ("-r", "--remap") and assigns and name.rpartition(":")[2] in ("__ns", "rosnamespace"):
+            full = full_namespace(value)
+            if value != full:
+                raise ValueError(f"namespace {value!r} is not a full one; write {name}:={full}")
 
 
 def _close_nodes(name: str) -> int:
@@ -192,6 +210,6 @@ def _closing_failed(name: str, error: Exception) -> int:
 
 
 def _one_line(error: Exception) -> str:
-    """Return what `error` says without line breaks, places in the source of ROS, and pointers below a name."""
-    lines = [re.sub(r", at \S+:\d+", "", line.strip()) for line in str(error).splitlines()]
+    """Return what `error` says in one line, without places in the source of ROS or its parser, or pointers."""
+    lines = [re.sub(r", at \S+:\d+|\. Error: .*", "", line.strip()) for line in str(error).splitlines()]
     return " ".join(line for line in lines if line.strip("^"))

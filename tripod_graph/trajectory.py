@@ -38,7 +38,7 @@ class Command:
     now: float
 
 
-def obey(node: Node, follow: Callable[[Command], None], refuse: Callable[[CommandError], None]) -> None:
+def obey(node: Node, follow: Callable[[Command], object], refuse: Callable[[CommandError], None]) -> None:
     """Give every trajectory to `follow`; what that raises, and what cannot be read, to `refuse`."""
 
     def take(data: bytes) -> None:

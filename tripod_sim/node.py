@@ -26,7 +26,9 @@ from tripod_graph import names
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits
 from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
+from tripod_graph.follow_action import FollowAction
+from tripod_graph.goal import Motion, motion_of
+from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import KEPT, LATCHED, RELIABLE, SENSOR
@@ -43,6 +45,7 @@ from tripod_sim.rerun import Rerun
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, scene_to_toml
 from tripod_sim.simulation import Simulation
+from tripod_sim.standard_services import StandardServices
 from tripod_sim.transforms import Transforms
 
 FloatArray = NDArray[np.float64]
@@ -85,6 +88,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     Parameter("frame_prefix", "", "Stands before every frame on /tf but `world`: two robots have two"),
     *LIMIT_PARAMETERS,
+    JOINT_STATES_PARAMETER,
 )
 
 
@@ -110,6 +114,10 @@ class SimNode(Node):
         self._follower, self._fence = self._new_follower(), Fence()
         self._refused = 0
         self._last_refusal = ""
+        self._joint_topics = (
+            names.SIM_JOINT_STATES,
+            *([names.JOINT_STATES] if values["joint_states"] else []),
+        )
         self._join_graph()
         self._transforms = Transforms(self, scene, values["frame_prefix"]) if scene.servos else None
         self._physics = RealTime(
@@ -170,7 +178,7 @@ class SimNode(Node):
 
     def _join_graph(self) -> None:
         self._body = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
-        self._joints = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
+        self._joints = [self.create_publisher(JointState, topic, RELIABLE) for topic in self._joint_topics]
         self._pose = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
         has_ball = self._scene.ball is not None
         self._ball = self.create_publisher(PoseStamped, names.SIM_BALL_POSE, RELIABLE) if has_ball else None
@@ -192,8 +200,11 @@ class SimNode(Node):
         if self._rerun is None:  # what was commanded once is not commanded again
             listen(self, self._on_decision)
             self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
-            obey(self, self._follow, lambda error: self._refuse(str(error)))
+            obey(self, self._follow, self._refuse)
+            action = f"sim/{names.FOLLOW_JOINT_TRAJECTORY}"
+            self._action = FollowAction(self, action, self._follow, self._motion, self._hold, self._refuse)
             self.create_service(Trigger, names.SIM_RESET, self._on_reset)
+            self._standard = StandardServices(self, lambda: self._physics)
         self.create_service(SetBool, names.SIM_PAUSE, self._on_pause)
         self.create_service(Trigger, names.SIM_STEP, self._on_step)
 
@@ -233,7 +244,8 @@ class SimNode(Node):
             if snapshot.effector:
                 self._pose.publish(messages.effector_message(snapshot, snapshot.effector))
             if self._scene.servos:
-                self._joints.publish(messages.joint_message(snapshot))
+                for publisher in self._joints:
+                    publisher.publish(messages.joint_message(snapshot))
             if snapshot.ball and self._ball:
                 self._ball.publish(messages.ball_message(snapshot, snapshot.ball))
 
@@ -259,13 +271,13 @@ class SimNode(Node):
         if self._transforms:
             self._transforms.publish(snapshot)
 
-    def _follow(self, command: Command) -> None:
+    def _follow(self, command: Command) -> str:
         if not self._scene.servos:
             raise CommandError(f"scene {self._scene.name!r} has no servos")
         with self._lock:
             self._look(command.now)
-            if self._authority.admits(command.source, command.now):
-                return
+            if why := self._authority.admits(command.source, command.now):
+                return why
             self._follower.accept(
                 command.names,
                 command.times,
@@ -274,6 +286,16 @@ class SimNode(Node):
                 velocities=command.velocities,
                 age=command.age,
             )
+        return ""
+
+    def _motion(self) -> Motion:
+        with self._lock:
+            here, now = self._physics.latest.joints, time.monotonic()
+            return motion_of(self._follower, here, now, self._physics.failure or self._authority.in_force)
+
+    def _hold(self) -> None:
+        with self._lock:
+            self._follower.stop(time.monotonic())
 
     def _on_robot_status(self, message: RobotStatus) -> None:
         with self._lock:
@@ -288,7 +310,7 @@ class SimNode(Node):
                 if self._authority.hear(decision, wall, now):
                     self._obey(now)
         except ValueError as error:
-            self._refuse(str(error))
+            self._refuse(error)
 
     def _look(self, now: float) -> None:
         """Hold as the driver does, if nobody is there any more who commands; the caller has the lock."""
@@ -304,10 +326,10 @@ class SimNode(Node):
         else:
             self._follower.rest(now)
 
-    def _refuse(self, why: str) -> None:
+    def _refuse(self, error: ValueError) -> None:
         self._refused += 1
-        self._last_refusal = why
-        self.get_logger().warning(f"command refused: {why}", throttle_duration_sec=2.0)
+        self._last_refusal = str(error)
+        self.get_logger().warning(f"command refused: {error}", throttle_duration_sec=2.0)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._physics.request_reset()
@@ -322,7 +344,7 @@ class SimNode(Node):
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         paused = self._physics.activity is realtime.Activity.PAUSED
-        response.success = self._physics.request_step()
+        response.success = self._physics.request_steps() == 1
         if response.success:
             response.message = f"step {self._physics.latest.step}"
         else:

@@ -277,18 +277,22 @@ class RealTime(threading.Thread):
             if paused:
                 self._requests.wait_for(lambda: not self._stepping, timeout)
 
-    def request_step(self, timeout: float = 2.0) -> bool:
-        """Make one step while paused and wait for it; return whether it was made."""
+    def request_steps(self, count: int = 1, timeout: float = 2.0) -> int:
+        """Make steps while paused and wait for them, no longer than `timeout` [s]; return how many were made."""
         with self._requests:
             if self.activity is not Activity.PAUSED:
-                return False
+                return 0
             before = self.latest.step
-            self._steps_wanted += 1
+            self._steps_wanted += count
             self._requests.notify_all()
-            made = self._requests.wait_for(lambda: self._steps_wanted == 0 and not self._stepping, timeout)
-            if not made:
-                self._steps_wanted = 0
-            return self.latest.step > before
+            self._requests.wait_for(self._are_made, timeout)
+            self._steps_wanted = 0
+            self._requests.wait_for(self._are_made, timeout)  # the step at hand counts
+            return self.latest.step - before
+
+    def _are_made(self) -> bool:
+        over = self._steps_wanted == 0 or self.activity is not Activity.PAUSED
+        return over and not self._stepping
 
     def request_reset(self, timeout: float = 2.0) -> bool:
         """Return to the start state and wait for it; return whether it happened in time."""

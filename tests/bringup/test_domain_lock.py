@@ -1,7 +1,6 @@
 """One `tripod up` a domain and namespace: the lock, and what it says of its holder."""
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,9 +10,7 @@ import pytest
 from tripod_bringup.lock import (
     DomainBusyError,
     DomainError,
-    NamespaceError,
     domain_id,
-    full_namespace,
     only_one,
 )
 
@@ -37,21 +34,6 @@ def test_domain_is_read_from_the_environment(text: str | None, domain: int) -> N
 def test_a_domain_out_of_range_is_refused_by_its_value(text: str) -> None:
     with pytest.raises(DomainError, match=r"ROS_DOMAIN_ID is .*0 to 232"):
         domain_id({"ROS_DOMAIN_ID": text})
-
-
-@pytest.mark.parametrize(("name", "full"), [("", "/"), ("/", "/"), ("left", "/left"), ("/a_1/b", "/a_1/b")])
-def test_a_namespace_gets_its_slash(name: str, full: str) -> None:
-    assert full_namespace(name) == full
-
-
-@pytest.mark.parametrize(
-    "name", ["9left", "left/", "a//b", "//a", "a b", "a-b", "~/a", "ä", "a/9", "a" * 100, "{a}"]
-)
-def test_what_is_no_namespace_is_refused_by_its_value(name: str) -> None:
-    with pytest.raises(
-        NamespaceError, match=re.escape(f"namespace {name!r:.80} is no name; allowed: parts of")
-    ):
-        full_namespace(name)
 
 
 def test_a_second_holder_is_refused_and_told_the_process_of_the_first(tmp_path: Path) -> None:

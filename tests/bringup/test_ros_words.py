@@ -182,7 +182,17 @@ def test_a_program_takes_what_launch_appends_and_its_parameters_answer(
     [
         (
             ["-r", "__ns:=/9left"],
-            "driver: failed to initialize rcl: Couldn't parse remap rule: '-r __ns:=/9left'",
+            "driver: namespace '/9left' is no name; allowed: parts of letters, digits and _",
+        ),
+        (["-r", "__ns:=/left/"], "driver: namespace '/left/' is no name; allowed: parts of letters"),
+        (["-r", "__ns:=left"], "driver: namespace 'left' is not a full one; write __ns:=/left"),
+        (
+            ["-r", "joint_trajectory:=a//b"],
+            "driver: failed to initialize rcl: Couldn't parse remap rule: '-r joint_trajectory:=a//b'",
+        ),
+        (
+            ["-r", "joint_trajectory:=9a"],
+            "driver: failed to initialize rcl: Couldn't parse remap rule: '-r joint_trajectory:=9a'",
         ),
         (
             ["-r", "__node:=a/b"],
@@ -196,6 +206,15 @@ def test_a_program_takes_what_launch_appends_and_its_parameters_answer(
             ["--log-level", "loud"],
             "driver: failed to initialize rcl: Couldn't parse log level: '--log-level loud'",
         ),
+        (["--params-fil", "a.yaml"], "driver: ROS knows no argument '--params-fil'"),
+        (
+            ["-p", "use_sim_time:=5"],
+            "driver: Trying to set parameter 'use_sim_time' to '5' of type 'INTEGER'",
+        ),
+        (
+            ["-p", "qos_overrides./robot/status.publisher.depth:=5"],
+            "driver: parameter 'qos_overrides./robot/status.publisher.depth' is refused: the quality of service",
+        ),
         (["-p", "prot:=mock"], "driver: parameter 'prot' is unknown; parameters: "),
         (["-p", "rate:=900.0"], "driver: parameter 'rate' is 900.0; allowed: 5 to 50 Hz"),
     ],
@@ -206,6 +225,40 @@ def test_words_that_are_wrong_end_in_one_line(ros: list[str], message: str, doma
     assert done.returncode == 2
     own = [line for line in done.stderr.splitlines() if not line.startswith("[")]  # those of rcl begin so
     assert len(own) == 1 and own[0].startswith(message), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "/driver:\n  ros__parameters:\n    rate: [\n",
+            "driver: failed to initialize rcl: Couldn't parse params file",
+        ),
+        (
+            "/driver:\n  ros__parameters:\n    rate: fast\n",
+            "driver: parameter 'rate' is 'fast'; it must be of type",
+        ),
+        (
+            "/driver:\n  ros__parameters:\n    rates: 9.0\n",
+            "driver: parameter 'rates' is unknown; parameters:",
+        ),
+    ],
+)
+def test_a_parameter_file_that_is_wrong_ends_in_one_line(
+    text: str, message: str, domain: int, tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(text, encoding="utf-8")
+    test_words_that_are_wrong_end_in_one_line(["--params-file", str(file)], message, domain)
+
+
+@pytest.mark.parametrize("name", ["teleop", "solve"])
+def test_programs_with_more_than_a_node_refuse_a_namespace_that_is_none(name: str, domain: int) -> None:
+    with running([name, *PROGRAMS[name], "--ros-args", "-r", "__ns:=/a b"], domain) as process:
+        _, said = process.communicate(timeout=DEADLINE)
+    assert process.returncode == 2
+    assert said.startswith(f"{name}: namespace '/a b' is no name"), said
+    assert said.count("\n") == 1
 
 
 def test_a_file_of_another_robot_is_named(domain: int, tmp_path: Path) -> None:

@@ -200,13 +200,13 @@ def test_every_step_follows_the_command_and_gives_a_snapshot(start) -> None:
 def test_while_paused_nothing_moves_but_single_steps(start) -> None:
     physics = start(FakeSimulation())
     wait(lambda: physics.latest.step > 3, "steps")
-    assert not physics.request_step()  # not paused
+    assert not physics.request_steps()  # not paused
     physics.pause(True)
     assert physics.activity is Activity.PAUSED
     first = physics.latest.step
     for k in range(50):
         assert physics.latest.step == first + k
-        assert physics.request_step(DEADLINE)
+        assert physics.request_steps(1, DEADLINE)
     time.sleep(0.05)
     assert physics.latest.step == first + 50
     physics.pause(False)
@@ -233,7 +233,7 @@ def test_pause_returns_when_the_step_at_hand_is_done(start) -> None:
     pausing.join(DEADLINE)
     assert not pausing.is_alive()
     assert physics.latest.step == 3
-    assert physics.request_step(DEADLINE)
+    assert physics.request_steps(1, DEADLINE)
     assert physics.latest.step == 4
 
 
@@ -244,9 +244,36 @@ def test_a_step_that_takes_too_long_is_reported_as_not_made(start) -> None:
     physics.pause(True, DEADLINE)
     before = physics.latest.step
     simulation.during = lambda step: go_on.wait(DEADLINE)
-    assert not physics.request_step(0.01)
+    assert not physics.request_steps(1, 0.01)
     assert physics.latest.step == before
     go_on.set()
+
+
+def test_many_steps_are_made_as_fast_as_they_go_and_those_that_take_too_long_are_not(start) -> None:
+    physics = start(FakeSimulation())
+    assert physics.request_steps(5) == 0  # not paused
+    physics.pause(True, DEADLINE)
+    before = physics.latest.step
+    assert physics.request_steps(500, DEADLINE) == 500
+    assert physics.latest.step == before + 500
+    made = physics.request_steps(10**9, 0.05)
+    assert 0 < made < 10**9
+    assert physics.latest.step == before + 500 + made
+    physics.pause(True, DEADLINE)
+    assert physics.latest.step == before + 500 + made
+
+
+def test_steps_end_where_one_fails(start) -> None:
+    def during(step: int) -> None:
+        if step == 8:
+            raise StepError("element 3 is inverted")
+
+    physics = start(FakeSimulation())
+    physics.pause(True, DEADLINE)
+    physics.request_reset(DEADLINE)
+    physics._simulation.during = during
+    assert physics.request_steps(100, DEADLINE) == 7
+    assert physics.failure == "element 3 is inverted"
 
 
 def test_a_request_of_a_thread_that_does_not_run_is_not_met() -> None:
@@ -254,7 +281,7 @@ def test_a_request_of_a_thread_that_does_not_run_is_not_met() -> None:
     physics.stop()
     assert not physics.request_reset(0.01)
     physics.pause(True)
-    assert not physics.request_step(0.01)
+    assert not physics.request_steps(1, 0.01)
 
 
 def bits(snapshot: Snapshot) -> tuple[Any, ...]:
@@ -290,7 +317,7 @@ def test_reset_returns_to_the_bits_of_the_start_and_the_same_motion_follows(star
         assert physics.activity is Activity.PAUSED
         motion = [physics.latest]
         for _ in range(12):
-            assert physics.request_step(DEADLINE)
+            assert physics.request_steps(1, DEADLINE)
             motion.append(physics.latest)
         assert [s.compliance is not None for s in motion] == [
             wanted and k % 2 == 0 and k > 0 for k in range(13)
@@ -352,7 +379,7 @@ def test_a_failure_keeps_the_last_good_state_until_a_reset(
     for paused in (True, False):
         physics.pause(paused)
         assert physics.activity is Activity.FAILED
-    assert not physics.request_step()
+    assert not physics.request_steps()
     assert physics.latest.step == 5
     assert physics.is_alive()
 
@@ -375,7 +402,7 @@ def test_a_failing_single_step_says_so(start) -> None:
     physics.pause(True)
     before = physics.latest.step
     simulation.during = during
-    assert not physics.request_step(DEADLINE)
+    assert not physics.request_steps(1, DEADLINE)
     assert physics.activity is Activity.FAILED
     assert physics.failure == "crushed"
     assert physics.latest.step == before
@@ -400,7 +427,7 @@ def test_compliances_come_at_their_period_while_wanted(start) -> None:
         physics.want_compliance, simulation.singular = wanted, singular
         seen.clear()
         for _ in range(12):
-            assert physics.request_step(DEADLINE)
+            assert physics.request_steps(1, DEADLINE)
         due = [s for s in seen if s.step % 4 == 0]
         assert len(seen) == 12
         assert len(due) == 3
@@ -435,7 +462,8 @@ def test_requests_from_many_threads_all_count(start) -> None:
     physics.pause(True)
     first = physics.latest.step
     askers = [
-        threading.Thread(target=lambda: [physics.request_step(DEADLINE) for _ in range(50)]) for _ in range(4)
+        threading.Thread(target=lambda: [physics.request_steps(1, DEADLINE) for _ in range(50)])
+        for _ in range(4)
     ]
     for asker in askers:
         asker.start()

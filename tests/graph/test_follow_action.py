@@ -1,0 +1,251 @@
+"""The action `follow_joint_trajectory`: followed, refused, cancelled, preempted, interrupted, missed; one line each."""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("control_msgs", reason="the interfaces are not built: run `make setup`")
+
+import rclpy
+from action_msgs.msg import GoalStatus
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointComponentTolerance, JointTolerance
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
+
+from tests.goals import Goals
+from tests.goals import goal as goal_of
+from tripod_graph.command import Activity, CommandFollower, CommandLimits
+from tripod_graph.control_mode import clocks
+from tripod_graph.follow_action import FollowAction
+from tripod_graph.goal import Motion, motion_of
+from tripod_graph.mode import LONGEST_LEASE, Decision, Mode, ModeTracker
+from tripod_graph.names import SERVOS
+from tripod_graph.trajectory import Command
+
+pytestmark = pytest.mark.ros
+
+Goal, Result = FollowJointTrajectory.Goal, FollowJointTrajectory.Result
+SOURCE = "/operator"
+DEADLINE = 60.0  # [s], for a loaded machine
+START = (-0.1, -0.1, -0.1, 0.0)
+THERE = (-0.4, -0.5, -0.6)
+
+
+class Robot(Node):
+    """A node that follows, as simulator and driver do, and whose joints may be held by a hand."""
+
+    def __init__(self, context: Any) -> None:
+        super().__init__("robot", context=context)
+        self.follower = CommandFollower(CommandLimits(timeout=0.2, park_after=60.0), START)
+        self.authority, self.refused = ModeTracker(), list[str]()
+        self.held: float | None = None
+        self.decide(Mode.TELEOP)
+        self.action = FollowAction(
+            self, "robot/follow_joint_trajectory", self._follow, self._motion, self._hold,
+            lambda error: self.refused.append(str(error)),
+        )  # fmt: skip
+        self.create_timer(0.005, lambda: self.follower.setpoint(time.monotonic()))
+
+    def decide(self, mode: Mode, source: str = SOURCE) -> None:
+        wall, now = clocks(self)
+        if self.authority.hear(Decision(mode, source, wall, LONGEST_LEASE), wall, now):
+            self.follower.rest(now)
+
+    def _follow(self, command: Command) -> str:
+        why = self.authority.admits(command.source, command.now)
+        if not why:
+            self.follower.accept(
+                command.names, command.times, command.positions, command.now, velocities=command.velocities,
+                age=command.age,
+            )  # fmt: skip
+        return why
+
+    def _motion(self) -> Motion:
+        joints = self.follower.joints[:3].copy()
+        if self.held is not None:
+            joints[1] = self.held
+        return motion_of(self.follower, joints, time.monotonic(), self.authority.in_force)
+
+    def _hold(self) -> None:
+        self.follower.stop(time.monotonic())
+
+
+class Bench:
+    """The robot, and a client that sends goals."""
+
+    def __init__(self, domain: int) -> None:
+        self.context = rclpy.Context()
+        self.context.init(domain_id=domain)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.robot, self.node = Robot(self.context), Node("client", context=self.context)
+        for node in (self.robot, self.node):
+            self.executor.add_node(node)
+        self.goals = Goals(self.node, "robot/follow_joint_trajectory", self.wait)
+        self.send, self.end = self.goals.send, self.goals.end
+
+    def wait(self, condition: Callable[[], Any], what: str) -> None:
+        deadline = time.monotonic() + DEADLINE
+        while not condition():
+            assert time.monotonic() < deadline, f"waited in vain for {what}"
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        for node in (self.robot, self.node):
+            node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def bench(domain: int) -> Iterator[Bench]:
+    one = Bench(domain)
+    yield one
+    one.close()
+
+
+def goal(*rows: Any, seconds: float = 0.3, source: str = SOURCE, **more: Any) -> Any:
+    return goal_of(*(rows or [THERE]), seconds=seconds, source=source, **more)
+
+
+def late() -> Any:
+    one = goal()
+    one.trajectory.header.stamp.sec = 1_000_000
+    return one
+
+
+def other_dofs() -> Any:
+    one = goal()
+    one.multi_dof_trajectory.points = [MultiDOFJointTrajectoryPoint()]
+    return one
+
+
+def test_a_goal_is_followed_with_feedback_to_its_end(bench: Bench) -> None:
+    one = goal((-0.3, -0.3, -0.3), THERE)
+    for point in one.trajectory.points:
+        point.accelerations = [0.1, 0.1, 0.1]  # as planners send them
+    handle = bench.send(one)
+    bench.wait(lambda: bench.goals.feedback, "feedback")
+    assert handle.status in (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
+    assert bench.end(handle) == (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL, "")
+    assert bench.robot.follower.joints[:3] == pytest.approx(THERE, abs=0.01)
+    for told in bench.goals.feedback:
+        assert told.joint_names == list(SERVOS)
+        assert told.header.stamp.sec > 0
+        error = np.subtract(told.desired.positions, told.actual.positions)
+        assert told.error.positions == pytest.approx(error)
+        assert -0.61 < told.actual.positions[2] < -0.09
+
+
+@pytest.mark.parametrize(
+    ("make", "code", "why"),
+    [
+        (
+            lambda: goal(source=""),
+            -1,
+            "command of nobody named in header.frame_id ignored: '/operator' is in charge",
+        ),
+        (lambda: goal(source="world"), -1, "command of 'world' ignored: '/operator' is in charge"),
+        (
+            lambda: goal(joints=("a", "b", "c")),
+            -2,
+            "unknown joint 'a'; joints: servo_0, servo_1, servo_2, slide",
+        ),
+        (
+            lambda: goal((0.0, 0.0), joints=SERVOS[:2]),
+            -2,
+            "joint 'servo_2' is missing; a command names all of",
+        ),
+        (late, -3, "it should have begun "),
+        (lambda: goal((0.0, 0.0, np.nan)), -1, "point 0: servo_2 is nan rad, allowed is -2.1 to 0.6 rad"),
+        (lambda: goal((0.0, 0.0, 0.7)), -1, "point 0: servo_2 is 0.7 rad, allowed is -2.1 to 0.6 rad"),
+        (Goal, -1, "command of nobody named in header.frame_id ignored"),
+        (lambda: goal(*[THERE] * 2001, seconds=0.01), -1, "a trajectory of 2001 points; allowed are 2000"),
+        (other_dofs, -1, "it has a multi_dof_trajectory, which is not used: leave it out"),
+        (
+            lambda: goal(component_goal_tolerance=[JointComponentTolerance()]),
+            -1,
+            "it has a component_goal_tolerance, which is not used: leave it out",
+        ),
+        (
+            lambda: goal(goal_tolerance=[JointTolerance(name="elbow", position=0.1)]),
+            -1,
+            "goal_tolerance of an unknown joint 'elbow'",
+        ),
+    ],
+)
+def test_what_is_not_followed_says_why_and_lets_the_motion_go_on(
+    bench: Bench, make, code: int, why: str
+) -> None:
+    first = bench.send(goal())
+    before = bench.robot.follower.trajectory
+    status, error, text = bench.end(bench.send(make()))
+    assert (status, error) == (GoalStatus.STATUS_ABORTED, code)
+    assert text.startswith(why)
+    assert "\n" not in text
+    assert bench.robot.follower.trajectory is before
+    assert [*bench.robot.refused, bench.robot.authority.ignored_commands.last] != [""]
+    assert bench.end(first)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_in_the_wrong_mode_nothing_moves(bench: Bench) -> None:
+    bench.robot.decide(Mode.STOP)
+    ended = bench.end(bench.send(goal()))
+    assert ended == (
+        GoalStatus.STATUS_ABORTED,
+        Result.INVALID_GOAL,
+        "control mode is STOP: commands are ignored, the last of '/operator'",
+    )
+    bench.robot.decide(Mode.IK)
+    assert bench.end(bench.send(goal()))[2] == "command of '/operator' ignored: control mode is IK"
+    assert bench.robot.follower.joints == pytest.approx(START)
+    assert bench.robot.follower.trajectory is None
+
+
+def test_a_cancelled_goal_holds_where_it_is(bench: Bench) -> None:
+    handle = bench.send(goal(seconds=9.0))
+    bench.wait(lambda: bench.robot.follower.joints[0] < -0.11, "some motion")
+    assert bench.goals.cancel(handle) == 1
+    here = bench.robot.follower.joints.copy()
+    assert bench.end(handle) == (GoalStatus.STATUS_CANCELED, Result.SUCCESSFUL, "cancelled: the joints hold")
+    assert bench.robot.follower.activity is Activity.HOLDING
+    assert bench.robot.follower.joints == pytest.approx(here, abs=1e-12)
+    assert bench.goals.cancel(handle) == 0  # it has ended
+
+
+def test_a_newer_goal_preempts_and_another_command_replaces(bench: Bench) -> None:
+    first = bench.send(goal((0.5, 0.5, 0.5), seconds=9.0))
+    second = bench.send(goal(seconds=2.0))
+    assert bench.end(first) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, "preempted by a newer goal")
+    bench.robot.follower.accept(SERVOS, [0.1], [THERE], time.monotonic())
+    ended = bench.end(second)
+    assert ended == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, "replaced by another command")
+    bench.wait(lambda: bench.robot.follower.joints[2] == pytest.approx(THERE[2]), "the other command's end")
+
+
+def test_stop_and_a_lost_operator_end_a_goal(bench: Bench) -> None:
+    handle = bench.send(goal(seconds=9.0))
+    bench.robot.decide(Mode.STOP, "/panic")
+    ended = bench.end(handle)
+    assert ended[:2] == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert ended[2] == "interrupted: STOP by /panic is in force"
+    assert bench.robot.follower.activity is Activity.HOLDING
+
+
+def test_joints_that_do_not_follow_end_it_where_that_matters(bench: Bench) -> None:
+    bench.robot.held = -0.2
+    near = goal(seconds=9.0, path_tolerance=[JointTolerance(name="servo_1", position=0.15)])
+    status, code, why = bench.end(bench.send(near))
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, Result.PATH_TOLERANCE_VIOLATED)
+    assert why.startswith("servo_1 is at -0.2000 rad instead of -0.3")
+    assert why.endswith("path_tolerance is 0.15 rad")
+    assert bench.robot.follower.activity is Activity.HOLDING
+    status, code, why = bench.end(bench.send(goal()))
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, Result.GOAL_TOLERANCE_VIOLATED)
+    assert why == "servo_1 is at -0.2000 rad instead of -0.5000, goal_tolerance is 0.01 rad"
+    wide = goal(goal_tolerance=[JointTolerance(name="servo_1", position=0.5)])
+    assert bench.end(bench.send(wide))[0] == GoalStatus.STATUS_SUCCEEDED

@@ -1,0 +1,99 @@
+"""How a trajectory that somebody waits for has ended: arrived, too far off, interrupted or replaced."""
+
+import numpy as np
+import pytest
+
+from tripod_graph.command import CommandError, CommandFollower, CommandLimits
+from tripod_graph.goal import GOAL_ANGLE, Outcome, judge, motion_of, tolerances
+from tripod_graph.names import SERVOS
+
+LIMITS = CommandLimits(timeout=0.5)
+END = 1.0
+
+
+def follower() -> CommandFollower:
+    one = CommandFollower(LIMITS, (0.0, 0.0, 0.0, 0.0))
+    one.accept(SERVOS, [END], [[-0.5, -0.6, -0.7]], 0.0)
+    return one
+
+
+def judged(one: CommandFollower, now: float, off: float = 0.0, **asked):
+    """Judge at `now` [s], the second servo `off` [rad] from the set-point."""
+    mine = one.trajectory
+    one.setpoint(now)
+    actual = one.joints[:3] + np.array([0.0, off, 0.0])
+    tolerance = tolerances(asked.get("path", {}), asked.get("goal", {}), asked.get("time", 0.0))
+    return judge(motion_of(one, actual, now, "nobody"), tolerance, asked.get("mine", mine), END)
+
+
+def run(one: CommandFollower, until: float) -> None:
+    for k in range(round(until / 0.05)):
+        one.setpoint(0.05 * k)
+
+
+def test_it_goes_on_until_the_joints_have_arrived() -> None:
+    one = follower()
+    run(one, 0.9)
+    assert judged(one, 0.9) is None
+    assert judged(one, 1.0) == (Outcome.SUCCESSFUL, "")
+
+
+def test_without_a_tolerance_the_way_is_free_and_the_end_is_not() -> None:
+    one = follower()
+    run(one, 0.5)
+    assert judged(one, 0.5, off=0.4) is None
+    run(one, 1.0)
+    assert judged(one, 1.0, off=1.1 * GOAL_ANGLE) is None  # it may still arrive
+    assert judged(one, 1.2, off=0.9 * GOAL_ANGLE) == (Outcome.SUCCESSFUL, "")
+    ended = judged(one, 1.6, off=1.1 * GOAL_ANGLE)  # nobody waits any more: the joints hold
+    assert ended == (
+        Outcome.GOAL_TOLERANCE_VIOLATED,
+        "servo_1 is at -0.5890 rad instead of -0.6000, goal_tolerance is 0.01 rad",
+    )
+
+
+def test_tolerances_that_are_given_count() -> None:
+    one = follower()
+    run(one, 0.5)
+    assert judged(one, 0.5, off=0.04, path={"servo_1": 0.05}) is None
+    assert judged(one, 0.5, off=0.06, path={"servo_0": 0.05}) is None
+    outcome, why = judged(one, 0.5, off=0.06, path={"servo_1": 0.05})
+    assert outcome is Outcome.PATH_TOLERANCE_VIOLATED
+    assert why == "servo_1 is at -0.2400 rad instead of -0.3000, path_tolerance is 0.05 rad"
+    run(one, 1.1)
+    assert judged(one, 1.1, off=0.1, goal={"servo_1": 0.2})[0] is Outcome.SUCCESSFUL
+    assert judged(one, 1.1, off=9.0, goal={"servo_1": -1.0})[0] is Outcome.SUCCESSFUL
+    assert judged(one, 1.1, off=0.1, time=0.2) is None
+    assert judged(one, 1.25, off=0.1, time=0.2)[0] is Outcome.GOAL_TOLERANCE_VIOLATED
+
+
+def test_an_unknown_angle_is_beyond_any_tolerance() -> None:
+    one = follower()
+    run(one, 0.5)
+    assert judged(one, 0.5, off=np.nan, path={"servo_1": -1.0})[0] is Outcome.PATH_TOLERANCE_VIOLATED
+
+
+def test_who_interrupts_it_is_told_and_who_replaces_it() -> None:
+    one = follower()
+    mine = one.trajectory
+    one.stop(0.5)
+    assert judged(one, 0.5, mine=mine) == (Outcome.INVALID_GOAL, "interrupted: nobody")
+    one.accept(SERVOS, [END], [[-0.5, -0.6, -0.7]], 0.5)
+    assert judged(one, 0.6, mine=mine) == (Outcome.INVALID_GOAL, "replaced by another command")
+
+
+@pytest.mark.parametrize(
+    ("path", "goal", "message"),
+    [
+        (
+            {"elbow": 0.1},
+            {},
+            "path_tolerance of an unknown joint 'elbow'; joints: servo_0, servo_1, servo_2, slide",
+        ),
+        ({}, {"elbow": 0.1}, "goal_tolerance of an unknown joint 'elbow'"),
+        ({}, {"slide": np.nan}, "goal_tolerance of slide is nan; allowed is any number"),
+    ],
+)
+def test_tolerances_that_say_nothing_are_refused(path, goal, message: str) -> None:
+    with pytest.raises(CommandError, match=message):
+        tolerances(path, goal, 0.0)

@@ -1,0 +1,22 @@
+"""Which texts are namespaces of ROS."""
+
+import re
+
+import pytest
+
+from tripod_graph.namespace import NamespaceError, full_namespace
+
+
+@pytest.mark.parametrize(("name", "full"), [("", "/"), ("/", "/"), ("left", "/left"), ("/a_1/b", "/a_1/b")])
+def test_a_namespace_gets_its_slash(name: str, full: str) -> None:
+    assert full_namespace(name) == full
+
+
+@pytest.mark.parametrize(
+    "name", ["9left", "left/", "a//b", "//a", "a b", "a-b", "~/a", "ä", "a/9", "a" * 100, "{a}"]
+)
+def test_what_is_no_namespace_is_refused_by_its_value(name: str) -> None:
+    with pytest.raises(
+        NamespaceError, match=re.escape(f"namespace {name!r:.80} is no name; allowed: parts of")
+    ):
+        full_namespace(name)

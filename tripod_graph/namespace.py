@@ -1,0 +1,26 @@
+"""Namespaces of ROS: a whole robot is in one. Pure."""
+
+import re
+from typing import Final
+
+LONGEST: Final = 100
+"""Characters of a namespace: with what stands behind it a name of ROS has 245 at most."""
+
+
+class NamespaceError(ValueError):
+    """A text that is no namespace; the message says what is allowed."""
+
+
+def full_namespace(name: str) -> str:
+    """Return a namespace with its leading slash. Raises NamespaceError.
+
+    >>> full_namespace("left"), full_namespace("/left/arm"), full_namespace("")
+    ('/left', '/left/arm', '/')
+    """
+    full = "/" + name.removeprefix("/")
+    if len(full) > LONGEST or not re.fullmatch(r"/|(/[A-Za-z_][A-Za-z0-9_]*)+", full):
+        raise NamespaceError(
+            f"namespace {name!r:.80} is no name; allowed: parts of letters, digits and _ that begin with no digit, "
+            f"parted by /, of {LONGEST} characters at most"
+        )
+    return full
