@@ -1,0 +1,122 @@
+"""The driver's action on a real port: goals followed, refused, cancelled and interrupted; parameters that change."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("control_msgs", reason="the interfaces are not built: run `make setup`")
+
+from tests.decisions import SOURCE
+from tests.driver.operator import near
+from tests.goals import Goals, goal
+from tripod_driver.protocol import RESOLUTION
+from tripod_graph import names
+from tripod_graph.mode import Mode
+
+pytestmark = pytest.mark.ros
+
+LEGACY = ("protocol:=legacy", "boot_time:=0", "start:=[0.0,0.0,0.0]", "timeout:=2.0")
+THERE = (-0.5236, -0.3491, -0.1745)
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+
+
+@pytest.fixture
+def goals(board, client, operator, start_driver) -> Goals:
+    """A client of the action of a driver whose board is ready."""
+    start_driver(f"port:={board.path}", *LEGACY, "joint_states:=true")
+    operator.ready()
+    operator.mode(Mode.STOP)
+    client.wait(lambda: operator.status.authority.mode == Mode.STOP, "STOP")
+    return Goals(client.node, "robot/follow_joint_trajectory", client.wait)
+
+
+def decide(operator, client, mode: Mode) -> None:
+    operator.mode(mode)
+    client.wait(lambda: operator.status.authority.mode == mode, mode.name)
+
+
+def test_a_goal_is_refused_in_the_wrong_mode_and_followed_in_the_right_one(
+    goals, board, client, operator
+) -> None:
+    from sensor_msgs.msg import JointState
+
+    told: list[JointState] = []
+    client.node.create_subscription(JointState, names.JOINT_STATES, told.append, 10)
+    ended = goals.end(goals.send(goal(THERE, seconds=0.3, source=SOURCE)))
+    assert ended[:2] == (ABORTED, -1)
+    assert ended[2].startswith("control mode is STOP: commands are ignored")
+    assert board.packets == []
+    decide(operator, client, Mode.TELEOP)
+    slide = (*names.SERVOS, names.SLIDE)
+    handle = goals.send(goal((*THERE, 0.01), seconds=0.3, source=SOURCE, joints=slide))
+    assert goals.end(handle) == (SUCCEEDED, 0, "")
+    assert near(board.packets[-1], THERE)
+    assert goals.feedback[-1].joint_names == list(names.SERVOS)  # the real robot has no slide
+    client.wait(lambda: told, "joint_states")
+    assert list(told[0].name) == list(names.SERVOS)
+    ended = goals.end(goals.send(goal((math.nan, 0.0, 0.0), seconds=0.3, source=SOURCE)))
+    assert ended == (ABORTED, -1, "point 0: servo_0 is nan rad, allowed is -2.1 to 0.6 rad")
+    client.wait(lambda: operator.status.rejected_commands == 1, "the count")
+    assert near(board.packets[-1], THERE)
+
+
+def test_a_cancelled_goal_leaves_the_servos_where_they_are(goals, board, client, operator) -> None:
+    decide(operator, client, Mode.TELEOP)
+    handle = goals.send(goal((-2.0, -2.0, -2.0), seconds=20.0, source=SOURCE))
+    client.wait(lambda: board.packets and board.packets[-1][0] < -0.1, "some motion")
+    assert goals.cancel(handle) == 1
+    assert goals.end(handle) == (CANCELED, 0, "cancelled: the joints hold")
+    last = board.packets[-1]
+    count = len(board.packets)
+    client.wait(lambda: len(board.packets) > count + 3, "what keeps the board alive")
+    assert set(board.packets[count:]) == {last}
+    assert operator.status.message == "a goal ended early: the next command goes on from here"
+
+
+def test_what_stops_the_driver_ends_a_goal_and_says_what(goals, board, client, operator) -> None:
+    from lifecycle_msgs.msg import Transition
+    from lifecycle_msgs.srv import ChangeState
+    from std_srvs.srv import Trigger
+
+    def transition(number: int) -> None:
+        asked = ChangeState.Request(transition=Transition(id=number))
+        assert client.call(ChangeState, "driver/change_state", asked).success
+
+    decide(operator, client, Mode.TELEOP)
+    long = goal((-2.0, -2.0, -2.0), seconds=30.0, source=SOURCE)
+    handle = goals.send(long)
+    transition(Transition.TRANSITION_DEACTIVATE)
+    assert goals.end(handle) == (ABORTED, -1, f"interrupted: TELEOP by {SOURCE} is in force")
+    assert goals.end(goals.send(long)) == (ABORTED, -1, "not active: commands are ignored")
+    transition(Transition.TRANSITION_ACTIVATE)
+    handle = goals.send(long)
+    client.call(Trigger, names.ROBOT_STOP, Trigger.Request())
+    halted = "stopped by service; change the control mode to go on"
+    assert goals.end(handle) == (ABORTED, -1, f"interrupted: {halted}")
+    assert goals.end(goals.send(long)) == (ABORTED, -1, halted)
+    decide(operator, client, Mode.STOP)
+    decide(operator, client, Mode.TELEOP)
+    handle = goals.send(long)
+    board.unplug()
+    status, code, why = goals.end(handle)
+    assert (status, code) == (ABORTED, -1)
+    assert why.startswith("interrupted: ") and "next attempt after" in why
+
+
+def test_the_slew_rate_changes_while_it_runs(goals, board, client, operator) -> None:
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    decide(operator, client, Mode.TELEOP)
+    slow = [Parameter("angle_speed", value=0.5).to_parameter_msg()]
+    answer = client.call(SetParameters, "driver/set_parameters", SetParameters.Request(parameters=slow))
+    assert answer.results[0].successful
+    client.wait(lambda: list(operator.status.speed) == [0.5] * 3, "the range that is told")
+    status, code, why = goals.end(goals.send(goal((-1.9, -1.9, -1.9), seconds=0.1, source=SOURCE)))
+    assert (status, code) == (ABORTED, -5)
+    assert why.startswith("servo_0 is at -") and "instead of -1.9000" in why
+    steps = np.abs(np.diff(np.array(board.packets), axis=0))
+    assert len(steps) > 10
+    assert steps.max() <= 0.5 * 0.02 + 2 * RESOLUTION
