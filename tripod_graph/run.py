@@ -15,7 +15,7 @@ from typing import Protocol, cast
 
 from tripod_graph.loopback import check_loopback, keep_local
 from tripod_graph.namespace import full_namespace
-from tripod_host.stop import end_at_once, first, taken
+from tripod_host.stop import Asked, end_at_once, first, taken
 
 FAILED = 1
 REFUSED = 2
@@ -88,6 +88,7 @@ def run_node(
     arguments: Sequence[str] | None = None,
     *,
     until: Callable[[], bool] | None = None,
+    again: Callable[[], bool] | None = None,
 ) -> int:
     """Run one node until it is told to stop, and return its exit code.
 
@@ -98,10 +99,24 @@ def run_node(
         arguments: Command line without the program; `name:=value` sets a parameter, `--subnet` opens
             discovery. None takes sys.argv.
         until: Says when it shall stop by itself; None: never.
+        again: Says, when it has stopped by itself, whether `make` shall build another in its place; None: never.
 
     SIGINT, SIGTERM and SIGHUP (a closed terminal; not under nohup) end it in order. While the node is being built there
     is no order yet: what has been built by then is closed, and the process ends at once.
     """
+    while True:
+        code, stopped = _run_one(name, make, arguments, until)
+        if code or stopped or again is None or not again():
+            return code
+
+
+def _run_one(
+    name: str,
+    make: Callable[[], Closable],
+    arguments: Sequence[str] | None,
+    until: Callable[[], bool] | None,
+) -> tuple[int, bool]:
+    """Run one node; return its exit code, and whether a signal stopped it."""
     end_at_once()
     words = list(sys.argv[1:] if arguments is None else arguments)
     keep_local(subnet="--subnet" in words or os.environ.get("TRIPOD_SUBNET") == "1")
@@ -117,10 +132,11 @@ def run_node(
         files = _init([w for w in words if w != "--subnet"])
     except Exception as error:  # noqa: BLE001 - rclpy raises several private kinds for bad arguments
         print(f"{name}: {_one_line(error)}", file=sys.stderr)
-        return REFUSED
+        return REFUSED, False
     executor = SingleThreadedExecutor()
     node: Closable | None = None
-    code = 0
+    asked: Asked | None = None
+    code, stopped = 0, False
     signals = ExitStack()
     try:
         try:
@@ -129,7 +145,7 @@ def run_node(
                 asked = signals.enter_context(taken())
         except (ValueError, OSError, NameValidationException, ParameterException) as error:
             print(f"{name}: {_one_line(error)}", file=sys.stderr)
-            return REFUSED
+            return REFUSED, False
         executor.add_node(cast(Node, node))
         for line in strangers(files, cast(Node, node).get_fully_qualified_name()):
             cast(Node, node).get_logger().warning(line)
@@ -152,8 +168,9 @@ def run_node(
         finally:
             executor.shutdown()
             rclpy.try_shutdown()
+            stopped = bool(asked and asked.count)
             signals.close()
-    return code
+    return code, stopped
 
 
 def _init(words: Sequence[str]) -> list[Path]:

@@ -20,6 +20,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import Compliance, IkStatus, RobotStatus
 
@@ -28,7 +29,7 @@ from tripod_graph.control_mode import authority_message, authority_values, clock
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.parameters import declare
-from tripod_graph.qos import RELIABLE, SENSOR
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import IK, new_source
@@ -83,6 +84,8 @@ class IkNode(Node):
 
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._statuses = self.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
+        self._goal = self.create_publisher(String, names.IK_GOAL, LATCHED)
+        self._goal.publish(String(data=str(s.goal)))
         listen(self, self._on_decision)
         self.create_subscription(PoseStamped, names.TARGET_POSE, self._on_target, RELIABLE)
         self.create_subscription(Compliance, names.COMPLIANCE, self._on_compliance, NEWEST)

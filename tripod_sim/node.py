@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,15 +37,17 @@ from tripod_graph.run import run_node
 from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
 from tripod_sim import messages, realtime
-from tripod_sim.errors import StepError
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.markers import SceneMarkers
 from tripod_sim.maze.board_mesh import board_mesh
 from tripod_sim.realtime import RealTime, Snapshot
+from tripod_sim.requests import Request, changed
 from tripod_sim.rerun import Rerun
-from tripod_sim.scene import Scene
+from tripod_sim.scene import EFFECTS, Scene
 from tripod_sim.scene_file import load_scene, scene_to_toml
 from tripod_sim.simulation import Simulation
 from tripod_sim.standard_services import StandardServices
+from tripod_sim.teller import Teller
 from tripod_sim.transforms import Transforms
 
 FloatArray = NDArray[np.float64]
@@ -92,14 +94,39 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 
 
-class SimNode(Node):
-    """Feeds `RealTime` with the commands of the graph and publishes its snapshots."""
+@dataclass(frozen=True)
+class Anew:
+    """How a node begins that takes the place of another.
 
-    def __init__(self, rerun: Rerun | None = None, *, rate: float = 1.0) -> None:
-        """Build the simulation; `rerun`: make the steps of a recording again, so many times as fast, instead."""
+    Attributes:
+        changes: Overrides of the scene to begin with, beside those of the parameters.
+        before: Those of the node before, to go back to where the scene cannot be built with `changes`.
+    """
+
+    changes: tuple[str, ...] = ()
+    before: tuple[str, ...] = ()
+
+
+class SimNode(Node):
+    """Feeds `RealTime` with the commands of the graph and publishes its snapshots.
+
+    Attributes:
+        anew: How the node that shall take this one's place begins; None while nobody asked for that.
+    """
+
+    def __init__(self, rerun: Rerun | None = None, *, rate: float = 1.0, begin: Anew | None = None) -> None:
+        """Build the simulation.
+
+        Args:
+            rerun: Make the steps of a recording again instead, `rate` times as fast.
+            rate: See `rerun`.
+            begin: What it begins with that takes the place of another.
+        """
         super().__init__("sim")
         values = declare(self, PARAMETERS, self._adopt)
-        simulation = rerun.simulation if rerun else self._new_simulation(values)
+        self.anew: Anew | None = None
+        self._source, self._overrides, self._changes = values["scene"], list[str](), list[str]()
+        simulation, notice = (rerun.simulation, "") if rerun else self._build(values, begin or Anew())
         scene, self._rerun = simulation.scene, rerun
         self._scene, self._mesh, self._skin = scene, simulation.mesh, simulation.skin
         self._shown_by_skin = simulation.shown
@@ -128,6 +155,12 @@ class SimNode(Node):
             on_snapshot=self._on_snapshot,
             on_reset=self._on_start_state,
         )
+        source = scene.name if rerun else values["scene"]
+        self._teller = Teller(self, source, simulation, self._physics.latest, self._changes)
+        self._teller.say(notice)
+        self._teller.publish_scene()
+        if rerun is None:
+            self._teller.hear(self, self._on_request, self._refuse)
         self._shown: Snapshot | None = None
         self._shown_at = 0.0
         self._pose_every = self._steps_a_pose(values)
@@ -144,15 +177,25 @@ class SimNode(Node):
         for note in simulation.notes:
             self.get_logger().warning(note)
 
-    def _new_simulation(self, values: dict[str, Any]) -> Simulation:
-        overrides = [w for w in values["set"].split(";") if w.strip()]
+    def _build(self, values: dict[str, Any], begin: Anew) -> tuple[Simulation, str]:
+        """Return the simulation with what is changed, or without where that cannot be built, and why in words."""
+        self._overrides = [w for w in values["set"].split(";") if w.strip()]
         if values["accuracy"] or values["study"]:
-            overrides = self._settle(values, overrides)
-        scene = load_scene(values["scene"], overrides)
-        try:
-            return Simulation(scene)
-        except StepError as error:
-            raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
+            self._overrides = self._settle(values, self._overrides)
+        notice = ""
+        for changes in (begin.changes, begin.before):
+            self._changes = list(changes)
+            scene = load_scene(self._source, [*self._overrides, *changes])
+            try:
+                return Simulation(scene), notice
+            except (SceneError, StepError) as error:
+                if changes == begin.before:
+                    if isinstance(error, SceneError):
+                        raise
+                    raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
+                notice = f"without {'; '.join(changes)}: {error}"
+                self.get_logger().warning(notice)
+        raise AssertionError("the last of them raises")
 
     def _settle(self, values: dict[str, Any], overrides: list[str]) -> list[str]:
         """Return the overrides of the setting for an accuracy, and say what it is. Raises SceneError."""
@@ -236,6 +279,7 @@ class SimNode(Node):
         return self._rerun.joints()
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
+        self._teller.keep(snapshot)
         if self._rerun:
             self._rerun.compare()
         if (c := messages.compliance_message(snapshot)) is not None:
@@ -250,6 +294,7 @@ class SimNode(Node):
                 self._ball.publish(messages.ball_message(snapshot, snapshot.ball))
 
     def _on_start_state(self) -> None:
+        self._teller.reset()
         with self._lock:
             self._follower, self._fence = self._new_follower(), Fence()
 
@@ -330,6 +375,40 @@ class SimNode(Node):
         self._refused += 1
         self._last_refusal = str(error)
         self.get_logger().warning(f"command refused: {error}", throttle_duration_sec=2.0)
+
+    def _on_request(self, request: Request) -> None:
+        """Do what a page asks; raise SceneError for what cannot be."""
+        self._teller.say("")
+        match request.do:
+            case "reset":
+                self._physics.request_reset(timeout=0.0)
+            case "pause" | "run":
+                self._physics.pause(request.do == "pause", timeout=0.0)
+            case "step":
+                self._physics.request_step(timeout=0.0)
+            case "drop":
+                self._physics.between_steps(self._drop_ball)
+            case _:
+                self._begin_anew(request)
+
+    def _drop_ball(self, simulation: Simulation) -> None:
+        try:
+            simulation.drop_ball()
+            self._physics.request_checkpoint()  # what is recorded can be made again from here on
+        except SceneError as error:
+            self._teller.say(str(error))
+
+    def _begin_anew(self, request: Request) -> None:
+        changes: list[str] = []
+        if request.do == "effect":
+            changes = changed(self._changes, request)
+        elif request.do == "accuracy":
+            from tripod_sim.accuracy.choice import choose  # noqa: PLC0415 - only where it is asked for
+
+            effects = [w for w in self._changes if w.partition("=")[0] in EFFECTS]
+            changes = list(choose(self._source, request.accuracy, [*self._overrides, *effects]).overrides)
+        load_scene(self._source, [*self._overrides, *changes])  # what cannot be is told by the node that runs
+        self.anew = Anew(tuple(changes), tuple(self._changes))
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._physics.request_reset()
@@ -467,7 +546,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node; see `tripod_graph.run.run_node`."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    return run_node("sim", SimNode, arguments)
+    made: list[SimNode] = []
+
+    def make() -> SimNode:
+        begin = made.pop().anew if made else None
+        made.append(SimNode(begin=begin))
+        return made[0]
+
+    def anew() -> bool:
+        return bool(made and made[0].anew)
+
+    return run_node("sim", make, arguments, until=anew, again=anew)
 
 
 if __name__ == "__main__":

@@ -133,6 +133,7 @@ class RealTime(threading.Thread):
         self._missed = 0
         self._requests = threading.Condition()
         self._reset_wanted = self._stopping = self._stepping = False
+        self._between: list[Callable[[Simulation], None]] = []
         self._steps_wanted = 0
         self._checkpoint: Checkpoint | None = None
         self._checkpoint_wanted = self.ended = False
@@ -148,6 +149,7 @@ class RealTime(threading.Thread):
             if self._reset_wanted:
                 self._reset()
                 due = clock.monotonic()
+            self._do_between()
             if self._begin():
                 self._advance()
             with self._requests:
@@ -168,7 +170,16 @@ class RealTime(threading.Thread):
 
     def _is_wanted(self) -> bool:
         single = self.activity is Activity.PAUSED and self._steps_wanted > 0
-        return self._stopping or self._reset_wanted or single or self.activity is Activity.RUNNING
+        waits = bool(self._reset_wanted or self._between)
+        return self._stopping or waits or single or self.activity is Activity.RUNNING
+
+    def _do_between(self) -> None:
+        with self._requests:
+            asked, self._between = self._between, []
+        for act in asked:
+            act(self._simulation)
+        if asked:
+            self.latest = self._snapshot(compliance=False)
 
     def _begin(self) -> bool:
         """Return whether a step is due, and take a requested one from the count."""
@@ -300,6 +311,12 @@ class RealTime(threading.Thread):
             self._reset_wanted = True
             self._requests.notify_all()
             return self._requests.wait_for(lambda: not self._reset_wanted, timeout)
+
+    def between_steps(self, act: Callable[[Simulation], None]) -> None:
+        """Have `act` called in the thread before the next step, paused or not; it must not raise."""
+        with self._requests:
+            self._between.append(act)
+            self._requests.notify_all()
 
     def stop(self, timeout: float = 5.0) -> None:
         """End the thread after the step at hand."""

@@ -299,6 +299,16 @@ class Simulation:
         self.torques[:] = self._start_torques
         self.report = StepReport()
 
+    def drop_ball(self) -> None:
+        """Put the ball back to where it starts, at rest, the body staying as it is.
+
+        Raises SceneError: the scene has no ball, or something is in that place now.
+        """
+        if not (self._ball and self.state.ball):
+            raise SceneError(f"scene {self.scene.name!r} has no ball")
+        self._ball.start(self.state).copy_to(self.state.ball)
+        self._ball.load(self.state, self.state.ball)
+
     def save(self) -> tuple[State, FloatArray]:
         """Return a copy of state and torques, for `restore`."""
         return self.state.copy(), self.torques.copy()
@@ -347,6 +357,12 @@ class Simulation:
             return ()
         pairs = zip(state.centres, state.rotations, strict=True)
         return tuple(Pose(centre.copy(), quaternion(R)) for centre, R in pairs)
+
+    @property
+    def rigid_counts(self) -> tuple[int, ...]:
+        """How many vertices show each rigid body: the last nodes of mesh and skin, in order."""
+        rigid = self._parts.rigid
+        return tuple(len(shape.vertices) for shape in rigid.shapes) if rigid else ()
 
     @property
     def skin(self) -> Skin:

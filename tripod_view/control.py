@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
-from tripod_graph.names import SERVOS
+from tripod_graph.names import SERVOS, SLIDE
 from tripod_view.motion import PEAK, Trajectory, motion
 
 FloatArray = NDArray[np.float64]
@@ -21,6 +21,12 @@ TAKEOVER = 0.2
 
 STALE = 1.0
 """Age at which measured joint values are no longer believed [s]."""
+
+KEY_SPEED = 0.6
+"""Of a servo whose key is down [rad/s]."""
+
+KEY_HOLD = 0.3
+"""Time for which keys count after the page told last that they are down [s]: silence means that they are up."""
 
 ARRIVED = 0.02
 """A motion whose measured angles end farther than this from its goal is reported [rad]."""
@@ -38,6 +44,7 @@ class Control:
         mandate: What this page has decided, and what is in force.
         speed: Mean speed of a motion [rad/s], where the followers' slew rate allows it.
         angles: What the sliders ask for [rad], shape (3,).
+        slide: The same of the slide [m]; None while nobody has moved it.
         synced: Set when `angles` changed otherwise than by a slider; whoever shows the sliders clears it.
         moving: Name of the motion under way, empty if none.
         notice: One line for the user about the newest request that was refused; empty if none.
@@ -48,6 +55,9 @@ class Control:
         self.mandate, self.limits = Mandate(source), limits
         self.speed = speed
         self.angles: FloatArray = np.zeros(3)
+        self.slide: float | None = None
+        self._keys, self._keys_until = (0, 0, 0), float("-inf")
+        self._commanded = float("-inf")
         self.synced = True
         self.moving = ""
         self.notice = ""
@@ -122,18 +132,48 @@ class Control:
         self.synced = True
 
     def set_angle(self, servo: int, angle: float) -> bool:
-        """Ask for `angle` [rad] of `servo`; return whether it is taken: in control, finite. It is clamped.
+        """Ask for `angle` [rad] of `servo`; return whether it is taken: in control, finite.
 
-        A motion under way ends where it is.
+        One beyond the limits is taken as the limit, and that is told. A motion under way ends where it is.
         """
-        if not self.streaming or not np.isfinite(angle):
+        if not self._takes(angle):
+            return False
+        low, high = self.limits.lower[servo], self.limits.upper[servo]
+        self.angles[servo] = np.clip(angle, low, high)
+        if self.angles[servo] != angle:
+            asked, least, most = (f"{np.degrees(v):.1f}" for v in (angle, low, high))
+            self.notice = f"servo {servo}: {asked} degrees is beyond {least} to {most}; it goes to the limit."
+            self.synced = True
+        return True
+
+    def set_slide(self, place: float) -> bool:
+        """Ask for the slide at `place` [m]; as `set_angle`."""
+        if not self._takes(place):
+            return False
+        self.slide = float(np.clip(place, 0.0, self.limits.slide_max))
+        if self.slide != place:
+            most = 1e3 * self.limits.slide_max
+            self.notice = f"slide: {1e3 * place:.1f} mm is beyond 0 to {most:.1f}; it goes to the limit."
+            self.synced = True
+        return True
+
+    def _takes(self, value: float) -> bool:
+        """Return whether a wish is taken; a motion under way then ends."""
+        if not self.streaming or not np.isfinite(value):
             self.synced = True  # the slider goes back to where it was
             return False
+        self.notice = ""
         if self.moving:
             self._end_motion()
-        self.angles[servo] = np.clip(angle, self.limits.lower[servo], self.limits.upper[servo])
-        self.synced |= bool(self.angles[servo] != angle)
         return True
+
+    def hold_keys(self, signs: tuple[int, int, int], now: float) -> None:
+        """Note which keys are down: +1 moves a servo up, -1 down. They count for KEY_HOLD; repeat them."""
+        if any(signs) and not self.streaming:
+            self.notice = "Press t first: these keys move the servos while the sliders command."
+        if any(signs) and self.moving:
+            self._end_motion()
+        self._keys, self._keys_until = signs, now + KEY_HOLD
 
     def go(self, name: str, goal: Sequence[float], now: float) -> bool:
         """Begin a motion to `goal`, shape (4,) [rad, rad, rad, m]; return whether it is taken (see `notice`).
@@ -156,7 +196,7 @@ class Control:
         return True
 
     def command(self, now: float) -> Trajectory | None:
-        """Return what to publish at `now`, None for nothing; call it every PERIOD while `streaming`."""
+        """Return what to publish at `now`, None for nothing; call it every PERIOD while `streaming`, or more often."""
         joints = self.measured(now)
         if not self.streaming or joints is None or now < self._ready_at:
             return None
@@ -173,7 +213,15 @@ class Control:
                 self.notice = f"The servos did not reach the {self.moving}."
             self._end_motion()
             self._follow_measured(now)
-        return Trajectory(SERVOS, np.array([PERIOD]), self.angles[None].copy())
+        since, self._commanded = min(now - self._commanded, PERIOD), now
+        if any(self._keys) and now < self._keys_until:
+            moved = self.angles + KEY_SPEED * since * np.array(self._keys)
+            self.angles = np.clip(moved, self.limits.lower[:3], self.limits.upper[:3])
+            self.synced = True
+        if self.slide is None:
+            return Trajectory(SERVOS, np.array([PERIOD]), self.angles[None].copy())
+        goal = np.array([[*self.angles, self.slide]])
+        return Trajectory((*SERVOS, SLIDE), np.array([PERIOD]), goal)
 
     def _end_motion(self) -> None:
         self.moving, self._motion_until = "", None
@@ -182,4 +230,5 @@ class Control:
         joints = self.measured(now)
         if joints is not None:
             self.angles = np.clip(joints[:3], self.limits.lower[:3], self.limits.upper[:3])
+            self.slide = None
             self.synced = True

@@ -1,7 +1,7 @@
 """What the page shows: the newest of everything is kept when it comes and drawn when the clock says so."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,11 @@ from tripod_graph.command import CommandLimits
 from tripod_view import words
 from tripod_view.body import Body, Surface
 from tripod_view.control import Control
-from tripod_view.history import History
 from tripod_view.panel import Panel
+from tripod_view.picture import Picture
 from tripod_view.pose import Pose
 from tripod_view.rejects import Rejects
+from tripod_view.replay import Moment, Replay
 from tripod_view.scene import Scene
 from tripod_view.server import PageServer
 from tripod_view.target import TargetHandle
@@ -23,13 +24,16 @@ from tripod_view.words import Light, Line
 
 FloatArray = NDArray[np.float64]
 
-PANEL_PERIOD = 0.2
-"""Time between two updates of texts and plots [s]."""
+PANEL_PERIOD = 0.1
+"""Time between two updates of the panel [s]."""
+
+ASKING = 5.0
+"""Time between two questions for figures of this machine [s]."""
 
 
 @dataclass
 class Heard:
-    """The newest status of a node and when it came [s]; None before the first."""
+    """The newest word of a node and when it came [s]; None before the first."""
 
     status: Any = None
     at: float | None = None
@@ -37,6 +41,10 @@ class Heard:
     def age(self, now: float) -> float | None:
         """Return its age at `now` [s]."""
         return None if self.at is None else now - self.at
+
+    def fresh(self, now: float) -> bool:
+        """Return whether it is believed at `now` [s]."""
+        return self.at is not None and now - self.at <= words.SILENT
 
 
 class Display:
@@ -48,37 +56,58 @@ class Display:
         body: Mesh and counter of what did not fit it.
         effector: Newest pose of the effector.
         ball: Newest pose of the ball.
+        replay: What was drawn in the last half minute.
         pictures_per_second: Body states drawn per second.
+        recorder: What is known of the recorder: whether there is one, and what it said last.
     """
 
     def __init__(self, server: PageServer, scene: Scene, panel: Panel) -> None:
         self._server, self._scene, self._panel = server, scene, panel
         self.body = Body()
+        self.replay = Replay()
         self.effector: Pose | None = None
         self.ball: Pose | None = None
         self.pictures_per_second = 0.0
-        self._sim, self._ik, self._robot = Heard(), Heard(), Heard()
-        self._angles, self._factor = History(3), History(1)
+        self.recorder = (False, "")
+        self._sim, self._ik, self._robot, self._figures = Heard(), Heard(), Heard(), Heard()
+        self._torques: FloatArray | None = None
         self._newest: Callable[[], tuple[int, FloatArray]] | None = None
+        self._nodes: FloatArray | None = None
         self._surface_changed = self._effector_changed = self._target_changed = False
         self._maze: Surface | None = None
         self._ball_radius: float | None = None
         self._maze_changed = self._ball_shape_changed = self._ball_changed = False
         self._drawn_joints: FloatArray = np.full(4, np.nan)
         self._drawn, self._counted_at, self._panel_at = 0, time.monotonic(), float("-inf")
+        self._asked_at = float("-inf")
+        self._show_scene()
+
+    def keep_picture(self, picture: Picture) -> None:
+        """Keep what there is to draw of a scene."""
+        self._scene.set_picture(picture)
+        self._drawn_joints = np.full(4, np.nan)
+        self._effector_changed = self._target_changed = True
+        if not picture.effector:
+            self.effector = None
+        self._show_scene()
+
+    def _show_scene(self) -> None:
+        scene = self._scene
+        self._panel.show_scene(scene.picture, has_target=scene.has_target, known=bool(scene.picture.name))
 
     def keep_surface(self, surface: Surface) -> None:
         """Keep a mesh; node positions kept before it are forgotten if it differs."""
         if self.body.rebuild(surface):
-            self._surface_changed, self._newest = True, None
+            self._surface_changed, self._newest, self._nodes = True, None, None
+            self.replay.clear()
 
     def keep_state(self, read: Callable[[], tuple[int, FloatArray]]) -> None:
         """Keep node positions: `read` returns topology id and flat positions [m], when they are drawn."""
         self._newest = read
 
-    def keep_joints(self, joints: FloatArray) -> None:
-        """Keep joint values, shape (4,) [rad, rad, rad, m], for the plot."""
-        self._angles.add(time.monotonic(), joints[:3])
+    def keep_torques(self, torques: FloatArray | None) -> None:
+        """Keep the torques of the servos [N m], shape (3,); None if they are not told."""
+        self._torques = torques
 
     def keep_effector(self, pose: Pose) -> None:
         """Keep the effector's pose."""
@@ -101,11 +130,38 @@ class Display:
         """Note that the target or who drags it changed."""
         self._target_changed = True
 
+    def let_turn(self, turns: bool) -> None:
+        """Let the target be turned, or not."""
+        self._scene.let_turn(turns)
+        self._target_changed = True
+
+    def show_lines(self, visible: bool) -> None:
+        """Show or hide the lines of the mesh."""
+        self._scene.show_lines(visible)
+
+    def fit(self) -> None:
+        """Show all there is."""
+        self._scene.fit()
+
+    def aim(self, client: int) -> None:
+        """Show all there is in one browser."""
+        self._scene.aim(client)
+
+    def wants_speed(self, now: float) -> bool:
+        """Return whether the simulator is to be asked for figures of this machine: seldom, until it has told them."""
+        accuracy = self._scene.picture.accuracy
+        if accuracy.get("scaled", True) or not accuracy.get("study") or now - self._asked_at < ASKING:
+            return False
+        self._asked_at = now
+        return True
+
     def keep_sim(self, status: words.SimFields) -> None:
         """Keep a status of the simulator."""
         self._sim = Heard(status, time.monotonic())
-        if np.isfinite(status.real_time_factor):
-            self._factor.add(time.monotonic(), (status.real_time_factor,))
+
+    def keep_figures(self, figures: Mapping[str, Any]) -> None:
+        """Keep the figures of the simulator."""
+        self._figures = Heard(figures, time.monotonic())
 
     def keep_ik(self, status: words.IkFields) -> None:
         """Keep a status of the inverse kinematics."""
@@ -120,45 +176,65 @@ class Display:
         self._panel.show_range(limits)
 
     def draw(self, control: Control, target: TargetHandle, rejects: Rejects, browsers: int) -> None:
-        """Draw a picture; texts and plots follow every PANEL_PERIOD."""
+        """Draw a picture; the panel follows every PANEL_PERIOD."""
         now = time.monotonic()
+        past = self.replay.moment(now)
         with self._server.atomic():
-            self._draw_body()
-            self._draw_robot(control, now)
+            self._take_body()
             self._draw_game()
+            if past:
+                self._draw_past(past[0])
+            else:
+                self._draw_present(control.measured(now), now)
             if self._target_changed and target.position is not None:
                 self._target_changed = False
-                self._scene.set_target(target.position, dragging=target.dragging)
-        self._panel.enable_sliders(control.streaming)
-        if control.synced:
+                wxyz = np.roll(target.quaternion, 1)
+                self._scene.set_target(target.position, wxyz, dragging=target.dragging)
+        if control.synced or now - self._panel_at > PANEL_PERIOD:
             control.synced = False
-            self._panel.set_sliders(control.angles)
-        if now - self._panel_at > PANEL_PERIOD:
             self._panel_at = now
             self._count(now)
+            self._panel.show_replay(self.replay.length(), past[1] if past else None, running=self.replay.running)
             self._update_panel(control, target, now)
-            self._panel.show_status(self._status_lines(control, rejects, browsers, now))
+            self._panel.show_lines("status", self._status_lines(control, rejects, browsers, now))
+            self._panel.flush()
 
-    def _draw_body(self) -> None:
+    def _take_body(self) -> None:
+        """Read the newest node positions, if they fit the mesh."""
         if self._surface_changed and self.body.surface is not None:
             self._surface_changed = False
             self._scene.set_surface(self.body.surface)
         read, self._newest = self._newest, None
-        if read is None:
-            return
-        nodes = self.body.fit(*read())
-        if nodes is not None:
-            self._scene.set_nodes(nodes)
+        if read is not None and (nodes := self.body.fit(*read())) is not None:
+            self._nodes = nodes
             self._drawn += 1
 
-    def _draw_robot(self, control: Control, now: float) -> None:
-        joints = control.measured(now)
+    def _draw_present(self, joints: FloatArray | None, now: float) -> None:
+        if self._nodes is not None:
+            self._scene.set_nodes(self._nodes)
+            nodes = self._nodes.astype(np.float32)
+            self.replay.keep(Moment(now, nodes, joints, self.effector, self.ball))
+            self._nodes = None
         if joints is not None and not np.array_equal(joints, self._drawn_joints):
             self._drawn_joints = joints
             self._scene.set_joints(joints[:3], float(joints[3]))
         if self._effector_changed and self.effector is not None:
             self._effector_changed = False
             self._scene.set_effector(self.effector)
+        if self._ball_changed and self.ball is not None:
+            self._ball_changed = False
+            self._scene.game.place_ball(self.ball)
+
+    def _draw_past(self, moment: Moment) -> None:
+        self._scene.set_nodes(moment.nodes.astype(float))
+        if moment.joints is not None:
+            self._scene.set_joints(moment.joints[:3], float(moment.joints[3]))
+        if moment.effector is not None:
+            self._scene.set_effector(moment.effector)
+        if moment.ball is not None:
+            self._scene.game.place_ball(moment.ball)
+        self._drawn_joints = np.full(4, np.nan)  # the present is drawn anew
+        self._effector_changed = self._ball_changed = True
 
     def _draw_game(self) -> None:
         game = self._scene.game
@@ -168,9 +244,6 @@ class Display:
         if self._ball_shape_changed:
             self._ball_shape_changed = False
             game.set_ball(self._ball_radius)
-        if self._ball_changed and self.ball is not None:
-            self._ball_changed = False
-            game.place_ball(self.ball)
 
     def _count(self, now: float) -> None:
         seconds = now - self._counted_at
@@ -180,25 +253,30 @@ class Display:
 
     def _update_panel(self, control: Control, target: TargetHandle, now: float) -> None:
         panel, effector = self._panel, None if self.effector is None else self.effector.position
-        panel.show_mode(words.mode_line(control.mandate))
-        panel.show_notice(_notices(control))
-        panel.show_target(words.target_lines(target.position, effector))
-        self._scene.show_lines(panel.mesh_lines)
-        panel.plot_angles(self._angles.series(now))
-        panel.plot_factor(self._factor.series(now))
+        panel.show_mode(words.mode_line(control.mandate), control.mode.name, own=control.in_control)
+        panel.show_lines("notice", _notices(control))
+        panel.show_lines("target", words.target_lines(target.position, effector))
+        measured = control.measured(now)
+        panel.show_joints(
+            control.angles, measured, control.slide, self._torques if measured is not None else None,
+            enabled=control.streaming,
+        )  # fmt: skip
+        robot = self._robot.status if self._robot.fresh(now) else None
+        panel.show_run(words.run_table(self._sim.status, robot) if self._sim.fresh(now) else None)
+        panel.show_figures(self._figures.status if self._figures.fresh(now) else None)
+        panel.show_recording(*self.recorder)
 
     def _status_lines(self, control: Control, rejects: Rejects, browsers: int, now: float) -> list[Line]:
         sim, ik, robot, body = self._sim, self._ik, self._robot, self.body
         skipped, refused = (body.skipped, body.reason), (rejects.total, rejects.last)
-        return [
-            words.silence("Simulator", sim.age(now)) or words.sim_line(sim.status),
-            words.ik_silence(ik.age(now), control.mode) or words.ik_line(ik.status),
-            words.silence("Robot", robot.age(now)) or words.robot_line(robot.status),
-            words.page_line(browsers, self.pictures_per_second, skipped, refused),
-        ]
+        lines = [words.silence("Simulator", sim.age(now)) or words.sim_line(sim.status)]
+        if self._scene.has_target:
+            lines.append(words.ik_silence(ik.age(now), control.mode) or words.ik_line(ik.status))
+        lines.append(words.robot_silence(robot.age(now)) or words.robot_line(robot.status))
+        return [*lines, words.page_line(browsers, self.pictures_per_second, skipped, refused)]
 
 
 def _notices(control: Control) -> list[Line]:
     if control.notice:
-        return [Line(Light.WATCH, "Not done", control.notice)]
+        return [Line(Light.WATCH, "Note", control.notice)]
     return [Line(Light.GOOD, "On the way", f"to the {control.moving}")] if control.moving else []

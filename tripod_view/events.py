@@ -1,5 +1,6 @@
 """What people do on the page, handed from the threads of the page to the one of ROS."""
 
+import json
 import math
 from collections import deque
 from collections.abc import Callable
@@ -7,6 +8,10 @@ from dataclasses import dataclass
 from enum import Enum
 from threading import Lock
 from typing import Any
+
+
+class EventError(ValueError):
+    """What a browser sent and no page would; the message says what."""
 
 
 class Button(Enum):
@@ -18,6 +23,14 @@ class Button(Enum):
     WORKING_POSE = "working pose"
     PARK = "park"
     FETCH_TARGET = "bring target to effector"
+    FIT = "fit the camera"
+    MESH_LINES = "mesh lines"
+    RECORD = "record"
+    STOP_RECORDING = "stop recording"
+
+
+WISHES = ("reset", "pause", "run", "step", "drop", "as_shipped")
+"""What is asked of the simulator by one word."""
 
 
 @dataclass(frozen=True)
@@ -29,18 +42,46 @@ class Pressed:
 
 @dataclass(frozen=True)
 class SliderMoved:
-    """A slider was moved: `servo` 0..2 to `degrees`, as the browser sent it (unchecked)."""
+    """Servo 0..2 is asked to be at an angle [rad]."""
 
     servo: int
-    degrees: Any
+    radians: float
 
-    @property
-    def radians(self) -> float:
-        """The angle [rad], NaN for what is not a number."""
-        try:
-            return math.radians(float(self.degrees))
-        except (TypeError, ValueError, OverflowError):
-            return math.nan
+
+@dataclass(frozen=True)
+class SlideMoved:
+    """The slide is asked to be at a place [m]."""
+
+    metres: float
+
+
+@dataclass(frozen=True)
+class KeysHeld:
+    """Keys are down: +1, -1 or 0 for each servo; a page repeats it while they are."""
+
+    signs: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """Something is asked of the simulator: the text of a `sim/request`."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """The past is to be shown from `age` [s] ago on, running or not; None: the present."""
+
+    age: float | None
+    running: bool = False
+
+
+@dataclass(frozen=True)
+class Nonsense:
+    """A browser sent what no page would."""
+
+    what: str
 
 
 @dataclass(frozen=True)
@@ -52,15 +93,23 @@ class Grabbed:
 
 @dataclass(frozen=True)
 class Dragged:
-    """The handle was dragged by `client` to `position` [m], as the browser sent it (unchecked)."""
+    """The handle was dragged by `client` to `position` [m] and turned to `wxyz`, as the browser sent it (unchecked)."""
 
     client: int
     position: Any
+    wxyz: Any = (1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Dropped:
-    """The handle was let go by `client`."""
+    """The handle was let go by `client`, or `client` left."""
+
+    client: int
+
+
+@dataclass(frozen=True)
+class Watching:
+    """The 3-D view of `client` has opened."""
 
     client: int
 
@@ -79,13 +128,54 @@ class Left:
     client: int
 
 
-Event = Pressed | SliderMoved | Grabbed | Dragged | Dropped | Joined | Left
+Event = (
+    Pressed | SliderMoved | SlideMoved | KeysHeld | Wish | Replayed | Nonsense
+    | Grabbed | Dragged | Dropped | Watching | Joined | Left
+)  # fmt: skip
+
+
+def event_of(text: str | bytes) -> Event:
+    """Return the event that a message of the page is, in degrees and millimetres there. Raises EventError.
+
+    {"press": "STOP"}, {"servo": 1, "degrees": -30}, {"slide": 35}, {"keys": [0, 1, -1]}, {"sim": "reset"},
+    {"effect": "sleep", "on": true}, {"accuracy": "5%"}, {"replay": 12.5, "running": true}, {"replay": null}
+    """
+    try:
+        table: Any = json.loads(text)
+    except (ValueError, RecursionError):
+        raise EventError(f"{text!r:.60} is not JSON") from None
+    match table:
+        case {"press": str(name)} if name in {b.value for b in Button}:
+            return Pressed(Button(name))
+        case {"servo": 0 | 1 | 2 as servo, "degrees": degrees} if not isinstance(servo, bool):
+            return SliderMoved(servo, math.radians(_number("degrees", degrees)))
+        case {"slide": value}:
+            return SlideMoved(1e-3 * _number("slide", value))
+        case {"keys": [a, b, c]} if all(type(k) is int and abs(k) <= 1 for k in (a, b, c)):
+            return KeysHeld((a, b, c))
+        case {"sim": str(word)} if word in WISHES:
+            return Wish(json.dumps({"do": word}))
+        case {"effect": str(effect), "on": bool(on)}:
+            return Wish(json.dumps({"effect": effect, "on": on}))
+        case {"accuracy": str(accuracy)}:
+            return Wish(json.dumps({"accuracy": accuracy}))
+        case {"replay": None}:
+            return Replayed(None)
+        case {"replay": age, "running": bool(running)}:
+            return Replayed(_number("replay", age), running)
+    raise EventError(f"{text!r:.60} means nothing")
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e12:  # NaN, too
+        raise EventError(f"{name} is {value!r:.40}; it must be a finite number")
+    return float(value)
 
 
 class Inbox:
     """Events from any thread, in order; the reader is woken for the first of a batch.
 
-    Bounded, because a browser may send what it likes: of drags, slider moves and equal presses in a row only
+    Bounded, because a browser may send what it likes: of drags, slider moves, keys and equal presses in a row only
     the newest is kept; beyond `capacity` only STOP and the coming and going of hands and browsers are still
     taken.
 
@@ -125,7 +215,9 @@ def _supersedes(new: Event, old: Event) -> bool:
         return new == old
     if isinstance(new, Dragged) and isinstance(old, Dragged):
         return new.client == old.client
-    return isinstance(new, SliderMoved) and isinstance(old, SliderMoved) and new.servo == old.servo
+    if isinstance(new, SliderMoved) and isinstance(old, SliderMoved):
+        return new.servo == old.servo
+    return type(new) is type(old) and isinstance(new, SlideMoved | KeysHeld | Replayed)
 
 
 def _essential(event: Event) -> bool:

@@ -4,6 +4,7 @@ import numpy as np
 import viser
 
 from tripod_view.body import Surface
+from tripod_view.picture import MazePicture
 from tripod_view.pose import Pose
 
 Rgb = tuple[int, int, int]
@@ -11,6 +12,9 @@ Rgb = tuple[int, int, int]
 MAZE: Rgb = (196, 160, 116)
 BALL: Rgb = (205, 45, 45)
 BELT: Rgb = (250, 240, 225)
+HOLE: Rgb = (30, 30, 36)
+GOAL: Rgb = (30, 160, 70)
+START: Rgb = (60, 120, 210)
 
 
 class Game:
@@ -18,7 +22,8 @@ class Game:
 
     def __init__(self, api: viser.SceneApi, effector: str) -> None:
         """`effector`: name of the frame to which the maze is fastened."""
-        self._api, self._maze_name = api, f"{effector}/maze"
+        self._api, self._maze_name, self._marks_name = api, f"{effector}/maze", f"{effector}/marks"
+        self._marks: list[viser.SceneNodeHandle] = []
         self._maze: viser.MeshHandle | None = None
         self._ball: viser.FrameHandle | None = None
 
@@ -38,6 +43,31 @@ class Game:
                 cast_shadow=False,
                 receive_shadow=False,
             )
+
+    def set_marks(self, maze: MazePicture | None) -> None:
+        """Mark holes, goal and start of a maze; None takes the marks away."""
+        for mark in reversed(self._marks):
+            mark.remove()
+        self._marks = []
+        if maze is None:
+            return
+        discs = [(f"hole {i}", *hole, HOLE, "") for i, hole in enumerate(maze.holes.tolist())]
+        radius = maze.goal[2] if maze.goal else 0.002
+        if maze.goal:
+            discs.append(("goal", *maze.goal, GOAL, "goal"))
+        discs.append(("start", *maze.start, 0.6 * radius, START, ""))
+        for name, x, y, size, colour, label in discs:
+            place = (x, y, maze.height + 0.0002)
+            path = f"{self._marks_name}/{name.replace(' ', '_')}"
+            self._marks.append(
+                self._api.add_cylinder(
+                    path, size, 0.0003, colour, position=place, cast_shadow=False, receive_shadow=False
+                )
+            )
+            if label:
+                self._marks.append(
+                    self._api.add_label(f"{path}/label", label, position=(0, 0, 0.006), font_screen_scale=0.8)
+                )
 
     def set_ball(self, radius: float | None) -> None:
         """Show a ball of `radius` [m] from its next pose on, with a belt that shows it roll; None takes it away."""

@@ -70,10 +70,11 @@ def trajectory_message(trajectory: Trajectory, source: str) -> JointTrajectory:
     return message
 
 
-def target_message(position: FloatArray, stamp: Time) -> PoseStamped:
-    """Return a target at `position` [m] in frame `world`, not turned."""
+def target_message(position: FloatArray, quaternion: FloatArray, stamp: Time) -> PoseStamped:
+    """Return a target at `position` [m] in frame `world`, turned by `quaternion` (x, y, z, w)."""
     message = PoseStamped()
     message.header.stamp, message.header.frame_id = stamp, names.WORLD
-    p = message.pose.position
+    p, q = message.pose.position, message.pose.orientation
     p.x, p.y, p.z = (float(v) for v in position)
+    q.x, q.y, q.z, q.w = (float(v) for v in quaternion)
     return message

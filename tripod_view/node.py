@@ -1,13 +1,14 @@
 """The page as a ROS node: topics in, scene and panel out; what people do on the page in, topics out.
 
 Threads. Everything in this file runs on the executor's thread. viser serves the page on a thread of its own;
-there, the callbacks of buttons, sliders and the handle only put an event into the `Inbox`, which wakes the
+there, the channel of the panel and the callbacks of the handle only put an event into the `Inbox`, which wakes the
 executor by a guard condition. The executor's thread alone touches `Control`, `TargetHandle` and `Display`,
-and it alone changes scene and panel (viser queues such changes under its own lock).
+and it alone changes scene and panel (viser and the channel queue such changes under their own locks).
 
 While no browser is connected nothing is drawn, the timers rest, and the fast topics are not subscribed.
 """
 
+import json
 import sys
 import time
 from collections import deque
@@ -22,6 +23,8 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import Mesh, SolidPrimitive
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, IkStatus, RobotStatus, SimStatus
 
@@ -37,6 +40,7 @@ from tripod_graph.source import new_source
 from tripod_graph.timers import set_period
 from tripod_view import events
 from tripod_view.body import BodyError
+from tripod_view.channel import Channel
 from tripod_view.control import PERIOD, STALE, Control
 from tripod_view.display import Display
 from tripod_view.events import Button, Event, Inbox
@@ -51,6 +55,7 @@ from tripod_view.messages import (
     trajectory_message,
 )
 from tripod_view.panel import Panel
+from tripod_view.picture import PictureError, picture_of
 from tripod_view.pose import PoseError
 from tripod_view.rejects import Rejects
 from tripod_view.scene import Scene
@@ -59,6 +64,12 @@ from tripod_view.settings import PARAMETERS, checked_settings
 from tripod_view.target import TargetError
 
 FloatArray = NDArray[np.float64]
+
+SOONEST = 0.015
+"""Shortest time between two commands that follow hands [s]."""
+
+TURNED = ("orientation", "pose")
+"""Goals of the inverse kinematics for which it counts how the target is turned."""
 
 OWN_STAMPS = 256
 """Stamps of own targets remembered, to know their echo."""
@@ -77,7 +88,9 @@ class ViewNode(Node):
         self._browsers: set[int] = set()
         self._streams: list[Subscription] = []
         self._sim_joints_at = float("-inf")
-        self._target_asked: FloatArray | None = None
+        self._target_asked = False
+        self._lines = True
+        self._commanded_at = float("-inf")
         self._own_targets: deque[tuple[int, int]] = deque(maxlen=OWN_STAMPS)
 
         self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
@@ -88,11 +101,17 @@ class ViewNode(Node):
         self._command_timer = self.create_timer(PERIOD, self._on_command, clock=steady, autostart=False)
         self._guard = self.create_guard_condition(self._on_events)
         self._inbox = Inbox(self._guard.trigger)
-        self._server, self._url = open_page(self, settings.port)
+        self._wishes = self.create_publisher(String, names.SIM_REQUEST, RELIABLE)
+        self._recorders = {
+            Button.RECORD: self.create_client(Trigger, names.RECORD_START),
+            Button.STOP_RECORDING: self.create_client(Trigger, names.RECORD_STOP),
+        }
+        channel = Channel(self._inbox)
+        self._server, self._url = open_page(self, settings.port, channel)
         scene = Scene(self._server, self._inbox, settings.geometry, (self._target.low, self._target.high))
-        panel = Panel(self._server, self._inbox, settings.limits)
-        self._display = Display(self._server, scene, panel)
-        self._watch_browsers()
+        self._display = Display(self._server, scene, Panel(channel))
+        self._display.show_range(settings.limits)
+        self._watch_hands()
         self._subscribe()
         self._diagnostics = Diagnostics(self, self._report)
         self._ready = self.create_timer(0.0, self._on_ready, clock=steady)
@@ -121,12 +140,12 @@ class ViewNode(Node):
             self._server.close()
             self.destroy_node()
 
-    def _watch_browsers(self) -> None:
+    def _watch_hands(self) -> None:
         async def on_connect(client: Any) -> None:  # async: on the server's thread, in order
-            self._inbox.put(events.Joined(client.client_id))
+            self._inbox.put(events.Watching(client.client_id))
 
         async def on_disconnect(client: Any) -> None:
-            self._inbox.put(events.Left(client.client_id))
+            self._inbox.put(events.Dropped(client.client_id))
 
         self._server.on_client_connect(on_connect)
         self._server.on_client_disconnect(on_disconnect)
@@ -135,6 +154,8 @@ class ViewNode(Node):
         show = self._display
         listen(self, self._on_decision)
         for kind, topic, callback, qos in (
+            (String, names.SIM_PICTURE, self._on_scene, LATCHED),
+            (String, names.IK_GOAL, self._on_goal, LATCHED),
             (Mesh, names.MESH, self._on_mesh, LATCHED),
             (Mesh, names.MAZE_MESH, self._on_maze, LATCHED),
             (SolidPrimitive, names.BALL_SHAPE, self._on_ball_shape, LATCHED),
@@ -153,10 +174,28 @@ class ViewNode(Node):
             (JointState, names.ROBOT_JOINT_STATES, self._on_robot_joints, RELIABLE),
             (PoseStamped, names.EFFECTOR_POSE, self._on_effector_pose, RELIABLE),
             (PoseStamped, names.SIM_BALL_POSE, self._on_ball_pose, RELIABLE),
+            (String, names.SIM_FIGURES, self._on_figures, RELIABLE),
         ):
             self._streams.append(self.create_subscription(kind, topic, callback, qos))
 
     # What comes from the graph: checked and kept, drawn later.
+
+    def _on_scene(self, message: String) -> None:
+        try:
+            self._display.keep_picture(picture_of(message.data))
+        except PictureError as error:
+            self._refuse(names.SIM_PICTURE, error)
+
+    def _on_figures(self, message: String) -> None:
+        try:
+            figures = json.loads(message.data)
+        except ValueError as error:
+            self._refuse(names.SIM_FIGURES, error)
+            return
+        self._display.keep_figures(figures if isinstance(figures, dict) else {})
+
+    def _on_goal(self, message: String) -> None:
+        self._display.let_turn(message.data in TURNED)
 
     def _on_mesh(self, message: Mesh) -> None:
         try:
@@ -194,7 +233,9 @@ class ViewNode(Node):
             self._refuse(topic, error)
             return False
         self._control.measure(joints, time.monotonic())
-        self._display.keep_joints(joints)
+        efforts = np.asarray(message.effort, float)[:3]
+        told = len(efforts) == 3 and bool(np.isfinite(efforts).all())
+        self._display.keep_torques(efforts if told else None)
         return True
 
     def _on_effector_pose(self, message: PoseStamped) -> None:
@@ -204,7 +245,7 @@ class ViewNode(Node):
             self._refuse(names.EFFECTOR_POSE, error)
             return
         self._display.keep_effector(pose)
-        if self._target.ride(pose.position):
+        if self._target.ride(pose):
             self._display.touch_target()
 
     def _on_ball_pose(self, message: PoseStamped) -> None:
@@ -222,7 +263,7 @@ class ViewNode(Node):
         except PoseError as error:
             self._refuse(names.TARGET_POSE, error)
             return
-        if self._target.hear(target.position):
+        if self._target.hear(target):
             self._display.touch_target()
 
     def _on_robot_status(self, message: RobotStatus) -> None:
@@ -257,21 +298,35 @@ class ViewNode(Node):
         match event:
             case events.Pressed(button):
                 self._on_press(button)
-            case events.SliderMoved(servo):
-                self._control.set_angle(servo, event.radians)
+            case events.SliderMoved(servo, angle):
+                self._control.set_angle(servo, angle)
+                self._command_soon()
+            case events.SlideMoved(place):
+                self._control.set_slide(place)
+                self._command_soon()
+            case events.KeysHeld(signs):
+                self._control.hold_keys(signs, time.monotonic())
+                self._command_soon()
+            case events.Wish(text):
+                self._wishes.publish(String(data=text))
+            case events.Replayed(age, running):
+                self._display.replay.show(age, running, time.monotonic())
+            case events.Nonsense(what):
+                self._refuse("page", what)
             case events.Grabbed(client):
                 self._target.grab(client)
                 self._display.touch_target()
-            case events.Dragged(client, position):
-                self._on_drag(client, position)
+            case events.Dragged(client, position, wxyz):
+                self._on_drag(client, position, wxyz)
             case events.Dropped(client):
                 self._on_drop(client)
+            case events.Watching(client):
+                self._display.aim(client)
             case events.Joined(client):
                 self._browsers.add(client)
                 self._on_somebody()
             case events.Left(client):
                 self._browsers.discard(client)
-                self._on_drop(client)
                 if not self._browsers:
                     self._on_nobody()
 
@@ -283,7 +338,7 @@ class ViewNode(Node):
                 self._decide(Mode.TELEOP)
             case Button.IK:
                 if self._target.position is not None:
-                    self._publish_target(self._target.position)  # what is shown is what is followed
+                    self._publish_target()  # what is shown is what is followed
                 self._decide(Mode.IK)
             case Button.WORKING_POSE:
                 self._go("working pose", names.WORKING_POSE)
@@ -291,6 +346,13 @@ class ViewNode(Node):
                 self._go("park pose", self._control.limits.park)
             case Button.FETCH_TARGET:
                 self._fetch_target()
+            case Button.FIT:
+                self._display.fit()
+            case Button.MESH_LINES:
+                self._lines = not self._lines
+                self._display.show_lines(self._lines)
+            case Button.RECORD | Button.STOP_RECORDING:
+                self._ask_recorder(button)
 
     def _go(self, name: str, goal: Sequence[float]) -> None:
         if not self._control.streaming:
@@ -302,13 +364,27 @@ class ViewNode(Node):
         if effector is None or self._target.dragging:
             return
         self._target.release()
-        self._target.ride(effector.position)
+        self._target.ride(effector)
         self._display.touch_target()
-        self._publish_target(effector.position)
+        self._publish_target()
 
-    def _on_drag(self, client: int, position: Any) -> None:
+    def _ask_recorder(self, button: Button) -> None:
+        """Ask the recorder and show its answer when it comes; nothing waits for it, since it may be lost."""
+        client = self._recorders[button]
+        if not client.service_is_ready():
+            self._display.recorder = (False, "no recorder runs: `tripod record`, or `tripod up --record`")
+            return
+        self._display.recorder = (True, "asked")
+
+        def answered(future: Any) -> None:
+            self._display.recorder = (True, future.result().message)
+
+        client.call_async(Trigger.Request()).add_done_callback(answered)
+
+    def _on_drag(self, client: int, position: Any, wxyz: Any) -> None:
         try:
-            self._target_asked = self._target.drag(client, position)
+            self._target.drag(client, position, wxyz)
+            self._target_asked = True
         except TargetError as error:
             self._refuse("page", error)
         self._display.touch_target()
@@ -316,8 +392,8 @@ class ViewNode(Node):
     def _on_drop(self, client: int) -> None:
         self._target.drop(client)
         self._display.touch_target()
-        if self._target_asked is not None:
-            self._publish_target(self._target_asked)
+        if self._target_asked:
+            self._publish_target()
 
     def _on_somebody(self) -> None:
         if not self._streams:
@@ -347,21 +423,33 @@ class ViewNode(Node):
         elif self._command_timer.is_canceled():
             self._command_timer.reset()
 
+    def _command_soon(self) -> None:
+        """Command at once what a hand asks for, unless that was done just now: the timer then follows."""
+        if self._control.streaming and time.monotonic() - self._commanded_at > SOONEST:
+            self._on_command()
+
     def _on_command(self) -> None:
+        self._commanded_at = time.monotonic()
         trajectory = self._control.command(time.monotonic())
         if trajectory is not None:
             self._trajectory.publish(trajectory_message(trajectory, self._control.mandate.source))
 
-    def _publish_target(self, position: FloatArray) -> None:
-        self._target_asked, stamp = None, self.get_clock().now().to_msg()
+    def _publish_target(self) -> None:
+        if self._target.position is None:
+            return
+        self._target_asked, stamp = False, self.get_clock().now().to_msg()
         self._own_targets.append((stamp.sec, stamp.nanosec))
-        self._target_pose.publish(target_message(position, stamp))
+        self._target_pose.publish(target_message(self._target.position, self._target.quaternion, stamp))
 
     def _on_draw(self) -> None:
         if self._range.lapse(time.monotonic()):
             self._keep_range()
-        if self._target_asked is not None:  # at the rate of the pictures, however fast the hand is
-            self._publish_target(self._target_asked)
+        if self._target_asked:  # at the rate of the pictures, however fast the hand is
+            self._publish_target()
+        if self._display.wants_speed(time.monotonic()):
+            self._wishes.publish(String(data='{"do": "figures"}'))
+        ready = self._recorders[Button.RECORD].service_is_ready()
+        self._display.recorder = (ready, self._display.recorder[1])
         skipped = self._display.body.skipped
         self._display.draw(self._control, self._target, self._rejects, len(self._browsers))
         if self._display.body.skipped > skipped:
@@ -384,12 +472,12 @@ class ViewNode(Node):
         return Level.WARN if body.skipped or rejects.total or lost else Level.OK, f"page {self._url}", values
 
 
-def open_page(node: Node, port: int) -> tuple[PageServer, str]:
+def open_page(node: Node, port: int, channel: Channel) -> tuple[PageServer, str]:
     """Return the server of the page, and the URL without the token, which is in what is printed alone.
 
     Others may read the log and the topics. Raises OSError.
     """
-    server = PageServer(port)
+    server = PageServer(port, channel)
     taken = server.get_port()
     if port not in (0, taken):
         text = f"port {port} is taken: the page is on port {taken}"

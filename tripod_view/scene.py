@@ -1,41 +1,31 @@
-"""The 3-D part of the page: silicone, arms, effector, target handle, ground, maze and ball. Metres, z up."""
+"""The 3-D part of the page, drawn from what the scene has. Metres, z up."""
 
-import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from tripod_view.arm import ARMS, ArmGeometry, Pose, arm_pose, carriage_pose, clamp_corners
+from tripod_view.arm import ArmGeometry
+from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
-from tripod_view.events import Dragged, Dropped, Grabbed, Inbox
+from tripod_view.events import Inbox
+from tripod_view.frame import FIELD, Frame, frame
 from tripod_view.game import Game
+from tripod_view.handle import Handle
+from tripod_view.picture import Picture
+from tripod_view.pose import Pose
+from tripod_view.robot import Robot
 
 FloatArray = NDArray[np.float64]
-Rgb = tuple[int, int, int]
 
-SERVO_COLOURS: tuple[Rgb, ...] = ((214, 64, 69), (31, 119, 180), (148, 90, 190))
-"""One colour a servo, the same in the scene and in the plot."""
-
-SILICONE: Rgb = (247, 205, 165)
-MESH_LINES: Rgb = (150, 95, 50)
-EFFECTOR: Rgb = (255, 140, 0)
-TARGET: Rgb = (30, 160, 70)
-SERVO_BODY: Rgb = (52, 73, 110)
-BASE: Rgb = (112, 120, 130)
-
-BODY_SIZE = (0.0230, 0.0225, 0.0122)
-"""A small hobby servo, its shaft along y [m]."""
-
-BRACKET = 0.003
-"""Thickness of brackets, clamp plates and rails [m]."""
+UNKNOWN = Picture()
+"""While no simulator has described its scene: the robot, and what comes as a mesh."""
 
 
 class Scene:
     """Draws what it is told; every method is called from the thread of ROS only.
-
-    The gizmo of the target calls back on the web server's thread, where the event is put into the inbox.
 
     Attributes:
         game: Maze and ball.
@@ -48,86 +38,102 @@ class Scene:
         geometry: ArmGeometry,
         box: tuple[FloatArray, FloatArray],
     ) -> None:
-        """`box`: corners within which the target can be dragged [m]."""
-        self._api, self._geometry = server.scene, geometry
-        self._surface: viser.MeshHandle | None = None
-        self._lines: viser.MeshHandle | None = None
-        self._show_lines = True
-        self._look(server)
-        self._ground()
-        self._carriages = [self._add_carriage(i) for i in range(ARMS)]
-        self._arms = [self._add_arm(i) for i in range(ARMS)]
-        self._effector = self._add_effector()
+        """`geometry`: of the robot while no simulator has told its own; `box`: corners for the target [m]."""
+        self._server, self._api, self._default = server, server.scene, geometry
+        self._look()
+        self._ground: list[viser.SceneNodeHandle] = []
+        self._bodies = Bodies(self._api)
+        self.picture = UNKNOWN
+        self._surface: Surface | None = None
+        self._nodes: FloatArray | None = None
+        self._robot = Robot(self._api, geometry, servos=True)
+        self._handle = Handle(self._api, inbox, box)
         self.game = Game(self._api, "/effector")
-        self._marker, self._gizmo, self._box = self._add_target(box)
-        self._listen(inbox)
-        self.set_joints(np.zeros(3), 0.0)
+        self.fit()
+
+    @property
+    def has_target(self) -> bool:
+        """Whether the scene has an effector that can be sent somewhere."""
+        return self.picture is UNKNOWN or bool(self.picture.servos and self.picture.effector)
+
+    def set_picture(self, picture: Picture) -> None:
+        """Draw another scene, or the same with other things in it."""
+        same, self.picture = picture.key == self.picture.key, picture
+        if same:
+            return
+        self._robot.remove()
+        geometry = self._default
+        if s := picture.servos:
+            geometry = replace(geometry, axis_radius=s.axis_radius, axis_depth=s.axis_depth)
+        if picture.effector:
+            geometry = replace(geometry, effector_radius=picture.effector)
+        self._robot = Robot(self._api, geometry, servos=picture.servos is not None)
+        self.game.set_marks(picture.maze)
+        self._bodies.set_still(picture)
+        if self._surface is not None:
+            self._bodies.set_surface(self._surface, picture.parts)
+        if not self.has_target:
+            self._handle.hide()
+        self._nodes = None
+        self.fit()
 
     def set_surface(self, surface: Surface) -> None:
         """Show another mesh, undeformed."""
-        nodes, triangles = surface.nodes.astype(np.float32), surface.triangles
-        self._surface = self._api.add_mesh_simple(
-            "/silicone",
-            nodes,
-            triangles,
-            color=SILICONE,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        self._lines = self._api.add_mesh_simple(
-            "/mesh_lines",
-            nodes,
-            triangles,
-            color=MESH_LINES,
-            wireframe=True,
-            opacity=0.35,
-            visible=self._show_lines,
-        )
+        self._surface, self._nodes = surface, None
+        self._bodies.set_surface(surface, self.picture.parts)
+        self.fit()
 
     def set_nodes(self, positions: FloatArray) -> None:
         """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""
-        if self._surface is None or self._lines is None:
-            return
-        nodes = positions.astype(np.float32)
-        self._surface.vertices = nodes
-        if self._show_lines:
-            self._lines.vertices = nodes
+        self._nodes = positions
+        self._bodies.set_nodes(positions)
 
     def show_lines(self, visible: bool) -> None:
-        """Show or hide the lines of the mesh; hidden ones cost nothing."""
-        if visible == self._show_lines:
-            return
-        self._show_lines = visible
-        if self._lines is not None and self._surface is not None:
-            self._lines.vertices = self._surface.vertices
-            self._lines.visible = visible
+        """Show or hide the edges of the mesh."""
+        self._bodies.show_lines(visible)
 
     def set_joints(self, angles: FloatArray, slide: float) -> None:
         """Put the arms at `angles` [rad], shape (3,), and the servo bodies at `slide` [m]."""
-        for i in range(ARMS):
-            _place(self._carriages[i], carriage_pose(i, slide, self._geometry))
-            _place(self._arms[i], arm_pose(i, float(angles[i]), slide, self._geometry))
+        self._robot.set_joints(angles, slide)
 
     def set_effector(self, pose: Pose) -> None:
         """Put the effector's disc and frame at `pose`."""
-        _place(self._effector, pose)
-        self._effector.visible = True
+        self._robot.set_effector(pose)
 
-    def set_target(self, position: FloatArray, *, dragging: bool) -> None:
-        """Put the target at `position` [m]; the gizmo follows unless it is dragged: then it is the hand's."""
-        self._marker.position = position
-        self._marker.visible = True
-        if self._box.visible != dragging:
-            self._box.visible = dragging
-        if not dragging:
-            self._gizmo.position = position
-            self._gizmo.visible = True
+    def set_target(self, position: FloatArray, wxyz: FloatArray, *, dragging: bool) -> None:
+        """Put the target at `position` [m], turned by `wxyz`; see `Handle.set`."""
+        if self.has_target:
+            self._handle.set(position, wxyz, dragging=dragging)
 
-    def _look(self, server: viser.ViserServer) -> None:
-        camera = server.initial_camera
-        camera.position, camera.look_at, camera.up = (0.22, -0.22, 0.17), (0.0, 0.0, -0.02), (0.0, 0.0, 1.0)
-        camera.fov, camera.near, camera.far = np.radians(38), 0.002, 20.0
+    def let_turn(self, turns: bool) -> None:
+        """Let the target be turned, or not."""
+        self._handle.let_turn(turns)
+
+    def fit(self) -> None:
+        """Show all there is: the camera of every browser, and the ground under it."""
+        nodes = self._nodes if self._nodes is not None else self._surface.nodes if self._surface else None
+        depth = self.picture.servos.axis_depth if self.picture.servos else self._default.axis_depth
+        seen = frame(self.picture, nodes, depth)
+        camera = self._server.initial_camera
+        camera.position, camera.look_at = tuple(seen.camera), tuple(seen.centre)
+        camera.near, camera.far = 0.01 * seen.radius, 200 * seen.radius
+        self._seen = seen
+        for client in self._server.get_clients():
+            self.aim(client)
+        self._draw_ground(seen)
+
+    def aim(self, client: int) -> None:
+        """Show all there is in one browser: one that is just opening does not heed a camera set meanwhile."""
+        if (handle := self._server.get_clients().get(client)) is None:
+            return
+        camera, seen = handle.camera, self._seen
+        with handle.atomic():
+            camera.position, camera.look_at = seen.camera, seen.centre
+            camera.near, camera.far = 0.01 * seen.radius, 200 * seen.radius
+
+    def _look(self) -> None:
+        camera = self._server.initial_camera
+        camera.up, camera.fov = (0.0, 0.0, 1.0), FIELD
         self._api.configure_environment_map(None)
         self._api.configure_default_lights(False)
         self._api.add_light_hemisphere(
@@ -136,152 +142,34 @@ class Scene:
         self._api.add_light_directional("/lights/key", intensity=1.7, position=(0.6, -0.3, 1.0))
         self._api.add_light_directional("/lights/fill", intensity=0.5, position=(-0.6, 0.7, 0.3))
 
-    def _ground(self) -> None:
-        g = self._geometry
-        top = -g.axis_depth - BODY_SIZE[2] / 2
-        floor = top - BRACKET
-        self._api.add_grid(
-            "/ground",
-            0.4,
-            0.4,
-            cell_size=0.01,
-            section_size=0.05,
-            cell_color=(222, 226, 230),
-            section_color=(173, 181, 189),
-            position=(0.0, 0.0, floor - 0.0005),
-            shadow_opacity=0.0,
-        )
-        self._api.add_label(
-            "/ground/scale", "squares: 10 mm", position=(0.105, -0.15, 0.0), font_screen_scale=0.8
-        )
-        self._api.add_frame(
-            "/world",
-            axes_length=0.02,
-            axes_radius=0.0006,
-            origin_radius=0.001,
-            position=(-0.15, -0.15, floor),
-        )
-        for name, tip in (("x", (0.022, 0, 0)), ("y", (0, 0.022, 0)), ("z", (0, 0, 0.022))):
-            self._api.add_label(f"/world/{name}", name, position=tip, font_screen_scale=0.8)
-        for i in range(ARMS):
-            frame = carriage_pose(i, g.axis_radius, g)  # at the centre
-            name = f"/base/{i}"
-            _place(self._api.add_frame(name, show_axes=False), frame)
-            length = g.axis_radius + 0.018
-            self._api.add_box(
-                f"{name}/rail",
-                BASE,
-                (length, BODY_SIZE[1] + 0.004, BRACKET),
-                position=(length / 2, 0, -BODY_SIZE[2] / 2 - BRACKET / 2),
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-            self._api.add_label(
-                f"{name}/label", f"servo {i}", position=(length + 0.01, 0, -0.004), font_screen_scale=0.9
-            )
+    def _draw_ground(self, seen: Frame) -> None:
+        for handle in reversed(self._ground):  # what hangs on another before that
+            handle.remove()
+        cell, size = seen.cell, 4.0 * seen.radius
+        x, y, _ = seen.centre
+        floor = seen.floor - 0.004 * seen.radius
+        size = 2 * cell * np.ceil(size / (2 * cell))
+        self._ground = [
+            self._api.add_grid(
+                "/ground", size, size, cell_size=cell, section_size=5 * cell, cell_color=(222, 226, 230),
+                section_color=(173, 181, 189), position=(x, y, floor), shadow_opacity=0.0,
+            ),
+            *self._axes(np.array([x, y, floor]) + seen.radius * np.array([-0.9, -0.9, 0.0]), 0.18 * seen.radius, cell),
+        ]  # fmt: skip
 
-    def _add_carriage(self, i: int) -> viser.FrameHandle:
-        frame = self._api.add_frame(f"/servos/{i}", show_axes=False)
-        self._add_box(f"/servos/{i}/body", SERVO_BODY, BODY_SIZE, (0.0, 0.0, 0.0))
-        return frame
-
-    def _add_arm(self, i: int) -> viser.FrameHandle:
-        """A bracket round the servo body: two cheeks on the axis, plates under and over the clamped end."""
-        g, name, colour = self._geometry, f"/arms/{i}", SERVO_COLOURS[i]
-        frame = self._api.add_frame(name, show_axes=False)
-        corners = clamp_corners(g)
-        inner, outer = corners[0, 0, 0, 0], corners[1, 0, 0, 0]
-        lower, upper = corners[0, 0, 0, 2], corners[0, 0, 1, 2]
-        tail = BRACKET  # the lower plate reaches over the axis, to the cheeks
-        self._add_box(
-            f"{name}/lower",
-            colour,
-            (tail - inner, g.strip_width, BRACKET),
-            ((tail + inner) / 2, 0.0, lower - BRACKET / 2),
+    def _axes(self, origin: FloatArray, length: float, cell: float) -> Iterable[viser.SceneNodeHandle]:
+        yield self._api.add_frame(
+            "/world", axes_length=length, axes_radius=0.03 * length, origin_radius=0.05 * length, position=origin
         )
-        self._add_box(
-            f"{name}/upper",
-            colour,
-            (outer - inner, g.strip_width, BRACKET),
-            ((outer + inner) / 2, 0.0, upper + BRACKET / 2),
-        )
-        y = max(g.strip_width, BODY_SIZE[1] + 4 * BRACKET) / 2 - BRACKET / 2
-        bottom, top = -2 * BRACKET, lower - BRACKET
-        for side, sign in (("left", 1), ("right", -1)):
-            self._add_box(
-                f"{name}/{side}",
-                colour,
-                (2 * BRACKET, BRACKET, top - bottom),
-                (0.0, sign * y, (top + bottom) / 2),
-            )
-        return frame
-
-    def _add_effector(self) -> viser.FrameHandle:
-        g = self._geometry
-        frame = self._api.add_frame(
-            "/effector",
-            axes_length=2 * g.effector_radius,
-            axes_radius=0.0005,
-            origin_radius=0.0008,
-            visible=False,
-        )
-        self._api.add_cylinder(
-            "/effector/disc",
-            g.effector_radius,
-            1.2 * g.thickness,
-            EFFECTOR,
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        return frame
-
-    def _add_target(
-        self, box: tuple[FloatArray, FloatArray]
-    ) -> tuple[viser.IcosphereHandle, viser.TransformControlsHandle, viser.LineSegmentsHandle]:
-        low, high = box
-        marker = self._api.add_icosphere(
-            "/target", 0.0042, TARGET, opacity=0.85, visible=False, cast_shadow=False, receive_shadow=False
-        )
-        gizmo = self._api.add_transform_controls(
-            "/target_handle", scale=0.03, disable_rotations=True, depth_test=False, visible=False
-        )
-        limits = self._api.add_line_segments(
-            "/target_box",
-            box_edges(low, high),
-            TARGET,
-            thickness=1.0,
-            thickness_units="screen",
-            visible=False,
-        )
-        return marker, gizmo, limits
-
-    def _listen(self, inbox: Inbox) -> None:
-        async def on_update(
-            event: viser.TransformControlsEvent,
-        ) -> None:  # async: on the server's thread, in order
-            client = -1 if event.client_id is None else event.client_id
-            if event.phase == "start":
-                inbox.put(Grabbed(client))
-            elif event.phase == "update":
-                inbox.put(Dragged(client, np.copy(event.target.position)))
-            else:
-                inbox.put(Dropped(client))
-
-        self._gizmo.on_update(on_update)
-
-    def _add_box(self, name: str, colour: Rgb, size: Sequence[float], position: Sequence[float]) -> None:
-        self._api.add_box(
-            name, colour, tuple(size), position=tuple(position), cast_shadow=False, receive_shadow=False
-        )
+        for k, name in enumerate("xyz"):
+            tip = np.zeros(3)
+            tip[k] = 1.1 * length
+            yield self._api.add_label(f"/world/{name}", name, position=tip, font_screen_scale=0.8)
+        text = f"squares: {squares(cell)}"
+        place = np.array([0.0, -0.8 * length, 0.0])
+        yield self._api.add_label("/world/scale", text, position=place, font_screen_scale=0.8)
 
 
-def box_edges(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return the twelve edges of the box from `low` to `high`, shape (12, 2, 3)."""
-    corners = np.array(list(itertools.product((0, 1), repeat=3)))
-    pairs = [(a, b) for a, b in itertools.combinations(corners, 2) if np.abs(a - b).sum() == 1]
-    return low + np.array(pairs) * (high - low)
-
-
-def _place(handle: viser.SceneNodeHandle, pose: Pose) -> None:
-    handle.position = pose.position
-    handle.wxyz = np.roll(pose.quaternion, 1)
+def squares(cell: float) -> str:
+    """Return the edge of a square of the ground for people; `cell` in m."""
+    return f"{cell:g} m" if cell >= 1 else f"{100 * cell:g} cm" if cell >= 0.1 else f"{1e3 * cell:g} mm"

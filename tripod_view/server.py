@@ -2,19 +2,23 @@
 
 import contextlib
 import functools
+import gzip
 import io
 import logging
 import socket
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from typing import Any, Final
 
 import viser
 import websockets.asyncio.server as websocket_server
 from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from tripod_view.channel import PATH, Channel
 from tripod_view.gate import HEADERS, Gate, RefusedError
+from tripod_view.pages import File, page_files
 
 HOST: Final = "127.0.0.1"
 
@@ -37,11 +41,14 @@ class PageServer(viser.ViserServer):
     Any client of viser may ask the server to open a public tunnel; here that request does nothing.
     """
 
-    def __init__(self, port: int) -> None:
-        """Listen on loopback at `port` or the next free one; 0: at any. Raises OSError if there is none."""
+    def __init__(self, port: int, channel: Channel) -> None:
+        """Listen on loopback at `port` or the next free one; 0: at any. Raises OSError if there is none.
+
+        `channel` serves what is beside the 3-D scene.
+        """
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # no tracebacks about bad requests
         self._gate = Gate()
-        start = functools.partial(_serve, websocket_server.serve, self._gate)
+        start = functools.partial(_serve, websocket_server.serve, self._gate, channel)
         with _replaced(websocket_server, "serve", start), contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=free_port(port), label="Tripod", verbose=False)
 
@@ -62,11 +69,14 @@ class PageServer(viser.ViserServer):
 def _serve(
     serve: Callable[..., Any],
     gate: Gate,
+    channel: Channel,
+    handler: Callable[[ServerConnection], Awaitable[None]],
     *arguments: Any,
     process_request: Callable[[ServerConnection, Request], Response | None],
     **options: Any,
 ) -> Any:
-    """Call `serve` of the websockets library as viser does, with `gate` before its page and its websocket."""
+    """Call `serve` of the websockets library as viser does, with `gate` before its websocket and our page."""
+    files = page_files(gate.token)
 
     def request(connection: ServerConnection, request: Request) -> Response | None:
         try:
@@ -75,7 +85,13 @@ def _serve(
             )
         except RefusedError as error:
             return connection.respond(HTTPStatus.FORBIDDEN, f"{error}\n")
+        if request.headers.get("Upgrade") != "websocket" and (file := files.get(request.path)):
+            return _answer(request, file)
         return process_request(connection, request)
+
+    async def handle(connection: ServerConnection) -> None:
+        path = connection.request.path if connection.request else ""
+        await (channel.serve(connection) if path == PATH else handler(connection))
 
     def response(connection: ServerConnection, request: Request, response: Response) -> None:
         for name, value in HEADERS.items():
@@ -88,7 +104,16 @@ def _serve(
         "process_request": request,
         "process_response": response,
     }
-    return serve(*arguments, **options)
+    return serve(handle, *arguments, **options)
+
+
+def _answer(request: Request, file: File) -> Response:
+    packs = "gzip" in request.headers.get("Accept-Encoding", "")
+    body = file.packed if packs else gzip.decompress(file.packed)
+    headers = Headers()
+    headers["Content-Type"], headers["Content-Length"] = file.kind, str(len(body))
+    headers["Content-Encoding"] = "gzip" if packs else "identity"
+    return Response(HTTPStatus.OK, "OK", headers, body)
 
 
 def free_port(port: int) -> int:

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_view.pose import Pose, PoseError
+
 FloatArray = NDArray[np.float64]
 
 
@@ -31,6 +33,7 @@ class TargetHandle:
 
     Attributes:
         position: Where the handle stands [m], shape (3,); None before the effector is known.
+        quaternion: How it is turned (x, y, z, w), shape (4,).
         set: Whether somebody set the target, by hand or by topic.
     """
 
@@ -42,6 +45,7 @@ class TargetHandle:
                 f"target_low {self.low.tolist()} must be below target_high {self.high.tolist()} in x, y and z"
             )
         self.position: FloatArray | None = None
+        self.quaternion: FloatArray = np.array([0.0, 0.0, 0.0, 1.0])
         self.set = False
         self._draggers: set[int] = set()
 
@@ -50,14 +54,14 @@ class TargetHandle:
         """Whether a client holds the handle."""
         return bool(self._draggers)
 
-    def ride(self, effector: FloatArray) -> bool:
-        """Follow `effector` [m] unless a target is set or dragged; return whether the handle moved."""
+    def ride(self, effector: Pose) -> bool:
+        """Follow `effector` unless a target is set or dragged; return whether the handle moved."""
         if self.set or self.dragging:
             return False
         return self._move(effector)
 
-    def hear(self, target: FloatArray) -> bool:
-        """Take the target of somebody else [m]; return whether the handle moved (not while it is dragged)."""
+    def hear(self, target: Pose) -> bool:
+        """Take the target of somebody else; return whether the handle moved (not while it is dragged)."""
         if self.dragging:
             return False
         self.set = True
@@ -71,19 +75,25 @@ class TargetHandle:
         """Note that `client` began to drag."""
         self._draggers.add(client)
 
-    def drag(self, client: int, values: Sequence[float] | FloatArray) -> FloatArray:
-        """Return the target asked for by dragging to `values` [m], within the box. Raises TargetError."""
+    def drag(self, client: int, values: Sequence[float] | FloatArray, wxyz: Sequence[float] | FloatArray) -> Pose:
+        """Return the target asked for by dragging to `values` [m], within the box, turned by `wxyz`. Raises TargetError."""
         point = np.clip(checked_point(values, "dragged target"), self.low, self.high)
+        try:
+            w, x, y, z = (float(v) for v in wxyz)
+            pose = Pose.of(point, (x, y, z, w))
+        except (PoseError, TypeError, ValueError):
+            raise TargetError(f"dragged target is turned by {wxyz!r:.80}; four numbers that are not 0") from None
         self._draggers.add(client)
         self.set = True
-        self._move(point)
-        return point
+        self._move(pose)
+        return pose
 
     def drop(self, client: int) -> None:
         """Note that `client` let go or left."""
         self._draggers.discard(client)
 
-    def _move(self, position: FloatArray) -> bool:
-        moved = self.position is None or bool((self.position != position).any())
-        self.position = np.array(position, float)
+    def _move(self, pose: Pose) -> bool:
+        same = self.position is not None and bool((self.position == pose.position).all())
+        moved = not (same and bool((self.quaternion == pose.quaternion).all()))
+        self.position, self.quaternion = np.array(pose.position), np.array(pose.quaternion)
         return moved

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from html import escape
 from typing import Protocol
 
 import numpy as np
@@ -16,17 +15,20 @@ from tripod_graph.source import name_of
 SILENT = 1.5
 """Age of the newest status after which a node counts as silent [s]; status comes at 10 Hz."""
 
+SIMULATED = ("", "mock")
+"""Ports behind which there is no robot."""
+
 SLOW = 0.95
 """Real-time factor below which the simulation counts as slow."""
 
 
 class Light(Enum):
-    """Colour of a line's light."""
+    """What a line's light says; its colour is the style sheet's."""
 
-    GOOD = "#2f9e44"
-    WATCH = "#f08c00"
-    BAD = "#e03131"
-    OFF = "#adb5bd"
+    GOOD = "good"
+    WATCH = "watch"
+    BAD = "bad"
+    OFF = "off"
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,13 @@ class SimFields(Protocol):
     dt: float
     real_time_factor: float
     step_time_median: float
+
+
+    time: float
+    scene: str
+    step_time_p99: float
+    time_error: float
+    effector_time_error: float
 
 
 class IkFields(Protocol):
@@ -89,6 +98,27 @@ def sim_line(status: SimFields) -> Line:
     return Line(*_stated("Simulator", status.state, texts))
 
 
+def run_table(status: SimFields, robot: "RobotFields | None") -> dict[str, object]:
+    """Return how a simulation runs, as the page has it; `robot`: of the driver, None while it is not heard."""
+    return {
+        "scene": status.scene,
+        "state": status.state,
+        "message": status.message,
+        "time": round(status.time, 2),
+        "factor": round(status.real_time_factor, 3),
+        "step": float(f"{status.step_time_median:.3g}"),
+        "p99": float(f"{status.step_time_p99:.3g}"),
+        "dt": status.dt,
+        "time_error": _known(status.time_error),
+        "effector_time_error": _known(status.effector_time_error),
+        "simulated": robot is None or robot.port in SIMULATED or robot.state == 0,
+    }
+
+
+def _known(value: float) -> float | None:
+    return float(f"{value:.3g}") if value >= 0 else None
+
+
 def ik_line(status: IkFields) -> Line:
     """Return the line for a fresh status of the inverse kinematics."""
     off, limits = f"{1e3 * status.error:.2f} mm off", ", ".join(status.active_limits)
@@ -115,9 +145,11 @@ def ik_silence(age: float | None, mode: Mode) -> Line | None:
 
 def robot_line(status: RobotFields) -> Line:
     """Return the line for a fresh status of the driver."""
+    if status.port in SIMULATED and status.state in (2, 3, 4, 5):
+        return Line(Light.OFF, "Simulated", "no robot connected: the driver talks to a simulated board")
     packets = f"{status.port}, {status.packets_sent} packets"
     texts = {
-        0: (Light.BAD, "not connected"),
+        0: (Light.OFF, "not connected"),
         1: (Light.WATCH, "connecting"),
         2: (Light.WATCH, f"connected, not allowed to move ({packets})"),
         3: (Light.GOOD, f"follows commands ({packets})"),
@@ -135,7 +167,9 @@ def mode_line(mandate: Mandate) -> Line:
     own = tracker.source == mandate.source
     if tracker.lost:
         return Line(Light.BAD, "STOP", f"{name_of(tracker.lost)} is silent: the servos hold, then park")
-    by = "this page" if own else (name_of(tracker.source) or "nobody yet")
+    if not tracker.source:
+        return Line(Light.OFF, "Ready", "nobody commands yet")
+    by = "this page" if own else name_of(tracker.source)
     texts = {
         Mode.STOP: (Light.BAD, "all commands off: the servos hold, then park"),
         Mode.TELEOP: (Light.GOOD, "the sliders command" if own else "the keyboard commands"),
@@ -174,15 +208,11 @@ def page_line(browsers: int, pictures: float, skipped: tuple[int, str], refused:
     return Line(Light.WATCH if skipped[0] or refused[0] else Light.GOOD, "This page", text)
 
 
-def lines_html(lines: Sequence[Line], rows: int = 0) -> str:
-    """Return `lines` as HTML, at least `rows` rows high. Every text is escaped: some come from the network."""
-    body = "".join(
-        f'<div style="display:flex;gap:.5em;margin:.2em 0">{_dot(line.light)}'
-        f"<span><b>{escape(line.who)}</b>&ensp;{escape(line.text)}</span></div>"
-        for line in lines
-    )
-    style = f"font-size:.85em;line-height:1.35;padding:0 .8em .3em .8em;min-height:{1.75 * rows:.2f}em"
-    return f'<div style="{style}">{body}</div>'
+def robot_silence(age: float | None) -> Line | None:
+    """Return the line for no robot, or one not heard for `age` [s]; None if its status is fresh."""
+    if age is None:
+        return Line(Light.OFF, "Simulated", "no robot connected")
+    return silence("Robot", age)
 
 
 def _millimetres(position: NDArray[np.float64] | None) -> str:
@@ -190,11 +220,6 @@ def _millimetres(position: NDArray[np.float64] | None) -> str:
         return "not known yet"
     x, y, z = np.round(1e3 * position, 1) + 0.0  # no -0.0
     return f"x {x:.1f}, y {y:.1f}, z {z:.1f} mm"
-
-
-def _dot(light: Light) -> str:
-    size = "flex:none;width:.7em;height:.7em;border-radius:50%;margin-top:.35em"
-    return f'<span style="{size};background:{light.value}"></span>'
 
 
 def _stated(who: str, state: int, texts: Mapping[int, tuple[Light, str]]) -> tuple[Light, str, str]:

@@ -109,7 +109,7 @@ def choose(
     """
     wish = asked(accuracy)
     made = load_scene(scene, overrides)
-    found = read_study(study) if study else _shipped(made, scene)
+    found = read_study(study) if study else shipped(made, scene)
     if study:
         _check_fits(found, made)
     here = speed()
@@ -166,7 +166,7 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
     if not within:
         raise SceneError(
             f"--accuracy {percent(allowed)}: no setting of study {study.name!r} is so exact; the best promises "
-            f"{percent(promised(study, exact))} ({_settings_text(exact)}): --accuracy reference takes it"
+            f"{percent(promised(study, exact))} ({settings_text(exact)}): --accuracy reference takes it"
         )
     return min(within, key=lambda p: (p.cpu, promised(study, p)))
 
@@ -195,7 +195,7 @@ def percent(error: float) -> str:
     return f"{100 * error:.2g} %"
 
 
-def _shipped(made: Scene, scene: str) -> StoredStudy:
+def shipped(made: Scene, scene: str) -> StoredStudy:
     """Return the study that comes with tripod for a scene: of motions if it moves, else of static solves."""
     moves = made.inertia is not None
     if not scene.endswith(".toml"):
@@ -228,7 +228,7 @@ def _outside(
     made = load_scene(scene, [*picked, *overrides])
     for k, word in enumerate(overrides):
         field = word.partition("=")[0].strip()
-        if field in INSIDE or (field in study.base and _holds(made, field, study.base[field])):
+        if field in INSIDE or (field in study.base and holds(made, field, study.base[field])):
             continue
         try:
             other = load_scene(scene, [*picked, *overrides[:k], *overrides[k + 1 :]])
@@ -237,12 +237,12 @@ def _outside(
         if other != made:
             found.append(word)
     for field, value in study.base.items():
-        if field not in INSIDE and field not in named and not _holds(made, field, value):
+        if field not in INSIDE and field not in named and not holds(made, field, value):
             found.append(f"the study has {field}={_literal(value)}")
     return tuple(found)
 
 
-def _holds(made: Scene, field: str, value: Value) -> bool:
+def holds(made: Scene, field: str, value: Value) -> bool:
     """Return whether a field of a scene has a value; `off` is an effect that is absent."""
     try:
         found: Any = reduce(getattr, field.split("."), made)
@@ -257,14 +257,14 @@ def _literal(value: Value) -> str:
     )
 
 
-def _settings_text(point: StoredPoint) -> str:
+def settings_text(point: StoredPoint) -> str:
     return ", ".join(f"{field}={_literal(value)}" for field, value in point.settings.items())
 
 
 def _changes(scene: str, point: StoredPoint) -> str:
     """Return in words which settings of a point are not those of the scene as it is."""
     made = load_scene(scene)
-    changed = {f: v for f, v in point.settings.items() if not _holds(made, f, v)}
+    changed = {f: v for f, v in point.settings.items() if not holds(made, f, v)}
     return ", ".join(f"{f}={_literal(v)}" for f, v in changed.items()) or "the scene as it is"
 
 

@@ -10,7 +10,7 @@ import tripod_sim
 SUFFIXES = (".py", ".toml", ".obj", ".txt")
 """Of code, scenes, meshes and mazes."""
 
-PASSIVE = ("accuracy", "explain", "studies", "study")
+PASSIVE = ("accuracy", "explain", "figures", "studies", "study")
 """Folders of tripod_sim that simulate nothing."""
 
 MEASURING = ("study/motion.py", "study/task.py")

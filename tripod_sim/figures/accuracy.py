@@ -1,0 +1,139 @@
+"""What accuracy a scene has and what others cost, by the study that is stored of it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from tripod_sim.accuracy.choice import INSIDE, LOAD, holds, percent, pick, promised, settings_text, shipped
+from tripod_sim.accuracy.stored import StoredPoint, StoredStudy
+from tripod_sim.errors import SceneError
+from tripod_sim.scene import Scene
+
+WISHES = ("draft", "real-time", "5%", "1%", "reference")
+"""What is offered, by the words of `--accuracy`."""
+
+MOST_DOTS = 400
+"""Points that are told of a study."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What an accuracy costs.
+
+    Attributes:
+        wish: As `--accuracy` takes it.
+        settings: Of the point that serves it; empty where none does.
+        error: To expect, relative; None where there is none.
+        seconds: Of this machine for a simulated second, or a solve [s]; None where this machine's speed is not known.
+        step: Of this machine for a step [s]; None likewise, and of solves.
+        why_not: Why there is none, in one sentence; empty where there is.
+    """
+
+    wish: str
+    settings: str = ""
+    error: float | None = None
+    seconds: float | None = None
+    step: float | None = None
+    why_not: str = ""
+
+
+@dataclass(frozen=True)
+class AccuracyFigures:
+    """What is known of the accuracy of a scene.
+
+    Attributes:
+        study: Its name; empty where there is none.
+        quantity: What errors are of.
+        solves: Whether costs are of static solves, not of simulated seconds.
+        here: Error to expect of the scene as it is; None where its settings are not in the study.
+        here_seconds: Of this machine, as the study has it [s]; None where that or the machine's speed is not known.
+        why_not: Why `here` is not known, in one sentence; empty where it is.
+        offers: See `WISHES`.
+        dots: Cost [s] and error to expect of each point that worked.
+        front: Those that no other point beats in both.
+        scaled: Whether costs are of this machine; else they are of the study's.
+    """
+
+    study: str = ""
+    quantity: str = ""
+    solves: bool = False
+    here: float | None = None
+    here_seconds: float | None = None
+    why_not: str = ""
+    offers: tuple[Offer, ...] = ()
+    dots: tuple[tuple[float, float], ...] = ()
+    front: tuple[tuple[float, float], ...] = ()
+    scaled: bool = False
+
+
+def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> AccuracyFigures:
+    """Return what is known of the accuracy of a scene.
+
+    Args:
+        source: Its name or the path of its file; studies are stored of shipped scenes.
+        scene: As it is simulated.
+        speed: CPU time of the product that studies are calibrated with, on this machine [s]; None if it is not known.
+    """
+    try:
+        study = shipped(scene, source)
+    except SceneError as error:
+        return AccuracyFigures(why_not=str(error).removeprefix("--accuracy: "))
+    scale = speed / study.calibration if speed and study.calibration else None
+    factor = scale or 1.0
+    point = point_of(study, scene)
+    dots = sorted((p.cpu * factor, promised(study, p)) for p in study.points)
+    return AccuracyFigures(
+        study=study.name,
+        quantity=study.quantity,
+        solves=study.solves,
+        here=promised(study, point) if point else None,
+        here_seconds=point.cpu * scale if point and scale else None,
+        why_not="" if point else f"study {study.name} has no point with these settings",
+        offers=tuple(_offer(wish, study, scene, scale) for wish in WISHES),
+        dots=tuple(dots[:MOST_DOTS]),
+        front=tuple(_front(dots)),
+        scaled=scale is not None,
+    )
+
+
+def point_of(study: StoredStudy, scene: Scene) -> StoredPoint | None:
+    """Return the point of a study whose settings, and whose base, are those of a scene; None if there is none."""
+    if not all(holds(scene, field, value) for field, value in study.base.items() if field not in INSIDE):
+        return None
+    fitting = (p for p in study.points if all(holds(scene, f, v) for f, v in p.settings.items()))
+    return next(fitting, None)
+
+
+def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None) -> Offer:
+    try:
+        asked = float(wish.rstrip("%")) / 100 if wish.endswith("%") else wish
+        point = pick(study, asked, scale)
+    except SceneError as error:
+        return Offer(wish, why_not=str(error).partition(": ")[2])
+    seconds = point.cpu * scale if scale else None
+    dt = point.settings.get("dt", scene.dt)
+    step = seconds * dt if seconds and isinstance(dt, float) and not study.solves else None
+    return Offer(wish, settings_text(point), promised(study, point), seconds, step)
+
+
+def _front(dots: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    front: list[tuple[float, float]] = []
+    for seconds, error in dots:  # cheapest first
+        if not front or error < front[-1][1]:
+            front.append((seconds, error))
+    return front
+
+
+def accuracy_line(figures: AccuracyFigures) -> str:
+    """Return what is known of the scene as it is, for people."""
+    if figures.here is None:
+        return f"not known: {figures.why_not}"
+    return f"expect an error below {percent(figures.here)} of: {figures.quantity} (study {figures.study})"
+
+
+def as_table(figures: AccuracyFigures) -> dict[str, Any]:
+    """Return the figures as JSON has them, with the share of real time that `real-time` may take."""
+    return {
+        **{k: v for k, v in vars(figures).items() if k != "offers"},
+        "offers": [vars(offer) for offer in figures.offers],
+        "load": LOAD,
+    }

@@ -1,0 +1,89 @@
+"""What the effects of a scene cost, and what those would that it does not name, by a stored table.
+
+`benchmarks/effect_costs.py` measures them for each shipped scene and writes `effect_costs.json`. Times are of the
+machine that measured; with the time of a product there and here they are told for this one.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from tripod_sim.effects import meaning
+from tripod_sim.scene import EFFECTS, Scene
+
+FILE = "effect_costs.json"
+
+NOT_MEASURED = "not measured for this scene"
+
+
+@dataclass(frozen=True)
+class EffectFigure:
+    """What an effect costs.
+
+    Attributes:
+        name: Of the effect.
+        on: Whether the scene has it.
+        meaning: What it is, in one sentence.
+        cost: Of a step, or what it would add to one [s]; None where that is not known.
+        noise: Of that [s].
+        why_not: Why it is not known or cannot be switched on, in one sentence; empty where it is known.
+    """
+
+    name: str
+    on: bool
+    meaning: str
+    cost: float | None = None
+    noise: float = 0.0
+    why_not: str = ""
+
+
+def effect_figures(source: str, scene: Scene, speed: float | None = None) -> list[EffectFigure]:
+    """Return all effects with their costs in a scene, those it has first.
+
+    Args:
+        source: Name of the shipped scene, or path of a file, of which nothing is stored.
+        scene: As it is simulated.
+        speed: CPU time of the product on this machine [s]; None leaves the times of the machine that measured.
+    """
+    table = stored()
+    rows = table["scenes"].get(source, {})
+    scale = speed / table["calibration"] if speed and table["calibration"] else 1.0
+    found = []
+    for name in EFFECTS:
+        on = bool(getattr(scene, name))
+        row = rows.get(name)
+        if row is None or row["on"] != on:
+            found.append(EffectFigure(name, on, meaning(name), why_not=NOT_MEASURED))
+            continue
+        cost = None if row["cost"] is None else row["cost"] * scale
+        found.append(
+            EffectFigure(name, on, meaning(name), cost, row["noise"] * scale, row["why_not"])
+        )
+    return sorted(found, key=lambda f: not f.on)
+
+
+@cache
+def stored() -> dict[str, Any]:
+    """Return the stored table: `calibration` [s], and under `scenes`, by scene and effect, on, cost, noise, why_not."""
+    text = (resources.files("tripod_sim") / "figures" / FILE).read_text(encoding="utf-8")
+    table: dict[str, Any] = json.loads(text)
+    return table
+
+
+def effect_lines(figures: Sequence[EffectFigure]) -> list[tuple[str, str]]:
+    """Return the effects that are on, and those that are off, as names and texts for people."""
+    on = ", ".join(f"{f.name} {_microseconds(f)}" for f in figures if f.on)
+    off = ", ".join(f"{f.name} {_microseconds(f)}" for f in figures if not f.on and f.cost is not None)
+    return [("effects", on or "none"), *([("would add", off)] if off else [])]
+
+
+def _microseconds(figure: EffectFigure) -> str:
+    """Return a cost for people; a difference within its noise is told as at most that."""
+    if figure.cost is None:
+        return "?"
+    if figure.on or abs(figure.cost) > figure.noise:
+        return f"{1e6 * figure.cost:.3g} us"
+    return f"under {1e6 * figure.noise:.2g} us"

@@ -1,0 +1,77 @@
+"""The books of energy of a run: what it had, what the servos put in, what is gone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.simulation import Energies
+
+FloatArray = NDArray[np.float64]
+
+SWAY = 0.01
+"""Of all energy that has moved: how far a stable scheme may sway above the balance without its being told."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Where the energy of a run is [J].
+
+    Attributes:
+        kinetic, strain, gravity: At present; gravity is zero in the undeformed shape.
+        work: Of the servos on the body since the books were opened.
+        lost: To damping, friction and the time steps since then, E_0 + work - E: negative if energy came from nothing.
+        since: Simulated time at which the books were opened [s]: the start, or when the slide moved last, whose work
+            is not known.
+        moved: The largest of the work, the kinetic energy and the changes of the others since then.
+        grew: Whether energy came from nothing, beyond the share `SWAY` of all that moved.
+    """
+
+    kinetic: float
+    strain: float
+    gravity: float
+    work: float
+    lost: float
+    since: float
+    moved: float
+    grew: bool
+
+
+class EnergyBooks:
+    """Follows the energy of a run from step to step.
+
+    The work of the servos is the sum of (tau_k + tau_k+1) . (theta_k+1 - theta_k) / 2 over the steps: second order in
+    the step, so that fast motions leave a part of it in `lost`.
+    """
+
+    def __init__(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float = 0.0) -> None:
+        """Open them at `time` [s]: `joints` [rad ..., m], shape (s + 1,), `torques` [N m], shape (s,)."""
+        self._open(energies, joints, torques, time)
+
+    def _open(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float) -> None:
+        self._start = self._energies = energies
+        self._joints, self._torques = joints.copy(), torques.copy()
+        self._work, self._moved, self._since = 0.0, 0.0, time
+
+    def add(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float) -> None:
+        """Enter the state at `time` [s], after one more step."""
+        if joints[-1] != self._joints[-1]:
+            self._open(energies, joints, torques, time)
+            return
+        self._work += float(0.5 * (torques + self._torques) @ (joints[:-1] - self._joints[:-1]))
+        self._energies, self._joints, self._torques = energies, joints.copy(), torques.copy()
+        changes = (energies.gravity - self._start.gravity, energies.strain - self._start.strain)
+        self._moved = max(self._moved, abs(self._work), energies.kinetic, *map(abs, changes))
+
+    @property
+    def balance(self) -> Balance:
+        """How they stand."""
+        e = self._energies
+        lost = total(self._start) + self._work - total(e)
+        grew = lost < -SWAY * self._moved
+        return Balance(e.kinetic, e.strain, e.gravity, self._work, lost, self._since, self._moved, grew)
+
+
+def total(energies: Energies) -> float:
+    """Return the sum of energies [J]."""
+    return energies.kinetic + energies.strain + energies.gravity

@@ -1,0 +1,121 @@
+"""What there is to draw of a scene that is not in its meshes: which nodes are what, obstacles, holes, limits."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.description import DISC_HEIGHT
+from tripod_sim.simulation import Simulation
+from tripod_sim.tables.robot import ServoDynamics
+
+FloatArray = NDArray[np.float64]
+
+MOST_TRIANGLES = 50_000
+"""Of all obstacles; what is beyond is not drawn, and said."""
+
+MOST_POINTS = 500
+"""Of nodes that never move."""
+
+
+def picture(simulation: Simulation) -> dict[str, Any]:
+    """Return what a page needs to draw a scene, as JSON has it: lengths in m, angles in rad.
+
+    Keys: name, description, dt, parts (name, kind, first, count: nodes of the skin, in order), obstacles (vertices,
+    triangles, flat), held (points that never move), servos, effector, maze, ball (None where the scene has none), note.
+    """
+    scene = simulation.scene
+    obstacles, note = _obstacles(simulation)
+    return {
+        "name": scene.name,
+        "description": scene.description,
+        "dt": scene.dt,
+        "moves": scene.inertia is not None,
+        "parts": _parts(simulation),
+        "obstacles": obstacles,
+        "held": _held(simulation),
+        "servos": _servos(simulation),
+        "effector": {"radius": scene.effector.radius, "height": DISC_HEIGHT} if scene.effector else None,
+        "maze": _maze(simulation),
+        "ball": {"radius": scene.ball.radius} if scene.ball else None,
+        "note": note,
+    }
+
+
+def _parts(simulation: Simulation) -> list[dict[str, Any]]:
+    """Return which nodes of the skin belong to the soft body, and which to each rigid one."""
+    scene, count = simulation.scene, len(simulation.skin.nodes)
+    solids = simulation.rigid_counts
+    soft = count - sum(solids)
+    parts: list[dict[str, Any]] = []
+    if soft:
+        kind = "springs" if scene.springs else "solid"
+        parts.append({"name": "body", "kind": kind, "first": 0, "count": soft})
+    first = soft
+    for i, number in enumerate(solids):
+        parts.append({"name": f"rigid.{i}", "kind": "rigid", "first": first, "count": number})
+        first += number
+    return parts
+
+
+def _obstacles(simulation: Simulation) -> tuple[list[dict[str, Any]], str]:
+    if not simulation.scene.obstacles:
+        return [], ""
+    from tripod_sim.contact.build import obstacle_parts  # noqa: PLC0415 - only where there are obstacles
+
+    found, left = list[dict[str, Any]](), MOST_TRIANGLES
+    for part in obstacle_parts(simulation.scene):
+        left -= len(part.triangles)
+        if left < 0:
+            return found, f"obstacles of more than {MOST_TRIANGLES} triangles are not drawn"
+        found.append(
+            {
+                "vertices": np.round(part.vertices, 6).ravel().tolist(),
+                "triangles": part.triangles.ravel().tolist(),
+            }
+        )
+    return found, ""
+
+
+def _held(simulation: Simulation) -> list[list[float]]:
+    """Return the undeformed places of some of the nodes that never move."""
+    scene, nodes = simulation.scene, np.asarray(simulation.mesh.nodes)
+    if scene.springs:
+        body: Any = getattr(simulation.mesh, "soft", simulation.mesh)
+        return np.asarray(body.nodes)[body.fixed][:MOST_POINTS].tolist()
+    inside = np.zeros(len(nodes), dtype=bool)
+    for box in scene.fixed:
+        inside |= ((nodes >= np.array(box.low)) & (nodes <= np.array(box.high))).all(axis=1)
+    return nodes[inside][:MOST_POINTS].tolist()
+
+
+def _servos(simulation: Simulation) -> dict[str, Any] | None:
+    servos = simulation.scene.servos
+    if not servos:
+        return None
+    dynamics = simulation.scene.servo_dynamics
+    return {
+        "axis_radius": servos.axis_radius,
+        "axis_depth": servos.axis_depth,
+        "clamp_inner": servos.clamp_radius,
+        "angle_min": servos.angle_min,
+        "angle_max": servos.angle_max,
+        "slide_max": servos.slide_max,
+        "stall_torque": (dynamics or ServoDynamics()).stall_torque,
+        "ideal": dynamics is None,
+    }
+
+
+def _maze(simulation: Simulation) -> dict[str, Any] | None:
+    plate = simulation.plate
+    if not plate:
+        return None
+    board = plate.board
+    x, y, radius = board.goal
+    return {
+        "holes": board.obstacles.holes.tolist(),
+        "goal": [x, y, radius] if radius > 0 else None,
+        "start": list(board.start),
+        "height": plate.offset,
+    }
+

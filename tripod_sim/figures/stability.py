@@ -1,0 +1,111 @@
+"""How stable a run is: what its steps leave unsolved, where its energy goes, how long its steps may be, how deep
+bodies sink into each other."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from tripod_sim.figures.energy import Balance
+from tripod_sim.integrators.substeps import StepReport
+
+
+TINY = 1e-10
+"""Energies below it are told as none [J]."""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """What a run tells of its stability.
+
+    Attributes:
+        residual: Unbalanced force at the end of the last step [N]; None for explicit steps, which balance nothing.
+        halvings: Times that a step was taken back and halved, since the start.
+        energy: See `Balance`.
+        dt: Of the scene [s].
+        dt_limit: Longest stable step of an explicit scheme [s]; None for the others: they have none.
+        contacts, pressed: Pairs near each other, and those that carry a force; None without contact.
+        smallest_gap: Beyond the contact distance [m]; None without contacts.
+        penetration: How deep bodies sink in at most, beyond the contact distance [m]; None without contact.
+        contact_error: Largest error of gap, complementarity or slip [m]; None without contact.
+        unstable: What an unstable scheme does, in words; empty where it is stable.
+    """
+
+    residual: float | None
+    halvings: int
+    energy: dict[str, Any]
+    dt: float
+    dt_limit: float | None
+    contacts: int | None = None
+    pressed: int | None = None
+    smallest_gap: float | None = None
+    penetration: float | None = None
+    contact_error: float | None = None
+    unstable: str = ""
+
+
+def stability(report: StepReport, halvings: int, balance: Balance, dt: float) -> Stability:
+    """Return how stable a run is after a step.
+
+    Args:
+        report: Of that step.
+        halvings: Since the start.
+        balance: Of its energy.
+        dt: Of the scene [s].
+    """
+    explicit = math.isfinite(report.dt_limit)
+    found: dict[str, Any] = {}
+    if contact := report.contact:
+        gap = contact.smallest_gap if contact.contacts else None
+        found = {
+            "contacts": contact.contacts,
+            "pressed": contact.pressed,
+            "smallest_gap": gap,
+            "penetration": 0.0 if gap is None else max(0.0, -gap),
+            "contact_error": contact.residual,
+        }
+    return Stability(
+        residual=None if explicit else report.residual,
+        halvings=halvings,
+        energy=asdict(balance),
+        dt=dt,
+        dt_limit=report.dt_limit if explicit else None,
+        unstable=report.instability,
+        **found,
+    )
+
+
+def stability_lines(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return `Stability` as names and texts for people; `figures` has its fields."""
+    energy, rows = figures["energy"], []
+    if figures["residual"] is not None:
+        rows.append(("residual", f"{figures['residual']:.2g} N"))
+    rows.append(("halvings", f"{figures['halvings']} steps taken back and halved"))
+    rows.append(("energy balance", _balance(energy)))
+    if figures["dt_limit"] is None:
+        rows.append(("limit of dt", "none: implicit steps"))
+    else:
+        rows.append(("limit of dt", f"{1e3 * figures['dt_limit']:.3g} ms; dt is {1e3 * figures['dt']:.3g} ms"))
+    if figures["contacts"] is not None:
+        rows.append(("contacts", f"{figures['contacts']}, {figures['pressed']} of them pressed"))
+        rows.append(("penetration", f"{1e3 * figures['penetration']:.2g} mm beyond the contact distance"))
+    if figures["unstable"]:
+        rows.append(("unstable", figures["unstable"]))
+    return rows
+
+
+def _balance(energy: Mapping[str, Any]) -> str:
+    since = f" since the slide moved, at {energy['since']:.3g} s" if energy["since"] else ""
+    if energy["grew"]:
+        return f"{joules(-energy['lost'])} more than was put in{since}: look at dt and the scheme"
+    if energy["lost"] < -TINY:
+        return f"sways by {-energy['lost'] / energy['moved']:.2g} of what moves{since}, as stable schemes do"
+    put_in = f"servos put in {joules(energy['work'])}, " if energy["work"] else ""
+    return f"{put_in}{joules(energy['lost'])} lost to damping, friction and the time steps{since}"
+
+
+def joules(value: float) -> str:
+    """Return an energy [J] for people."""
+    if abs(value) < TINY:
+        return "0 mJ"
+    return f"{1e3 * value:.3g} mJ" if abs(value) < 1 else f"{value:.3g} J"

@@ -1,0 +1,124 @@
+"""What the simulator's node tells of its scene and of the run, and what it may be asked: for pages and programs."""
+
+import json
+import math
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from tripod_graph import names
+from tripod_graph.qos import LATCHED, RELIABLE
+from tripod_sim.accuracy.machine import product_time
+from tripod_sim.errors import SceneError
+from tripod_sim.figures.accuracy import accuracy_figures, as_table
+from tripod_sim.figures.effects import effect_figures
+from tripod_sim.figures.energy import EnergyBooks
+from tripod_sim.figures.picture import picture
+from tripod_sim.figures.stability import stability, stability_lines
+from tripod_sim.realtime import Snapshot
+from tripod_sim.requests import Request, request_of
+from tripod_sim.simulation import Simulation
+
+PERIOD = 0.2
+"""Time between two messages of figures [s]; none while nobody listens."""
+
+
+class Teller:
+    """Publishes `sim/picture` when it changes and `sim/figures` while somebody listens; hears `sim/request`."""
+
+    def __init__(
+        self, node: Node, source: str, simulation: Simulation, first: Snapshot, changes: Sequence[str]
+    ) -> None:
+        """Begin to tell of `simulation`: of the scene `source` with the overrides `changes`, at its start `first`."""
+        self._source, self._scene, self._changes = source, simulation.scene, list(changes)
+        self._picture, self._first = picture(simulation), first
+        self._speed: float | None = None
+        self._measuring: threading.Thread | None = None
+        self._told: float | None = None
+        self.notice = ""
+        self._lock = threading.Lock()
+        self.reset()
+        self._scenes = node.create_publisher(String, names.SIM_PICTURE, LATCHED)
+        self._figures = node.create_publisher(String, names.SIM_FIGURES, RELIABLE)
+        node.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def hear(self, node: Node, act: Callable[[Request], None], refuse: Callable[[str], None]) -> None:
+        """Call `act` with each request but for figures, `refuse` with why another is none."""
+
+        def on_message(message: String) -> None:
+            try:
+                request = request_of(message.data)
+                if request.do == "figures":
+                    self._measure()
+                else:
+                    act(request)
+            except SceneError as error:
+                self.say(str(error))
+                refuse(str(error))
+
+        node.create_subscription(String, names.SIM_REQUEST, on_message, RELIABLE)
+
+    def say(self, notice: str) -> None:
+        """Tell what became of a request, or nothing any more; any thread."""
+        self.notice = notice
+
+    def reset(self) -> None:
+        """Begin the books anew: the simulation is back in its start state."""
+        first = self._first
+        with self._lock:
+            self._books = EnergyBooks(first.energies, first.joints, first.torques, first.time)
+            self._halvings, self._latest = 0, first
+
+    def keep(self, snapshot: Snapshot) -> None:
+        """Enter a step into the books; called in the thread of the physics."""
+        with self._lock:
+            self._books.add(snapshot.energies, snapshot.joints, snapshot.torques, snapshot.time)
+            self._halvings += snapshot.report.halvings
+            self._latest = snapshot
+
+    def publish_scene(self) -> None:
+        """Tell what there is to draw, and what accuracy and effects cost."""
+        accuracy = as_table(accuracy_figures(self._source, self._scene, self._speed))
+        effects = [asdict(f) for f in effect_figures(self._source, self._scene, self._speed)]
+        table = {**self._picture, "changes": self._changes, "accuracy": accuracy, "effects": effects}
+        self._scenes.publish(String(data=as_json(table)))
+
+    def _measure(self) -> None:
+        """Time this machine, in a thread and once: figures of a study's machine then become those of this one."""
+        if self._measuring is None:
+            self._measuring = threading.Thread(target=self._time_machine, name="machine", daemon=True)
+            self._measuring.start()
+
+    def _time_machine(self) -> None:
+        self._speed = product_time()
+
+    def _on_timer(self) -> None:
+        if self._speed != self._told:
+            self._told = self._speed
+            self.publish_scene()
+        if not self._figures.get_subscription_count():
+            return
+        with self._lock:
+            latest, balance, halvings = self._latest, self._books.balance, self._halvings
+        figures = asdict(stability(latest.report, halvings, balance, self._scene.dt))
+        lines = stability_lines(figures)
+        table = {**figures, "lines": lines, "event": latest.event, "notice": self.notice}
+        self._figures.publish(String(data=as_json(table)))
+
+
+def as_json(value: Any) -> str:
+    """Return JSON; NaN and infinity, which it lacks, become null."""
+    return json.dumps(_plain(value), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

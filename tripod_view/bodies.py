@@ -1,0 +1,125 @@
+"""What moves freely, and what it meets: the soft body, rigid bodies, obstacles, points that are held."""
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from tripod_view.body import Surface
+from tripod_view.picture import Part, Picture
+
+FloatArray = NDArray[np.float64]
+Rgb = tuple[int, int, int]
+
+SOLID: Rgb = (247, 205, 165)
+SPRINGS: Rgb = (96, 140, 200)
+RIGID: tuple[Rgb, ...] = ((214, 120, 64), (70, 150, 130), (150, 110, 180), (200, 170, 60))
+OBSTACLE: Rgb = (168, 174, 184)
+MESH_LINES: Rgb = (150, 95, 50)
+SPRING_LINES: Rgb = (40, 70, 120)
+HELD: Rgb = (60, 60, 70)
+
+
+class Drawn:
+    """One part of the mesh as it is drawn."""
+
+    def __init__(self, api: viser.SceneApi, part: Part, surface: Surface, colour: Rgb, lines: bool) -> None:
+        """`surface`: of the whole mesh; `lines`: whether its edges are shown."""
+        self.part, self._api = part, api
+        own = slice(part.first, part.first + part.count)
+        inside = (surface.triangles >= own.start) & (surface.triangles < own.stop)
+        triangles = (surface.triangles[inside.all(axis=1)] - part.first).astype(np.uint32)
+        nodes = surface.nodes[own].astype(np.float32)
+        rigid = part.kind == "rigid"
+        self.handles = [
+            api.add_mesh_simple(
+                f"/{part.name}", nodes, triangles, color=colour, flat_shading=rigid, side="double",
+                cast_shadow=False, receive_shadow=False,
+            )
+        ]  # fmt: skip
+        self.lines: viser.MeshHandle | None = None
+        if not rigid:
+            line = SPRING_LINES if part.kind == "springs" else MESH_LINES
+            self.lines = api.add_mesh_simple(
+                f"/{part.name}_lines", nodes, triangles, color=line, wireframe=True, opacity=0.35, visible=lines
+            )
+            self.handles.append(self.lines)
+
+    def move(self, nodes: NDArray[np.float32]) -> None:
+        """Put the nodes of the part where those of the mesh are [m], shape (n, 3)."""
+        own = nodes[self.part.first : self.part.first + self.part.count]
+        self.handles[0].vertices = own
+        if self.lines is not None and self.lines.visible:
+            self.lines.vertices = own
+
+    def show_lines(self, visible: bool) -> None:
+        """Show or hide the edges; hidden ones cost nothing."""
+        if self.lines is not None:
+            self.lines.vertices = self.handles[0].vertices
+            self.lines.visible = visible
+
+    def remove(self) -> None:
+        """Take it away."""
+        for handle in self.handles:
+            handle.remove()
+
+
+class Bodies:
+    """Draws what it is told; every method is called from the thread of ROS only."""
+
+    def __init__(self, api: viser.SceneApi) -> None:
+        self._api = api
+        self._drawn: list[Drawn] = []
+        self._still: list[viser.SceneNodeHandle] = []
+        self._lines = True
+
+    def set_surface(self, surface: Surface, parts: tuple[Part, ...]) -> None:
+        """Show another mesh, undeformed; without parts, or with parts that do not fit it, it is one solid."""
+        for drawn in self._drawn:
+            drawn.remove()
+        count = len(surface.nodes)
+        ends = [part.first + part.count for part in parts]
+        fits = bool(parts) and max(ends) == count and all(p.first >= 0 and p.count > 0 for p in parts)
+        whole = (Part("body", "solid", 0, count),)
+        colours = iter(RIGID * (1 + len(parts) // len(RIGID)))
+        self._drawn = [
+            Drawn(self._api, part, surface, _colour(part, colours), self._lines)
+            for part in (parts if fits else whole)
+        ]
+
+    def set_nodes(self, positions: FloatArray) -> None:
+        """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""
+        nodes = positions.astype(np.float32)
+        for drawn in self._drawn:
+            drawn.move(nodes)
+
+    def set_still(self, picture: Picture) -> None:
+        """Show obstacles and held points of a scene instead of those before."""
+        for handle in self._still:
+            handle.remove()
+        self._still = [
+            self._api.add_mesh_simple(
+                f"/obstacles/{i}", o.nodes.astype(np.float32), o.triangles, color=OBSTACLE, flat_shading=len(o.nodes) < 50,
+                side="double", cast_shadow=False, receive_shadow=False,
+            )
+            for i, o in enumerate(picture.obstacles)
+        ]  # fmt: skip
+        if len(picture.held):
+            size = float(np.ptp(picture.held, axis=0).max()) or 1.0
+            self._still.append(
+                self._api.add_point_cloud(
+                    "/held", picture.held.astype(np.float32), HELD, point_size=0.012 * size, point_shape="circle"
+                )
+            )
+
+    def show_lines(self, visible: bool) -> None:
+        """Show or hide the edges of the mesh."""
+        if visible != self._lines:
+            self._lines = visible
+            for drawn in self._drawn:
+                drawn.show_lines(visible)
+
+
+def _colour(part: Part, rigid: "object") -> Rgb:
+    if part.kind == "rigid":
+        return next(rigid)  # type: ignore[call-overload, no-any-return]
+    return SPRINGS if part.kind == "springs" else SOLID

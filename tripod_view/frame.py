@@ -1,0 +1,87 @@
+"""What the camera is to show: a box about all that is drawn, and the place from which it is seen. Pure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_view.picture import Picture
+
+FloatArray = NDArray[np.float64]
+
+FIELD = np.radians(38)
+"""Of view of the camera, up and down [rad]."""
+
+DIRECTION = np.array([0.66, -0.62, 0.43]) / np.linalg.norm([0.66, -0.62, 0.43])
+"""From what is seen to the camera."""
+
+MARGIN = 0.92
+"""Distance of the camera over that at which the sphere about the box fits: boxes are smaller than their spheres."""
+
+ROBOT = 0.085
+"""Radius in which the robot stands [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A box [m], shape (3,) each, and the height of the ground under it [m]."""
+
+    low: FloatArray
+    high: FloatArray
+    floor: float
+
+    @property
+    def centre(self) -> FloatArray:
+        """Of the box [m]."""
+        return np.asarray(0.5 * (self.low + self.high))
+
+    @property
+    def radius(self) -> float:
+        """Of the sphere about it [m]."""
+        return max(0.5 * float(np.linalg.norm(self.high - self.low)), 1e-4)
+
+    @property
+    def camera(self) -> FloatArray:
+        """From where all of it is seen [m]."""
+        return np.asarray(self.centre + DIRECTION * MARGIN * self.radius / np.sin(FIELD / 2))
+
+    @property
+    def cell(self) -> float:
+        """Edge of the squares of the ground: a power of ten [m]."""
+        return float(10.0 ** np.floor(np.log10(self.radius / 2)))
+
+
+def frame(picture: Picture, nodes: FloatArray | None, depth: float) -> Frame:
+    """Return what the camera is to show.
+
+    What hangs swings: a body that is held somewhere is given room below and beyond that. Of large obstacles only what
+    is near the bodies counts.
+
+    Args:
+        picture: The scene.
+        nodes: Of the bodies, as they are [m], shape (n, 3); None while they are not known.
+        depth: Of the servo axes [m].
+    """
+    boxes = [] if nodes is None or not len(nodes) else [(nodes.min(axis=0), nodes.max(axis=0))]
+    if boxes and len(picture.held) and any(part.kind == "springs" for part in picture.parts):
+        boxes.append(_swing(picture.held.mean(axis=0), *boxes[0]))
+    if picture.servos or not picture.name:
+        boxes.append((np.array([-ROBOT, -ROBOT, -depth - 0.012]), np.array([ROBOT, ROBOT, 0.012])))
+    low, high = _union(boxes)
+    reach = 0.6 * float((high - low).max())
+    for obstacle in picture.obstacles:
+        bottom, top = obstacle.nodes.min(axis=0), obstacle.nodes.max(axis=0)
+        boxes.append((np.maximum(bottom, low - reach), np.minimum(top, high + reach)))
+    low, high = _union(boxes)
+    return Frame(low, high, float(low[2]))
+
+
+def _swing(held: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the box in which a body may swing that is held at a point: mirrored, and as far down as it is long."""
+    reach = np.maximum(np.abs(low - held), np.abs(high - held))
+    down = float(reach.max())
+    return np.array([*(held - reach)[:2], held[2] - down]), np.array([*(held + reach)[:2], held[2]])
+
+
+def _union(boxes: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)

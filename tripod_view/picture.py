@@ -1,0 +1,175 @@
+"""What there is to draw of a scene beside its meshes, as the simulator describes it; checked. Pure."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_view.body import BodyError, Surface
+
+FloatArray = NDArray[np.float64]
+
+LONGEST = 20_000_000
+"""Of a description [characters]; a longer one is refused unread."""
+
+MOST = 10_000
+"""Entries of any list of parts, points or obstacles."""
+
+
+class PictureError(ValueError):
+    """A description that is refused; the message says where and why."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Nodes of the mesh that are one thing: `count` from `first` on; kind `solid`, `springs` or `rigid`."""
+
+    name: str
+    kind: str
+    first: int
+    count: int
+
+
+@dataclass(frozen=True)
+class ServoPicture:
+    """The servos of a scene: where their axes and clamps are [m], what they may do [rad, m, N m]."""
+
+    axis_radius: float
+    axis_depth: float
+    clamp_inner: float
+    angle_min: float
+    angle_max: float
+    slide_max: float
+    stall_torque: float
+    ideal: bool
+
+
+@dataclass(frozen=True)
+class MazePicture:
+    """Holes (x, y, radius), goal and start of a maze [m], on a floor `height` above the effector's centre."""
+
+    holes: FloatArray
+    goal: tuple[float, float, float] | None
+    start: tuple[float, float]
+    height: float
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A scene.
+
+    Attributes:
+        name, description: For people; empty where no simulator has told any.
+        dt: Of its steps [s].
+        parts: Of the mesh; none: all of it is one solid.
+        obstacles: Surfaces that never move.
+        held: Points that never move, in the undeformed body [m], shape (n, 3).
+        servos: None where the scene has none.
+        effector: Radius of the disc [m]; None for none.
+        maze: None for none.
+        ball: Whether there is one.
+        note: What is not drawn; empty where all is.
+        changes: Overrides with which it was started anew.
+        accuracy, effects: What they cost, as the simulator tells.
+    """
+
+    name: str = ""
+    description: str = ""
+    dt: float = 0.0
+    parts: tuple[Part, ...] = ()
+    obstacles: tuple[Surface, ...] = ()
+    held: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    servos: ServoPicture | None = None
+    effector: float | None = None
+    maze: MazePicture | None = None
+    ball: bool = False
+    note: str = ""
+    changes: tuple[str, ...] = ()
+    accuracy: dict[str, Any] = field(default_factory=dict)
+    effects: tuple[dict[str, Any], ...] = ()
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Equal for pictures that are drawn alike."""
+        drawn = (self.name, self.parts, self.servos, self.effector, self.ball, self.changes)
+        return (*drawn, len(self.obstacles), len(self.held), self.maze is None)
+
+
+def picture_of(text: str) -> Picture:
+    """Return the picture that a `sim/picture` describes. Raises PictureError."""
+    if len(text) > LONGEST:
+        raise PictureError(f"{len(text)} characters; at most {LONGEST}")
+    try:
+        table = json.loads(text)
+    except (ValueError, RecursionError):
+        raise PictureError("not JSON") from None
+    try:
+        return _picture(table)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise PictureError(f"{type(error).__name__}: {error}") from None
+
+
+def _picture(table: dict[str, Any]) -> Picture:
+    effector = table["effector"]
+    return Picture(
+        name=str(table["name"]),
+        description=str(table["description"]),
+        dt=_number(table["dt"]),
+        parts=tuple(
+            Part(str(p["name"]), str(p["kind"]), int(p["first"]), int(p["count"])) for p in _list(table["parts"])
+        ),
+        obstacles=tuple(_surface(o) for o in _list(table["obstacles"])),
+        held=_array(_list(table["held"])).reshape(-1, 3),
+        servos=_servos(table["servos"]) if table["servos"] else None,
+        effector=_number(effector["radius"]) if effector else None,
+        maze=_maze(table["maze"]) if table["maze"] else None,
+        ball=bool(table["ball"]),
+        note=str(table["note"]),
+        changes=tuple(map(str, _list(table["changes"]))),
+        accuracy=dict(table["accuracy"]),
+        effects=tuple(dict(e) for e in _list(table["effects"])),
+    )
+
+
+def _servos(table: dict[str, Any]) -> ServoPicture:
+    numbers = {name: _number(table[name]) for name in ServoPicture.__dataclass_fields__ if name != "ideal"}
+    return ServoPicture(**numbers, ideal=bool(table["ideal"]))
+
+
+def _maze(table: dict[str, Any]) -> MazePicture:
+    goal = tuple(map(_number, table["goal"])) if table["goal"] else None
+    x, y = map(_number, table["start"])
+    if goal is not None and len(goal) != 3:
+        raise PictureError(f"goal {list(goal)}; three numbers are needed")
+    return MazePicture(_array(_list(table["holes"])).reshape(-1, 3), goal, (x, y), _number(table["height"]))
+
+
+def _surface(table: dict[str, Any]) -> Surface:
+    vertices = _array(table["vertices"]).reshape(-1, 3)
+    triangles = np.array(table["triangles"], dtype=np.uint32).reshape(-1, 3)
+    try:
+        return Surface(vertices, triangles)
+    except BodyError as error:
+        raise PictureError(str(error)) from None
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e12:  # NaN, too
+        raise PictureError(f"{value!r:.40} is not a finite number")
+    return float(value)
+
+
+def _array(values: Sequence[Any]) -> FloatArray:
+    found = np.array(values, dtype=float)
+    if not np.isfinite(found).all():
+        raise PictureError("a number is not finite")
+    return found
+
+
+def _list(values: Any) -> list[Any]:
+    if not isinstance(values, list) or len(values) > MOST:
+        raise PictureError(f"a list of at most {MOST} is needed")
+    return values

@@ -1,0 +1,141 @@
+"""The Tripod's rigid parts: rails, servo bodies, arms, the effector's disc. Metres, z up."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from tripod_view.arm import ARMS, ArmGeometry, Pose, arm_pose, carriage_pose, clamp_corners
+
+FloatArray = NDArray[np.float64]
+Rgb = tuple[int, int, int]
+
+SERVO_COLOURS: tuple[Rgb, ...] = ((214, 64, 69), (31, 119, 180), (148, 90, 190))
+"""One colour a servo, the same in the scene and on the panel."""
+
+EFFECTOR: Rgb = (255, 140, 0)
+SERVO_BODY: Rgb = (52, 73, 110)
+BASE: Rgb = (112, 120, 130)
+
+BODY_SIZE = (0.0230, 0.0225, 0.0122)
+"""A small hobby servo, its shaft along y [m]."""
+
+BRACKET = 0.003
+"""Thickness of brackets, clamp plates and rails [m]."""
+
+
+class Robot:
+    """Draws what it is told; every method is called from the thread of ROS only."""
+
+    def __init__(self, api: viser.SceneApi, geometry: ArmGeometry, *, servos: bool) -> None:
+        """`servos`: whether there are any; else there is only the effector's disc, once its pose is known."""
+        self._api, self._geometry = api, geometry
+        self._carriages: list[viser.FrameHandle] = []
+        self._arms: list[viser.FrameHandle] = []
+        self._rails: list[viser.FrameHandle] = []
+        if servos:
+            self._rails = [self._add_rail(i) for i in range(ARMS)]
+            self._carriages = [self._add_carriage(i) for i in range(ARMS)]
+            self._arms = [self._add_arm(i) for i in range(ARMS)]
+            self.set_joints(np.zeros(3), 0.0)
+        self._effector = self._add_effector()
+
+    def remove(self) -> None:
+        """Take it away."""
+        for handle in (*self._rails, *self._carriages, *self._arms, self._effector):
+            handle.remove()
+
+    def set_joints(self, angles: FloatArray, slide: float) -> None:
+        """Put the arms at `angles` [rad], shape (3,), and the servo bodies at `slide` [m]."""
+        for i, (carriage, arm) in enumerate(zip(self._carriages, self._arms, strict=True)):
+            _place(carriage, carriage_pose(i, slide, self._geometry))
+            _place(arm, arm_pose(i, float(angles[i]), slide, self._geometry))
+
+    def set_effector(self, pose: Pose) -> None:
+        """Put the effector's disc and frame at `pose`."""
+        _place(self._effector, pose)
+        self._effector.visible = True
+
+    def _add_rail(self, i: int) -> viser.FrameHandle:
+        g = self._geometry
+        frame = carriage_pose(i, g.axis_radius, g)  # at the centre
+        name = f"/base/{i}"
+        handle = self._api.add_frame(name, show_axes=False)
+        _place(handle, frame)
+        length = g.axis_radius + 0.018
+        self._add_box(
+            f"{name}/rail",
+            BASE,
+            (length, BODY_SIZE[1] + 0.004, BRACKET),
+            (length / 2, 0, -BODY_SIZE[2] / 2 - BRACKET / 2),
+        )
+        self._api.add_label(
+            f"{name}/label", f"servo {i}", position=(length + 0.01, 0, -0.004), font_screen_scale=0.9
+        )
+        return handle
+
+    def _add_carriage(self, i: int) -> viser.FrameHandle:
+        frame = self._api.add_frame(f"/servos/{i}", show_axes=False)
+        self._add_box(f"/servos/{i}/body", SERVO_BODY, BODY_SIZE, (0.0, 0.0, 0.0))
+        return frame
+
+    def _add_arm(self, i: int) -> viser.FrameHandle:
+        """A bracket round the servo body: two cheeks on the axis, plates under and over the clamped end."""
+        g, name, colour = self._geometry, f"/arms/{i}", SERVO_COLOURS[i]
+        frame = self._api.add_frame(name, show_axes=False)
+        corners = clamp_corners(g)
+        inner, outer = corners[0, 0, 0, 0], corners[1, 0, 0, 0]
+        lower, upper = corners[0, 0, 0, 2], corners[0, 0, 1, 2]
+        tail = BRACKET  # the lower plate reaches over the axis, to the cheeks
+        self._add_box(
+            f"{name}/lower",
+            colour,
+            (tail - inner, g.strip_width, BRACKET),
+            ((tail + inner) / 2, 0.0, lower - BRACKET / 2),
+        )
+        self._add_box(
+            f"{name}/upper",
+            colour,
+            (outer - inner, g.strip_width, BRACKET),
+            ((outer + inner) / 2, 0.0, upper + BRACKET / 2),
+        )
+        y = max(g.strip_width, BODY_SIZE[1] + 4 * BRACKET) / 2 - BRACKET / 2
+        bottom, top = -2 * BRACKET, lower - BRACKET
+        for side, sign in (("left", 1), ("right", -1)):
+            self._add_box(
+                f"{name}/{side}",
+                colour,
+                (2 * BRACKET, BRACKET, top - bottom),
+                (0.0, sign * y, (top + bottom) / 2),
+            )
+        return frame
+
+    def _add_effector(self) -> viser.FrameHandle:
+        g = self._geometry
+        frame = self._api.add_frame(
+            "/effector",
+            axes_length=2 * g.effector_radius,
+            axes_radius=0.0005,
+            origin_radius=0.0008,
+            visible=False,
+        )
+        self._api.add_cylinder(
+            "/effector/disc",
+            g.effector_radius,
+            1.2 * g.thickness,
+            EFFECTOR,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        return frame
+
+    def _add_box(self, name: str, colour: Rgb, size: Sequence[float], position: Sequence[float]) -> None:
+        self._api.add_box(
+            name, colour, tuple(size), position=tuple(position), cast_shadow=False, receive_shadow=False
+        )
+
+
+def _place(handle: viser.SceneNodeHandle, pose: Pose) -> None:
+    handle.position = pose.position
+    handle.wxyz = np.roll(pose.quaternion, 1)

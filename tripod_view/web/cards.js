@@ -1,0 +1,107 @@
+// The three promises: what accuracy costs, what effects cost, how stable the run is.
+
+import { listen, send, value } from "./channel.js";
+import { button, element, micro, milli, percent, place, section, setText } from "./dom.js";
+import { front } from "./front.js";
+
+export function cards() {
+  return place(element("div"), [accuracy(), effects(), stability()]);
+}
+
+function accuracy() {
+  const here = element("p", { id: "here" });
+  const picture = element("div");
+  const table = element("table", { id: "offers" });
+  const about = element("p", { class: "small" });
+  const show = () => {
+    const figures = value("accuracy");
+    const run = value("run");
+    if (!figures) return;
+    const seconds = run && run.dt > 0 && !figures.solves ? run.step / run.dt : null;
+    const cost = seconds ? ` at ${milli(run.step)} a step, ${(1 / seconds).toPrecision(2)} x real time` : "";
+    const known = figures.here !== null && figures.here !== undefined;
+    setText(here, known ? `You are here: error below ${percent(figures.here)}${cost}` : `You are here: error not known${cost}; ${figures.why_not ?? ""}`);
+    picture.replaceChildren(...(figures.front?.length ? [front(figures, known ? seconds ?? figures.here_seconds : null)] : []));
+    setText(about, figures.study ? `Errors of: ${figures.quantity}. Study ${figures.study}; ${figures.scaled ? "times of this machine" : "times of the study's machine"}.` : "");
+  };
+  listen("accuracy", (figures) => {
+    show();
+    const rows = (figures.offers ?? []).map((offer) => offered(offer, figures));
+    table.replaceChildren(...(rows.length ? [head(), ...rows] : []));
+  });
+  let last = 0;
+  listen("run", () => {
+    if (performance.now() - last < 1000) return;
+    last = performance.now();
+    show();
+  });
+  return section("accuracy", "Accuracy and time", [here, picture, table, about]);
+}
+
+function head() {
+  return row(["", "error below", "a step", "x real time"], "th");
+}
+
+function offered(offer, figures) {
+  const choose = button(offer.wish.replace("%", " %"), () => send({ accuracy: offer.wish }), offer.why_not || `Start anew with ${offer.settings}`);
+  choose.disabled = Boolean(offer.why_not);
+  if (offer.why_not) return row([choose, "none", "", ""]);
+  const times = offer.seconds && !figures.solves ? Number((1 / offer.seconds).toPrecision(2)) : "not known";
+  return row([choose, percent(offer.error), offer.step ? milli(offer.step) : "not known", String(times)]);
+}
+
+function row(cells, tag = "td") {
+  const made = element("tr");
+  for (const cell of cells) {
+    const box = element(tag);
+    box.append(cell);
+    made.append(box);
+  }
+  return made;
+}
+
+function effects() {
+  const on = element("div", { class: "chips", id: "on" });
+  const off = element("div", { class: "chips", id: "off" });
+  const changes = element("p", { class: "small" });
+  const shipped = button("As shipped", () => send({ sim: "as_shipped" }), "Start anew without what was changed here");
+  listen("effects", (list) => {
+    on.replaceChildren(...list.filter((effect) => effect.on).map(chip));
+    off.replaceChildren(...list.filter((effect) => !effect.on).map(chip));
+  });
+  listen("scene", (scene) => {
+    shipped.hidden = !scene.changes.length;
+    setText(changes, scene.changes.length ? `Changed: ${scene.changes.join("; ")}` : "");
+  });
+  const about = element("p", { class: "small" }, "Time of a step for each. A click starts the scene anew with it, or without.");
+  return section("effects", "Effects", [element("h3", {}, "in this scene"), on, element("h3", {}, "absent: what they would add"), off, changes, shipped, about], false);
+}
+
+function chip(effect) {
+  const made = button("", () => send({ effect: effect.name, on: !effect.on }), [effect.meaning, effect.why_not].filter(Boolean).join(" "));
+  made.className = effect.on ? "chip on" : "chip";
+  return place(made, [element("b", {}, effect.name), element("span", {}, cost(effect))]);
+}
+
+function cost(effect) {
+  if (effect.cost === null) return "not known";
+  const sign = effect.on ? "" : "+";
+  if (!effect.on && Math.abs(effect.cost) <= effect.noise) return `under ${micro(effect.noise)}`;
+  return `${effect.cost < 0 ? "" : sign}${micro(effect.cost)}`;
+}
+
+function stability() {
+  const table = element("table", { id: "stable" });
+  listen("figures", (figures) => {
+    const rows = figures?.lines ?? [["figures", "the simulator tells none"]];
+    rows.forEach(([name, text], i) => {
+      const old = table.rows[i] ?? table.insertRow();
+      if (!old.cells.length) place(old, [element("th"), element("td")]);
+      setText(old.cells[0], name);
+      setText(old.cells[1], text);
+    });
+    while (table.rows.length > rows.length) table.deleteRow(-1);
+    table.classList.toggle("bad", Boolean(figures?.unstable || figures?.energy?.grew));
+  });
+  return section("stability", "Stability", [table], false);
+}

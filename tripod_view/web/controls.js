@@ -1,0 +1,126 @@
+// Buttons of the simulation, sliders of the servos with their torques, the target.
+
+import { listen, send, value } from "./channel.js";
+import { button, element, place, section, setText, showLines } from "./dom.js";
+
+const STEP = 0.5; // of the sliders [degrees]
+const SERVOS = [0, 1, 2];
+
+export function controls() {
+  return place(element("div"), [simulation(), servos(), target()]);
+}
+
+function simulation() {
+  const pause = button("Pause", () => send({ sim: value("run")?.state === 1 ? "run" : "pause" }));
+  pause.id = "pause";
+  const record = button("Record", () => send({ press: record.textContent === "Record" ? "record" : "stop recording" }));
+  record.id = "record";
+  const told = element("p", { class: "small", id: "recording" });
+  const row = place(element("div", { class: "row" }), [
+    button("Reset", () => send({ sim: "reset" }), "Back to the start"),
+    pause,
+    button("Step", () => send({ sim: "step" }), "One step, while paused"),
+    withClass("ball", button("Drop the ball", () => send({ sim: "drop" }), "The ball again to where it starts")),
+    button("Fit view", () => send({ press: "fit the camera" })),
+    button("Mesh lines", () => send({ press: "mesh lines" })),
+    record,
+  ]);
+  listen("run", (run) => setText(pause, run?.state === 1 ? "Run" : "Pause"));
+  listen("recording", ({ possible, text }) => {
+    record.disabled = !possible;
+    record.title = possible ? "Record all topics" : "no recorder runs: tripod up --record";
+    setText(record, text.startsWith("recording") ? "Stop recording" : "Record");
+    setText(told, text);
+  });
+  return section("simulation", "Simulation", [row, told]);
+}
+
+function withClass(name, made) {
+  made.classList.add(`only-${name}`);
+  return made;
+}
+
+function servos() {
+  const drive = button("Drive by sliders and keys", () => send({ press: "TELEOP" }), "Key t");
+  drive.id = "drive";
+  const follow = withClass("target", button("Follow the green target", () => send({ press: "IK" }), "Key i"));
+  const rows = SERVOS.map(servo);
+  const slide = slideRow();
+  const motions = place(element("div", { class: "row" }), [
+    button("Working pose", () => send({ press: "working pose" }), "A slow motion; key a"),
+    button("Park", () => send({ press: "park" }), "A slow motion; key p"),
+  ]);
+  listen("mode", ({ mode, own }) => {
+    drive.classList.toggle("on", own && mode === "TELEOP");
+    follow.classList.toggle("on", own && mode === "IK");
+  });
+  const choice = place(element("div", { class: "row" }), [drive, follow]);
+  const note = element("p", { class: "small" }, "Keys: arrows and + - move servos, t drive, i follow, a working pose, p park, Space or Esc STOP.");
+  return withClass("servos", section("servos", "Servos", [choice, ...rows, slide, motions, note]));
+}
+
+// A slider moves as long as a hand holds it; else it shows what is asked for.
+function held(input) {
+  let down = false;
+  input.addEventListener("pointerdown", () => (down = true));
+  for (const name of ["pointerup", "pointercancel", "blur"]) input.addEventListener(name, () => (down = false));
+  return () => down;
+}
+
+function servo(i) {
+  const slider = element("input", { type: "range", step: STEP, "aria-label": `servo ${i} (degrees)`, disabled: "" });
+  const number = element("input", { type: "number", step: STEP, "aria-label": `servo ${i}, typed (degrees)`, disabled: "" });
+  const torque = element("span", { class: "torque" });
+  const bar = element("meter", { min: 0, max: 1, low: 0.7, high: 0.9, optimum: 0, "aria-label": `torque of servo ${i}` });
+  const name = element("label", {}, `servo ${i}`);
+  const isHeld = held(slider);
+  slider.addEventListener("input", () => send({ servo: i, degrees: Number(slider.value) }));
+  number.addEventListener("change", () => send({ servo: i, degrees: Number(number.value) }));
+  listen("colours", (colours) => {
+    name.style.color = colours[i];
+    slider.style.accentColor = colours[i];
+  });
+  listen("range", (range) => {
+    [slider.min, slider.max] = [Math.ceil(range[i][0] / STEP) * STEP, Math.floor(range[i][1] / STEP) * STEP];
+    number.title = `${range[i][0]} to ${range[i][1]} degrees`;
+  });
+  listen("joints", (joints) => {
+    slider.disabled = number.disabled = !joints.enabled;
+    if (!isHeld()) slider.value = joints.asked[i];
+    if (document.activeElement !== number) number.value = joints.asked[i].toFixed(1);
+    const limit = value("scene")?.stall_torque;
+    if (joints.torques === null) {
+      setText(torque, "torque not known");
+      bar.value = 0;
+      return;
+    }
+    const load = joints.torques[i];
+    setText(torque, limit ? `${load.toFixed(3)} of ${limit} N m` : `${load.toFixed(3)} N m`);
+    torque.classList.toggle("bad", Boolean(limit) && Math.abs(load) > limit);
+    bar.value = limit ? Math.min(Math.abs(load) / limit, 1) : 0;
+  });
+  const row = element("div", { class: "servo" });
+  return place(row, [name, slider, number, element("span", { class: "unit" }, "°"), bar, torque]);
+}
+
+function slideRow() {
+  const slider = element("input", { type: "range", min: 0, step: 0.5, "aria-label": "slide (mm)", disabled: "" });
+  const text = element("span", { class: "torque" });
+  const isHeld = held(slider);
+  slider.addEventListener("input", () => send({ slide: Number(slider.value) }));
+  listen("scene", (scene) => (slider.max = scene.slide_max || 40));
+  listen("joints", (joints) => {
+    slider.disabled = !joints.enabled;
+    if (joints.slide !== null && !isHeld()) slider.value = joints.slide;
+    setText(text, joints.slide === null ? "not known" : `${joints.slide.toFixed(1)} mm`);
+  });
+  const row = element("div", { class: "servo slide", title: "All servo bodies move inward; the real robot has no such motor" });
+  return place(row, [element("label", {}, "slide"), slider, text]);
+}
+
+function target() {
+  const lines = element("div");
+  listen("target", (content) => showLines(lines, content));
+  const fetch = button("Bring target to effector", () => send({ press: "bring target to effector" }));
+  return withClass("target", section("target", "Target", [lines, fetch], false));
+}

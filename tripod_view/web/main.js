@@ -1,0 +1,28 @@
+// The panel beside the 3-D scene: values come from the page's node by name, what people do goes back as events.
+
+import { listen, send } from "./channel.js";
+import { element, place } from "./dom.js";
+import { controls } from "./controls.js";
+import { cards } from "./cards.js";
+import { keys } from "./keys.js";
+import { plots } from "./plots.js";
+import { replay } from "./replay.js";
+import { start } from "./start.js";
+import { status } from "./status.js";
+
+const panel = element("aside", { id: "panel", "aria-label": "Controls" });
+const stop = element("button", { id: "stop", title: "All commands off: the servos hold, then park (Space, Esc)" }, "STOP");
+stop.addEventListener("click", () => send({ press: "STOP" }));
+
+place(panel, [status(), controls(), replay(), cards(), plots()]);
+place(document.body, [panel, stop, start(), element("div", { id: "lost" }, "connection lost: trying again")]);
+keys();
+
+// What a scene has decides which controls there are: classes of the body, which the style sheet heeds.
+listen("scene", (scene) => {
+  document.title = scene.name ? `${scene.name} - Tripod` : "Tripod";
+  for (const name of ["servos", "target", "ball", "maze", "known"]) {
+    document.body.classList.toggle(`has-${name}`, Boolean(scene[name]));
+  }
+});
+listen("connected", (connected) => document.body.classList.toggle("lost", !connected));

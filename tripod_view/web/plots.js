@@ -1,0 +1,59 @@
+// The last 20 s of the servos' angles and of the real-time factor.
+
+import { listen, value } from "./channel.js";
+import { element, place, section } from "./dom.js";
+
+const SPAN = 20; // [s]
+
+export function plots() {
+  const angles = plot("servo angles (°)", "only-servos");
+  const factor = plot("simulated / real time", "");
+  listen("joints", (joints) => joints.angles && angles.add(joints.angles, value("colours") ?? [], ...span()));
+  listen("run", (run) => run && factor.add([run.factor], ["#2f9e44"], 0, 1.5));
+  return section("plots", "Plots", [angles.node, factor.node], false);
+}
+
+function span() {
+  const range = value("range") ?? [[-120, 35]];
+  return [Math.min(...range.map((r) => r[0])), Math.max(...range.map((r) => r[1]))];
+}
+
+function plot(title, kind) {
+  const canvas = element("canvas", { width: 600, height: 180, role: "img", "aria-label": title });
+  const box = element("figure", kind ? { class: kind } : {});
+  const rows = [];
+  place(box, [element("figcaption", {}, title), canvas]);
+  function add(values, colours, low, high) {
+    const now = performance.now() / 1e3;
+    rows.push([now, values]);
+    while (now - rows[0][0] > SPAN) rows.shift();
+    if (!canvas.offsetParent) return; // nobody looks
+    draw(canvas, rows, now, colours, low, high);
+  }
+  return { node: box, add };
+}
+
+function draw(canvas, rows, now, colours, low, high) {
+  const pen = canvas.getContext("2d");
+  const { width, height } = canvas;
+  const x = (time) => width * (1 - (now - time) / SPAN);
+  const y = (value) => height - 8 - ((value - low) / (high - low)) * (height - 16);
+  pen.clearRect(0, 0, width, height);
+  pen.font = "20px sans-serif";
+  pen.fillStyle = pen.strokeStyle = "#868e96";
+  pen.lineWidth = 1;
+  for (const mark of [low, low < 0 && high > 0 ? 0 : 1, high]) {
+    pen.beginPath();
+    pen.moveTo(0, y(mark));
+    pen.lineTo(width, y(mark));
+    pen.stroke();
+    pen.fillText(String(Math.round(10 * mark) / 10), 4, Math.max(20, y(mark) - 4));
+  }
+  pen.lineWidth = 3;
+  rows[0][1].forEach((_, k) => {
+    pen.strokeStyle = colours[k] ?? "#333";
+    pen.beginPath();
+    rows.forEach(([time, values], n) => pen[n ? "lineTo" : "moveTo"](x(time), y(values[k])));
+    pen.stroke();
+  });
+}

@@ -1,0 +1,54 @@
+// Title, who commands, how the simulation runs, and what happened to the ball.
+
+import { listen, value } from "./channel.js";
+import { element, milli, place, section, setText, showLines } from "./dom.js";
+
+const STATES = ["running", "paused", "holds", "parked", "failed"];
+
+export function status() {
+  const title = element("h1", {}, "Tripod");
+  const about = element("p", { class: "about" });
+  const badge = element("span", { id: "simulated", class: "badge" }, "simulated: no robot connected");
+  const run = element("p", { id: "run" });
+  const event = element("p", { id: "event", role: "status", hidden: "" });
+  const mode = element("div", { id: "mode" });
+  const notice = element("div", { id: "notice", role: "status" });
+  const lines = element("div", { id: "lines" });
+
+  listen("scene", (scene) => {
+    setText(title, scene.name || "Tripod");
+    setText(about, [scene.description, scene.note].filter(Boolean).join(" - "));
+  });
+  listen("mode", (content) => showLines(mode, [content]));
+  listen("notice", (content) => showLines(notice, content));
+  listen("status", (content) => showLines(lines, content));
+  listen("run", (content) => {
+    badge.hidden = content ? !content.simulated : false;
+    if (!content) {
+      setText(run, "the simulator is not heard");
+      return;
+    }
+    const error = content.effector_time_error ?? content.time_error;
+    const parts = [
+      `${STATES[content.state] ?? "?"} at ${content.time.toFixed(1)} s`,
+      `${content.factor.toFixed(2)} x real time`,
+      `step ${milli(content.step)} (p99 ${milli(content.p99)}) of ${milli(content.dt)}`,
+    ];
+    if (error !== null) parts.push(`time steps err by ${(1e3 * error).toPrecision(2)} mm`);
+    setText(run, parts.join(" · "));
+    run.className = content.state === 4 ? "bad" : "";
+  });
+  listen("figures", (figures) => {
+    const text = figures?.event ?? "";
+    event.hidden = !text;
+    event.className = text.startsWith("goal") ? "good" : "bad";
+    setText(event, text);
+    const refused = figures?.notice ?? "";
+    if (refused && !(value("notice") ?? []).length) showLines(notice, [{ light: "watch", who: "Simulator", text: refused }]);
+  });
+
+  const top = element("header");
+  place(top, [title, badge, about, run, event, mode, notice]);
+  const box = element("div");
+  return place(box, [top, section("status", "Nodes", [lines], false)]);
+}
