@@ -40,7 +40,13 @@ class Drawn:
         if not rigid:
             line = SPRING_LINES if part.kind == "springs" else MESH_LINES
             self.lines = api.add_mesh_simple(
-                f"/{part.name}_lines", nodes, triangles, color=line, wireframe=True, opacity=0.35, visible=lines
+                f"/{part.name}_lines",
+                nodes,
+                triangles,
+                color=line,
+                wireframe=True,
+                opacity=0.35,
+                visible=lines,
             )
             self.handles.append(self.lines)
 
@@ -107,7 +113,11 @@ class Bodies:
             size = float(np.ptp(picture.held, axis=0).max()) or 1.0
             self._still.append(
                 self._api.add_point_cloud(
-                    "/held", picture.held.astype(np.float32), HELD, point_size=0.012 * size, point_shape="circle"
+                    "/held",
+                    picture.held.astype(np.float32),
+                    HELD,
+                    point_size=0.012 * size,
+                    point_shape="circle",
                 )
             )
 

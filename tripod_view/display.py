@@ -194,7 +194,9 @@ class Display:
             control.synced = False
             self._panel_at = now
             self._count(now)
-            self._panel.show_replay(self.replay.length(), past[1] if past else None, running=self.replay.running)
+            self._panel.show_replay(
+                self.replay.length(), past[1] if past else None, running=self.replay.running
+            )
             self._update_panel(control, target, now)
             self._panel.show_lines("status", self._status_lines(control, rejects, browsers, now))
             self._panel.flush()

@@ -25,7 +25,14 @@ class Handle:
             "/target", 0.0042, TARGET, opacity=0.85, visible=False, cast_shadow=False, receive_shadow=False
         )
         self._plate = api.add_cylinder(
-            "/target/plate", 0.0095, 0.0008, TARGET, opacity=0.5, visible=False, cast_shadow=False, receive_shadow=False
+            "/target/plate",
+            0.0095,
+            0.0008,
+            TARGET,
+            opacity=0.5,
+            visible=False,
+            cast_shadow=False,
+            receive_shadow=False,
         )
         self._box = api.add_line_segments(
             "/target_box", box_edges(*box), TARGET, thickness=1.0, thickness_units="screen", visible=False

@@ -119,7 +119,8 @@ def _picture(table: dict[str, Any]) -> Picture:
         description=str(table["description"]),
         dt=_number(table["dt"]),
         parts=tuple(
-            Part(str(p["name"]), str(p["kind"]), int(p["first"]), int(p["count"])) for p in _list(table["parts"])
+            Part(str(p["name"]), str(p["kind"]), int(p["first"]), int(p["count"]))
+            for p in _list(table["parts"])
         ),
         obstacles=tuple(_surface(o) for o in _list(table["obstacles"])),
         held=_array(_list(table["held"])).reshape(-1, 3),

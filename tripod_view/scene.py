@@ -154,19 +154,23 @@ class Scene:
                 "/ground", size, size, cell_size=cell, section_size=5 * cell, cell_color=(222, 226, 230),
                 section_color=(173, 181, 189), position=(x, y, floor), shadow_opacity=0.0,
             ),
-            *self._axes(np.array([x, y, floor]) + seen.radius * np.array([-0.9, -0.9, 0.0]), 0.18 * seen.radius, cell),
+            *self._axes(np.array([x, y, floor]) + seen.radius * np.array([-0.2, -0.95, 0.0]), 0.16 * seen.radius, cell),
         ]  # fmt: skip
 
     def _axes(self, origin: FloatArray, length: float, cell: float) -> Iterable[viser.SceneNodeHandle]:
         yield self._api.add_frame(
-            "/world", axes_length=length, axes_radius=0.03 * length, origin_radius=0.05 * length, position=origin
+            "/world",
+            axes_length=length,
+            axes_radius=0.03 * length,
+            origin_radius=0.05 * length,
+            position=origin,
         )
         for k, name in enumerate("xyz"):
             tip = np.zeros(3)
             tip[k] = 1.1 * length
             yield self._api.add_label(f"/world/{name}", name, position=tip, font_screen_scale=0.8)
         text = f"squares: {squares(cell)}"
-        place = np.array([0.0, -0.8 * length, 0.0])
+        place = np.array([0.0, -1.2 * length, 0.0])
         yield self._api.add_label("/world/scale", text, position=place, font_screen_scale=0.8)
 
 

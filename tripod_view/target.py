@@ -75,14 +75,18 @@ class TargetHandle:
         """Note that `client` began to drag."""
         self._draggers.add(client)
 
-    def drag(self, client: int, values: Sequence[float] | FloatArray, wxyz: Sequence[float] | FloatArray) -> Pose:
+    def drag(
+        self, client: int, values: Sequence[float] | FloatArray, wxyz: Sequence[float] | FloatArray
+    ) -> Pose:
         """Return the target asked for by dragging to `values` [m], within the box, turned by `wxyz`. Raises TargetError."""
         point = np.clip(checked_point(values, "dragged target"), self.low, self.high)
         try:
             w, x, y, z = (float(v) for v in wxyz)
             pose = Pose.of(point, (x, y, z, w))
         except (PoseError, TypeError, ValueError):
-            raise TargetError(f"dragged target is turned by {wxyz!r:.80}; four numbers that are not 0") from None
+            raise TargetError(
+                f"dragged target is turned by {wxyz!r:.80}; four numbers that are not 0"
+            ) from None
         self._draggers.add(client)
         self.set = True
         self._move(pose)

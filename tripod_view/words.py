@@ -49,7 +49,6 @@ class SimFields(Protocol):
     real_time_factor: float
     step_time_median: float
 
-
     time: float
     scene: str
     step_time_p99: float

@@ -1,6 +1,7 @@
-"""A browser without a screen: speaks viser's websocket protocol, and so may send what no page would."""
+"""A browser without a screen: speaks viser's protocol and that of the panel, and so may send what no page would."""
 
 import contextlib
+import json
 import socket
 import threading
 import time
@@ -17,22 +18,27 @@ DEADLINE = 60.0  # [s], for a loaded machine
 
 
 class FakeBrowser:
-    """Keeps every message of the page; finds controls by their label."""
+    """Keeps every message of viser, and the values that the panel shows."""
 
     def __init__(self, url: str, *, origin: str | None = None, host: str = "") -> None:
         """Open the page at `url`; `origin`, and `host` by which it is called: none, and that of the URL, by default."""
         protocol: Any = f"viser-v{viser.__version__}"
         _, _, own, path = url.split("/", 3)
-        self._socket = connect(
-            f"ws://{host or own}/{path}",
-            sock=socket.create_connection((own.split(":")[0], int(own.split(":")[1]))),
-            origin=origin,
-            subprotocols=[protocol],
-            max_size=None,
-        )
         self._changed = threading.Condition()
         self.messages: list[dict[str, Any]] = []
+        self.values: dict[str, Any] = {}
+        self._socket, self._panel = (
+            connect(
+                f"ws://{host or own}/{end}",
+                sock=socket.create_connection((own.split(":")[0], int(own.split(":")[1]))),
+                origin=origin,
+                subprotocols=protocols,
+                max_size=None,
+            )
+            for end, protocols in ((path, [protocol]), (f"{path}/page/channel", None))
+        )
         threading.Thread(target=self._receive, daemon=True).start()
+        threading.Thread(target=self._receive_values, daemon=True).start()
         self.send(
             "ViewerCameraMessage",
             wxyz=(1, 0, 0, 0),
@@ -54,35 +60,40 @@ class FakeBrowser:
 
     def close(self) -> None:
         self._socket.close()
+        self._panel.close()
 
     def freeze(self) -> None:
         """Take in nothing more and answer nothing, as a machine that lost its network."""
-        self._socket.protocol.receive_data = lambda data: None
+        for line in (self._socket, self._panel):
+            line.protocol.receive_data = lambda data: None
 
     def send(self, kind: str, **fields: object) -> None:
         self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
 
-    def press(self, label: str) -> None:
-        """Press the button with `label`, alone or in a group."""
-        for kind, value in (("GuiButtonMessage", True), ("GuiButtonGroupMessage", label)):
-            for m in self.of_kind(kind):
-                if label in (m["props"]["label"], *m["props"].get("options", ())):
-                    self.send("GuiUpdateMessage", uuid=m["uuid"], updates={"value": value})
-                    return
-        raise AssertionError(f"no button {label!r}")
+    def tell(self, **event: object) -> None:
+        """Send an event of the panel."""
+        self.tell_raw(json.dumps(event))
+
+    def tell_raw(self, text: str) -> None:
+        """Send a message on the panel's channel, whatever it is."""
+        self._panel.send(text)
+
+    def press(self, button: str) -> None:
+        """Press a button by its name in `events.Button`."""
+        self.tell(press=button)
 
     def slide(self, servo: int, degrees: object) -> None:
         """Put the slider of `servo` at `degrees`."""
-        self.send("GuiUpdateMessage", uuid=self.slider(servo), updates={"value": degrees})
-
-    def slider(self, servo: int) -> str:
-        return self.of_kind("GuiSliderMessage")[servo]["uuid"]
+        self.tell(servo=servo, degrees=degrees)
 
     def shown(self, servo: int) -> float:
-        """Return what the page put the slider of `servo` at last [degrees]."""
-        uuid = self.slider(servo)
-        updates = [m["updates"] for m in self.of_kind("GuiUpdateMessage") if m["uuid"] == uuid]
-        return next((u["value"] for u in reversed(updates) if "value" in u), 0.0)
+        """Return where the page shows the slider of `servo` [degrees]."""
+        return self.value("joints")["asked"][servo]
+
+    def value(self, name: str) -> Any:
+        """Return what the panel shows as `name`, None before it does."""
+        with self._changed:
+            return self.values.get(name)
 
     def grab(self) -> None:
         self.send("TransformControlsDragStartMessage", name="/target_handle", owner="")
@@ -104,17 +115,21 @@ class FakeBrowser:
             return [m for m in self.messages if m["type"] == kind]
 
     def text(self) -> str:
-        """Return all text on the page now, as HTML."""
-        shown = {m["uuid"]: m["props"]["content"] for m in self.of_kind("GuiHtmlMessage")}
-        for m in self.of_kind("GuiUpdateMessage"):
-            if "content" in m["updates"]:
-                shown[m["uuid"]] = m["updates"]["content"]
-        return "\n".join(shown.values())
+        """Return all that the panel shows now."""
+        with self._changed:
+            lines = [
+                v
+                for values in self.values.values()
+                for v in (values if isinstance(values, list) else [values])
+            ]
+        return "\n".join(
+            f"{line['who']} {line['text']}" for line in lines if isinstance(line, dict) and "who" in line
+        )
 
     def pictures(self) -> int:
-        """Return how often the vertices of the silicone were sent."""
+        """Return how often the vertices of the body were sent."""
         updates = self.of_kind("SceneNodeUpdateMessage")
-        return sum(m["name"] == "/silicone" and "vertices" in m["updates"] for m in updates)
+        return sum(m["name"] == "/body" and "vertices" in m["updates"] for m in updates)
 
     def position(self, name: str) -> list[float] | None:
         """Return where the page put a thing last [m]."""
@@ -129,6 +144,13 @@ class FakeBrowser:
                 assert time.monotonic() < until, self.text()
                 self._changed.wait(0.1)
         return found
+
+    def _receive_values(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            for text in self._panel:
+                with self._changed:
+                    self.values |= json.loads(text)
+                    self._changed.notify_all()
 
     def _receive(self) -> None:
         decompressor = zstandard.ZstdDecompressor()

@@ -6,7 +6,23 @@ import threading
 import numpy as np
 import pytest
 
-from tripod_view.events import Button, Dragged, Dropped, Grabbed, Inbox, Joined, Left, Pressed, SliderMoved
+from tripod_view.events import (
+    Button,
+    Dragged,
+    Dropped,
+    EventError,
+    Grabbed,
+    Inbox,
+    Joined,
+    KeysHeld,
+    Left,
+    Pressed,
+    Replayed,
+    SlideMoved,
+    SliderMoved,
+    Wish,
+    event_of,
+)
 
 
 def test_events_keep_their_order_and_wake_the_reader_once_a_batch() -> None:
@@ -72,11 +88,34 @@ def test_nothing_is_lost_between_threads() -> None:
         assert own == list(range(k * 1000, k * 1000 + 1000))
 
 
-@pytest.mark.parametrize(("sent", "angle"), [(180.0, math.pi), ("-90", -math.pi / 2), (0, 0.0)])
-def test_degrees_become_radians(sent: object, angle: float) -> None:
-    assert SliderMoved(0, sent).radians == pytest.approx(angle)
+@pytest.mark.parametrize(
+    ("sent", "event"),
+    [
+        ('{"press": "STOP"}', Pressed(Button.STOP)),
+        ('{"servo": 1, "degrees": -90}', SliderMoved(1, -math.pi / 2)),
+        ('{"slide": 35}', SlideMoved(0.035)),
+        ('{"keys": [0, 1, -1]}', KeysHeld((0, 1, -1))),
+        ('{"sim": "reset"}', Wish('{"do": "reset"}')),
+        ('{"effect": "sleep", "on": true}', Wish('{"effect": "sleep", "on": true}')),
+        ('{"accuracy": "5%"}', Wish('{"accuracy": "5%"}')),
+        ('{"replay": 3, "running": true}', Replayed(3.0, True)),
+        ('{"replay": null}', Replayed(None)),
+    ],
+)
+def test_messages_of_the_page_are_events(sent: str, event: object) -> None:
+    assert event_of(sent) == event
 
 
-@pytest.mark.parametrize("sent", [None, "abc", [1], float("nan"), 10**400])
-def test_what_is_no_angle_is_nan(sent: object) -> None:
-    assert math.isnan(SliderMoved(0, sent).radians)
+@pytest.mark.parametrize(
+    "sent",
+    [
+        "", "[]", "null", "{", '{"press": "explode"}', '{"press": 1}', '{"servo": 3, "degrees": 1}',
+        '{"servo": true, "degrees": 1}', '{"servo": 0, "degrees": NaN}', '{"servo": 0, "degrees": 1e400}',
+        '{"servo": 0, "degrees": "1"}', '{"servo": 0, "degrees": true}', '{"slide": null}', '{"keys": [0, 2, 0]}',
+        '{"keys": [0, 1]}', '{"keys": [true, 0, 0]}', '{"sim": "figures"}', '{"effect": "sleep", "on": 1}',
+        '{"replay": "now", "running": true}', '{"replay": 1}', "[" * 500, b"\xff".decode("latin-1"),
+    ],
+)  # fmt: skip
+def test_what_no_page_sends_is_refused(sent: str) -> None:
+    with pytest.raises(EventError):
+        event_of(sent)

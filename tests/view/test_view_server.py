@@ -12,13 +12,19 @@ from websockets.exceptions import InvalidStatus
 
 from tests.view.fake_browser import FakeBrowser
 from tripod_view import server as server_module
+from tripod_view.channel import Channel
+from tripod_view.events import Inbox
 from tripod_view.gate import Gate, RefusedError
 from tripod_view.server import HOST, PageServer, free_port
 
 
+def page_server(port: int = 0) -> PageServer:
+    return PageServer(port, Channel(Inbox(lambda: None)))
+
+
 @pytest.fixture(scope="module")
 def server():
-    made = PageServer(0)
+    made = page_server()
     yield made
     made.close()
 
@@ -63,7 +69,7 @@ def test_it_serves_the_page_at_its_address(server: PageServer) -> None:
 
 
 def test_every_address_has_a_token_of_its_own_that_nobody_guesses(server: PageServer) -> None:
-    other = PageServer(0)
+    other = page_server()
     try:
         assert token(other) != token(server)
         assert re.fullmatch(r"[\w-]{22}", token(other))  # 16 random bytes
@@ -177,7 +183,7 @@ def test_a_taken_port_gives_the_next_free_one(taken: int) -> None:
 def test_without_a_free_port_it_says_so_at_once(taken: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server_module, "ATTEMPTS", 1)
     with pytest.raises(OSError, match=f"no port from {taken} to {taken} can be listened on.*in use"):
-        PageServer(taken)
+        page_server(taken)
 
 
 def test_starting_leaves_the_websockets_library_as_it_was(server: PageServer) -> None:
@@ -187,5 +193,5 @@ def test_starting_leaves_the_websockets_library_as_it_was(server: PageServer) ->
 
 
 def test_starting_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    PageServer(0).close()
+    page_server().close()
     assert capsys.readouterr().out == ""

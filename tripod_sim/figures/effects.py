@@ -59,9 +59,7 @@ def effect_figures(source: str, scene: Scene, speed: float | None = None) -> lis
             found.append(EffectFigure(name, on, meaning(name), why_not=NOT_MEASURED))
             continue
         cost = None if row["cost"] is None else row["cost"] * scale
-        found.append(
-            EffectFigure(name, on, meaning(name), cost, row["noise"] * scale, row["why_not"])
-        )
+        found.append(EffectFigure(name, on, meaning(name), cost, row["noise"] * scale, row["why_not"]))
     return sorted(found, key=lambda f: not f.on)
 
 

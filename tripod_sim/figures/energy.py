@@ -12,6 +12,12 @@ FloatArray = NDArray[np.float64]
 SWAY = 0.01
 """Of all energy that has moved: how far a stable scheme may sway above the balance without its being told."""
 
+ROUNDING = 1e-6
+"""Of all energy there is: less than that is not told as growth either."""
+
+STILL = 1e-9
+"""Less than that is no motion of the slide [m]."""
+
 
 @dataclass(frozen=True)
 class Balance:
@@ -24,7 +30,7 @@ class Balance:
         since: Simulated time at which the books were opened [s]: the start, or when the slide moved last, whose work
             is not known.
         moved: The largest of the work, the kinetic energy and the changes of the others since then.
-        grew: Whether energy came from nothing, beyond the share `SWAY` of all that moved.
+        grew: Whether energy came from nothing, beyond the share `SWAY` of all that moved and `ROUNDING` of all there is.
     """
 
     kinetic: float
@@ -44,7 +50,9 @@ class EnergyBooks:
     the step, so that fast motions leave a part of it in `lost`.
     """
 
-    def __init__(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float = 0.0) -> None:
+    def __init__(
+        self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float = 0.0
+    ) -> None:
         """Open them at `time` [s]: `joints` [rad ..., m], shape (s + 1,), `torques` [N m], shape (s,)."""
         self._open(energies, joints, torques, time)
 
@@ -55,11 +63,12 @@ class EnergyBooks:
 
     def add(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float) -> None:
         """Enter the state at `time` [s], after one more step."""
-        if joints[-1] != self._joints[-1]:
+        if abs(joints[-1] - self._joints[-1]) > STILL:
             self._open(energies, joints, torques, time)
             return
         self._work += float(0.5 * (torques + self._torques) @ (joints[:-1] - self._joints[:-1]))
-        self._energies, self._joints, self._torques = energies, joints.copy(), torques.copy()
+        self._energies, self._torques = energies, torques.copy()
+        self._joints[:-1] = joints[:-1]  # the slide is compared with where it was when the books were opened
         changes = (energies.gravity - self._start.gravity, energies.strain - self._start.strain)
         self._moved = max(self._moved, abs(self._work), energies.kinetic, *map(abs, changes))
 
@@ -68,7 +77,8 @@ class EnergyBooks:
         """How they stand."""
         e = self._energies
         lost = total(self._start) + self._work - total(e)
-        grew = lost < -SWAY * self._moved
+        there = abs(e.kinetic) + abs(e.strain) + abs(e.gravity)
+        grew = lost < -max(SWAY * self._moved, ROUNDING * there)
         return Balance(e.kinetic, e.strain, e.gravity, self._work, lost, self._since, self._moved, grew)
 
 

@@ -118,4 +118,3 @@ def _maze(simulation: Simulation) -> dict[str, Any] | None:
         "start": list(board.start),
         "height": plate.offset,
     }
-

@@ -9,7 +9,6 @@ from typing import Any
 from tripod_sim.figures.energy import Balance
 from tripod_sim.integrators.substeps import StepReport
 
-
 TINY = 1e-10
 """Energies below it are told as none [J]."""
 
@@ -85,7 +84,9 @@ def stability_lines(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     if figures["dt_limit"] is None:
         rows.append(("limit of dt", "none: implicit steps"))
     else:
-        rows.append(("limit of dt", f"{1e3 * figures['dt_limit']:.3g} ms; dt is {1e3 * figures['dt']:.3g} ms"))
+        rows.append(
+            ("limit of dt", f"{1e3 * figures['dt_limit']:.3g} ms; dt is {1e3 * figures['dt']:.3g} ms")
+        )
     if figures["contacts"] is not None:
         rows.append(("contacts", f"{figures['contacts']}, {figures['pressed']} of them pressed"))
         rows.append(("penetration", f"{1e3 * figures['penetration']:.2g} mm beyond the contact distance"))
