@@ -1,9 +1,9 @@
-"""What the effects of each shipped scene cost a step, and what absent ones would: writes tripod_sim/figures/effect_costs.json.
+"""What the effects of each shipped scene cost a step, and what absent ones would: writes the table that pages show.
 
-An effect that a scene has costs what its own stages of a step take (`tripod explain`); one that has no stage of its own,
-such as obstacles, which contact meets, has none to tell. An absent one costs the difference between steps with it, with
-its defaults, and without, measured in turn. `--only SCENE` measures one scene and keeps the others; run it on a quiet
-machine: the table keeps the time of a product, by which it is scaled elsewhere.
+It is tripod_sim/figures/effect_costs.json. An effect that a scene has costs what its own stages of a step take (see
+`tripod explain`); one that has none, such as obstacles, which contact meets, is told as not known. An absent one costs
+the difference between steps with it, with its defaults, and without, measured in turn. `--only SCENE` measures one
+scene and keeps the others; run it on a quiet machine: the table keeps the time of a product, by which it is scaled.
 """
 
 import argparse

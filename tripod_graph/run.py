@@ -131,8 +131,7 @@ def _run_one(
         check_loopback()
         files = _init([w for w in words if w != "--subnet"])
     except Exception as error:  # noqa: BLE001 - rclpy raises several private kinds for bad arguments
-        print(f"{name}: {_one_line(error)}", file=sys.stderr)
-        return REFUSED, False
+        return _refused(name, error), False
     executor = SingleThreadedExecutor()
     node: Closable | None = None
     asked: Asked | None = None
@@ -144,8 +143,7 @@ def _run_one(
                 node = make()
                 asked = signals.enter_context(taken())
         except (ValueError, OSError, NameValidationException, ParameterException) as error:
-            print(f"{name}: {_one_line(error)}", file=sys.stderr)
-            return REFUSED, False
+            return _refused(name, error), False
         executor.add_node(cast(Node, node))
         for line in strangers(files, cast(Node, node).get_fully_qualified_name()):
             cast(Node, node).get_logger().warning(line)
@@ -171,6 +169,11 @@ def _run_one(
             stopped = bool(asked and asked.count)
             signals.close()
     return code, stopped
+
+
+def _refused(name: str, error: Exception) -> int:
+    print(f"{name}: {_one_line(error)}", file=sys.stderr)
+    return REFUSED
 
 
 def _init(words: Sequence[str]) -> list[Path]:

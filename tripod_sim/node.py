@@ -381,11 +381,11 @@ class SimNode(Node):
         self._teller.say("")
         match request.do:
             case "reset":
-                self._physics.request_reset(timeout=0.0)
+                self._physics.request_reset()
             case "pause" | "run":
-                self._physics.pause(request.do == "pause", timeout=0.0)
+                self._physics.pause(request.do == "pause")
             case "step":
-                self._physics.request_step(timeout=0.0)
+                self._physics.request_step()
             case "drop":
                 self._physics.between_steps(self._drop_ball)
             case _:

@@ -1,5 +1,7 @@
 """What moves freely, and what it meets: the soft body, rigid bodies, obstacles, points that are held."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
@@ -104,8 +106,8 @@ class Bodies:
             handle.remove()
         self._still = [
             self._api.add_mesh_simple(
-                f"/obstacles/{i}", o.nodes.astype(np.float32), o.triangles, color=OBSTACLE, flat_shading=len(o.nodes) < 50,
-                side="double", cast_shadow=False, receive_shadow=False,
+                f"/obstacles/{i}", o.nodes.astype(np.float32), o.triangles, color=OBSTACLE,
+                flat_shading=len(o.nodes) < 50, side="double", cast_shadow=False, receive_shadow=False,
             )
             for i, o in enumerate(picture.obstacles)
         ]  # fmt: skip
@@ -129,7 +131,7 @@ class Bodies:
                 drawn.show_lines(visible)
 
 
-def _colour(part: Part, rigid: "object") -> Rgb:
+def _colour(part: Part, rigid: Iterator[Rgb]) -> Rgb:
     if part.kind == "rigid":
-        return next(rigid)  # type: ignore[call-overload, no-any-return]
+        return next(rigid)
     return SPRINGS if part.kind == "springs" else SOLID

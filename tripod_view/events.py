@@ -134,7 +134,7 @@ Event = (
 )  # fmt: skip
 
 
-def event_of(text: str | bytes) -> Event:
+def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
     """Return the event that a message of the page is, in degrees and millimetres there. Raises EventError.
 
     {"press": "STOP"}, {"servo": 1, "degrees": -30}, {"slide": 35}, {"keys": [0, 1, -1]}, {"sim": "reset"},

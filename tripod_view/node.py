@@ -294,7 +294,7 @@ class ViewNode(Node):
         for event in self._inbox.drain():
             self._on_event(event)
 
-    def _on_event(self, event: Event) -> None:
+    def _on_event(self, event: Event) -> None:  # noqa: PLR0912 - one for each kind
         match event:
             case events.Pressed(button):
                 self._on_press(button)

@@ -78,7 +78,10 @@ class TargetHandle:
     def drag(
         self, client: int, values: Sequence[float] | FloatArray, wxyz: Sequence[float] | FloatArray
     ) -> Pose:
-        """Return the target asked for by dragging to `values` [m], within the box, turned by `wxyz`. Raises TargetError."""
+        """Return the target asked for by dragging to `values` [m], within the box, and turning by `wxyz`.
+
+        Raises TargetError.
+        """
         point = np.clip(checked_point(values, "dragged target"), self.low, self.high)
         try:
             w, x, y, z = (float(v) for v in wxyz)

@@ -258,6 +258,7 @@ def _literal(value: Value) -> str:
 
 
 def settings_text(point: StoredPoint) -> str:
+    """Return the settings of a point for people."""
     return ", ".join(f"{field}={_literal(value)}" for field, value in point.settings.items())
 
 

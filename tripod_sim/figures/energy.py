@@ -30,7 +30,7 @@ class Balance:
         since: Simulated time at which the books were opened [s]: the start, or when the slide moved last, whose work
             is not known.
         moved: The largest of the work, the kinetic energy and the changes of the others since then.
-        grew: Whether energy came from nothing, beyond the share `SWAY` of all that moved and `ROUNDING` of all there is.
+        grew: Whether energy came from nothing, beyond `SWAY` of all that moved and `ROUNDING` of all there is.
     """
 
     kinetic: float

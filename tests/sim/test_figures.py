@@ -1,0 +1,175 @@
+"""The figures of accuracy, effects and stability: what pages show and summaries tell."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.figures.accuracy import WISHES, accuracy_figures, accuracy_line
+from tripod_sim.figures.effects import effect_figures, effect_lines, stored
+from tripod_sim.figures.energy import EnergyBooks, total
+from tripod_sim.figures.picture import picture
+from tripod_sim.figures.stability import stability, stability_lines
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.scene import EFFECTS
+from tripod_sim.scene_file import scene_names
+from tripod_sim.simulation import Energies
+
+STILL = np.zeros(4)
+
+
+def run(scene: str, steps: int, *overrides: str, joints: object = None) -> tuple[Simulation, EnergyBooks]:
+    """Return a simulation after some steps, and its books; `joints`: a function of the time."""
+    s = Simulation(load_scene(scene, overrides))
+    books = EnergyBooks(s.energies(), s.state.joints, s.torques)
+    for k in range(steps):
+        s.step(joints((k + 1) * s.scene.dt) if joints else None)
+        books.add(s.energies(), s.state.joints, s.torques, s.state.time)
+    return s, books
+
+
+def test_servos_put_in_what_the_body_has_gained_and_lost() -> None:
+    """Quasi-static bending without damping loses nothing: the work of the torques is the change of the potential."""
+    turn = lambda t: np.array([-0.3 * t / 0.5] * 3 + [0.0])  # noqa: E731
+    words = ("mesh.level=1", "inertia=off", "damping=off", "solver.mode=newton")
+    s, books = run("tripod", 100, *words, joints=turn)
+    balance = books.balance
+    assert balance.work > 1e-3
+    assert abs(balance.lost) < 1e-3 * balance.work
+    assert not balance.grew
+    assert (balance.strain, balance.gravity) == (s.energies().strain, s.energies().gravity)
+
+
+def test_damping_loses_energy_and_a_stable_scheme_never_gains_any() -> None:
+    _, books = run("pendulum", 100, "inertia.scheme=implicit_euler")
+    assert books.balance.lost > 0
+    _, books = run("pendulum", 100)  # symplectic: it sways
+    assert not books.balance.grew
+    assert abs(books.balance.lost) < 0.01 * books.balance.moved
+
+
+def test_energy_from_nothing_is_told() -> None:
+    books = EnergyBooks(Energies(0.0, 1.0, 0.0), STILL, STILL[:3])
+    books.add(Energies(0.5, 0.52, 0.0), STILL, STILL[:3], 0.1)
+    assert books.balance.grew
+    lines = dict(stability_lines(asdict(stability(StepReport(), 0, books.balance, 0.005))))
+    assert lines["energy balance"].startswith("20 mJ more than was put in")
+    books.add(Energies(0.5, 0.499, 0.0), STILL, STILL[:3], 0.2)
+    assert not books.balance.grew
+    assert books.balance.lost == pytest.approx(0.001)
+
+
+def test_the_books_are_opened_anew_where_the_slide_moves_whose_work_is_not_known() -> None:
+    books = EnergyBooks(Energies(0.0, 0.0, 0.0), STILL, STILL[:3])
+    moved = np.array([0.0, 0.0, 0.0, 0.01])
+    books.add(Energies(0.0, 3.0, 0.0), moved, STILL[:3], 0.5)
+    assert (books.balance.lost, books.balance.since) == (0.0, 0.5)
+    books.add(Energies(0.0, 2.0, 0.0), moved, STILL[:3], 1.0)
+    assert (books.balance.lost, books.balance.since) == (1.0, 0.5)
+    assert total(Energies(1.0, 2.0, -4.0)) == -1.0
+
+
+def test_contacts_tell_how_deep_bodies_sink_in() -> None:
+    s, books = run("stack", 20)
+    figures = stability(s.report, 3, books.balance, s.scene.dt)
+    assert figures.contacts == s.report.contact.contacts > 0
+    assert figures.penetration == pytest.approx(max(0.0, -s.report.contact.smallest_gap))
+    lines = dict(stability_lines(asdict(figures)))
+    assert "of them pressed" in lines["contacts"]
+    assert lines["limit of dt"] == "none: implicit steps"
+    assert lines["halvings"].startswith("3 steps")
+    deep = replace(s.report, contact=replace(s.report.contact, smallest_gap=-2e-3))
+    assert stability(deep, 0, books.balance, s.scene.dt).penetration == 2e-3
+
+
+def test_explicit_schemes_tell_their_limit() -> None:
+    s, books = run("pendulum", 3)
+    figures = stability(s.report, 0, books.balance, s.scene.dt)
+    assert figures.residual is None
+    assert figures.dt_limit == s.report.dt_limit
+    assert "dt is 5 ms" in dict(stability_lines(asdict(figures)))["limit of dt"]
+    unstable = StepReport(dt_limit=1e-3, growth=0.5, grew_at=7)
+    lines = dict(stability_lines(asdict(stability(unstable, 0, books.balance, s.scene.dt))))
+    assert lines["unstable"].startswith("unstable: since step 7")
+
+
+def test_a_studied_scene_tells_where_it_is_on_the_front_and_what_others_cost() -> None:
+    figures = accuracy_figures("tripod", load_scene("tripod"), 0.04)
+    assert [offer.wish for offer in figures.offers] == list(WISHES)
+    assert figures.here is not None
+    assert 0.01 < figures.here < 1
+    assert figures.here_seconds is not None
+    assert "expect an error below" in accuracy_line(figures)
+    costs = [offer.seconds for offer in figures.offers if offer.seconds]
+    errors = [offer.error for offer in figures.offers if offer.error]
+    assert len(costs) == len(errors) >= 3
+    seconds, least = zip(*figures.front, strict=True)
+    assert list(seconds) == sorted(seconds)
+    assert list(least) == sorted(least, reverse=True)
+    slower = accuracy_figures("tripod", load_scene("tripod"), 0.08)
+    assert slower.here_seconds == pytest.approx(2 * figures.here_seconds)
+    assert not accuracy_figures("tripod", load_scene("tripod")).scaled
+
+
+@pytest.mark.parametrize(
+    ("scene", "overrides", "why"),
+    [
+        ("tripod", ("dt=0.0031",), "study tripod_dynamic has no point with these settings"),
+        ("stack", (), "there is no study of scene 'stack'"),
+    ],
+)
+def test_what_was_not_studied_is_not_known(scene: str, overrides: tuple[str, ...], why: str) -> None:
+    figures = accuracy_figures(scene, load_scene(scene, overrides), 0.04)
+    assert figures.here is None
+    assert why in accuracy_line(figures)
+
+
+def test_an_accuracy_that_nothing_reaches_says_so() -> None:
+    offers = {o.wish: o for o in accuracy_figures("tripod", load_scene("tripod"), 0.04).offers}
+    assert offers["1%"].error is None
+    assert "the best promises" in offers["1%"].why_not
+
+
+def test_every_effect_is_told_with_its_stored_cost_or_as_not_known() -> None:
+    table = stored()
+    assert table["calibration"] > 0
+    assert set(table["scenes"]) <= set(scene_names())
+    scene = load_scene("tripod")
+    found = effect_figures("tripod", scene, table["calibration"])
+    assert {f.name for f in found} == set(EFFECTS)
+    assert [f.on for f in found] == sorted((f.on for f in found), reverse=True)
+    row = table["scenes"]["tripod"]
+    for figure in found:
+        assert figure.on == bool(getattr(scene, figure.name))
+        assert figure.cost == row[figure.name]["cost"]
+        assert figure.cost is not None or figure.why_not
+    slow = {f.name: f for f in effect_figures("tripod", scene, 2 * table["calibration"])}
+    assert slow["damping"].cost == pytest.approx(2 * row["damping"]["cost"])
+    assert all(f.cost is None for f in effect_figures("my.toml", scene))
+    changed = {f.name: f for f in effect_figures("tripod", load_scene("tripod", ["damping=off"]))}
+    assert not changed["damping"].on
+    assert changed["damping"].cost is None, "what was measured was its own stages, not what it adds"
+    (on, text), *_ = effect_lines(found)
+    assert (on, "damping" in text) == ("effects", True)
+
+
+@pytest.mark.parametrize("name", ["tripod", "maze", "cloth", "drape_cubes", "stack"])
+def test_a_picture_describes_what_is_in_the_scene(name: str) -> None:
+    s = Simulation(load_scene(name))
+    found = picture(s)
+    parts = found["parts"]
+    assert sum(part["count"] for part in parts) == len(s.skin.nodes)
+    assert [part["first"] for part in parts] == np.cumsum([0, *(p["count"] for p in parts)])[:-1].tolist()
+    assert sum(part["kind"] == "rigid" for part in parts) == len(s.scene.rigid)
+    assert len(found["obstacles"]) == len(s.scene.obstacles)
+    for key in ("servos", "effector", "maze", "ball"):
+        assert (found[key] is None) == (getattr(s.scene, key) is None)
+    assert bool(found["held"]) == (name == "cloth")
+    if name == "drape_cubes":
+        corners = np.array(found["obstacles"][1]["vertices"]).reshape(-1, 3)
+        assert corners.mean(axis=0) == pytest.approx([0.2, -0.1, 0.0])
+    if name == "maze":
+        board = s.plate.board
+        assert found["maze"]["goal"] == list(board.goal)
+        assert found["maze"]["holes"] == board.obstacles.holes.tolist()
