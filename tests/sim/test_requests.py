@@ -101,7 +101,7 @@ def test_the_node_does_what_is_asked_and_says_what_it_does_not(make) -> None:
     ear.ask(do="pause")
     graph.status(state=SimStatus.PAUSED)
     ear.ask(do="drop")
-    graph.wait(lambda: (graph.node._physics.latest.ball.position == start).all(), "the ball at its start")
+    graph.wait(lambda: list(graph.node._physics.latest.ball.position) == list(start), "the ball at its start")
     ear.ask(do="explode")
     graph.wait(lambda: "do is 'explode'" in ear.notice(), "the refusal")
     ear.ask(effect="maze", on=True)  # the ball lies on the piece: its place is no maze's

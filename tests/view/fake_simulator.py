@@ -3,6 +3,7 @@
 `python tests/view/fake_simulator.py [SIDE]` publishes a grid of SIDE x SIDE nodes until it is told to stop.
 """
 
+import json
 import sys
 import time
 from array import array
@@ -14,6 +15,7 @@ from geometry_msgs.msg import Point, PoseStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, ControlMode, SimStatus
 
@@ -48,10 +50,14 @@ class FakeSimulator(Node):
         self.targets: list[PoseStamped] = []
         self.spoil = ""  # what to publish wrongly: "nan", "size" or "topology"
         self.silent = False
+        self.figures: dict[str, Any] = {}
+        self.scene = "fake"
         self._mesh = self.create_publisher(Mesh, names.MESH, LATCHED)
         self._maze = self.create_publisher(Mesh, names.MAZE_MESH, LATCHED)
         self._ball_shape = self.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
         self.ball = self.create_publisher(PoseStamped, names.SIM_BALL_POSE, RELIABLE)
+        self._picture = self.create_publisher(String, names.SIM_PICTURE, LATCHED)
+        self._figures = self.create_publisher(String, names.SIM_FIGURES, RELIABLE)
         self._state = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
         self._joints = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
         self._effector = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
@@ -76,6 +82,11 @@ class FakeSimulator(Node):
         points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in self.nodes]
         triangles = [MeshTriangle(vertex_indices=t) for t in self.triangles]
         self._mesh.publish(Mesh(vertices=points, triangles=triangles))
+
+    def publish_picture(self, table: dict[str, Any]) -> None:
+        """Describe a scene, and take its name."""
+        self.scene = table["name"]
+        self._picture.publish(String(data=json.dumps(table)))
 
     def publish_game(self, maze: bool, *ball: float, kind: int = SolidPrimitive.SPHERE) -> None:
         """Publish a triangle as the maze, or none, and the dimensions of the ball."""
@@ -115,7 +126,7 @@ class FakeSimulator(Node):
             0.004 * np.sin(60 * np.hypot(self.nodes[:, 0], self.nodes[:, 1]) - 4 * now)
             + 0.15 * joints[:3].mean() / 10
         )
-        positions = np.column_stack([self.nodes[:, :2], z])
+        positions = np.column_stack([self.nodes[:, :2], self.nodes[:, 2] + z])
         if self.spoil == "nan":
             positions[3, 1] = np.nan
         elif self.spoil == "topology":
@@ -123,6 +134,7 @@ class FakeSimulator(Node):
         message.positions = array("d", (positions[:-1] if self.spoil == "size" else positions).tobytes())
         self._state.publish(message)
         state = JointState(name=[*names.SERVOS, names.SLIDE], position=array("d", joints.tobytes()))
+        state.effort = array("d", [-0.01, -0.02, 0.3, 0.0])
         state.header.stamp = stamp
         self._joints.publish(state)
         pose = PoseStamped()
@@ -133,8 +145,12 @@ class FakeSimulator(Node):
     def _tell(self) -> None:
         if not self.silent:
             self._status.publish(
-                SimStatus(scene="fake", dt=0.002, real_time_factor=1.0, capacity=4.0, step_time_median=0.0005)
+                SimStatus(
+                    scene=self.scene, dt=0.002, real_time_factor=1.0, capacity=4.0, step_time_median=0.0005
+                )
             )
+            if self.figures:
+                self._figures.publish(String(data=json.dumps(self.figures)))
 
 
 if __name__ == "__main__":

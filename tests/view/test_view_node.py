@@ -1,16 +1,9 @@
 """The node from outside: starts, says where the page is, does what people press, and leaves in order."""
 
-import os
-import re
-import signal
 import socket
-import subprocess
-import sys
-import threading
 import time
 import urllib.request
-import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,21 +15,17 @@ pytest.importorskip("viser")
 
 import rclpy
 from geometry_msgs.msg import Point, PoseStamped
-from rclpy.executors import SingleThreadedExecutor
 from shape_msgs.msg import Mesh, MeshTriangle
 from tripod_msgs.msg import ControlMode
 
 from tests.domains import own_domain
 from tests.view.fake_browser import FakeBrowser
-from tests.view.fake_simulator import FakeSimulator
+from tests.view.stage import DEADLINE, Stage, View
 from tripod_graph import names
-from tripod_graph.source import name_of
 from tripod_view.body import BodyError
 from tripod_view.messages import maze_of
 
 pytestmark = pytest.mark.ros
-
-DEADLINE = 60.0  # [s], for a loaded machine
 
 
 @pytest.fixture(scope="module")
@@ -44,57 +33,6 @@ def domain() -> Iterator[int]:
     """One domain for all tests here: they share a page."""
     with own_domain() as number:
         yield number
-
-
-class View:
-    """The node as a process; its namespace is its own: pages of several tests share the domain."""
-
-    def __init__(self, domain: int, *parameters: str) -> None:
-        self.namespace = f"/view_{uuid.uuid4().hex[:12]}"
-        words = [w for p in parameters for w in ("-p", p)]
-        environment = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        }
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "tripod_view.node", "--ros-args", "-r", f"__ns:={self.namespace}", *words],
-            cwd=Path(__file__).parents[2],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        self._asked_to_stop = False
-
-    def page(self) -> tuple[str, str]:
-        """Return the address of the page and what was printed until it was said."""
-        printed = ""
-        for line in self.process.stdout:
-            printed += line
-            if found := re.fullmatch(r"page (http://127\.0\.0\.1:\d+/[\w-]{22})\n", line):
-                return found[1], printed
-        raise AssertionError(printed + self.process.stderr.read())
-
-    def ask_to_stop(self) -> None:
-        """Ask it to stop, once: a second signal ends a Python that is about to exit by itself."""
-        if not self._asked_to_stop:
-            self._asked_to_stop = True
-            self.process.send_signal(signal.SIGTERM)
-
-    def stop(self) -> tuple[int, str]:
-        """Ask it to stop, unless that was done; return exit code and what it said on stderr."""
-        self.ask_to_stop()
-        return self.end()
-
-    def end(self) -> tuple[int, str]:
-        """Wait for its end; return exit code and what it said on stderr."""
-        try:
-            _, errors = self.process.communicate(timeout=DEADLINE)
-        finally:
-            self.process.kill()
-            self.process.wait()
-        return self.process.returncode, errors
 
 
 def test_it_says_where_the_page_is_serves_it_and_stops_in_order(domain: int) -> None:
@@ -155,48 +93,6 @@ def context(domain: int) -> Iterator[rclpy.Context]:
         rclpy.init(context=made, domain_id=domain)
         yield made
     made.try_shutdown()
-
-
-class Stage:
-    """A page with a simulator; `browser()` opens the page."""
-
-    def __init__(self, context: rclpy.Context) -> None:
-        self.view = View(context.get_domain_id(), "port:=0")
-        self.changed = threading.Condition()
-        self.sim = FakeSimulator(namespace=self.view.namespace, context=context)
-        self._executor = SingleThreadedExecutor(context=context)
-        self._executor.add_node(self.sim)
-        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
-        self._thread.start()
-        self.url, _ = self.view.page()
-
-    def browser(self) -> FakeBrowser:
-        """Open the page and wait until it shows the body moving."""
-        browser = FakeBrowser(self.url)
-        browser.wait(lambda: browser.pictures() > 3)
-        return browser
-
-    def wait(self, what: Callable[[], object]) -> object:
-        until = time.monotonic() + DEADLINE
-        while not (found := what()):
-            assert time.monotonic() < until
-            time.sleep(0.01)
-        return found
-
-    def mode(self) -> tuple[int, str] | None:
-        """Return the newest decision that was published."""
-        return (self.sim.modes[-1].mode, name_of(self.sim.modes[-1].source)) if self.sim.modes else None
-
-    def watchers(self) -> int:
-        """Return how many listen to the body."""
-        return self.sim.count_subscribers(f"{self.view.namespace}/{names.BODY_STATE}")
-
-    def close(self) -> tuple[int, str]:
-        result = self.view.stop()
-        self._executor.shutdown()
-        self._thread.join(DEADLINE)
-        self.sim.close()
-        return result
 
 
 @pytest.fixture(scope="module")

@@ -64,6 +64,7 @@ function held(input) {
   let down = false;
   input.addEventListener("pointerdown", () => (down = true));
   for (const name of ["pointerup", "pointercancel", "blur"]) input.addEventListener(name, () => (down = false));
+  input.addEventListener("pointerup", () => input.blur()); // the arrows move servos again
   return () => down;
 }
 

@@ -1,4 +1,4 @@
-// The keys of `tripod teleop`, here with presses and releases. They work wherever the pointer is, but in a text field.
+// The keys of `tripod teleop`, here with presses and releases. They work wherever the pointer is.
 
 import { send, value } from "./channel.js";
 
@@ -51,5 +51,5 @@ export function keys() {
 }
 
 function typing(node) {
-  return node instanceof HTMLInputElement && node.type === "number";
+  return node instanceof HTMLInputElement; // arrows belong to the slider or number that has the focus
 }

@@ -1,0 +1,40 @@
+"""What the real simulator tells of a shipped scene, told by the one that knows no mechanics."""
+
+from dataclasses import asdict
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from tests.view.fake_simulator import FakeSimulator
+from tripod_sim import Simulation, load_scene
+from tripod_sim.figures.accuracy import accuracy_figures, as_table
+from tripod_sim.figures.effects import effect_figures
+from tripod_sim.figures.energy import EnergyBooks
+from tripod_sim.figures.picture import picture
+from tripod_sim.figures.stability import stability, stability_lines
+
+
+@cache
+def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.ndarray]:
+    """Return picture, figures, nodes and triangles of a scene at its start."""
+    simulation = Simulation(load_scene(scene))
+    accuracy = as_table(accuracy_figures(scene, simulation.scene, 0.04))
+    effects = [asdict(f) for f in effect_figures(scene, simulation.scene, 0.04)]
+    table = {**picture(simulation), "changes": [], "accuracy": accuracy, "effects": effects}
+    books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
+    figures = asdict(stability(simulation.report, 0, books.balance, simulation.scene.dt))
+    figures |= {"lines": stability_lines(figures), "event": "", "notice": ""}
+    skin = simulation.skin
+    return table, figures, np.array(skin.nodes), np.array(skin.surface, dtype=np.uint32)
+
+
+def show(sim: FakeSimulator, scene: str, *, name: str = "", event: str = "") -> dict[str, Any]:
+    """Let the page show a scene, by another name if one is given; return what is told of it."""
+    table, figures, sim.nodes, sim.triangles = told(scene)
+    sim.figures = {**figures, "event": event}
+    sim.publish_mesh()
+    sim.publish_picture({**table, "name": name or scene})
+    radius = (table["ball"]["radius"],) if table["ball"] else ()
+    sim.publish_game(table["maze"] is not None, *radius)
+    return table
