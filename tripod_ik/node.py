@@ -85,7 +85,7 @@ class IkNode(Node):
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._statuses = self.create_publisher(IkStatus, names.IK_STATUS, RELIABLE)
         self._goal = self.create_publisher(String, names.IK_GOAL, LATCHED)
-        self._goal.publish(String(data=str(s.goal)))
+        self._goal.publish(String(data=str(self._tracker.settings.goal)))
         listen(self, self._on_decision)
         self.create_subscription(PoseStamped, names.TARGET_POSE, self._on_target, RELIABLE)
         self.create_subscription(Compliance, names.COMPLIANCE, self._on_compliance, NEWEST)

@@ -385,7 +385,7 @@ class SimNode(Node):
             case "pause" | "run":
                 self._physics.pause(request.do == "pause")
             case "step":
-                self._physics.request_step()
+                self._physics.request_steps()
             case "drop":
                 self._physics.between_steps(self._drop_ball)
             case _:

@@ -47,7 +47,7 @@ class Teller:
         self._figures = node.create_publisher(String, names.SIM_FIGURES, RELIABLE)
         node.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def hear(self, node: Node, act: Callable[[Request], None], refuse: Callable[[str], None]) -> None:
+    def hear(self, node: Node, act: Callable[[Request], None], refuse: Callable[[ValueError], None]) -> None:
         """Call `act` with each request but for figures, `refuse` with why another is none."""
 
         def on_message(message: String) -> None:
@@ -59,7 +59,7 @@ class Teller:
                     act(request)
             except SceneError as error:
                 self.say(str(error))
-                refuse(str(error))
+                refuse(error)
 
         node.create_subscription(String, names.SIM_REQUEST, on_message, RELIABLE)
 

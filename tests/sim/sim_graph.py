@@ -45,6 +45,8 @@ PUBLISHED = {
     names.MARKERS: (MarkerArray, SENSOR),
     names.POINT_CLOUD: (PointCloud2, SENSOR),
     names.SCENE: (String, LATCHED),
+    names.SIM_PICTURE: (String, LATCHED),
+    names.SIM_FIGURES: (String, RELIABLE),
     names.COMMANDS: (Float64MultiArray, KEPT),
     names.CHECKPOINT: (UInt8MultiArray, LATCHED),
     names.SIM_JOINT_STATES: (JointState, RELIABLE),

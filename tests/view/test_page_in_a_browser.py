@@ -125,7 +125,8 @@ class Opened:
                 const panel = document.querySelector("#panel");
                 return {
                     stop: box("#stop"), root: box("#root"), panel: box("#panel"), title: document.title,
-                    too_wide: panel.scrollWidth - panel.clientWidth, begin: document.querySelector("#begin").textContent,
+                    too_wide: panel.scrollWidth - panel.clientWidth,
+                    begin: document.querySelector("#begin").textContent,
                     servos: shown("#servos"), target: shown("#target"), ball: shown(".only-ball"),
                     simulated: shown("#simulated"), on: count("#on .chip"), off: count("#off .chip"),
                     offers: count("#offers tr"), enabled: count("#offers button:enabled"),
