@@ -17,7 +17,7 @@ from tripod_sim.recording import Recording, check_out
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
-from tripod_sim.timeline import Timeline, parse_slide, parse_timeline
+from tripod_sim.timeline import Timeline, joint_timelines
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def run(
         scene: Name of a shipped scene or path of a scene file.
         duration: Simulated time [s]; None: until one second after the last servo time, else as the scene says.
         servo: Angles over time [rad], `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`.
-        slide: Slide over time [m], or one number (see `parse_slide`).
+        slide: Slide over time [m], or one number (see `parse_slide`). Where neither is given, the scene's `motion`.
         overrides: Words `dotted.path=value`.
         out: File (`.npz`) for every step, see `tripod_sim.recording`; of the steps that were made, if the run breaks
             off.
@@ -72,6 +72,8 @@ def run(
         StepError: the simulation could not go on.
     """
     description = load_scene(scene, overrides)
+    if servo is not None or slide is not None:
+        description = replace(description, motion=None)  # the user's own takes its place
     servos, slides = _timelines(description, servo, slide)
     if duration is None:
         last = max([t.times[-1] for t in (servos, slides) if t is not None], default=0.0)
@@ -175,20 +177,16 @@ def _timelines(scene: Scene, servo: str | None, slide: str | None) -> tuple[Time
     for option, text in (("--servo", servo), ("--slide", slide)):
         if text is not None and not scene.servos:
             raise SceneError(f"{option}: scene {scene.name!r} has no servos")
-    servos = parse_timeline(servo, 3, "--servo") if servo is not None else None
-    slides = parse_slide(slide, servos) if slide is not None else None
-    if s := scene.servos:
-        if servos and not ((servos.values >= s.angle_min) & (servos.values <= s.angle_max)).all():
-            raise SceneError(
-                f"--servo: angles reach {servos.values.min():g} to {servos.values.max():g} rad; allowed is "
-                f"{s.angle_min:g} to {s.angle_max:g} rad"
+    if not scene.servos:
+        return None, None
+    if scene.motion:
+        try:
+            return joint_timelines(
+                scene.servos, scene.motion.servo, scene.motion.slide or None, ("motion.servo", "motion.slide")
             )
-        if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
-            raise SceneError(
-                f"--slide: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to "
-                f"{s.slide_max:g} m"
-            )
-    return servos, slides
+        except SceneError as error:
+            raise SceneError(f"{error}; give --servo, or --set motion=off") from None
+    return joint_timelines(scene.servos, servo, slide)
 
 
 def _starting(scene: Scene, servos: Timeline | None, slides: Timeline | None) -> Scene:

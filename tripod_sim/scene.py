@@ -10,7 +10,7 @@ from tripod_sim.tables.bodies import FixedBox, Material, Mesh, Obstacle, Rigid, 
 from tripod_sim.tables.fields import check_fields, number
 from tripod_sim.tables.method import Reduced, Solver, TimeError
 from tripod_sim.tables.motion import Contact, Damping, Gravity, Inertia, Sleep, StrainLimit
-from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, ServoDynamics, Servos
+from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, Motion, ServoDynamics, Servos
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class Scene:
         sleep: Effect: a body at rest is left alone; None is off.
         reduced: Effect: the reduced-order model; None is the full one.
         solver: Of each step.
+        motion: What `tripod run` does with the servos unless told; None: nothing.
     """
 
     name: str
@@ -58,6 +59,9 @@ class Scene:
     sleep: Sleep | None = None
     reduced: Reduced | None = None
     solver: Solver = field(default_factory=Solver)
+    motion: Motion | None = field(
+        default=None, repr=False
+    )  # no part of what is simulated, nor of a name for that
 
     def __post_init__(self) -> None:
         check_fields(self, "")
@@ -90,6 +94,9 @@ EFFECTS = (
     "reduced",
 )
 """Tables of a scene that may be absent."""
+
+OPTIONAL = (*EFFECTS, "motion")
+"""The same, with what is no effect."""
 
 
 def at_rest(scene: Scene) -> Scene:

@@ -12,7 +12,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from tripod_host.reading import read_file
 from tripod_sim.errors import LONGEST, SceneError, shown
-from tripod_sim.scene import EFFECTS, Scene
+from tripod_sim.scene import OPTIONAL, Scene
 
 MAX_BYTES = 100_000
 """A scene file larger than this is refused unread."""
@@ -163,7 +163,7 @@ def override(table: dict[str, Any], word: str) -> None:
 
 def _is_word(keys: list[str], word: str) -> bool:
     """Return whether the field that `keys` name takes `word` as a value of its own."""
-    if len(keys) != 2 or keys[0] not in EFFECTS:
+    if len(keys) != 2 or keys[0] not in OPTIONAL:
         return False
     kinds = [a for a in get_args(get_type_hints(Scene)[keys[0]]) if is_dataclass(a)]
     return any(
@@ -191,9 +191,9 @@ def _inside(node: Any, key: str, where: str) -> Any:
 
 def _remove(node: Any, key: str, keys: list[str]) -> None:
     """Switch an effect off, or one entry of an effect that is a list."""
-    if keys[0] not in EFFECTS or len(keys) > 2 or (len(keys) == 2 and not isinstance(node, list)):
+    if keys[0] not in OPTIONAL or len(keys) > 2 or (len(keys) == 2 and not isinstance(node, list)):
         raise SceneError(
-            f"override {'.'.join(keys)}=off: only an effect can be off; effects: {', '.join(EFFECTS)}"
+            f"override {'.'.join(keys)}=off: only an effect can be off; effects: {', '.join(OPTIONAL)}"
         )
     if isinstance(node, list):
         del node[_index(node, key, ".".join(keys))]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.errors import SceneError, shown
+from tripod_sim.tables.robot import Servos
 
 FloatArray = NDArray[np.float64]
 
@@ -73,7 +74,36 @@ def parse_timeline(text: str, width: int, what: str) -> Timeline:
     return Timeline(t, np.array(values))
 
 
-def parse_slide(text: str, servo: Timeline | None) -> Timeline:
+def joint_timelines(
+    servos: Servos, servo: str | None, slide: str | None, names: tuple[str, str] = ("--servo", "--slide")
+) -> tuple[Timeline | None, Timeline | None]:
+    """Return angles [rad] and slide [m] over time, None for what is not given.
+
+    Args:
+        servos: Whose limits they must keep.
+        servo, slide: As `parse_timeline` and `parse_slide` read them.
+        names: Of the two, for messages.
+
+    Raises:
+        SceneError: they cannot be read, or go beyond the limits.
+    """
+    angles = parse_timeline(servo, 3, names[0]) if servo is not None else None
+    slides = parse_slide(slide, angles, names[1]) if slide is not None else None
+    s = servos
+    if angles and not ((angles.values >= s.angle_min) & (angles.values <= s.angle_max)).all():
+        raise SceneError(
+            f"{names[0]}: angles reach {angles.values.min():g} to {angles.values.max():g} rad; allowed is "
+            f"{s.angle_min:g} to {s.angle_max:g} rad"
+        )
+    if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
+        raise SceneError(
+            f"{names[1]}: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to "
+            f"{s.slide_max:g} m"
+        )
+    return angles, slides
+
+
+def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Timeline:
     """Return the slide over time: a timeline, or one number [m].
 
     One number is reached in proportion with the servo timeline, from 0 at its first to the number at its last time: to
@@ -83,13 +113,13 @@ def parse_slide(text: str, servo: Timeline | None) -> Timeline:
         SceneError: neither a number nor a timeline.
     """
     if ":" in text:
-        return parse_timeline(text, 1, "--slide")
+        return parse_timeline(text, 1, what)
     try:
         value = float(text)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise SceneError(f"--slide {shown(text)} is neither a number [m] nor 'time: value; ...'")
+        raise SceneError(f"{what} {shown(text)} is neither a number [m] nor 'time: value; ...'")
     if servo is not None and len(servo.times) > 1:
         ends = servo.times[[0, -1]]
         return Timeline(ends, np.array([[0.0], [value]]))

@@ -44,13 +44,32 @@ def test_what_simulates_or_measures_counts(path: str, copy: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["study/plans/cloth.py", "study/result.py", "studies/cloth.json", "accuracy/choice.py"]
+    "path",
+    [
+        "study/plans/cloth.py",
+        "study/result.py",
+        "studies/cloth.json",
+        "accuracy/choice.py",
+        *module.CARRYING,
+    ],
 )
 def test_what_only_plans_or_reads_does_not_count(path: str, copy: Path) -> None:
     before = digest(simulating(copy))
     with (copy / path).open("ab") as file:
         file.write(b"\n")
     assert digest(simulating(copy)) == before
+
+
+@pytest.mark.parametrize("ending", ["", "\n[gravity]\nacceleration = [0.0, 0.0, -1.0]\n"])
+def test_the_motion_that_is_shown_does_not_count(ending: str, tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    digests = []
+    for motion in ("", '\n# about it\n[motion]\nservo = """\n0: 0,0,0;\n1: 0,0,1"""\n'):
+        scene.write_text(f"dt = 0.1\n\n# disc\n[effector]\n{motion}{ending}")
+        digests.append(digest({"scenes/scene.toml": scene}))
+    assert digests[0] == digests[1]
+    scene.write_text(scene.read_text().replace("0.1", "0.2"))
+    assert digest({"scenes/scene.toml": scene}) != digests[0]
 
 
 def test_a_study_of_another_package_counts_that_package_too(

@@ -135,8 +135,7 @@ def test_another_input_gives_other_bits(recorded, tmp_path: Path) -> None:
 def test_the_recording_names_the_scene_with_all_its_values(recorded, tmp_path: Path) -> None:
     path = tmp_path / "again.toml"
     path.write_text(str(recorded[1]["scene"]))
-    servos = replace(load_scene("tripod").servos, angles=(0.0, 0.0, 0.0), slide=0.0)
-    assert load_scene(path) == replace(load_scene("tripod", COARSE), servos=servos)
+    assert load_scene(path) == load_scene("tripod", [*COARSE, "motion=off"])
 
 
 def test_a_recording_changes_nothing(recorded) -> None:
@@ -168,7 +167,9 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
 
 def steps(**options: Any) -> int:
     """Return how many steps a run makes, at a step so long that they are few."""
-    return run("tripod", **{"overrides": [*COARSE, "dt=0.1", "duration=0.3"], **options})["steps"]
+    return run("tripod", **{"overrides": [*COARSE, "motion=off", "dt=0.1", "duration=0.3"], **options})[
+        "steps"
+    ]
 
 
 def test_the_duration_is_what_is_asked_or_a_second_after_the_last_command_or_the_scenes() -> None:
@@ -321,3 +322,90 @@ def test_a_static_run_counts_the_increments_of_its_load() -> None:
     assert result["increments"] > 5
     assert result["newton_iterations"] == result["increments"]
     assert run("tripod", duration=0.01, overrides=COARSE)["increments"] == 0
+
+
+STILL = {"stack": "it stands"}
+"""Scenes whose point is that nothing moves."""
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_shipped_scene_shows_its_point_by_itself(name: str) -> None:
+    """Something moves by a tenth of the body's size in the first second."""
+    coarse = ["mesh.level=5"] if name == "tripod_sofa" else COARSE if load_scene(name).mesh else []
+    coarse += ["springs.nodes=8"] if name == "cloth" else []
+    kept: list[Any] = []
+    duration = 0.4 if name in ("drape", "drape_cubes") else 1.0
+    run(name, duration=duration, overrides=coarse, recorded=kept.append)
+    arrays = kept[0].arrays()
+    first = arrays["positions"][0]
+    size = float(np.linalg.norm(np.ptp(first, axis=0)))
+    moves = np.abs(arrays["positions"] - first).max()
+    if "ball" in arrays:
+        moves = max(moves, np.ptp(arrays["ball"][:, :3], axis=0).max())
+    if name in STILL:
+        assert moves < 0.02 * size
+    else:
+        assert moves > 0.1 * size
+
+
+def test_a_servo_timeline_takes_the_place_of_the_scenes_motion(tmp_path: Path) -> None:
+    def angles(**options: Any) -> np.ndarray:
+        run(
+            "tripod",
+            duration=0.1,
+            overrides=options.pop("overrides", COARSE),
+            out=tmp_path / "run.npz",
+            **options,
+        )
+        with np.load(tmp_path / "run.npz") as arrays:
+            assert ("[motion]" in str(arrays["scene"])) == (not options and bool(arrays["angles"].any()))
+            return np.asarray(arrays["angles"][-1])
+
+    assert angles() == pytest.approx(3 * [-1.4965 / 8])
+    assert angles(servo="0:0,0,0; 0.1:0,0,-0.3") == pytest.approx([0, 0, -0.3])
+    assert not angles(slide="0:0; 0.1:0.001").any()
+    assert not angles(overrides=[*COARSE, "motion=off"]).any()
+    assert angles(
+        overrides=[*COARSE, 'motion.servo="0:0,0,0; 0.1:0,0,-0.2"', 'motion.slide="0"']
+    ) == pytest.approx([0, 0, -0.2])
+
+
+def test_only_a_run_takes_notice_of_the_motion() -> None:
+    moved = load_scene("tripod", COARSE)
+    assert moved.motion
+    states = []
+    for scene in (moved, replace(moved, motion=None)):
+        simulation = run_module.Simulation(scene)
+        simulation.advance(5)
+        states.append(simulation.state)
+    assert not states[0].joints.any()
+    np.testing.assert_array_equal(states[0].positions, states[1].positions)
+    assert repr(moved) == repr(replace(moved, motion=None)), "names of stored things do not change with it"
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        (
+            'motion.servo="0:0,0"',
+            "motion.servo: '0:0,0' is not 'time: value, ...' with 3 finite values; give --servo",
+        ),
+        (
+            'motion.servo="0:0,0,9"',
+            "motion.servo: angles reach 0 to 9 rad; allowed is -2.1 to 0.6 rad; give --servo",
+        ),
+        (
+            'motion.slide="far"',
+            "motion.slide 'far' is neither a number [m] nor 'time: value; ...'; give --servo",
+        ),
+        ("servos.angle_min=-1.5", "allowed is -1.5 to 0.6 rad; give --servo, or --set motion=off"),
+    ],
+)
+def test_a_motion_that_cannot_be_is_refused_by_a_run_and_by_nothing_else(override: str, message: str) -> None:
+    assert message in refusal(overrides=[override])
+    assert load_scene("tripod", [override]).motion
+
+
+def test_a_scene_without_its_servos_runs_without_its_motion() -> None:
+    words = ["servos=off", "fixed=[{low=[0.045,-1,-1],high=[1,1,1]}]", *COARSE]
+    assert run("tripod", duration=0.01, overrides=words)["steps"] == 2

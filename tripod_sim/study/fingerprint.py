@@ -1,6 +1,7 @@
 """Which code points were measured with: physics that changed must not be mixed with what was measured before."""
 
 import hashlib
+import re
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,6 +13,15 @@ SUFFIXES = (".py", ".toml", ".obj", ".txt")
 
 PASSIVE = ("accuracy", "explain", "figures", "studies", "study")
 """Folders of tripod_sim that simulate nothing."""
+
+CARRYING = (
+    "description.py", "markers.py", "messages.py", "node.py", "realtime.py", "recording.py", "run.py", "timeline.py",
+    "transforms.py",
+)  # fmt: skip
+"""Files of tripod_sim that carry a simulation to people, files and ROS."""
+
+SHOWN = re.compile(rb"\n(#[^\n]*\n)*\[motion\]\n.*?(?=\n(#[^\n]*\n)*\[|\Z)", re.DOTALL)
+"""Of a scene: what only `tripod run` does with it."""
 
 MEASURING = ("study/motion.py", "study/task.py")
 """Files of these that do have a part in what a point shows."""
@@ -43,7 +53,7 @@ def simulating(folder: Path) -> dict[str, Path]:
     return {
         name: path
         for name, path in sources(folder).items()
-        if name in MEASURING or name.partition("/")[0] not in PASSIVE
+        if name in MEASURING or (name.partition("/")[0] not in PASSIVE and name not in CARRYING)
     }
 
 
@@ -61,5 +71,6 @@ def digest(files: dict[str, Path]) -> str:
     made = hashlib.sha256()
     for name in sorted(files):
         text = files[name].read_bytes().replace(b"\r\n", b"\n")
+        text = SHOWN.sub(b"", text) if name.endswith(".toml") else text
         made.update(f"{name}\0{hashlib.sha256(text).hexdigest()}\n".encode())
     return made.hexdigest()[:16]

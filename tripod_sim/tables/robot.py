@@ -31,6 +31,20 @@ class Servos:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """What `tripod run` asks of the servos, if there are any, unless it is told something else: shows what the scene is
+    about. No effect: nodes, studies and `Simulation` itself take no notice.
+
+    Attributes:
+        servo: Angles over time [s], [rad]: `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`.
+        slide: Slide over time [s], [m], `0:0; 1:0.035`, or one number; empty: as at the start.
+    """
+
+    servo: str
+    slide: str = ""
+
+
+@dataclass(frozen=True)
 class ServoDynamics:
     """Real servos of the S90 class, as data sheets and shops describe them; without it angles are ideal.
 
