@@ -25,7 +25,7 @@ ARGUMENTS = (
     ("autostart", "true", "Whether the driver configures and activates itself"),
     ("record", "", "Directory of recordings; nothing is recorded if empty"),
     ("params_file", "", "Parameters of all nodes, such as config/tripod.yaml of this package"),
-    ("use_sim_time", "false", "Whether the nodes take the time from /clock"),
+    ("use_sim_time", "false", "Whether the nodes take the time from /clock, which the simulator publishes"),
     ("rviz", "false", "Whether RViz shows the simulated robot"),
     ("foxglove", "false", "Whether foxglove_bridge serves Foxglove"),
 )
@@ -43,7 +43,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     config = [FindPackageShare("tripod"), "config"]
     rviz = ["-d", PathJoinSubstitution([*config, "tripod.rviz"])]
     return [
-        node("sim", given, {"scene": given["scene"]}),
+        node("sim", given, {"scene": given["scene"]}, clock=given["use_sim_time"] == "true"),
         node("ik", given, {}),
         node("view", given, {}),
         LifecycleNode(
@@ -75,7 +75,9 @@ def nodes(context: LaunchContext) -> list[Node]:
     ]
 
 
-def node(name: str, given: Mapping[str, str], values: Mapping[str, str], *, wanted: str = "") -> Node:
+def node(
+    name: str, given: Mapping[str, str], values: Mapping[str, str], *, wanted: str = "", clock: bool = False
+) -> Node:
     """Return the node `name` of this package; it runs if `wanted`, by default the argument of its name, says so."""
     return Node(
         package="tripod",
@@ -83,7 +85,7 @@ def node(name: str, given: Mapping[str, str], values: Mapping[str, str], *, want
         name=name,
         namespace=given["namespace"],
         output="screen",
-        parameters=parameters(given, values),
+        parameters=parameters(given, values, **({"publish_clock": True} if clock else {})),
         condition=IfCondition(wanted or given[name]),
     )
 

@@ -37,7 +37,7 @@ ROS_EDGE = {
         "timers",
         "trajectory",
     },
-    "tripod_sim": {"node", "messages", "markers", "standard_services", "teller", "transforms"},
+    "tripod_sim": {"node", "messages", "markers", "simulated_clock", "standard_services", "teller", "transforms"},
     "tripod_ik": {"node", "messages", "settings"},
     "tripod_driver": {"node", "messages", "settings"},
     "tripod_teleop": {"node"},

@@ -115,8 +115,11 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
     """Return what to start, in order: the recorder sees all, the driver moves last."""
     place = [] if options.namespace == "/" else [f"__ns:={options.namespace}"]
 
+    simulated = str(options.values.get("sim", {}).get("publish_clock", "")).lower() == "true"
+
     def spec(name: str, values: Mapping[str, object], **more: object) -> ProcessSpec:
-        given = {**values, **options.values.get(name, {})}
+        asked = options.values.get(name, {})
+        given = {**values, **({"use_sim_time": True} if name != "sim" and simulated else {}), **asked}
         arguments = [*place, *node_arguments(given), *(["--subnet"] if options.subnet else [])]
         return ProcessSpec(name, f"tripod_{name}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
 

@@ -23,6 +23,7 @@ from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion
 from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision
+from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
 from tripod_graph.qos import RELIABLE, SENSOR
 from tripod_graph.run import run_node
@@ -39,6 +40,9 @@ SOON = 0.003
 """A new command is looked at after this time [s], when it asks for a change, not only at the next packet's turn."""
 
 
+STALLED = "holding: /clock stands still, and use_sim_time is true; start what publishes it"
+
+
 class DriverNode(LifecycleNode):
     """Feeds `Driver` from the graph and publishes what it sends; the rules are there."""
 
@@ -47,6 +51,8 @@ class DriverNode(LifecycleNode):
         values = declare(self, PARAMETERS, self._adopt)
         self._driver = make_driver(values)
         self._safety = self._driver.safety
+        self._clock_of_motion = MotionClock(self)
+        self._safety.moment = self._clock_of_motion.at
         self._park_time_max = values["park_time_max"]
         self._shown: tuple[Any, ...] = ()
         self._logged: State | None = None
@@ -153,6 +159,9 @@ class DriverNode(LifecycleNode):
 
     def _on_timer(self) -> None:
         now = time.monotonic()
+        self._clock_of_motion.at(now)
+        if self._clock_of_motion.stalled:
+            self._safety.interrupt(now, STALLED)
         if self._driver.tick(now):
             self._publish_joint_states(self._driver.sent)
         elif self._driver.too_early(now) and self._soon.is_canceled():

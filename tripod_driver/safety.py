@@ -1,6 +1,6 @@
 """What may reach the servos, and when: a state machine without port, clock or thread; the caller gives the time."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import IntEnum
 from typing import Final
@@ -59,6 +59,7 @@ class Safety:
     Attributes:
         authority: Who is in charge.
         range: What is sent: commands beyond are followed to the nearest within.
+        moment: Gives the time by which trajectories pass [s] for a steady time [s]; see `MotionClock`.
         rejected: Messages refused.
         last_rejection: Why the newest of them was refused.
     """
@@ -91,6 +92,7 @@ class Safety:
                 raise CommandError(f"{name} may be sent {safe}, which is nowhere within {asked}")
         self.range = limits.within(lower, upper, [limits.angle_speed] * COUNT)
         self.rejected, self.last_rejection = 0, ""
+        self.moment: Callable[[float], float] = lambda now: now
         self._limits = limits
         joints = None if start is None else [*start, limits.park[COUNT]]
         self._follower = CommandFollower(limits, joints, longest_step=PULSE_PERIOD)
@@ -142,7 +144,7 @@ class Safety:
 
     def motion(self, now: float) -> Motion:
         """Return what it does at `now` [s], for who waits for the end of a trajectory."""
-        found = motion_of(self._follower, self.place, now, self.message or self.authority.in_force)
+        found = motion_of(self._follower, self.place, self.moment(now), self.message or self.authority.in_force)
         return found if self.listens else replace(found, trajectory=None)
 
     @property
@@ -206,7 +208,7 @@ class Safety:
         parked = np.allclose(joints, self._limits.park, rtol=0, atol=np.radians(0.5))
         if not (parked and self._follower.activity is Activity.PARKED):
             self._follower = CommandFollower(self._limits, joints.tolist(), longest_step=PULSE_PERIOD)
-            self._follower.stop(now)
+            self._follower.stop(self.moment(now))
 
     def moved(self, angles: Sequence[float]) -> None:
         """Somebody else has moved the servos to `angles` [rad], shape (3,): what is sent goes on from there."""
@@ -231,7 +233,7 @@ class Safety:
         """
         if self._active and (self._notice or self._follower.activity is Activity.ACTIVE):
             self._notice = why
-        self._follower.rest(now)
+        self._follower.rest(self.moment(now))
 
     # the operator ---------------------------------------------------------------------------------------------
 
@@ -239,7 +241,7 @@ class Safety:
         """Allow motion; nothing is sent before a command, except to go on holding what the board holds."""
         self._active = True
         self._ignored = 0
-        self._follower.rest(now)
+        self._follower.rest(self.moment(now))
 
     def deactivate(self) -> None:
         """Give no more angles."""
@@ -269,7 +271,9 @@ class Safety:
             self._follower.check(names, times, positions, velocities=velocities, age=age)
             self._ignored += 1
         else:
-            self._follower.accept(names, times, positions, now, velocities=velocities, age=age)
+            self._follower.accept(
+                names, times, positions, self.moment(now), velocities=velocities, age=age
+            )
             self._notice, self._asked = "", True
         return why
 
@@ -285,7 +289,7 @@ class Safety:
         if self.authority.lapse(now):
             self._obey(now)
         if self._follower.activity is Activity.ACTIVE and not self.authority.is_fed(now):
-            self._follower.stop(now)
+            self._follower.stop(self.moment(now))
 
     def _obey(self, now: float) -> None:
         """Hold, because something else is in force now: nothing of another decision's trajectory goes on."""
@@ -295,7 +299,7 @@ class Safety:
         if self.authority.mode is Mode.STOP:
             self._stop(now)
         else:
-            self._follower.rest(now)
+            self._follower.rest(self.moment(now))
 
     def halt(self, now: float) -> None:
         """Hold at once and ignore commands until the control mode changes."""
@@ -305,7 +309,7 @@ class Safety:
     def park(self, now: float) -> None:
         """Move to the park position now and ignore commands; `at_rest` tells when it is there."""
         self._follow_from_here(replace(self._limits, park_after=0.0))
-        self._follower.setpoint(now)
+        self._follower.setpoint(self.moment(now))
         self._halted = True
 
     # the output -----------------------------------------------------------------------------------------------
@@ -316,7 +320,7 @@ class Safety:
             return None
         dt = 0.0 if self._moved_at is None else min(max(0.0, now - self._moved_at), PULSE_PERIOD)
         self._moved_at = now if self._moved_at is None else max(now, self._moved_at)
-        asked = np.clip(self._follower.setpoint(now)[:COUNT], self._lower, self._upper)
+        asked = np.clip(self._follower.setpoint(self.moment(now))[:COUNT], self._lower, self._upper)
         if self._follower.activity is not Activity.HOLDING:  # that is to stay, also outside of the range
             step = dt * (min(CREEP, self._limits.angle_speed) if self._creeping else self._limits.angle_speed)
             self._output = self._output + np.clip(asked - self._output, -step, step)
@@ -333,14 +337,14 @@ class Safety:
         if self._board is State.FAULT:
             return
         if self._board is State.READY:
-            self._follower.rest(now)
+            self._follower.rest(self.moment(now))
         self._board, self._trouble, self._asked = board, why, False
 
     def _stop(self, now: float) -> None:
         """Hold where the joints are, also after `park`."""
         if self._follower.limits is not self._limits:
             self._follow_from_here(self._limits)
-        self._follower.stop(now)
+        self._follower.stop(self.moment(now))
 
     def _follow_from_here(self, limits: CommandLimits) -> None:
         joints = [float(value) for value in self._follower.joints]

@@ -102,8 +102,9 @@ class FollowAction:
             return
         if self._goal is not None:
             self._end(self._goal.handle, Outcome.INVALID_GOAL, "preempted by a newer goal")
-        end = command.now - command.age + command.times[-1]
-        self._goal = _Goal(handle, self._motion().trajectory, tolerance, end)
+        motion = self._motion()
+        end = motion.now - command.age + command.times[-1]
+        self._goal = _Goal(handle, motion.trajectory, tolerance, end)
         self._timer.reset()
 
     def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:

@@ -34,6 +34,7 @@ ROBOT_IMU: Final = "robot/imu"
 ROBOT_EFFECTOR_POSE: Final = "robot/effector_pose"
 DIAGNOSTICS: Final = "/diagnostics"
 ROBOT_DESCRIPTION: Final = "robot_description"
+CLOCK: Final = "/clock"
 TF: Final = "/tf"
 TF_STATIC: Final = "/tf_static"
 

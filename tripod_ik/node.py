@@ -28,6 +28,7 @@ from tripod_graph import names
 from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.mode import Decision, Mode, ModeTracker
+from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.range import RangeWatch
@@ -96,6 +97,7 @@ class IkNode(Node):
         elif values["feedback"] == "imu":
             self.create_subscription(Imu, names.ROBOT_IMU, self._on_imu, SENSOR)
         self._simulator_at = time.monotonic()
+        self._motion = MotionClock(self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH, self._on_timer, clock=steady)
         self._own_timer = self.create_timer(1.0 / values["own_model_rate"], self._on_own_timer, clock=steady)
@@ -165,7 +167,7 @@ class IkNode(Node):
             return
         position, normal = target
         followed = None if self._tracker.settings.goal is Goal.POSITION else normal
-        self._tracker.aim(position, followed, time.monotonic())
+        self._tracker.aim(position, followed, self._motion.at(time.monotonic()))
 
     def _on_robot_status(self, message: Any) -> None:
         if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
@@ -209,7 +211,7 @@ class IkNode(Node):
         """Correct the model by what is measured; while nothing is commanded there is nothing to correct."""
         normal = quaternion_matrix(unit_quaternion("measured orientation", quaternion))[:, 2]
         if self._authority.mode is Mode.IK and self._tracker.correction:
-            self._tracker.correction.measure(position, normal, time.monotonic())
+            self._tracker.correction.measure(position, normal, self._motion.at(time.monotonic()))
             self._feedback_at = time.monotonic()
 
     def _on_own_timer(self) -> None:
@@ -247,7 +249,7 @@ class IkNode(Node):
             self._tracker.start()
         self._received = now
         begin = time.perf_counter()
-        step = self._tracker.update(state, now)
+        step = self._tracker.update(state, self._motion.at(now))
         duration = time.perf_counter() - begin
         self._solves += 1
         if step.result.ok:

@@ -17,6 +17,7 @@ from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
+from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
 from tripod_graph.qos import RELIABLE
 from tripod_graph.source import name_of, new_source
@@ -43,6 +44,7 @@ class PlayNode(Node):
         declare(self, ())
         self.done = ""
         self._mandate = Mandate(new_source(name, self.get_namespace()))
+        self._motion = MotionClock(self)
         self._position: FloatArray | None = None
         self._rotation = np.eye(3)
         self._targets = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
@@ -108,12 +110,13 @@ class PathNode(PlayNode):
     """Plays key points, at the pace of a servo path."""
 
     def __init__(self, points: KeyPoints, path: ServoPath) -> None:
-        self._points, self._path, self._begun = points, path, -1.0
+        self._points, self._path = points, path
+        self._begun: float | None = None
         super().__init__("path")
 
     def _play(self, rest: FloatArray) -> None:
-        now = time.monotonic()
-        if self._begun < 0:
+        now = self._motion.at(time.monotonic())
+        if self._begun is None:
             self._begun = now
         passed = now - self._begun
         value = self._points.at(float(np.interp(passed, self._path.times, self._path.file_times)))

@@ -30,6 +30,7 @@ from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion, motion_of
 from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
 from tripod_graph.mode import Decision, Mode, ModeTracker
+from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import KEPT, LATCHED, RELIABLE, SENSOR
 from tripod_graph.range import Fence, RangeWatch, cut
@@ -45,6 +46,7 @@ from tripod_sim.requests import Request, changed
 from tripod_sim.rerun import Rerun
 from tripod_sim.scene import EFFECTS, Scene
 from tripod_sim.scene_file import load_scene, scene_to_toml
+from tripod_sim.simulated_clock import SimulatedClock
 from tripod_sim.simulation import Simulation
 from tripod_sim.standard_services import StandardServices
 from tripod_sim.teller import Teller
@@ -87,6 +89,11 @@ PARAMETERS: tuple[Parameter, ...] = (
         low=0.1,
         high=1000.0,
         dynamic=True,
+    ),
+    Parameter(
+        "publish_clock",
+        False,
+        "Publish simulated time on /clock and command, stamp and move by it; the others take use_sim_time:=true",
     ),
     Parameter("frame_prefix", "", "Stands before every frame on /tf but `world`: two robots have two"),
     *LIMIT_PARAMETERS,
@@ -135,6 +142,8 @@ class SimNode(Node):
         self._ball_radius = ball.radius if ball else None
         self._scene_markers = SceneMarkers(simulation.skin, self._maze_mesh, self._ball_radius)
         self._lock = threading.Lock()
+        self._simulated = SimulatedClock(self, scene.dt) if values["publish_clock"] else None
+        self._clock_of_motion = MotionClock(self)
         self._authority = ModeTracker()
         self._limits = _within_scene(limits_from(values), scene)
         self._range = RangeWatch(self._limits)
@@ -151,6 +160,7 @@ class SimNode(Node):
             simulation,
             self._setpoint if rerun is None else self._recorded,
             rate=rate,
+            stamp=self._stamp,
             compliance_period=1 / values["compliance_rate"],
             on_snapshot=self._on_snapshot,
             on_reset=self._on_start_state,
@@ -268,14 +278,26 @@ class SimNode(Node):
     # physics thread -------------------------------------------------------------------------------------------
 
     def _setpoint(self, now: float) -> FloatArray | None:
+        if self._simulated:
+            self._simulated.pass_by()
         if not self._scene.servos:
             return None
         with self._lock:
             self._look(now)
-            return self._fence.nearest(self._follower.setpoint(now), self._range.limits, now)
+            moment = self._moment(now)
+            return self._fence.nearest(self._follower.setpoint(moment), self._range.limits, moment)
+
+    def _moment(self, now: float) -> float:
+        """Return the time by which commands move the joints [s] at the steady time `now` [s]."""
+        return self._simulated.elapsed if self._simulated else self._clock_of_motion.at(now)
+
+    def _stamp(self) -> int:
+        return self._simulated.stamp if self._simulated else int(self.get_clock().now().nanoseconds)
 
     def _recorded(self, _: float) -> FloatArray | None:
         assert self._rerun
+        if self._simulated:
+            self._simulated.pass_by()
         return self._rerun.joints()
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
@@ -327,7 +349,7 @@ class SimNode(Node):
                 command.names,
                 command.times,
                 command.positions,
-                command.now,
+                self._moment(command.now),
                 velocities=command.velocities,
                 age=command.age,
             )
@@ -335,12 +357,12 @@ class SimNode(Node):
 
     def _motion(self) -> Motion:
         with self._lock:
-            here, now = self._physics.latest.joints, time.monotonic()
+            here, now = self._physics.latest.joints, self._moment(time.monotonic())
             return motion_of(self._follower, here, now, self._physics.failure or self._authority.in_force)
 
     def _hold(self) -> None:
         with self._lock:
-            self._follower.stop(time.monotonic())
+            self._follower.stop(self._moment(time.monotonic()))
 
     def _on_robot_status(self, message: RobotStatus) -> None:
         with self._lock:
@@ -362,14 +384,14 @@ class SimNode(Node):
         if self._authority.lapse(now):
             self._obey(now)
         if self._follower.activity is Activity.ACTIVE and not self._authority.is_fed(now):
-            self._follower.stop(now)
+            self._follower.stop(self._moment(now))
 
     def _obey(self, now: float) -> None:
         """Hold, as the driver does, because something else is in force now."""
         if self._authority.mode is Mode.STOP:
-            self._follower.stop(now)
+            self._follower.stop(self._moment(now))
         else:
-            self._follower.rest(now)
+            self._follower.rest(self._moment(now))
 
     def _refuse(self, error: ValueError) -> None:
         self._refused += 1
@@ -469,7 +491,7 @@ class SimNode(Node):
             f"{self._physics.failure}; call sim/reset" if self._physics.failure else self._notices(snapshot)
         )
         return SimStatus(
-            header=messages.header(time.time_ns()), state=self._state(), message=message, scene=self._scene.name, dt=dt,
+            header=messages.header(self._stamp()), state=self._state(), message=message, scene=self._scene.name, dt=dt,
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
             capacity=dt / speed.median if speed.median else 0.0, step_time_median=speed.median,
             step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings, parts=report.parts,

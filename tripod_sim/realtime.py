@@ -43,7 +43,7 @@ class Snapshot:
     """The state after one step, never changed once made.
 
     Attributes:
-        stamp: Wall clock [ns since the epoch].
+        stamp: When it was made [ns since the epoch].
         step, time: Completed steps and simulated time [s] since the last reset.
         positions: [m], shape (n, 3).
         joints: Angles [rad] and slide [m], shape (s + 1,).
@@ -107,6 +107,7 @@ class RealTime(threading.Thread):
         command: Callable[[float], FloatArray | None],
         *,
         rate: float = 1.0,
+        stamp: Callable[[], int] = clock.time_ns,
         compliance_period: float = 0.02,
         on_snapshot: Callable[[Snapshot], None] | None = None,
         on_reset: Callable[[], None] | None = None,
@@ -118,13 +119,14 @@ class RealTime(threading.Thread):
             command: Gives the joints (s + 1,) for the steady time [s] of a step, or raises `Ended`; called in the
                 thread.
             rate: Simulated time over wall time; infinite: as fast as it can.
+            stamp: Gives the stamp of a state when that is made [ns].
             compliance_period: Shortest time between two compliances [s].
             on_snapshot: Called in the thread after each step; it must be short.
             on_reset: Called in the thread when the simulation is back in its start state, before its next step.
         """
         super().__init__(name="physics", daemon=True)
         self._simulation, self._command = simulation, command
-        self._on_snapshot, self._on_reset = on_snapshot, on_reset
+        self._on_snapshot, self._on_reset, self._stamp = on_snapshot, on_reset, stamp
         dt = simulation.scene.dt
         self._period = dt / rate
         self.compliance_period = compliance_period
@@ -260,7 +262,7 @@ class RealTime(threading.Thread):
             except StepError:
                 answer = None  # singular just here; the next one follows
         return Snapshot(
-            clock.time_ns(), state.step, state.time, simulation.positions.copy(), state.joints.copy(),
+            self._stamp(), state.step, state.time, simulation.positions.copy(), state.joints.copy(),
             simulation.torques.copy(), simulation.effector, answer, simulation.report, simulation.energies(),
             simulation.ball, simulation.ball_event, simulation.left_out if self.want_compliance else (),
         )  # fmt: skip

@@ -328,3 +328,24 @@ def test_adopting_other_limits_does_not_end_parking() -> None:
     safety.halt(3.0)  # which ends it
     assert run(safety, 3.0, 0.5) == pytest.approx(np.tile([-0.2] * 3, (25, 1)), abs=1e-9)
     assert safety.state is State.HOLDING
+
+
+def test_a_motion_is_as_slow_as_the_clock_by_which_it_passes_and_safety_is_not() -> None:
+    slow, plain = ready(make()), ready(make())
+    slow.moment = lambda now: 0.25 * now
+    for safety in (slow, plain):
+        goto(safety, [-1.5] * 3, 0.0, time=1.0)
+    quarter, whole = run(slow, 0.0, 2.0), run(plain, 0.0, 0.5)
+    np.testing.assert_allclose(quarter[-1], whole[-1], atol=0.02)
+    slow.control_mode(said(Mode.STOP, 2.0), 2.0, 2.0)
+    held = run(slow, 2.0, 0.5)
+    assert (held == held[0]).all()
+
+
+def test_a_motion_by_a_fast_clock_keeps_the_slew_rate_of_the_servos() -> None:
+    safety = ready(make())
+    safety.moment = lambda now: 8.0 * now
+    goto(safety, [-1.5] * 3, 0.0, time=4.0)
+    way = np.vstack([START, run(safety, 0.0, 1.0)])
+    assert np.abs(np.diff(way, axis=0)).max() <= LIMITS.angle_speed * PERIOD + 1e-9
+    assert way.min() < -1.2  # on its way as fast as it may
