@@ -10,12 +10,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from tripod_msgs.msg import RobotStatus
 
+from tripod_driver.calibration_file import calibration_text
 from tripod_driver.messages import imu_message, status_message
 from tripod_driver.safety import State
-from tripod_driver.settings import PARAMETERS, make_driver
+from tripod_driver.settings import PARAMETERS, chosen_calibration, make_driver
 from tripod_graph import names
 from tripod_graph.control_mode import authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
@@ -25,7 +27,7 @@ from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
-from tripod_graph.qos import RELIABLE, SENSOR
+from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
@@ -63,6 +65,8 @@ class DriverNode(LifecycleNode):
         topics = (names.ROBOT_JOINT_STATES, *([names.JOINT_STATES] if values["joint_states"] else []))
         self._joint_states = [self.create_publisher(JointState, topic, RELIABLE) for topic in topics]
         self._status = self.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+        self._calibration = self.create_publisher(String, names.CALIBRATION, LATCHED)
+        self._calibration.publish(String(data=calibration_text(chosen_calibration(values))))
         self._imu: Publisher | None = None  # until the board has told of one
         listen(self, self._on_decision)
         obey(self, self._follow, self._refuse)

@@ -86,7 +86,7 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
         )
     if 0 < values["baud"] < SLOWEST:
         raise ValueError(f"parameter 'baud' is {values['baud']}; allowed: 0 or at least {SLOWEST}")
-    calibration = read_calibration(Path(values["calibration"])) if values["calibration"] else Calibration()
+    calibration = chosen_calibration(values)
     mapping = AngleMapping(values["angle_mapping"])
     sessions = choose_sessions(values["protocol"], mapping, calibration, start=start or None)
     port = choose_port(
@@ -106,3 +106,8 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
         period=1.0 / values["rate"],
         memory=memory,
     )
+
+
+def chosen_calibration(values: Mapping[str, Any]) -> Calibration:
+    """Return the calibration in the file that the parameters name, else the workshop's. Raises CalibrationError."""
+    return read_calibration(Path(values["calibration"])) if values["calibration"] else Calibration()

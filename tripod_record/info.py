@@ -52,6 +52,7 @@ class BagInfo:
         end: Stamp of the last message [ns since 1970]; None without messages.
         messages: How many there are.
         topics: Sorted by name.
+        attachments: Names of files that are attached, sorted.
         truncated: Why the end is missing, empty if it is not.
         damage: What could not be read.
     """
@@ -67,6 +68,7 @@ class BagInfo:
     topics: tuple[TopicInfo, ...]
     truncated: str
     damage: tuple[str, ...]
+    attachments: tuple[str, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -107,6 +109,7 @@ def read_info(path: Path, *, check: bool = False) -> BagInfo:
     tally = _Tally({}, {})
     damage: list[str] = []
     compressions: set[str] = set()
+    attachments: set[str] = set()
     truncated, library, size = "", "", 0
     for file in files:
         summary = read_summary(file)
@@ -122,6 +125,7 @@ def read_info(path: Path, *, check: bool = False) -> BagInfo:
         damage += reader.damage
         truncated = truncated or reader.truncated
         compressions |= reader.compressions
+        attachments |= reader.attachments
         library = library or reader.library
         size += file.stat().st_size
     length = 0.0 if tally.start is None or tally.end is None else (tally.end - tally.start) / 1e9
@@ -141,6 +145,7 @@ def read_info(path: Path, *, check: bool = False) -> BagInfo:
         topics=topics,
         truncated=truncated,
         damage=tuple(damage),
+        attachments=tuple(sorted(attachments)),
     )
 
 
@@ -191,6 +196,8 @@ def info_text(info: BagInfo) -> str:
         lines.append(f"end        {_date(info.end)}")
     lines.append(f"duration   {info.duration:.3f} s")
     lines.append(f"messages   {info.messages}")
+    if info.attachments:
+        lines.append(f"attached   {printable(', '.join(info.attachments))}")
     if info.truncated:
         lines.append(f"TRUNCATED  {printable(info.truncated)}")
     lines += [f"DAMAGED    {printable(d)}" for d in info.damage]

@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from tripod_record.topic import Topic, qos_yaml
 
@@ -11,21 +12,39 @@ NO_TIME = 2**63 - 1
 """Start of a recording without messages [ns]."""
 
 
-def information_yaml(
-    file: str, topics: Sequence[tuple[Topic, int]], start: int | None, end: int | None
-) -> str:
-    """Return rosbag2's description of a recording of one mcap file.
+@dataclass(frozen=True)
+class Part:
+    """One file of a recording.
 
-    Args:
-        file: Name of the mcap file.
-        topics: Topics with their numbers of messages.
+    Attributes:
+        file: Its name.
+        messages: How many it has.
         start: Stamp of the first message [ns since 1970]; None without messages.
         end: Stamp of the last message [ns since 1970]; None without messages.
     """
-    first = NO_TIME if start is None else start
-    duration = 0 if start is None or end is None else end - start
+
+    file: str
+    messages: int
+    start: int | None
+    end: int | None
+
+    @property
+    def span(self) -> str:
+        """Return rosbag2's words for its time."""
+        return _span(self.start, self.end)
+
+
+def information_yaml(parts: Sequence[Part], topics: Sequence[tuple[Topic, int]]) -> str:
+    """Return rosbag2's description of a recording: its files in their order, topics with their numbers of messages."""
     count = sum(n for _, n in topics)
-    span = f"duration:\n  nanoseconds: {duration}\nstarting_time:\n  nanoseconds_since_epoch: {first}\n"
+    span = _span(
+        next((p.start for p in parts if p.start is not None), None),
+        next((p.end for p in reversed(parts) if p.end is not None), None),
+    )
+    files = "".join(
+        f"  - path: {_quoted(p.file)}\n{textwrap.indent(p.span, '    ')}    message_count: {p.messages}\n"
+        for p in parts
+    )
     return (
         f"version: {VERSION}\n"
         "storage_identifier: mcap\n"
@@ -34,13 +53,16 @@ def information_yaml(
         f"{_topics_yaml(topics)}"
         'compression_format: ""\n'
         'compression_mode: ""\n'
-        f"relative_file_paths:\n  - {_quoted(file)}\n"
-        f"files:\n  - path: {_quoted(file)}\n"
-        f"{textwrap.indent(span, '    ')}"
-        f"    message_count: {count}\n"
+        "relative_file_paths:\n" + "".join(f"  - {_quoted(p.file)}\n" for p in parts) + f"files:\n{files}"
         "custom_data: ~\n"
         f"ros_distro: {DISTRO}\n"
     )
+
+
+def _span(start: int | None, end: int | None) -> str:
+    first = NO_TIME if start is None else start
+    duration = 0 if start is None or end is None else end - start
+    return f"duration:\n  nanoseconds: {duration}\nstarting_time:\n  nanoseconds_since_epoch: {first}\n"
 
 
 def metadata_yaml(information: str) -> str:

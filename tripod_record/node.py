@@ -15,12 +15,15 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from tripod_graph import names
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.names import MARKERS, POINT_CLOUD, RECORD_START, RECORD_STOP
+from tripod_graph.names import MARKERS, POINT_CLOUD
 from tripod_graph.parameters import Parameter, declare
 from tripod_graph.run import FAILED, run_node
 from tripod_record.chunk import COMPRESSIONS
@@ -30,6 +33,7 @@ from tripod_record.place import MEGABYTE, check_place, recording_directory
 from tripod_record.recorder import Progress, Recorder, State
 from tripod_record.selection import is_selected, listening, patterns
 from tripod_record.topic import Qos, Topic
+from tripod_record.versions import versions_json
 from tripod_record.writer import BagWriter
 
 DERIVED = (MARKERS, POINT_CLOUD)
@@ -49,8 +53,15 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "min_free", 100 * MEGABYTE, "Free space needed to begin; a tenth is left for the end", unit="B", low=0
     ),
+    Parameter("max_size", 0, "Size at which a file is followed by the next; 0: one file", unit="B", low=0),
+    Parameter(
+        "max_duration", 0.0, "Length at which a file is followed by the next; 0: one file", unit="s", low=0.0
+    ),
     Parameter("queue_size", 64 * MEGABYTE, "Messages that may wait for the disk", unit="B", low=MEGABYTE),
 )
+
+ATTACHED = {names.SCENE: ".toml", names.CALIBRATION: ".yaml"}
+"""Topics of which the text is a file of the recording, too, and how its name ends."""
 
 LOOK_PERIOD = 0.25
 """Time between two looks for new topics [s]."""
@@ -95,8 +106,9 @@ class RecordNode(Node):
         self._types: dict[str, str] = {}
         self._refused: dict[str, str] = {}
         self._lost = 0
-        self.create_service(Trigger, RECORD_START, self._on_start)
-        self.create_service(Trigger, RECORD_STOP, self._on_stop)
+        self.create_service(Trigger, names.RECORD_START, self._on_start)
+        self.create_service(Trigger, names.RECORD_STOP, self._on_stop)
+        self.create_service(Trigger, names.RECORD_SPLIT, self._on_split)
         self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._report)
         if values["autostart"]:
@@ -118,7 +130,10 @@ class RecordNode(Node):
             period=self._values["sync_period"],
             queue_size=self._values["queue_size"],
             low_space=min_free // 10,
+            max_size=self._values["max_size"],
+            max_duration=self._values["max_duration"],
         )
+        self._recorder.attach("versions.json", versions_json().encode())
         self._told = self._recorder.progress
         print(f"recording {writer.path}", flush=True)
         self._look()
@@ -214,9 +229,14 @@ class RecordNode(Node):
         except Exception as error:  # rosidl raises several kinds where the library of a type is missing
             raise RecordError(f"type {topic.type!r} cannot be loaded: {error}") from error
 
-    @staticmethod
-    def _taker(recorder: Recorder, name: str) -> Callable[[bytes, dict[str, Any]], None]:
+    def _taker(self, recorder: Recorder, name: str) -> Callable[[bytes, dict[str, Any]], None]:
+        attachment = next(
+            (name + end for topic, end in ATTACHED.items() if name == self.resolve_topic_name(topic)), ""
+        )
+
         def take(data: bytes, info: dict[str, Any]) -> None:
+            if attachment:
+                recorder.attach(attachment.lstrip("/"), deserialize_message(data, String).data.encode())
             sent, sequence = info["source_timestamp"], info["publication_sequence_number"]
             recorder.offer(name, data, publish_time=sent or 0, sequence=sequence or 0)
 
@@ -246,6 +266,16 @@ class RecordNode(Node):
         else:
             response.message = f"recorded {ended.path} {self._summary(ended)}"
             response.success = True
+        return response
+
+    def _on_split(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._recorder is None:
+            response.message, response.success = "not recording", False
+        elif self._recorder.split():
+            response.message, response.success = f"recording {self._recorder.progress.path}", True
+        else:
+            response.message = self._recorder.progress.error or "the disk does not answer"
+            response.success = False
         return response
 
     def _summary(self, progress: Progress) -> str:

@@ -83,6 +83,7 @@ class Reader:
         profile: "ros2" for recordings of ROS 2.
         library: What wrote it.
         channels: Channels by their number, those met so far.
+        attachments: Names of files that are attached, those met so far.
         compressions: Compressions of the chunks met so far; "none" for no compression.
         truncated: Where the file ends too early, empty if it does not.
         damage: What could not be read, one line for each place.
@@ -92,6 +93,7 @@ class Reader:
     profile: str = ""
     library: str = ""
     channels: dict[int, Channel] = field(default_factory=dict)
+    attachments: set[str] = field(default_factory=set)
     compressions: set[str] = field(default_factory=set)
     truncated: str = ""
     damage: list[str] = field(default_factory=list)
@@ -168,6 +170,10 @@ class Reader:
             self._channel(Fields(data))
         elif opcode == Opcode.SCHEMA:
             self._schema(Fields(data))
+        elif opcode == Opcode.ATTACHMENT:
+            fields = Fields(data)
+            fields.take(16)
+            self.attachments.add(fields.text())
         elif opcode == Opcode.HEADER:
             fields = Fields(data)
             self.profile, self.library = fields.text(), fields.text()

@@ -64,6 +64,13 @@ class _Message:
     sequence: int
 
 
+@dataclass(frozen=True)
+class _Attachment:
+    name: str
+    data: bytes
+    stamp: int
+
+
 def steady_stamps() -> Callable[[], int]:
     """Return a clock [ns since 1970] that starts from the system's and never goes back, even if that does."""
     offset = time.time_ns() - time.monotonic_ns()
@@ -86,6 +93,8 @@ class Recorder:
         period: float = 0.5,
         queue_size: int = 64 * MEGABYTE,
         low_space: int = 0,
+        max_size: int = 0,
+        max_duration: float = 0.0,
         stamp: Callable[[], int] | None = None,
         system_time: Callable[[], int] = time.time_ns,
         free: Callable[[Path], int] = free_space,
@@ -97,14 +106,18 @@ class Recorder:
             period: Time between two syncs to the disk [s].
             queue_size: Size of messages that may wait for the disk [B].
             low_space: Only the end of the recording is written when less is free [B].
+            max_size: A file of this size is followed by the next, within a period [B]; 0: one file.
+            max_duration: A file of this length is followed by the next, within a period [s]; 0: one file.
             stamp: Clock of the messages [ns since 1970]; None takes `steady_stamps()`.
             system_time: Clock of the publishers [ns since 1970].
             free: Measures the space left.
         """
         self._writer, self._period, self._queue_size = writer, period, queue_size
         self._low_space, self._free = low_space, free
+        self._max_size, self._max_duration = max_size or float("inf"), max_duration or float("inf")
+        self._split_wanted = False
         self._stamp, self._system_time = stamp or steady_stamps(), system_time
-        self._queue: deque[_Message | Topic] = deque()
+        self._queue: deque[_Message | Topic | _Attachment] = deque()
         self._waiting = 0
         self._offered = self._dropped = self._destroyed = 0
         self._state, self._error, self._rescued = State.RECORDING, "", ""
@@ -134,6 +147,22 @@ class Recorder:
             if self._state is State.RECORDING:
                 self._queue.append(topic)
             self._changed.notify()
+
+    def attach(self, name: str, data: bytes) -> None:
+        """Add a file of its own to the recording; see `BagWriter.attach`."""
+        with self._changed:
+            if self._state is State.RECORDING:
+                self._queue.append(_Attachment(name, data, self._stamp()))
+            self._changed.notify()
+
+    def split(self, timeout: float = 10.0) -> bool:
+        """Go on in a new file and wait for it; return whether it is there. A file without messages is not left."""
+        with self._changed:
+            if self._state is not State.RECORDING:
+                return False
+            self._split_wanted = True
+            self._changed.notify()
+            return self._changed.wait_for(lambda: not self._split_wanted, timeout) and not self._error
 
     def offer(self, topic: str, data: bytes, *, publish_time: int = 0, sequence: int = 0) -> bool:
         """Take one message, stamped now, and return at once; False if it is lost (see `dropped`).
@@ -188,7 +217,10 @@ class Recorder:
         """Wait for the next turn; return whether it is the last."""
         with self._changed:
             stuck = bool(self._error)
-            self._changed.wait_for(lambda: self._stopping or (self._is_crowded() and not stuck), self._period)
+            self._changed.wait_for(
+                lambda: self._stopping or self._split_wanted or (self._is_crowded() and not stuck),
+                self._period,
+            )
             return self._stopping
 
     def _is_crowded(self) -> bool:
@@ -213,6 +245,8 @@ class Recorder:
         for item in batch:
             if isinstance(item, Topic):
                 self._writer.add_topic(item)
+            elif isinstance(item, _Attachment):
+                self._writer.attach(item.name, item.data, item.stamp)
             else:
                 self._writer.write(
                     item.topic, item.data, item.stamp, publish_time=item.publish_time, sequence=item.sequence
@@ -220,10 +254,16 @@ class Recorder:
                 with self._changed:
                     self._waiting -= len(item.data)
         self._sync()
+        full = self._writer.size >= self._max_size or self._writer.duration >= self._max_duration
+        if (full or self._split_wanted) and not last:
+            self._sync(self._writer.split)
+            with self._changed:
+                self._split_wanted = False
+                self._changed.notify_all()
 
-    def _sync(self) -> None:
+    def _sync(self, sync: Callable[[], None] | None = None) -> None:
         try:
-            self._writer.sync()
+            (sync or self._writer.sync)()
         except FileLostError as lost:
             self._rescue(f"{self._writer.path} {lost}")
 
@@ -246,5 +286,7 @@ class Recorder:
     def _end(self, state: State, error: str) -> None:
         with self._changed:
             self._state, self._error = state, error
+            self._split_wanted = False
+            self._changed.notify_all()
             self._queue.clear()
             self._waiting = 0

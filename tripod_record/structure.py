@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, MetadataIndex
+from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex
 
 from tripod_record.append_file import MAGIC
 
@@ -34,6 +34,8 @@ class Structure:
         chunk_indexes: Records of the summary, one for each chunk.
         metadata: Number of metadata records.
         metadata_indexes: Records of the summary, one for each metadata record.
+        attachments: Number of attachments.
+        attachment_indexes: Records of the summary, one for each attachment.
     """
 
     end: int = 0
@@ -44,6 +46,8 @@ class Structure:
     chunk_indexes: RecordBuilder = field(default_factory=RecordBuilder)
     metadata: int = 0
     metadata_indexes: RecordBuilder = field(default_factory=RecordBuilder)
+    attachments: int = 0
+    attachment_indexes: RecordBuilder = field(default_factory=RecordBuilder)
 
     @property
     def messages(self) -> int:
@@ -86,6 +90,11 @@ def read_structure(fd: int, size: int, *, since: int = 0) -> Structure:
             name = window.take(body + 4, min(name_size, _NAME_LIMIT)).decode("utf-8", "replace")
             MetadataIndex(found.end, end - found.end, name).write(found.metadata_indexes)
             found.metadata += 1
+        elif opcode == Opcode.ATTACHMENT:
+            if (index := _attachment_index(window, found.end, end)) is None:
+                break
+            index.write(found.attachment_indexes)
+            found.attachments += 1
         elif opcode not in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL):
             break
         found.end = end
@@ -121,6 +130,19 @@ def _chunk_index(window: "_Window", begin: int, end: int) -> ChunkIndex | None:
         message_index_offsets={},
         message_index_length=0,
     )
+
+
+def _attachment_index(window: "_Window", begin: int, end: int) -> AttachmentIndex | None:
+    at, texts = begin + _RECORD.size + 16, []
+    for _ in range(2):
+        (length,) = struct.unpack("<I", window.take(at, 4) or b"\xff" * 4)
+        if length > _NAME_LIMIT or at + 4 + length + _SIZE.size > end:
+            return None
+        texts.append(window.take(at + 4, length).decode("utf-8", "replace"))
+        at += 4 + length
+    logged, created = struct.unpack("<QQ", window.take(begin + _RECORD.size, 16))
+    (size,) = _SIZE.unpack(window.take(at, _SIZE.size))
+    return AttachmentIndex(begin, end - begin, logged, created, size, *texts)
 
 
 def _add(found: Structure, chunk: ChunkIndex | None) -> None:

@@ -78,6 +78,10 @@ def _parsed(reader: Reader, fields: Fields) -> Summary | None:
             index.table()
             index.take(8)
             reader.compressions.add(index.text() or "none")
+        elif opcode == Opcode.ATTACHMENT_INDEX:
+            attached = Fields(record)
+            attached.take(40)
+            reader.attachments.add(attached.text())
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             list(reader.take(opcode, record))
     if summary is None or not set(summary.counts) <= set(reader.channels):

@@ -17,7 +17,7 @@ def end_of_file(at: int, data: Structure, schemas: Sequence[Schema], channels: S
     data_end = encoded(DataEnd(data_section_crc=0))
     start = at + len(data_end)
     statistics = Statistics(
-        attachment_count=0,
+        attachment_count=data.attachments,
         channel_count=len(channels),
         channel_message_counts=data.counts,
         chunk_count=data.chunks,
@@ -32,6 +32,7 @@ def end_of_file(at: int, data: Structure, schemas: Sequence[Schema], channels: S
         (Opcode.CHANNEL, encoded(*channels)),
         (Opcode.STATISTICS, encoded(statistics)),
         (Opcode.CHUNK_INDEX, bytes(data.chunk_indexes.end())),
+        (Opcode.ATTACHMENT_INDEX, bytes(data.attachment_indexes.end())),
         (Opcode.METADATA_INDEX, bytes(data.metadata_indexes.end())),
     ]
     summary = b"".join(group for _, group in groups)
