@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup.node_command import RosCommand
+from tripod_bringup.node_command import NODES, NodeCommand, RosCommand, run_node_command
 from tripod_bringup.options import Subnet, examples
 
+commands = typer.Typer()
 bag = typer.Typer(help="Look into recordings, and play them.", no_args_is_help=True)
 
 
@@ -74,3 +75,30 @@ def play(
     raise typer.Exit(
         play_command(file, to=to, rate=rate, start=start, topics=topics, subnet=subnet, ros=context.obj)
     )
+
+
+@commands.command(cls=NodeCommand, help=NODES["record"].help, epilog=examples(*NODES["record"].examples))
+def record(
+    context: typer.Context,
+    values: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME:=VALUE", help="Parameters; see the table below.")
+    ] = None,
+    *,
+    topics: Annotated[
+        list[str] | None,
+        typer.Option(help="Topics or patterns to record, as topics:=; repeatable."),
+    ] = None,
+    all_: Annotated[
+        bool, typer.Option("--all", "-a", help="Record all there is, of every namespace, derived topics too.")
+    ] = False,
+    subnet: Subnet = False,
+) -> None:
+    """Run the recorder; the help is that of the node."""
+    words = list(values or [])
+    if all_ and topics:
+        raise typer.BadParameter("--all and --topics exclude each other")
+    if all_:
+        words += ["topics:=/*", "exclude:=", "derived:=true"]
+    elif topics:
+        words.append(f"topics:={' '.join(topics)}")
+    raise typer.Exit(run_node_command("record", words, subnet=subnet, ros=context.obj))

@@ -241,9 +241,10 @@ def parameters(
 app.add_typer(robot_cli.commands)
 app.add_typer(ik_cli.commands)
 app.add_typer(play_cli.commands)
+app.add_typer(bag_cli.commands)
 
 for _name, _node in NODES.items():
-    if _name != "ik":
+    if _name not in ("ik", "record"):  # which have options besides
         _add_node_command(_name, _node)
 
 

@@ -56,7 +56,12 @@ NODES: Final[Mapping[str, NodeInfo]] = {
     "teleop": NodeInfo("Steer with the keys of this terminal.", ("tripod teleop",)),
     "view": NodeInfo("Serve the page that shows the robot.", ("tripod view", "tripod view port:=8081")),
     "record": NodeInfo(
-        "Record all topics to an mcap file.", ("tripod record", "tripod record directory:=/data")
+        "Record all topics to mcap files.",
+        (
+            "tripod record",
+            "tripod record --topics 'sim/*' --topics /tf",
+            "tripod record --all directory:=/data max_duration:=60",
+        ),
     ),
 }
 

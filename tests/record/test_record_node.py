@@ -2,6 +2,7 @@
 
 import array
 import itertools
+import json
 import os
 import re
 import select
@@ -15,6 +16,7 @@ from typing import Any
 
 import pytest
 import yaml
+from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader as RosbagsReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -284,6 +286,34 @@ def test_a_restricted_recorder_in_a_namespace(graph: Graph, tmp_path: Path) -> N
 
 
 # services --------------------------------------------------------------------------------------------------
+
+
+def test_a_recording_is_split_by_service_and_carries_scene_and_versions(graph: Graph, tmp_path: Path) -> None:
+    process = graph.record(f"directory:={tmp_path}", "name:=run", "topics:=count sim/scene")
+    path = Path(line_of(process, "recording"))
+    scene, publisher = (
+        graph.publisher(String, "sim/scene", LATCHED),
+        graph.publisher(String, "count", ALL_KEPT),
+    )
+    scene.publish(String(data="name = 'tripod'"))
+    graph.heard(publisher, scene)
+    publisher.publish(String(data="one"))
+    graph.until(lambda: read_info(path).messages == 2, "recording")
+    answer = graph.call("record/split")
+    second = path.with_name("run_1.mcap")
+    assert (answer.success, answer.message) == (True, f"recording {second}")
+    publisher.publish(String(data="two"))
+    graph.until(lambda: read_info(second).messages == 1, "recording")
+    assert graph.call("record/stop").success
+    assert not graph.call("record/split").success
+    assert finish(process, signal.SIGINT)[0] == 0
+    for file in (path, second):
+        with file.open("rb") as stream:
+            attached = {a.name: a.data.decode() for a in make_reader(stream).iter_attachments()}
+        assert attached["sim/scene.toml"] == "name = 'tripod'"
+        assert json.loads(attached["versions.json"])["numpy"]
+    texts = [string_of(data) for _, data in read_with_rosbags(path.parent)["/count"]]
+    assert texts == ["one", "two"]
 
 
 def test_recordings_are_started_and_stopped_by_service(graph: Graph, tmp_path: Path) -> None:
