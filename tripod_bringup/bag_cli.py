@@ -23,6 +23,8 @@ class To(StrEnum):
 
 File = Annotated[Path, typer.Argument(help="An .mcap file, or the directory of a recording.")]
 
+Topics = Annotated[str, typer.Option(help="Names or patterns (*, ?), parted by spaces or commas.")]
+
 
 @bag.command(
     epilog=examples(
@@ -63,7 +65,7 @@ def play(
     ] = To.TOPICS,
     rate: Annotated[float, typer.Option(help="Recorded time over time; of sim also inf.")] = 1.0,
     start: Annotated[float, typer.Option(help="Where to begin \\[s].")] = 0.0,
-    topics: Annotated[str, typer.Option(help="Names or patterns (*, ?), parted by spaces or commas.")] = "",
+    topics: Topics = "",
     subnet: Subnet = False,
 ) -> None:
     """Play a recording. In a terminal: space pauses, `.` steps, q ends.
@@ -75,6 +77,47 @@ def play(
     raise typer.Exit(
         play_command(file, to=to, rate=rate, start=start, topics=topics, subnet=subnet, ros=context.obj)
     )
+
+
+@bag.command(
+    epilog=examples(
+        "tripod bag export recordings/NAME angles.csv",
+        "tripod bag export recordings/NAME all.npz --topics '/*'",
+        "tripod bag export recordings/NAME table.parquet",
+    )
+)
+def export(
+    file: File,
+    out: Annotated[Path, typer.Argument(help="A .csv, .npz or .parquet file.")],
+    *,
+    topics: Topics = "",
+) -> None:
+    """Write the numbers of a recording: joints, poses and statuses, or --topics, over time in s, SI units.
+
+    csv and parquet: one table, at the times of all messages, with the newest value then. npz: each topic at its own
+    times.
+    """
+    from tripod_bringup.bag_export import export_command  # noqa: PLC0415
+
+    raise typer.Exit(export_command(file, out, topics))
+
+
+@bag.command(epilog=examples("tripod bag plot recordings/NAME curves.png"))
+def plot(file: File, out: Annotated[Path, typer.Argument(help="A .png, .svg or .pdf file.")]) -> None:
+    """Draw angles, effector, ball and errors of a recording."""
+    from tripod_bringup.bag_export import plot_command  # noqa: PLC0415
+
+    raise typer.Exit(plot_command(file, out))
+
+
+@bag.command(epilog=examples("tripod bag html recordings/NAME session.html"))
+def html(
+    file: File, out: Annotated[Path, typer.Argument(help="The .html file to write.")], *, topics: Topics = ""
+) -> None:
+    """Write a page that plays the recorded simulation in 3-D, without a network: it is simulated again for it."""
+    from tripod_bringup.bag_export import html_command  # noqa: PLC0415
+
+    raise typer.Exit(html_command(file, out, topics))
 
 
 @commands.command(cls=NodeCommand, help=NODES["record"].help, epilog=examples(*NODES["record"].examples))

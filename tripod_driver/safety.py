@@ -144,7 +144,9 @@ class Safety:
 
     def motion(self, now: float) -> Motion:
         """Return what it does at `now` [s], for who waits for the end of a trajectory."""
-        found = motion_of(self._follower, self.place, self.moment(now), self.message or self.authority.in_force)
+        found = motion_of(
+            self._follower, self.place, self.moment(now), self.message or self.authority.in_force
+        )
         return found if self.listens else replace(found, trajectory=None)
 
     @property
@@ -271,9 +273,7 @@ class Safety:
             self._follower.check(names, times, positions, velocities=velocities, age=age)
             self._ignored += 1
         else:
-            self._follower.accept(
-                names, times, positions, self.moment(now), velocities=velocities, age=age
-            )
+            self._follower.accept(names, times, positions, self.moment(now), velocities=velocities, age=age)
             self._notice, self._asked = "", True
         return why
 

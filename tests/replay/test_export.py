@@ -1,0 +1,137 @@
+"""Recordings as numbers, curves and a page: what independent readers of these formats find in them."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+from rosbags.typesys import Stores, get_typestore
+
+from tests.replay.sessions import run_session, write_session
+from tripod_bringup.bag_export import export_command, html_command, plot_command
+from tripod_bringup.bag_plot import panels
+from tripod_record.bag import Bag
+from tripod_record.table import read_series, table
+from tripod_record.topic import Qos, Topic
+from tripod_record.writer import BagWriter
+
+START = 1_700_000_000_000_000_000  # [ns]
+STORE = get_typestore(Stores.ROS2_JAZZY)
+JOINTS, POSE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Joint states at 0.00, 0.02, ... 0.08 s, and poses at 0.05 and 0.07 s."""
+    writer = BagWriter(tmp_path_factory.mktemp("bags") / "bag")
+    for topic, kind in (("/sim/joint_states", JOINTS), ("/left/sim/effector_pose", POSE)):
+        writer.add_topic(Topic(topic, kind, STORE.generate_msgdef(kind, ros_version=2)[0], (Qos(),)))
+    T = STORE.types
+    header = T["std_msgs/msg/Header"](
+        stamp=T["builtin_interfaces/msg/Time"](sec=1, nanosec=2), frame_id="world"
+    )
+    said = []
+    for k in range(5):
+        message = T[JOINTS](
+            header=header, name=["servo_0", "servo_1"], position=np.array([0.1 * k, -0.1 * k]),
+            velocity=np.array([]), effort=np.array([k]),
+        )  # fmt: skip
+        said.append((20 * k, "/sim/joint_states", JOINTS, message))
+    for k in (50, 70):
+        point = T["geometry_msgs/msg/Point"](x=0.001 * k, y=0.0, z=-0.01)
+        pose = T["geometry_msgs/msg/Pose"](
+            position=point, orientation=T["geometry_msgs/msg/Quaternion"](0, 0, 0, 1)
+        )
+        said.append((k, "/left/sim/effector_pose", POSE, T[POSE](header=header, pose=pose)))
+    for at, topic, kind, message in sorted(said, key=lambda one: one[0]):
+        writer.write(topic, bytes(STORE.serialize_cdr(message, kind)), START + at * 10**6)
+    writer.close()
+    return writer.directory
+
+
+def test_a_table_has_the_newest_values_at_the_times_of_all_messages(bag: Path) -> None:
+    columns = table(read_series(Bag(bag)))
+    np.testing.assert_allclose(columns["time"], [0.0, 0.02, 0.04, 0.05, 0.06, 0.07, 0.08])
+    np.testing.assert_allclose(
+        columns["sim/joint_states.position.servo_1"], [0, -0.1, -0.2, -0.2, -0.3, -0.3, -0.4]
+    )
+    np.testing.assert_allclose(columns["sim/joint_states.effort.0"], [0, 1, 2, 2, 3, 3, 4])
+    nan = np.nan
+    x = [nan, nan, nan, 0.05, 0.05, 0.07, 0.07]
+    np.testing.assert_allclose(columns["left/sim/effector_pose.pose.position.x"], x)
+    assert not [name for name in columns if "stamp" in name or "frame" in name]
+
+
+def test_csv_npz_and_parquet_hold_the_same_numbers(bag: Path, tmp_path: Path) -> None:
+    columns = table(read_series(Bag(bag)))
+    for name in ("table.csv", "table.parquet", "topics.npz"):
+        assert export_command(bag, tmp_path / name, "") == 0
+    with (tmp_path / "table.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    read = parquet.read_table(tmp_path / "table.parquet")
+    assert list(rows[0]) == read.column_names == list(columns)
+    for name, values in columns.items():
+        np.testing.assert_array_equal([float(row[name] or "nan") for row in rows], values)
+        np.testing.assert_array_equal(read[name].to_numpy(), values)
+    with np.load(tmp_path / "topics.npz", allow_pickle=False) as arrays:
+        np.testing.assert_allclose(arrays["left/sim/effector_pose/time"], [0.05, 0.07])
+        np.testing.assert_allclose(arrays["sim/joint_states/position.servo_0"], 0.1 * np.arange(5))
+
+
+def test_only_the_topics_that_are_asked_for_are_written(bag: Path, tmp_path: Path) -> None:
+    assert export_command(bag, tmp_path / "left.csv", "/left/*") == 0
+    assert len((tmp_path / "left.csv").read_text().splitlines()) == 3
+
+
+def test_curves_are_drawn_of_what_there_is(bag: Path, tmp_path: Path) -> None:
+    shown = panels(read_series(Bag(bag)))
+    assert [(title.partition(":")[0], len(curves)) for title, _, curves in shown] == [
+        ("servo angles", 2),
+        ("effector", 3),
+    ]
+    assert plot_command(bag, tmp_path / "curves.png") == 0
+    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_page_is_made_of_the_session_simulated_again(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    found = run_session("tripod", ("mesh.level=1",), steps=40, seed=6, reset_at=20)
+    path, page = write_session(found, tmp_path / "session"), tmp_path / "session.html"
+    assert html_command(path, page, "") == 0
+    text = page.read_text()
+    assert text.startswith("<!doctype html>")
+    assert "http://" not in text.replace("http://www.w3.org", "")
+    assert "servo torques" in text
+    for snapshot in found.bodies:
+        snapshot.positions += 1e-9
+    other = write_session(found, tmp_path / "other")
+    assert html_command(other, tmp_path / "other.html", "") == 1
+    assert "what is shown is not what was recorded, from step 7 " in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "out", "words"),
+    [
+        (export_command, "table.txt", "must end in .csv, .npz or .parquet"),
+        (export_command, "gone/table.csv", "cannot be written"),
+        (html_command, "page.htm", "must end in .html"),
+        (html_command, "page.html", "does not hold what the simulator was given"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_in_one_line(
+    bag: Path, command, out: str, words: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert command(bag, tmp_path / out, "") == 2
+    err = capfd.readouterr().err
+    assert words in err
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_recording_without_numbers_says_so(
+    bag: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert export_command(bag, tmp_path / "table.csv", "/nothing") == 2
+    assert "nothing to write" in capfd.readouterr().err

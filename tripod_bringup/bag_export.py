@@ -1,0 +1,144 @@
+"""`tripod bag export`, `plot` and `html`: a recording as numbers, as curves, as a page."""
+
+import csv
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tripod_bringup.bag_play import chosen
+from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, progress_bar
+from tripod_host.writing import check_place, replaced, replaced_text
+from tripod_record.bag import Bag
+from tripod_record.errors import RecordError
+from tripod_record.info import printable
+from tripod_record.table import Series, is_shown, read_series, table
+from tripod_sim.errors import SceneError, StepError
+
+FORMATS = (".csv", ".npz", ".parquet")
+
+
+def export_command(file: Path, out: Path, topics: str) -> int:
+    """Write the numbers and return the exit code: 0, 2 bad input."""
+
+    def write() -> None:
+        _check(out, FORMATS)
+        if out.suffix.lower() == ".parquet":
+            _check_parquet()
+        series = read_series(Bag(file), chosen(topics) if topics else is_shown)
+        {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[out.suffix.lower()](series, out)
+
+    return _run("export", out, write)
+
+
+def plot_command(file: Path, out: Path) -> int:
+    """Draw the curves and return the exit code: 0, 2 bad input."""
+
+    def write() -> None:
+        _check(out, (".png", ".svg", ".pdf"))
+        from tripod_bringup.bag_plot import draw  # noqa: PLC0415 - not needed for the help
+
+        bag = Bag(file)
+        draw(read_series(bag), out, Path(bag.info.path).name)
+
+    return _run("plot", out, write)
+
+
+def html_command(file: Path, out: Path, topics: str) -> int:
+    """Write the page and return the exit code: 0, 1 the session is not the recorded one, 2 bad input."""
+    from tripod_bringup.bag_film import session_arrays  # noqa: PLC0415 - not needed for the help
+    from tripod_bringup.bag_session import read_session  # noqa: PLC0415
+    from tripod_bringup.pictures import PictureError, Pictures  # noqa: PLC0415
+
+    different: list[str] = []
+
+    def write() -> None:
+        pictures = Pictures(html=out)
+        try:
+            pictures.check()
+            bag = Bag(file)
+            rerun = read_session(bag, chosen(topics)).rerun()
+            with progress_bar(shown=sys.stderr.isatty()) as progress:
+                arrays = session_arrays(rerun, bag, progress)
+            if not pictures.write(arrays):
+                raise RecordError(f"{bag.info.path} has no step that can be made again")
+        except PictureError as error:
+            raise RecordError(str(error)) from None
+        if rerun.outcome.different:
+            different.append(rerun.outcome.parted)
+
+    code = _run("html", out, write)
+    if different:
+        print(
+            f"tripod bag html: what is shown is not what was recorded, from {different[0]} on",
+            file=sys.stderr,
+        )
+        return FAILED
+    return code
+
+
+def write_csv(series: dict[str, Series], out: Path) -> None:
+    """Write a table, an empty cell where there is no value yet."""
+    columns = table(series)
+    with replaced_text(out) as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        for row in zip(*(column.tolist() for column in columns.values()), strict=True):
+            writer.writerow(["" if value != value else repr(value) for value in row])  # noqa: PLR0124 - NaN
+
+
+def write_npz(series: dict[str, Series], out: Path) -> None:
+    """Write each topic at its own times: arrays `TOPIC/time` and `TOPIC/FIELD`."""
+    arrays: dict[str, Any] = {}
+    for topic, one in series.items():
+        arrays[f"{topic.lstrip('/')}/time"] = one.times
+        arrays |= {f"{topic.lstrip('/')}/{name}": values for name, values in one.values.items()}
+    if not arrays:
+        table(series)  # which says so
+    with replaced(out) as file:
+        np.savez_compressed(file, **arrays)
+
+
+def write_parquet(series: dict[str, Series], out: Path) -> None:
+    """Write the table of `write_csv`, NaN where there is no value yet."""
+    import pyarrow  # noqa: PLC0415 - an extra
+    from pyarrow import parquet  # noqa: PLC0415
+
+    columns = table(series)
+    with replaced(out) as file:
+        parquet.write_table(pyarrow.table(columns), file)
+
+
+def _check(out: Path, suffixes: tuple[str, ...]) -> None:
+    if out.suffix.lower() not in suffixes:
+        raise RecordError(f"{out} must end in {', '.join(suffixes[:-1])} or {suffixes[-1]}")
+    check_place(out)
+
+
+def _check_parquet() -> None:
+    try:
+        import pyarrow  # noqa: F401, PLC0415
+    except ImportError:
+        raise RecordError("parquet needs pyarrow: pip install pyarrow; csv and npz need nothing") from None
+
+
+def _run(name: str, out: Path, write: Callable[[], None]) -> int:
+    try:
+        write()
+    except StepError as error:
+        return _complain(name, error, FAILED)
+    except (RecordError, SceneError, ImportError) as error:
+        return _complain(name, error, BAD_ARGUMENTS)
+    except OSError as error:
+        return _complain(
+            name, RecordError(f"{out} cannot be written: {error.strerror or error}"), BAD_ARGUMENTS
+        )
+    print(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
+    return 0
+
+
+def _complain(name: str, error: Exception, code: int) -> int:
+    print(f"tripod bag {name}: " + printable(" ".join(str(error).split())), file=sys.stderr)
+    return code

@@ -1,0 +1,40 @@
+"""A recorded session as the arrays of a run, which pages are made of."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from tripod_record.bag import Bag
+from tripod_sim.recording import Recording
+from tripod_sim.rerun import Ended, Rerun
+
+PICTURES = 1500
+"""Of a page; longer recordings have fewer a second."""
+
+RATE = 50.0
+"""Pictures a second of shorter ones."""
+
+
+def session_arrays(rerun: Rerun, bag: Bag, progress: Callable[[float], None] | None = None) -> dict[str, Any]:
+    """Make the session again and return its pictures; time goes on where the simulation was reset.
+
+    Raises SceneError, StepError.
+    """
+    simulation, length = rerun.simulation, max(bag.info.duration, 1e-9)
+    recording = Recording(simulation, PICTURES + 2)
+    every = max(1, round(max(1 / RATE, length / PICTURES) / simulation.scene.dt))
+    times: list[float] = []
+    while recording.count < PICTURES + 2:
+        try:
+            joints = rerun.joints()
+        except Ended:
+            break
+        simulation.step(joints)
+        rerun.compare()
+        if (rerun.outcome.steps - 1) % every == 0:
+            recording.add(simulation)
+            times.append(rerun.outcome.steps * simulation.scene.dt)
+            if progress:
+                progress(min(1.0, 1e-9 * (rerun.stamp - bag.start) / length))
+    return recording.arrays() | {"time": np.array(times)}

@@ -1,0 +1,107 @@
+"""The curves of a recording: angles, effector, ball, errors over time, as far as it holds them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tripod_host.writing import replaced
+from tripod_record.errors import RecordError
+from tripod_record.table import Series
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73")
+
+Curve = tuple[str, str, str, float]
+"""Topic, field, style and factor to the unit of the panel."""
+
+DEGREES, MILLIMETRES = 180 / np.pi, 1e3
+
+
+def panels(series: dict[str, Series]) -> list[tuple[str, str, list[Curve]]]:
+    """Return title, unit and curves of each panel that has any."""
+    poses = [(f"position.{axis}", f"pose.position.{axis}") for axis in "xyz"]
+    joints = [f"position.servo_{i}" for i in range(3)]
+    found = [
+        (
+            "servo angles: simulated; of the robot dashed",
+            "degrees",
+            [
+                (t, f, s, DEGREES)
+                for t, s in (("sim/joint_states", "-"), ("robot/joint_states", "--"))
+                for f in joints
+            ],
+        ),
+        (
+            "effector: simulated; target dashed, measured dotted",
+            "mm",
+            [
+                (t, f, s, MILLIMETRES)
+                for t, s in (("sim/effector_pose", "-"), ("target_pose", "--"), ("robot/effector_pose", ":"))
+                for _, f in poses
+            ],
+        ),
+        (
+            "ball: simulated; seen dotted",
+            "mm",
+            [
+                (t, f, s, MILLIMETRES)
+                for t, s in (("sim/ball_pose", "-"), ("ball_pose", ":"))
+                for _, f in poses
+            ],
+        ),
+        (
+            "errors: of inverse kinematics; of the time steps dashed",
+            "mm",
+            [
+                ("ik/status", "error", "-", MILLIMETRES),
+                ("ik/status", "residual", ":", MILLIMETRES),
+                ("sim/status", "effector_time_error", "--", MILLIMETRES),
+            ],
+        ),
+    ]
+    there = {(topic, field) for topic in series for field in series[topic].values}
+    return [
+        (title, unit, kept)
+        for title, unit, curves in found
+        if (
+            kept := [
+                (t, *c[1:]) for c in curves for t in series if t.endswith(f"/{c[0]}") and (t, c[1]) in there
+            ]
+        )
+    ]
+
+
+def draw(series: dict[str, Series], path: Path, title: str) -> None:
+    """Draw the panels into `path`. Raises RecordError if there is nothing to draw, or no matplotlib."""
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415 - only where a picture is wanted
+    except ImportError:
+        raise RecordError("a plot needs matplotlib; run `make setup`") from None
+    shown = panels(series)
+    if not shown:
+        raise RecordError("nothing to draw: no angles, poses or errors were recorded")
+    figure = Figure(figsize=(10, 0.6 + 2.4 * len(shown)), layout="constrained")
+    for axes, (what, unit, curves) in zip(
+        figure.subplots(len(shown), 1, squeeze=False)[:, 0], shown, strict=True
+    ):
+        _panel(axes, series, curves)
+        axes.set(ylabel=f"[{unit}]")
+        axes.set_title(what, fontsize="medium")
+        axes.grid(visible=True, alpha=0.3)
+    axes.set(xlabel="time [s]")
+    figure.suptitle(title)
+    with replaced(path) as file:
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=110)
+
+
+def _panel(axes: Any, series: dict[str, Series], curves: list[Curve]) -> None:
+    for topic, field, style, factor in curves:
+        one = series[topic]
+        values = one.values[field]
+        if field.endswith("time_error"):
+            values = np.where(values < 0, np.nan, values)  # not estimated
+        last = field.rpartition(".")[2]
+        colour = COLOURS["xyz".index(last) if last in "xyz" else int(last[-1]) if last[-1].isdigit() else 0]
+        label = f"{topic.lstrip('/')} {last}"
+        axes.plot(one.times, factor * values, style, color=colour, linewidth=0.9, label=label)
+    axes.legend(fontsize="xx-small", ncols=3, loc="upper right")

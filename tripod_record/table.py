@@ -1,0 +1,113 @@
+"""The numbers of a recording as columns over time, whatever the types of its topics."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_record.bag import Bag
+from tripod_record.errors import RecordError
+
+FloatArray = NDArray[np.float64]
+
+WIDEST = 16
+"""An array of more numbers than this is no row of a table."""
+
+SHOWN = (
+    "sim/joint_states", "robot/joint_states", "sim/effector_pose", "robot/effector_pose", "target_pose",
+    "sim/ball_pose", "ball_pose", "sim/status", "ik/status", "robot/status",
+)  # fmt: skip
+"""Topics of which a table is made unless others are asked for."""
+
+LABELS = ("name", "joint_names")
+"""Fields that name the entries of the others."""
+
+
+@dataclass
+class Series:
+    """The numbers of one topic.
+
+    Attributes:
+        times: From the beginning of the recording [s], shape (k,).
+        values: By field, "position.servo_0", shape (k,); NaN where a message has none.
+    """
+
+    times: FloatArray
+    values: dict[str, FloatArray]
+
+
+@dataclass
+class _Growing:
+    times: list[float] = field(default_factory=list)
+    values: dict[str, list[float]] = field(default_factory=dict)
+
+    def add(self, time: float, numbers: Iterator[tuple[str, float]]) -> None:
+        count = len(self.times)
+        self.times.append(time)
+        for name, number in numbers:
+            column = self.values.setdefault(name, [])
+            column.extend([np.nan] * (count - len(column)))
+            if len(column) == count:
+                column.append(number)
+
+    def done(self) -> Series:
+        count = len(self.times)
+        columns = {n: np.array(v + [np.nan] * (count - len(v))) for n, v in self.values.items()}
+        return Series(np.array(self.times), columns)
+
+
+def is_shown(topic: str) -> bool:
+    """Return whether a table has this topic unless others are asked for."""
+    return any(topic.endswith(f"/{name}") for name in SHOWN)
+
+
+def read_series(bag: Bag, wanted: Callable[[str], bool] = is_shown) -> dict[str, Series]:
+    """Return the numbers of topics by name; a topic without any is left out. Raises RecordError."""
+    found: dict[str, _Growing] = {}
+    for heard in bag.messages(wanted):
+        time = 1e-9 * (heard.log_time - bag.start)
+        found.setdefault(heard.topic, _Growing()).add(time, numbers(bag.decoded(heard)))
+    series = {topic: growing.done() for topic, growing in sorted(found.items())}
+    return {topic: s for topic, s in series.items() if s.values}
+
+
+def table(series: dict[str, Series]) -> dict[str, FloatArray]:
+    """Return a column `time` [s] with the times of all messages, and for each field the newest value then, shape (n,).
+
+    NaN: no message yet. Raises RecordError if there is nothing.
+    """
+    if not series:
+        raise RecordError("nothing to write: no numbers on the topics that are asked for")
+    times = np.unique(np.concatenate([s.times for s in series.values()]))
+    columns = {"time": times}
+    for topic, one in series.items():
+        newest = np.searchsorted(one.times, times, side="right") - 1
+        for name, values in one.values.items():
+            columns[f"{topic.lstrip('/')}.{name}"] = np.where(
+                newest < 0, np.nan, values[np.maximum(newest, 0)]
+            )
+    return columns
+
+
+def numbers(message: Any, path: str = "") -> Iterator[tuple[str, float]]:
+    """Yield dotted name and value of the numbers in a decoded message, at any depth, stamps left out.
+
+    Entries of short arrays are named by a field `name` or `joint_names` of the same message, else by their place.
+    """
+    fields = {
+        name: value for name, value in vars(message).items() if not name.startswith("__") and name != "header"
+    }
+    labels = next((fields[name] for name in LABELS if isinstance(fields.get(name), list)), None)
+    for name, value in fields.items():
+        if isinstance(value, bool | int | float | np.number):
+            yield f"{path}{name}", float(value)
+        elif isinstance(value, np.ndarray):
+            if len(value) <= WIDEST and value.dtype.kind in "biuf":
+                known = labels if labels is not None and len(labels) == len(value) else range(len(value))
+                yield from (
+                    (f"{path}{name}.{label}", float(v)) for label, v in zip(known, value, strict=True)
+                )
+        elif hasattr(value, "__msgtype__"):
+            yield from numbers(value, f"{path}{name}.")
