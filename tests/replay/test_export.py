@@ -35,7 +35,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for k in range(5):
         message = T[JOINTS](
             header=header, name=["servo_0", "servo_1"], position=np.array([0.1 * k, -0.1 * k]),
-            velocity=np.array([]), effort=np.array([k]),
+            velocity=np.array([]), effort=np.array([float(k)]),
         )  # fmt: skip
         said.append((20 * k, "/sim/joint_states", JOINTS, message))
     for k in (50, 70):
@@ -105,7 +105,7 @@ def test_a_page_is_made_of_the_session_simulated_again(
     assert "http://" not in text.replace("http://www.w3.org", "")
     assert "servo torques" in text
     for snapshot in found.bodies:
-        snapshot.positions += 1e-9
+        snapshot.positions[:] += 1e-9
     other = write_session(found, tmp_path / "other")
     assert html_command(other, tmp_path / "other.html", "") == 1
     assert "what is shown is not what was recorded, from step 7 " in capfd.readouterr().err
