@@ -224,11 +224,10 @@ class RealTime(threading.Thread):
     def _save(self) -> None:
         """Drop what is kept from earlier steps, so that from here on a copy of the state is enough to go on from."""
         self._checkpoint_wanted = False
-        if self._simulation.state.step:  # everybody has the start state
-            saved = self._simulation.save()
-            self._simulation.restore(saved)
-            self.journal.cut()
-            self._checkpoint = Checkpoint(self.journal.epoch, *saved)
+        saved = self._simulation.save()
+        self._simulation.restore(saved)
+        self.journal.cut()
+        self._checkpoint = Checkpoint(self.journal.epoch, *saved)
 
     def request_checkpoint(self) -> None:
         """Make a checkpoint before the next step; `take_checkpoint` returns it."""

@@ -123,13 +123,14 @@ class Rerun:
             self.stamp = row[3]
             self._gather(self.stamp, first, last)
             before = (epoch, first - 1)
+            data = self._saved.pop(before, b"")
             if first == 1:
                 simulation.reset()
                 self._look(0)
-            elif data := self._saved.pop(before, b""):
+            if data:  # also at the start: somebody may have changed the state there
                 saved = read_checkpoint(data, simulation)
                 simulation.restore((saved.state, saved.torques))
-            elif here != before:
+            elif first != 1 and here != before:
                 self.outcome.lost += last - first + 1
                 self._leave()
                 continue

@@ -10,7 +10,7 @@ from tripod_bringup.bag_session import read_session
 from tripod_record.bag import Bag
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, checkpoint_place, read_checkpoint
 from tripod_sim.errors import SceneError
-from tripod_sim.rerun import Ended, Outcome, Rerun
+from tripod_sim.rerun import Body, Commands, Ended, Outcome, Rerun, Saved
 from tripod_sim.scene_file import load_scene, scene_names
 from tripod_sim.simulation import Simulation
 
@@ -102,3 +102,20 @@ def test_a_checkpoint_is_read_back_bit_for_bit_and_only_for_its_own_scene() -> N
             checkpoint_place(wrong)
         with pytest.raises(SceneError, match="not a checkpoint"):
             read_checkpoint(wrong, maze)
+
+
+def test_a_state_that_was_changed_at_the_start_is_the_one_that_is_made_again(tmp_path: Path) -> None:
+    scene = load_scene("tripod_ball", ["mesh.level=1"])
+    recorded = Simulation(scene)
+    recorded.state.ball.numbers[2] += 0.01
+    recorded.restore(recorded.save())
+    checkpoint = checkpoint_bytes(Checkpoint(0, *recorded.save()))
+    joints = recorded.command
+    bodies = []
+    for step in range(1, 4):
+        recorded.step(joints)
+        bodies.append(Body(step, step, recorded.shown(recorded.positions).copy()))
+    rows = np.array([[0, 1, 3, 3, *joints]])
+    rerun = Rerun(Simulation(scene), [Saved(checkpoint), Commands(rows)], bodies)
+    assert made_again(rerun).equal == 3
+    np.testing.assert_array_equal(rerun.simulation.state.ball.numbers, recorded.state.ball.numbers)
