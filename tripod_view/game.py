@@ -25,10 +25,12 @@ class Game:
         self._api, self._maze_name, self._marks_name = api, f"{effector}/maze", f"{effector}/marks"
         self._marks: list[viser.SceneNodeHandle] = []
         self._maze: viser.MeshHandle | None = None
+        self._surface: Surface | None = None
         self._ball: viser.FrameHandle | None = None
 
     def set_maze(self, maze: Surface | None) -> None:
         """Show another maze, given in the effector's frame; None takes it away."""
+        self._surface = maze
         if self._maze is not None:
             self._maze.remove()
             self._maze = None
@@ -43,6 +45,18 @@ class Game:
                 cast_shadow=False,
                 receive_shadow=False,
             )
+
+    def detach(self) -> None:
+        """Take off the effector what is fastened to it, before it is removed; `attach` brings the maze back."""
+        self.set_marks(None)
+        surface = self._surface
+        self.set_maze(None)
+        self._surface = surface
+
+    def attach(self, marks: MazePicture | None) -> None:
+        """Fasten the maze to a new effector, with its marks."""
+        self.set_maze(self._surface)
+        self.set_marks(marks)
 
     def set_marks(self, maze: MazePicture | None) -> None:
         """Mark holes, goal and start of a maze; None takes the marks away."""

@@ -61,6 +61,7 @@ class Scene:
         same, self.picture = picture.key == self.picture.key, picture
         if same:
             return
+        self.game.detach()
         self._robot.remove()
         geometry = self._default
         if s := picture.servos:
@@ -68,7 +69,7 @@ class Scene:
         if picture.effector:
             geometry = replace(geometry, effector_radius=picture.effector)
         self._robot = Robot(self._api, geometry, servos=picture.servos is not None)
-        self.game.set_marks(picture.maze)
+        self.game.attach(picture.maze)
         self._bodies.set_still(picture)
         if self._surface is not None:
             self._bodies.set_surface(self._surface, picture.parts)
@@ -154,7 +155,7 @@ class Scene:
                 "/ground", size, size, cell_size=cell, section_size=5 * cell, cell_color=(222, 226, 230),
                 section_color=(173, 181, 189), position=(x, y, floor), shadow_opacity=0.0,
             ),
-            *self._axes(np.array([x, y, floor]) + seen.radius * np.array([-0.2, -0.95, 0.0]), 0.16 * seen.radius, cell),
+            *self._axes(np.array([x, y, floor]) + seen.radius * np.array([-0.1, -0.75, 0.0]), 0.16 * seen.radius, cell),
         ]  # fmt: skip
 
     def _axes(self, origin: FloatArray, length: float, cell: float) -> Iterable[viser.SceneNodeHandle]:

@@ -20,6 +20,7 @@ from tripod_msgs.msg import ControlMode
 
 from tests.domains import own_domain
 from tests.view.fake_browser import FakeBrowser
+from tests.view.shown_scene import show
 from tests.view.stage import DEADLINE, Stage, View
 from tripod_graph import names
 from tripod_view.body import BodyError
@@ -371,6 +372,21 @@ def test_messages_with_nonsense_are_refused_and_shown(stage: Stage, browser: Fak
     browser.wait(lambda: "finite and not zero is needed" in browser.text())
     stage.sim.mode.publish(ControlMode(mode=77, source="x"))
     browser.wait(lambda: "control mode 77 is unknown" in browser.text())
+
+
+def test_a_maze_stays_on_the_effector_that_another_scene_brings(stage: Stage, browser: FakeBrowser) -> None:
+    def last(kind: str, name: str) -> int:
+        with_name = [i for i, m in enumerate(browser.messages) if m["type"] == kind and m.get("name") == name]
+        return with_name[-1] if with_name else -1
+
+    stage.sim.publish_game(True, 0.002)
+    browser.wait(lambda: last("MeshMessage", "/effector/maze") >= 0)
+    show(stage.sim, "maze")
+    browser.wait(lambda: browser.value("scene")["name"] == "maze")
+    browser.wait(lambda: last("MeshMessage", "/effector/maze") > last("FrameMessage", "/effector") > 0)
+    assert last("RemoveSceneNodeMessage", "/effector/maze") < last("MeshMessage", "/effector/maze")
+    assert last("CylinderMessage", "/effector/marks/goal") > last("FrameMessage", "/effector")
+    stage.sim.publish_game(False)
 
 
 def test_a_page_that_is_stopped_in_control_leaves_the_robot_stopped(context: rclpy.Context) -> None:

@@ -31,5 +31,5 @@ function label(scene) {
 function actions(scene) {
   if (!scene) return [];
   if (!scene.servos) return [{ sim: "reset" }];
-  return [{ press: scene.maze ? "TELEOP" : "working pose" }];
+  return [{ press: "working pose" }];
 }
