@@ -41,6 +41,7 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("solved by", work))
     for file in result.get("written", ()):
         rows.append(("written", f"{file['file']}, {file['bytes'] / 1e6:.2f} MB"))
+    rows += _figure_rows(result.get("figures"))
     times = result["step_ms"]
     factor = result["dt"] * 1e3 / times["median"] if times["median"] > 0 else math.inf
     rows.append(
@@ -50,6 +51,20 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         )
     )
     return rows
+
+
+def _figure_rows(figures: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """Return the rows of what the page shows, too: energy, penetration, accuracy, effects; none without figures."""
+    if not figures:
+        return []
+    from tripod_sim.figures.effects import EffectFigure, effect_lines  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.figures.stability import stability_lines  # noqa: PLC0415
+
+    shown = [
+        row for row in stability_lines(figures["stability"]) if row[0] in ("energy balance", "penetration")
+    ]
+    effects = effect_lines([EffectFigure(**effect) for effect in figures["effects"]])
+    return [*shown, ("accuracy", figures["accuracy"]), *effects]
 
 
 def _time_error(error: Mapping[str, Any]) -> str:

@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 
 from tripod_host import stop
 from tripod_sim.errors import SceneError
+from tripod_sim.figures.accuracy import accuracy_figures, accuracy_line
+from tripod_sim.figures.effects import effect_figures
+from tripod_sim.figures.energy import EnergyBooks
+from tripod_sim.figures.stability import stability
 from tripod_sim.recording import Recording, check_out
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
@@ -59,7 +63,9 @@ def run(
         too much error), increments (of the load in statics), halvings, residual [N], dt_limit (longest stable step of
         an explicit scheme [s], else None), grew_at and instability (since which step its energy has grown, 0 for never,
         and that in words), stalled (servos that stand against their load at the end: servo, load and stall_torque
-        [N m], short [rad]), stalled_time (of each servo [s]), with the scene's `time_error` the estimate at the end
+        [N m], short [rad]), figures (accuracy in words, effects with their stored costs, stability, as
+        `tripod_sim.figures` has them), stalled_time (of each servo [s]), with the scene's `time_error` the estimate at
+        the end
         (effector, largest, node, added) and at its worst (worst_effector, worst, worst_added) [m], NaN and node -1
         for what is not estimated, with a ball its position [m] and
         event (words), with contact what it took in the last step (contacts, those pressed, force [N], rounds of the
@@ -90,6 +96,7 @@ def run(
     recording = Recording(simulation, steps) if out or recorded else None
     if recording and recorded:
         recorded(recording)
+    books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
     worst = dict.fromkeys(("worst_effector", "worst", "worst_added"), np.nan)
@@ -108,6 +115,10 @@ def run(
                 worst["worst_effector"] = float(np.fmax(worst["worst_effector"], estimate.effector))
                 worst["worst"] = float(np.fmax(worst["worst"], estimate.largest))
                 worst["worst_added"] = float(np.fmax(worst["worst_added"], estimate.added))
+            if joints is not None:  # what works on the body
+                books.add(
+                    simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time
+                )
             for stall in report.stalled:
                 stalled_steps[stall.servo] += 1
             if recording:
@@ -117,6 +128,8 @@ def run(
     finally:  # a run that breaks off keeps what it has
         kept()
         stop.no_more(kept)
+    books.add(simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time)
+    figures = stability(simulation.report, totals["halvings"], books.balance, description.dt)
     pose, ball = simulation.effector, simulation.ball
     return {
         "scene": description.name,
@@ -139,6 +152,11 @@ def run(
         "dt_limit": limit if np.isfinite(limit := simulation.report.dt_limit) else None,
         "grew_at": simulation.report.grew_at,
         "instability": simulation.report.instability,
+        "figures": {
+            "accuracy": accuracy_line(accuracy_figures(scene, description)),
+            "effects": [asdict(f) for f in effect_figures(scene, description)],
+            "stability": asdict(figures),
+        },
         "stalled": [asdict(stall) for stall in simulation.report.stalled],
         "stalled_time": [count * description.dt for count in stalled_steps],
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},

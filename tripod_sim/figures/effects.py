@@ -83,5 +83,5 @@ def _microseconds(figure: EffectFigure) -> str:
     if figure.cost is None:
         return "?"
     if figure.on or abs(figure.cost) > figure.noise:
-        return f"{1e6 * figure.cost:.3g} us"
+        return f"{1e3 * figure.cost:.3g} ms" if abs(figure.cost) >= 1e-3 else f"{1e6 * figure.cost:.3g} us"
     return f"under {1e6 * figure.noise:.2g} us"

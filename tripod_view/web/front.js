@@ -2,7 +2,7 @@
 
 import { element, percent, place, svg } from "./dom.js";
 
-const [WIDTH, HEIGHT, LEFT, BOTTOM] = [320, 170, 44, 26];
+const [WIDTH, HEIGHT, LEFT, BOTTOM] = [320, 170, 54, 26];
 
 export function front(figures, seconds) {
   const points = [...figures.dots];
