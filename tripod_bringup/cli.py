@@ -1,5 +1,6 @@
 """The `tripod` command: options and help of every subcommand; what they do is imported when they run."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,16 @@ import typer
 from tripod_bringup import bag_cli, explain_command, ik_cli, play_cli, robot_cli, study_cli
 from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
-from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples
+from tripod_bringup.options import (
+    Json,
+    Overrides,
+    Quiet,
+    SceneArgument,
+    SceneName,
+    Subnet,
+    examples,
+    some_scenes,
+)
 from tripod_bringup.pictures import Gif, Html, Mp4, Pictures, Plot
 from tripod_host.program import program
 
@@ -17,7 +27,7 @@ app = typer.Typer(
     help="Simulate, drive and record the Tripod soft robot.",
     epilog="Begin with `tripod doctor`, then `tripod up --demo`.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
@@ -68,7 +78,7 @@ def root(
     )
 )
 def run(
-    scene: Annotated[str, typer.Argument(help="Name of a shipped scene, or path of a scene file.")],
+    scene: SceneArgument,
     *,
     duration: Annotated[
         float | None, typer.Option(help="Simulated time \\[s]; the scene's own by default.")
@@ -136,11 +146,22 @@ app.add_typer(explain_command.commands)
 app.command("study", help=study_cli.HELP, epilog=examples(*study_cli.EXAMPLES))(study_cli.study)
 
 
-@app.command(epilog=examples("tripod scenes", "tripod scenes --json"))
-def scenes(*, json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """List the scenes that come with tripod."""
-    from tripod_bringup.run_command import list_scenes  # noqa: PLC0415
+@app.command(epilog=examples("tripod scenes", "tripod scenes tripod", "tripod scenes maze > my.toml"))
+def scenes(
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Print this one, with its comments.", show_default=False, autocompletion=some_scenes
+        ),
+    ] = "",
+    *,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """List the scenes that come with tripod, or print one to change."""
+    from tripod_bringup.scenes_command import list_scenes, print_scene  # noqa: PLC0415
 
+    if name:
+        raise typer.Exit(print_scene(name, as_json=json))
     list_scenes(as_json=json)
 
 
@@ -148,6 +169,7 @@ def scenes(*, json: Annotated[bool, typer.Option("--json", help="Print JSON.")] 
     help=UP_HELP,
     epilog=examples(
         "tripod up",
+        "tripod up maze --set ball.friction=0.2",
         "tripod up --port auto --record recordings",
         "tripod up --demo --duration 20",
         "tripod up --no-view driver.angle_max:=0.3",
@@ -157,10 +179,15 @@ def scenes(*, json: Annotated[bool, typer.Option("--json", help="Print JSON.")] 
 def up(
     values: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NODE.NAME:=VALUE", help="More parameters, of sim, ik, driver, view, record."),
+        typer.Argument(
+            metavar="[SCENE] [NODE.NAME:=VALUE]...",
+            help="The scene, then more parameters, of sim, ik, driver, view, record.",
+            autocompletion=some_scenes,
+        ),
     ] = None,
     *,
-    scene: SceneName = "tripod",
+    scene: SceneName = "",
+    set_: Overrides = None,
     port: Annotated[str, typer.Option(help="Serial port of the servos, as for `tripod driver`.")] = "mock",
     record: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Record everything into a new file here.")
@@ -191,6 +218,7 @@ def up(
         up_command(
             values or [],
             scene=scene,
+            overrides=set_ or [],
             port=port,
             record=record,
             view=view,
@@ -220,6 +248,34 @@ def _add_node_command(name: str, node: NodeInfo) -> None:
     app.command(name, cls=NodeCommand, help=node.help, epilog=examples(*node.examples))(command)
 
 
+@app.command(cls=NodeCommand, help=NODES["sim"].help, epilog=examples(*NODES["sim"].examples))
+def sim(
+    context: typer.Context,
+    values: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[SCENE] [NAME:=VALUE]...",
+            help="The scene, then parameters; see the table below.",
+            autocompletion=some_scenes,
+        ),
+    ] = None,
+    *,
+    set_: Overrides = None,
+    accuracy: Accuracy = None,
+    study: Study = None,
+    subnet: Subnet = False,
+) -> None:
+    """Run the simulator as a ROS node."""
+    from tripod_bringup.up_command import sim_words  # noqa: PLC0415
+
+    try:
+        words = sim_words(values or [], set_ or [], accuracy, study)
+    except ValueError as error:
+        print(f"tripod sim: {error}", file=sys.stderr)
+        raise typer.Exit(2) from None
+    raise typer.Exit(run_node_command("sim", words, subnet=subnet, ros=context.obj))
+
+
 @app.command(epilog=examples("tripod urdf > tripod.urdf", "tripod urdf maze --set maze.source=holes"))
 def urdf(scene: SceneArgument = "tripod", *, set_: Overrides = None) -> None:
     """Print the robot of a scene as URDF: servos, slide, effector, plate, ball."""
@@ -244,7 +300,7 @@ app.add_typer(play_cli.commands)
 app.add_typer(bag_cli.commands)
 
 for _name, _node in NODES.items():
-    if _name not in ("ik", "record"):  # which have options besides
+    if _name not in ("ik", "record", "sim"):  # which have options besides
         _add_node_command(_name, _node)
 
 

@@ -35,7 +35,10 @@ class NodeInfo:
 
 
 NODES: Final[Mapping[str, NodeInfo]] = {
-    "sim": NodeInfo("Run the simulator as a ROS node.", ("tripod sim", "tripod sim scene:=silicone")),
+    "sim": NodeInfo(
+        "Run the simulator as a ROS node.",
+        ("tripod sim", "tripod sim silicone --set material.young=3e5", "tripod sim scene:=silicone"),
+    ),
     "ik": NodeInfo(
         "Run inverse kinematics: target poses in, servo angles out.",
         (

@@ -140,16 +140,3 @@ def print_urdf(scene: str, overrides: list[str]) -> int:
         print(f"tripod urdf: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
     return 0
-
-
-def list_scenes(*, as_json: bool) -> None:
-    """Print name and description of every shipped scene."""
-    from tripod_sim.scene_file import load_scene, scene_names  # noqa: PLC0415
-
-    listing = [(name, load_scene(name).description) for name in scene_names()]
-    if as_json:
-        print(json.dumps([{"name": name, "description": text} for name, text in listing]))
-        return
-    width = max((len(name) for name, _ in listing), default=0)
-    for name, text in listing:
-        print(f"{name:<{width}}  {text}".rstrip())

@@ -17,6 +17,7 @@ def up_command(
     words: Sequence[str],
     *,
     scene: str,
+    overrides: Sequence[str] = (),
     port: str,
     record: Path | None,
     view: bool,
@@ -31,9 +32,11 @@ def up_command(
 ) -> int:
     """Run the chain; return the exit code that `tripod_bringup.up` documents."""
     try:
+        scene, words = named_scene(words, scene)
         values = node_values(words)
         namespace = full_namespace(namespace)
-        check_scene(scene)
+        add_overrides(values, overrides)
+        check_scene(scene, words_of_set(values))
         if sentence := settle(scene, values, accuracy, study):
             print(sentence, file=sys.stderr)
         if duration is not None and not math.isfinite(duration):
@@ -84,6 +87,60 @@ def node_values(words: Sequence[str]) -> dict[str, dict[str, object]]:
     return values
 
 
+def named_scene(words: Sequence[str], option: str) -> tuple[str, Sequence[str]]:
+    """Return the scene, from the first word or `--scene`, and the other words. Raises ValueError if both name one."""
+    if not words or ":=" in words[0]:
+        return option or "tripod", words
+    if option and option != words[0]:
+        raise ValueError(f"the scene is {words[0]!r} and --scene is {option!r}; leave one out")
+    return words[0], words[1:]
+
+
+def sim_words(
+    words: Sequence[str], overrides: Sequence[str], accuracy: str | None, study: Path | None
+) -> list[str]:
+    """Return the parameters of `tripod sim`, NAME:=VALUE, for what its command line says in the words of `tripod run`.
+
+    Raises:
+        ValueError: the scene cannot be loaded so, or there is no such accuracy.
+    """
+    named = bool(words) and ":=" not in words[0]
+    if not (named or overrides or accuracy or study):
+        return list(words)
+    given = dict(split_word(word) for word in words[named:])
+    if named and "scene" in given:
+        raise ValueError(f"the scene is {words[0]!r} and scene:={given['scene']}; leave one out")
+    scene = words[0] if named else str(given.get("scene", "tripod"))
+    values: dict[str, dict[str, object]] = {"sim": {"set": RawYaml(given["set"])} if "set" in given else {}}
+    add_overrides(values, overrides)
+    check_scene(scene, words_of_set(values))
+    if sentence := settle(scene, values, accuracy, study):
+        print(sentence, file=sys.stderr)
+    given["scene"] = scene
+    if chosen_set := values["sim"].get("set"):
+        given["set"] = str(chosen_set)
+    return [f"{name}:={value}" for name, value in given.items()]
+
+
+def add_overrides(values: dict[str, dict[str, object]], overrides: Sequence[str]) -> None:
+    """Write the words of `--set` into the simulator's parameter `set`, behind those that are there, in place."""
+    if overrides:
+        values.setdefault("sim", {})["set"] = ";".join([*words_of_set(values), *overrides])
+
+
+def words_of_set(values: dict[str, dict[str, object]]) -> list[str]:
+    """Return the overrides of the scene in the simulator's parameter `set`. Raises ValueError where it is not YAML."""
+    text = values.get("sim", {}).get("set", "")
+    if isinstance(text, RawYaml):
+        import yaml  # noqa: PLC0415 - only with such a parameter
+
+        try:
+            text = yaml.safe_load(text)
+        except yaml.YAMLError:
+            raise ValueError(f"sim.set:={text} is not YAML; quote it") from None
+    return [word.strip() for word in str(text or "").split(";") if word.strip()]
+
+
 def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | None, study: Path | None) -> str:
     """Write the setting for an accuracy into the simulator's parameter `set`, in place; return what it is, in words.
 
@@ -92,22 +149,15 @@ def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | Non
     """
     if accuracy is None and study is None:
         return ""
-    import yaml  # noqa: PLC0415 - only with an accuracy
-
-    raw = str(values.get("sim", {}).get("set", ""))
-    try:
-        text = str(yaml.safe_load(raw) or "")
-    except yaml.YAMLError:
-        raise ValueError(f"sim.set:={raw} is not YAML; quote it") from None
-    choice = chosen(scene, accuracy, [w.strip() for w in text.split(";") if w.strip()], study)
+    choice = chosen(scene, accuracy, words_of_set(values), study)
     if not choice:
         return ""
     values.setdefault("sim", {})["set"] = ";".join(choice.overrides)
     return choice.sentence
 
 
-def check_scene(scene: str) -> None:
-    """Raise SceneError, which is a ValueError, unless `scene` can be loaded."""
+def check_scene(scene: str, overrides: Sequence[str]) -> None:
+    """Raise SceneError, which is a ValueError, unless `scene` can be loaded with `overrides`."""
     from tripod_sim.scene_file import load_scene  # noqa: PLC0415 - pure and small
 
-    load_scene(scene)
+    load_scene(scene, overrides)

@@ -83,6 +83,11 @@ def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str]) 
     return scene
 
 
+def scene_text(source: str | Path) -> str:
+    """Return a scene as it is written, comments and all. Raises SceneError where there is none."""
+    return _read(source)[0]
+
+
 def _choose_steps(table: dict[str, Any], interval: Any, *, keep_scheme: bool) -> None:
     """Write `dt = "auto"` of a parsed scene out, in place.
 
@@ -216,8 +221,8 @@ def _build(cls: Any, table: Any, path: str) -> Any:
     hints = get_type_hints(cls)
     for key in table:
         if key not in hints:
-            near = difflib.get_close_matches(key, hints, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            meant = _elsewhere(key, hints) if cls is Scene else difflib.get_close_matches(key, hints, 1)
+            hint = f"; did you mean {' or '.join(map(repr, meant))}?" if meant else ""
             name = key if key.isidentifier() and len(key) < LONGEST else shown(key)
             where = f"{path}.{name}" if path else name
             raise SceneError(f"field {where} is unknown; fields: {', '.join(hints)}{hint}")
@@ -229,6 +234,27 @@ def _build(cls: Any, table: Any, path: str) -> Any:
         elif f.default is MISSING and f.default_factory is MISSING:
             raise SceneError(f"field {where} is missing")
     return cls(**values)
+
+
+def _elsewhere(key: str, names: Iterable[str]) -> list[str]:
+    """Return what an unknown field of a scene may have been meant to be: of its tables too, each with its table."""
+    paths = field_names()
+    same = [path for path in paths if path.rpartition(".")[2] == key]
+    near = difflib.get_close_matches(key, [*names, *(path.rpartition(".")[2] for path in paths)], 1)
+    return (
+        same
+        or ([] if near and near[0] in names else [p for p in paths if [p.rpartition(".")[2]] == near])
+        or near
+    )
+
+
+def field_names() -> list[str]:
+    """Return the paths of all fields of a scene but those in lists, such as `material.young`."""
+    found = []
+    for name, kind in get_type_hints(Scene).items():
+        tables = [t for t in (kind, *get_args(kind)) if is_dataclass(t)]
+        found += [f"{name}.{f.name}" for table in tables for f in fields(table)] or [name]
+    return found
 
 
 def _convert(kind: Any, value: Any, path: str) -> Any:

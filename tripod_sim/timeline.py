@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.errors import SceneError, shown
+from tripod_sim.tables.fields import other_unit
 from tripod_sim.tables.robot import Servos
 
 FloatArray = NDArray[np.float64]
@@ -94,13 +95,20 @@ def joint_timelines(
         raise SceneError(
             f"{names[0]}: angles reach {angles.values.min():g} to {angles.values.max():g} rad; allowed is "
             f"{s.angle_min:g} to {s.angle_max:g} rad"
+            + other_unit(_furthest(angles), "rad", lambda a: s.angle_min <= a <= s.angle_max)
         )
     if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
         raise SceneError(
             f"{names[1]}: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to "
-            f"{s.slide_max:g} m"
+            f"{s.slide_max:g} m" + other_unit(_furthest(slides), "m", lambda x: 0 <= x <= s.slide_max)
         )
     return angles, slides
+
+
+def _furthest(timeline: Timeline) -> float:
+    """Return the value that is furthest from zero."""
+    values = timeline.values.ravel()
+    return float(values[np.abs(values).argmax()])
 
 
 def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Timeline:

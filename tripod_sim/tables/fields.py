@@ -1,6 +1,9 @@
 """How the tables of a scene declare their fields: units, ranges, choices."""
 
+import math
+from collections.abc import Callable
 from dataclasses import MISSING, field, fields
+from functools import partial
 from typing import Any
 
 from tripod_sim.errors import SceneError, shown
@@ -35,11 +38,32 @@ def check_fields(table: Any, path: str) -> None:
         if "unit" not in meta:
             continue
         for v in value if isinstance(value, tuple) else (value,):
-            ok = v - v == 0  # finite: inf - inf and nan - nan are nan
-            ok &= meta["above"] is None or v > meta["above"]
-            ok &= (meta["low"] is None or v >= meta["low"]) and (meta["high"] is None or v <= meta["high"])
-            if not ok:
-                raise SceneError(f"{where} is {value}; {allowed(meta)}")
+            if not _within(meta, v):
+                fits = partial(_within, meta)
+                raise SceneError(f"{where} is {value}; {allowed(meta)}{other_unit(v, meta['unit'], fits)}")
+
+
+def _within(meta: Any, v: float) -> bool:
+    """Return whether a number is in the range that a declaration names."""
+    ok = v - v == 0  # finite: inf - inf and nan - nan are nan
+    ok &= meta["above"] is None or v > meta["above"]
+    return ok and (meta["low"] is None or v >= meta["low"]) and (meta["high"] is None or v <= meta["high"])
+
+
+OTHER_UNITS = {
+    "rad": ("degrees", math.pi / 180, 3.2),
+    "m": ("millimetres", 1e-3, 0.5),
+    "s": ("milliseconds", 1e-3, 0.9),
+}
+"""What a number may have been meant in: the unit, its size, and from where on."""
+
+
+def other_unit(value: float, unit: str, fits: Callable[[float], bool]) -> str:
+    """Return a hint that a number out of range would be in range in another unit; empty if it would not."""
+    name, size, least = OTHER_UNITS.get(unit, ("", 0.0, math.inf))
+    if not (least < abs(value) < math.inf and fits(value * size)):
+        return ""
+    return f"; {name}? {value:g} {name} are {value * size:.4g} {unit}"
 
 
 def allowed(meta: Any) -> str:

@@ -1,0 +1,140 @@
+"""Scene, `--set`, `--accuracy` are said alike to `run`, `up`, `sim`; what is wrong is told before anything starts."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tripod_bringup import cli, up_command
+from tripod_bringup.node_values import RawYaml
+from tripod_bringup.up_command import add_overrides, named_scene, sim_words, words_of_set
+from tripod_sim import load_scene, scene_names
+from tripod_sim.scene_file import field_names
+
+
+def tripod(*words: str) -> Result:
+    return CliRunner().invoke(cli.app, list(words))
+
+
+@pytest.fixture(autouse=True)
+def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    def started(*_: object, **__: object) -> int:
+        pytest.fail("something was started")
+
+    monkeypatch.setattr(up_command, "up", started)
+    monkeypatch.setattr(cli, "run_node_command", started)
+
+
+@pytest.mark.parametrize("command", ["run", "up", "sim"])
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--set", "young=1e5"], "did you mean 'material.young'?"),
+        (["--set", "dt=5"], "milliseconds? 5 milliseconds are 0.005 s"),
+        (["--set", "servos.axis_radius=60"], "millimetres? 60 millimetres are 0.06 m"),
+        (["--set", "mesh.level=12"], "mesh.level is 12"),
+        (["--accuracy", "much"], "much"),
+    ],
+)
+def test_what_is_wrong_with_a_scene_is_told_alike_before_anything_starts(
+    command: str, words: list[str], message: str
+) -> None:
+    result = tripod(command, "tripod", *words)
+    assert result.exit_code == 2
+    assert result.output.startswith(f"tripod {command}: ")
+    assert message in result.output
+    assert result.output.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--servo", "0:-85,0,0"], "degrees? -85 degrees are -1.484 rad"),
+        (["--slide", "35"], "millimetres? 35 millimetres are 0.035 m"),
+        (["--servo", "0:-1000,0,0"], "allowed is -2.1 to 0.6 rad\n"),
+        (["--servo", "0:1,0,0"], "allowed is -2.1 to 0.6 rad\n"),
+    ],
+)
+def test_likely_units_are_named_where_they_would_fit(words: list[str], message: str) -> None:
+    assert message in tripod("run", "tripod", *words).output
+
+
+@pytest.mark.parametrize(
+    ("field", "meant"),
+    [
+        ("yung", "'material.young'"),
+        ("dtt", "'dt'"),
+        ("servo", "'motion.servo'"),
+        ("angle_min", "'servos.angle_min'"),
+    ],
+)
+def test_fields_of_tables_are_suggested_with_their_table(field: str, meant: str) -> None:
+    assert f"did you mean {meant}?" in tripod("run", "tripod", "--set", f"{field}=1").output
+
+
+def test_the_scene_is_the_first_word_or_the_option() -> None:
+    assert named_scene([], "") == ("tripod", [])
+    assert named_scene(["driver.angle_max:=1"], "maze") == ("maze", ["driver.angle_max:=1"])
+    assert named_scene(["maze", "a.b:=1"], "") == ("maze", ["a.b:=1"])
+    with pytest.raises(ValueError, match="leave one out"):
+        named_scene(["maze"], "tripod")
+
+
+def test_overrides_come_behind_those_of_the_parameter() -> None:
+    values: dict[str, dict[str, object]] = {"sim": {"set": RawYaml("'dt=0.01; mesh.level=1'")}}
+    add_overrides(values, ["mesh.level=3"])
+    assert words_of_set(values) == ["dt=0.01", "mesh.level=1", "mesh.level=3"]
+    assert load_scene("tripod", words_of_set(values)).mesh.level == 3
+
+
+def test_the_simulator_gets_its_scene_and_its_overrides_as_parameters() -> None:
+    assert sim_words(["rate:=30.0"], [], None, None) == ["rate:=30.0"]
+    assert sim_words(["maze", "rate:=30.0"], ["dt=0.01"], None, None) == [
+        "rate:=30.0",
+        "scene:=maze",
+        "set:=dt=0.01",
+    ]
+    with pytest.raises(ValueError, match="leave one out"):
+        sim_words(["maze", "scene:=tripod"], [], None, None)
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_a_scene_is_printed_as_it_is_written(name: str, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.toml"
+    copy.write_text(tripod("scenes", name).stdout)
+    assert load_scene(copy).name == name
+    assert json.loads(tripod("scenes", name, "--json").stdout)["name"] == name
+    assert ("#" in copy.read_text()) == ("motion" in copy.read_text())
+
+
+def test_a_scene_that_is_not_there_is_not_printed() -> None:
+    result = tripod("scenes", "tripd")
+    assert result.exit_code == 2
+    assert "did you mean 'tripod'?" in result.output
+
+
+def completed(line: str) -> list[str]:
+    """Return what a shell offers for the last word of a line."""
+    environment = {**os.environ, "_TRIPOD_COMPLETE": "complete_bash", "COMP_WORDS": line}
+    environment["COMP_CWORD"] = str(len(line.split(" ")) - 1)
+    done = subprocess.run(
+        [sys.executable, "-m", "tripod_bringup"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert not done.stderr
+    return done.stdout.split()
+
+
+def test_a_shell_completes_scenes_and_fields() -> None:
+    assert completed("tripod run ma") == ["maze"]
+    assert completed("tripod run tripod --set material.y") == ["material.young="]
+    assert "material.young" in field_names()
+    assert "dt" in field_names()
