@@ -82,7 +82,7 @@ def draw(series: dict[str, Series], path: Path, title: str) -> None:
         raise RecordError("nothing to draw: no angles, poses or errors were recorded")
     figure = Figure(figsize=(10, 0.6 + 2.4 * len(shown)), layout="constrained")
     for axes, (what, unit, curves) in zip(
-        figure.subplots(len(shown), 1, squeeze=False)[:, 0], shown, strict=True
+        figure.subplots(len(shown), 1, squeeze=False, sharex=True)[:, 0], shown, strict=True
     ):
         _panel(axes, series, curves)
         axes.set(ylabel=f"[{unit}]")
