@@ -103,6 +103,7 @@ class InverseSolver:
         accuracy: float = 1e-7,
         max_iterations: int = 300,
         any_branch: bool = False,
+        smooth: bool = False,
         progress: Callable[[int, float], None] | None = None,
     ) -> None:
         """Keep the model and set OSQP up.
@@ -116,6 +117,7 @@ class InverseSolver:
             accuracy: Step below which the search has converged [rad].
             max_iterations: Programs to solve at most, in all that one solution takes.
             any_branch: Whether a pose on another branch than that of the start will do too.
+            smooth: Whether to keep off snaps from a firm home, too; else corners that hang slack are searched as well.
             progress: Called with the number of programs solved so far and with what the last one found missing [m].
         """
         self.model = model
@@ -123,7 +125,7 @@ class InverseSolver:
         self._tolerance, self._accuracy = tolerance, accuracy
         self._max_iterations, self._any_branch = max_iterations, any_branch
         firmness = _home_firmness(model)
-        self._snapping = firmness >= FIRM
+        self._snapping = firmness >= FIRM and not smooth
         self._kept_to = (*self._row_limits, SnapLimit(min(SOFTEST, firmness), share=SHARE))
         n = len(model.angles)
         self._solver = IkSolver(n, rows=sum(limit.size(n) for limit in self._kept_to))
@@ -215,6 +217,11 @@ class InverseSolver:
         self.model.restore(first)
         reason = found.reason or "the body has two equilibria there, and which it is in depends on its way"
         return replace(found, reason=reason, iterations=count)
+
+    def descend(self, tasks: Sequence[Task]) -> Solution:
+        """Return the pose near the present one that no step betters, on its branch unless any will do."""
+        self._count = 0
+        return self._descend(tasks, branch(self.model.state(), tasks), np.inf, np.inf)
 
     def _descend(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
         """Solve from where the model stands, on the branch of `side`, until `end` on the clock [s]."""

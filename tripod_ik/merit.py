@@ -35,7 +35,12 @@ def merit(problem: IkProblem, state: LinearState, limits: Sequence[RowLimit]) ->
 
 def hard_limits_passed(state: LinearState, limits: Sequence[RowLimit]) -> float:
     """Return how far `state` is beyond its hard limits at most, as a turn of the servos that leads back [rad]."""
-    found = [_passed(limit, state, _scale(limit, state)).max(initial=0.0) for limit in limits if limit.hard]
+    return limits_passed(state, [limit for limit in limits if limit.hard])
+
+
+def limits_passed(state: LinearState, limits: Sequence[RowLimit]) -> float:
+    """Return the same for all limits, soft ones, too."""
+    found = [_passed(limit, state, _scale(limit, state)).max(initial=0.0) for limit in limits]
     return float(max(found, default=0.0))
 
 

@@ -28,9 +28,8 @@ TOLERANCE = 1e-7
 SAME = 1e-6
 """Positions of the effector that differ by less [m] belong to one equilibrium; two are millimetres apart."""
 
-
 SHORTEST = 1e-3
-"""Part of a way [rad] below which an end of the equilibria is no longer looked for."""
+"""Part of a way [rad] below which an end of the equilibria is no longer looked for, by default."""
 
 MISSED, PART = 2e-4, 0.05
 """A move that differs by more than MISSED [m] and that part of its length from what the Jacobians at both ends say, was
@@ -129,8 +128,13 @@ class StaticModel:
                 raise
         return self.state()
 
-    def follow(self, angles: FloatArray) -> LinearState:
+    def follow(self, angles: FloatArray, *, softest: float = 0.0, shortest: float = SHORTEST) -> LinearState:
         """Bring the servos to `angles` as `move` does, but only along the present equilibria, in parts where need be.
+
+        Args:
+            angles: [rad], shape (s,).
+            softest: Firmness that no pose on the way may be below.
+            shortest: Part of the way [rad] below which an end of the equilibria is no longer looked for.
 
         Raises:
             SceneError: the angles are out of the scene's limits.
@@ -143,14 +147,15 @@ class StaticModel:
             here, before = self.save(), self.state()
             end = min(1.0, done + part)
             try:
-                if goes_on(before, self.move(angles if end == 1.0 else start + end * whole)):
+                after = self.move(angles if end == 1.0 else start + end * whole)
+                if goes_on(before, after) and after.firmness >= softest:
                     done, part = end, min(1.0, 2 * part)
                     continue
             except StepError:
                 pass
             self.restore(here)
             part /= 2
-            if part * longest < SHORTEST:
+            if part * longest < shortest:
                 self.restore(begin)
                 raise StepError("the equilibria of the body end on the way: it would snap")
         return self.state()

@@ -37,6 +37,7 @@ from tripod_graph.source import IK, new_source
 from tripod_graph.timers import set_period
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
+from tripod_ik.guide import Guide
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
 from tripod_ik.rotation import quaternion_matrix, unit_quaternion
@@ -62,9 +63,11 @@ class IkNode(Node):
         super().__init__("ik")
         values = declare(self, PARAMETERS, self._adopt)
         self._targets = TargetBox(values["target_low"], values["target_high"])
-        self._tracker = Tracker(tracker_settings(values), len(names.SERVOS), model_error(values))
+        self._guide = Guide(self._build_pathfinder)
+        self._tracker = Tracker(tracker_settings(values), len(names.SERVOS), model_error(values), self._guide)
         self._range = RangeWatch(command_limits(self._tracker.settings))
         self._scene, self._slide, self._kind = values["scene"], values["slide"], values["model"]
+        self._guide.slide = self._slide
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
         self._own_in_use = False
@@ -119,9 +122,16 @@ class IkNode(Node):
         self._own_after, self._stale_after = values["own_model_after"], values["stale_after"]
         set_period(self._own_timer, 1.0 / values["own_model_rate"])
 
+    def _build_pathfinder(self, slide: float) -> Any:
+        from tripod_ik.model import model_scene  # noqa: PLC0415
+        from tripod_ik.pathfinder import Pathfinder  # noqa: PLC0415 - where every goal is met it is not needed
+
+        return Pathfinder.of(model_scene(self._scene, self._kind), slide, *self._tracker.reach)
+
     def close(self) -> None:
         """Say that nothing more will be commanded, and leave the graph."""
         self._own.close()
+        self._guide.close()
         self._rest(Activity.IDLE, "stopped")
         self._statuses.wait_for_all_acked(
             Duration(seconds=0.2)
@@ -176,6 +186,7 @@ class IkNode(Node):
     def _keep_range(self) -> None:
         limits = self._range.limits
         self._tracker.narrow(limits.lower[:3], limits.upper[:3], float(limits.speed[:3].min()))
+        self._guide.forget()
         if self._range.notice:
             self.get_logger().warning(self._range.notice)
 
@@ -230,6 +241,7 @@ class IkNode(Node):
             self._reject("compliances", str(error))
             return
         if state is not None:
+            self._guide.slide = self._slide
             self._on_state(state, time.monotonic())
 
     def _on_compliance(self, message: Any) -> None:
@@ -242,6 +254,7 @@ class IkNode(Node):
         except IkError as error:
             self._reject("compliances", str(error))
             return
+        self._guide.slide = message.slide
         self._on_state(state, now)
 
     def _on_state(self, state: LinearState, now: float) -> None:
@@ -321,6 +334,8 @@ class IkNode(Node):
             message = "no target yet: the effector is kept where it is"
         elif self._tracker.correction and time.monotonic() - self._feedback_at > FEEDBACK_SILENT:
             message = "no measurement: the correction stays as it is"
+        elif step.activity is Activity.CLOSEST:
+            message = self._guide.notice
         self._send(step.activity, message)
 
     def _rest_again(self, activity: Activity, message: str, now: float) -> None:

@@ -2,6 +2,7 @@
 
 import time as clock
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ from tripod_ik.inverse import PASSED, InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.merit import hard_limits_passed
 from tripod_ik.model import StaticModel
+from tripod_ik.pathfinder import Pathfinder
 from tripod_ik.rotation import normal_of, roll_pitch
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
+from tripod_ik.snap import SNAP
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
@@ -84,6 +87,18 @@ def solve_once(
     began = clock.perf_counter()
     begun = model.angles
     solution = solver.solve(tasks, everywhere=True)
+    if (
+        solution.outcome is Outcome.CLOSEST and SNAP in solution.active_limits
+    ):  # another way round may be closer
+        count = solution.iterations
+        finder = Pathfinder.of(
+            scene, slide, angles, limits, home=begun, tolerance=tolerance,
+            progress=progress and (lambda more, missing: progress(count + more, missing)),
+        )  # fmt: skip
+        other, there, _ = finder.closest(tasks, begun)
+        if other.residual < solution.residual - 1e-9:
+            solution, model = replace(other, iterations=count + finder.count), finder.model
+            model.restore(there)
     state, seconds = solution.state, clock.perf_counter() - began
     straight = not (hard and limits) or _keeps_to(limits, model, begun)
     found = roll_pitch(state.equilibrium_rotation[:, 2])

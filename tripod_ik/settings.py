@@ -25,6 +25,15 @@ PARAMETERS: tuple[Parameter, ...] = (
         dynamic=True,
     ),
     Parameter(
+        "effector_speed",
+        _TRACKER.effector_speed,
+        "largest speed of the effector that commands ask for; swinging it is up to 1.6 times as fast",
+        "m/s",
+        low=0.001,
+        high=10.0,
+        dynamic=True,
+    ),
+    Parameter(
         "max_step",
         _TRACKER.step,
         "farthest that a command may be ahead of the present angle",
@@ -150,6 +159,7 @@ def tracker_settings(values: Mapping[str, Any]) -> TrackerSettings:
         angle_min=values["angle_min"],
         angle_max=values["angle_max"],
         angle_speed=values["angle_speed"],
+        effector_speed=values["effector_speed"],
         step=values["max_step"],
         torque_max=values["torque_max"],
         box=_box(values["box_low"], values["box_high"]),

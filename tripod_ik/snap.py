@@ -21,6 +21,9 @@ SNAP = "snap"
 SOFTEST = 0.05
 """Firmness at which a branch ends, for inverse kinematics."""
 
+WITHIN = 0.9
+"""Part of that which a way to a pose as soft may use."""
+
 SOFTENING = 0.1
 """Time in which commands use up what is left of ρ² - SOFTEST², but for 1/e [s]."""
 

@@ -13,6 +13,7 @@ import numpy as np
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.branch import branch, is_beyond
 from tripod_ik.feedback import ModelError
+from tripod_ik.guidance import Guidance
 from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
@@ -27,6 +28,7 @@ from tripod_ik.tasks import (
     total_distance,
 )
 from tripod_ik.tracker_settings import TrackerSettings
+from tripod_ik.way import Ask
 
 LONGEST_DT = 0.1
 """Time between commands [s] that the speed limit grants at most: after a gap the robot does not leap."""
@@ -102,9 +104,23 @@ class Tracker:
         correction: What is known of the model's error; fed with measurements by the caller, or left at zero.
     """
 
-    def __init__(self, settings: TrackerSettings, n: int = 3, correction: ModelError | None = None) -> None:
-        """`n`: number of servos; `correction`: for a closed loop."""
+    def __init__(
+        self,
+        settings: TrackerSettings,
+        n: int = 3,
+        correction: ModelError | None = None,
+        guide: Ask | None = None,
+    ) -> None:
+        """Begin without a target.
+
+        Args:
+            settings: How it moves the robot.
+            n: Number of servos.
+            correction: For a closed loop.
+            guide: Asked for the way where no step comes closer to the target, see `Guidance`.
+        """
         self.settings = settings
+        self._guidance = Guidance(guide)
         self.correction = correction
         self._limits = (
             AngleLimit(settings.angle_min, settings.angle_max),
@@ -121,8 +137,19 @@ class Tracker:
         self._limits = AngleLimit(low, high), SpeedLimit(speed)
 
     def adopt(self, settings: TrackerSettings) -> None:
-        """Take other weights, tolerance, lever, lead and step from now on; the other settings are those of before."""
+        """Take other weights, tolerance, lever, lead, step and effector_speed from now on; the rest is as before."""
         self.settings, self._motion.lead, self._trust = settings, settings.lead, settings.step
+
+    @property
+    def reach(self) -> tuple[AngleLimit, list[RowLimit]]:
+        """Limits of the angles, and of torques and effector: within these the closest pose is looked for."""
+        s = self.settings
+        limits: list[RowLimit] = []
+        if self._limited:
+            limits.append(TorqueLimit(s.torque_max, hard=s.hard))
+        if s.box is not None:
+            limits.append(EffectorBox(*(np.array(side) for side in s.box), hard=s.hard))
+        return self._limits[0], limits
 
     @property
     def target(self) -> FloatArray | None:
@@ -167,6 +194,7 @@ class Tracker:
         self._back: float | None = None
         self._trust = self.settings.step
         self._least: float | None = None
+        self._guidance.reset()
         if self.correction:
             self.correction.reset()
 
@@ -178,39 +206,78 @@ class Tracker:
         wanted = self._kept if self._target is None else self._motion.at(now)
         wanted = np.where(np.isfinite(wanted), wanted, self._kept)
         position, normal = self._corrected(wanted, state, now)
-        tasks: Sequence[Task] = self.settings.tasks(position, normal)
-        wanted_tasks = tasks
+        wanted_tasks = self.settings.tasks(position, normal)
+        tasks: Sequence[Task] = wanted_tasks
         here = branch(state, tasks)
-        beyond = self._is_beyond_fold(state, here, now)
-        if beyond:
+        aimed = np.concatenate([position, normal])
+        previous = state.angles if self._previous is None else self._previous
+        led = self._guidance.command(
+            state,
+            previous,
+            aimed,
+            now,
+            dt=dt,
+            reach=self._limits[1].speed * dt,
+            speed=self.settings.effector_speed,
+        )
+        beyond = led is None and self._is_beyond_fold(state, here, now)
+        if led is not None:
+            self._side, self._trust = 0.0, self.settings.step
+            self._trail.clear()
+            tasks = (PostureTask(led, weight=1.0),)
+        elif beyond:
             self._trust = max(self._trust / 2, SHORTEST)
             tasks = (PostureTask(self._trail[-1], weight=1.0),)
-        limits = (
-            self._limits[0],
-            StepLimit(self.settings.step if beyond else min(self._trust, longest_step(state))),
-            self._limits[1],
-        )
-        row_limits = self._row_limits(state, dt)
-        problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
-        result = self._solver.solve(problem)
-        if self.settings.hard and result.ok:
-            result = self._off_the_limits(problem, limits, row_limits, dt, result)
+        free = beyond or led is not None
+        step = self.settings.step if free else min(self._trust, longest_step(state))
+        limits = (self._limits[0], StepLimit(step), self._limits[1])
+        row_limits = self._row_limits(state, dt, led=led is not None)
+        result = self._solved(state, tasks, limits, row_limits, dt)
         if self._trust < self.settings.step:  # what is left of the step is no way to go
             kept = tuple(name for name in result.active_limits if not name.endswith(" step"))
             if len(kept) < len(result.active_limits):
                 result = replace(result, active_limits=(*kept, "branch"))
-        if beyond:  # the program solved was that of the way back
+        if tasks is not wanted_tasks:  # the program solved was that of the way
             left = total_distance(wanted_tasks, [task.rows(state).error for task in wanted_tasks])
             residuals = {
                 k: d for task in wanted_tasks for k, d in task.distances(task.rows(state).error).items()
             }
-            names = tuple(dict.fromkeys((*result.active_limits, "branch")))
+            more = ("branch",) if beyond else self._guidance.limits
+            names = tuple(dict.fromkeys((*result.active_limits, *more)))
             result = replace(result, error=left, residual=left, residuals=residuals, active_limits=names)
         self._previous, self._time = result.command, max(self._time, now)
         error, tilt = self._present_error(state, wanted)
-        return TrackerStep(
-            self._activity(result, beyond), wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result
+        activity = self._activity(result, beyond=beyond)
+        if activity is Activity.CLOSEST:
+            self._guidance.look(state, wanted_tasks, aimed, result.residual, now)
+        elif led is None:
+            self._guidance.free()
+        if led is not None and not self._guidance.arrived and result.ok:
+            activity = Activity.TRACKING
+        return TrackerStep(activity, wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result)
+
+    def _solved(
+        self,
+        state: LinearState,
+        tasks: Sequence[Task],
+        limits: Sequence[IntervalLimit],
+        row_limits: Sequence[RowLimit],
+        dt: float,
+    ) -> IkResult:
+        """Return the result of a step that is not too fast for the effector and keeps off hard limits."""
+        problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
+        result = self._solver.solve(problem)
+        turn = result.command - problem.hold
+        part = float(np.linalg.norm(state.jacobian[:3] @ turn)) / max(
+            self.settings.effector_speed * dt, 1e-12
         )
+        if part > 1 + 1e-6 and dt > 0 and result.ok:
+            limits = (*limits, SpeedLimit(float(np.abs(turn).max()) / (part * dt)))
+            problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
+            result = self._solver.solve(problem)
+        if self.settings.hard and result.ok:
+            result = self._off_the_limits(problem, limits, row_limits, dt, result)
+        return result
 
     def _off_the_limits(
         self,
@@ -279,10 +346,11 @@ class Tracker:
         distances = [task.distances(error) for task, error in zip(tasks, errors, strict=True)]
         return total_distance(tasks, errors), sum(d.get(TILT, 0.0) for d in distances)
 
-    def _row_limits(self, state: LinearState, dt: float) -> list[RowLimit]:
+    def _row_limits(self, state: LinearState, dt: float, *, led: bool) -> list[RowLimit]:
         found = state.firmness
         self._least = SOFTEST if found >= SOFTEST else found if self._least is None else self._least
-        limits: list[RowLimit] = [SnapLimit(self._least, share=min(1.0, dt / SOFTENING))]
+        snap = SnapLimit(self._least, share=min(1.0, dt / SOFTENING))
+        limits: list[RowLimit] = [SnapLimit(-1.0) if led else snap]  # the way is known to be firm enough
         if self._limited:
             limits.append(TorqueLimit(self._torque_ceiling(state), hard=self.settings.hard))
         if self.settings.box is not None:
@@ -298,7 +366,7 @@ class Tracker:
         self._torque = np.where(found <= maximum, maximum, found if self._torque is None else self._torque)
         return self._torque
 
-    def _activity(self, result: IkResult, beyond: bool) -> Activity:
+    def _activity(self, result: IkResult, *, beyond: bool) -> Activity:
         if not result.ok:
             return Activity.SOLVER_FAILED
         if beyond:

@@ -30,6 +30,8 @@ class TrackerSettings:
         angle_min: Smallest servo angle [rad].
         angle_max: Largest servo angle [rad].
         angle_speed: Largest speed of a commanded angle [rad/s].
+        effector_speed: Largest speed of the resting effector that commands ask for [m/s]; a body that swings is up to
+            1.6 times as fast.
         step: Farthest that a command may be from the present angle [rad].
         torque_max: Largest torque of a servo [N m]; infinite for none.
         box: Smallest and largest x, y, z of the effector at rest [m]; None for no box.
@@ -44,6 +46,7 @@ class TrackerSettings:
     angle_min: float = -2.1
     angle_max: float = 0.6
     angle_speed: float = 3.0
+    effector_speed: float = 0.06
     step: float = 0.5
     torque_max: float = 0.3
     box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
@@ -59,6 +62,8 @@ class TrackerSettings:
         SpeedLimit(self.angle_speed)
         StepLimit(self.step)
         PositionTask(np.zeros(3), np.array(self.weights))
+        if not self.effector_speed > 0:
+            raise IkError(f"effector_speed is {self.effector_speed} m/s; it must be positive")
         if not self.torque_max > 0:
             raise IkError(f"torque_max is {self.torque_max} N m; it must be positive")
         if self.box is not None:

@@ -40,6 +40,10 @@ SMALLEST = 1e-4
 """Size of a row of D, as a share of the largest, below which it is not scaled up."""
 
 
+ROUNDS = 3
+"""Corrections of the state of rest for one compliance, at most, before the last: one is the rule."""
+
+
 @dataclass(frozen=True, eq=False)
 class Holding:
     """What holds the body at some of its unknowns x, at its driven angles q and by further unknowns y.
@@ -145,6 +149,13 @@ def compliance(
             answer = held_response(free, holding, where)
         else:
             answers = _answers(system, effector)
+            for _ in range(ROUNDS if rest else 0):
+                if not (rest and rest.misses(-answers[:, -1])):
+                    break
+                rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
+                at = _factored(system, state, contacts, rest)
+                answers = _answers(system, effector)
+            torques = system.torques.copy()
             answer = _response(system, effector, answers)
     except LinearError as error:
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error

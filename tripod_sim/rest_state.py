@@ -6,7 +6,8 @@ carried by the angles' change Δq and the response that is known, and then corre
 
     x <- x - K⁻¹ K_s Δq,    x <- x - K⁻¹ r(x),
 
-which is Newton's method with one iteration for each compliance, and costs no factorisation more.
+which is Newton's method with one iteration for each compliance, and costs no factorisation more. Near a snap, where a
+small turn moves the body far, more of them follow.
 """
 
 import numpy as np
@@ -26,6 +27,9 @@ SLID = 1e-4
 
 WIDE = 5e-3
 """A correction that moves a node farther than this [m] is no small one: it begins anew next time."""
+
+MISSED = 5e-5
+"""A correction that moves a node farther than this [m] is followed by another one at once."""
 
 CALM, APART = 2e-3, 1e-3
 """An effector slower than CALM [m/s] and farther than APART [m] from where it is said to rest, rests elsewhere."""
@@ -61,6 +65,15 @@ class RestState:
             write_moves(self._system.driven, rest.positions, trial.positions, self._dx)
             self._move(turning @ turn[:-1])
         return rest
+
+    def misses(self, fall: FloatArray) -> bool:
+        """Return whether `fall`, as for `correct`, is so long that the tangent is not that of rest, though sound."""
+        if self._state is None:
+            return False
+        self._dx[:] = 0.0
+        self._system.update_levers(self._state)
+        self._system.reduction.moves(fall, self._system.lever, self._dx)
+        return MISSED < float(np.abs(self._dx).max()) < WIDE
 
     def correct(self, turning: FloatArray, fall: FloatArray, *, stable: bool) -> None:
         """Take up the response at the state that `carried` gave.

@@ -1,9 +1,11 @@
 """The closest pose within limits, found by looking everywhere: an independent answer to compare with.
 
-A grid over all angles allowed, each pose from its neighbour, then SciPy's SLSQP from the best of them.
+A grid over all angles allowed, each pose from its neighbour, then SciPy's SLSQP from the best of them. `Flood` has only
+poses that the body comes to without a snap from where the model stands, and stays firm in.
 Unlike `tripod_ik` it has no linear program with slacks, no branch and no step of its own: it asks the model for poses.
 """
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +14,7 @@ from scipy.optimize import minimize
 from tripod_ik.arrays import FloatArray
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.state import LinearState
+from tripod_sim.errors import StepError
 
 FEASIBLE = 1e-6
 """A constraint may be passed by so much of its size: SLSQP's own accuracy."""
@@ -19,21 +22,24 @@ FEASIBLE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Largest torque [N m], and smallest and largest corner of where the effector may be [m]."""
+    """Largest torque [N m], smallest and largest corner of where the effector may be [m], least firmness."""
 
     torque: float = np.inf
     low: FloatArray | float = -np.inf
     high: FloatArray | float = np.inf
+    firmness: float = -np.inf
 
     def room(self, state: LinearState) -> tuple[FloatArray, FloatArray]:
-        """Return what is left to each finite limit, positive inside, as a part of 0.1 N m or 10 mm; and d/dα of it."""
+        """Return what is left to each finite limit, positive inside, as a part of 0.1 N m or 10 mm, of firmness as
+        it is; and d/dα of it."""
         n, p = len(state.angles), state.equilibrium
         low, high = np.broadcast_to(self.low, 3), np.broadcast_to(self.high, 3)
         most = np.full(n, self.torque)
         torque, place = [most - state.torques, most + state.torques], [p - low, high - p]
-        left = np.concatenate([*(row / 0.1 for row in torque), *(row / 0.01 for row in place)])
+        firm = [state.firmness - self.firmness]
+        left = np.concatenate([*(row / 0.1 for row in torque), *(row / 0.01 for row in place), firm])
         K, J = state.stiffness / 0.1, state.jacobian[:3] / 0.01
-        rows, finite = np.concatenate([-K, K, J, -J]), np.isfinite(left)
+        rows, finite = np.concatenate([-K, K, J, -J, state.firmness_slope[None, :]]), np.isfinite(left)
         return left[finite], rows[finite]
 
 
@@ -69,10 +75,7 @@ class Search:
     def descend(self, target: FloatArray, limits: Limits) -> float:
         """Return the least distance [m] near the pose where the model stands; infinite if that is out of the limits."""
         state = self.model.state()
-        low, high = self.bounds
-
-        def at(angles: FloatArray) -> LinearState:
-            return self.model.move(np.clip(angles, low, high))
+        at = self._at
 
         def distance(angles: FloatArray) -> tuple[float, FloatArray]:
             e = 1e3 * (at(angles).equilibrium - target)
@@ -95,3 +98,75 @@ class Search:
         if limits.room(end)[0].min(initial=0.0) < -FEASIBLE:
             return np.inf
         return float(np.linalg.norm(end.equilibrium - target))
+
+    def _at(self, angles: FloatArray) -> LinearState:
+        return self.model.move(np.clip(angles, *self.bounds))
+
+
+class Flood(Search):
+    """All poses within `limits` that hang together with the one where the model stands, on a grid about it.
+
+    `within`: poses whose effector is farther from that one [m] are left out.
+    """
+
+    def __init__(
+        self,
+        model: StaticModel,
+        low: float,
+        high: float,
+        limits: Limits,
+        *,
+        spacing: float = 0.12,
+        within: float = 0.018,
+    ) -> None:
+        centre = model.state().equilibrium
+        self.model, self.bounds = model, (low, high)
+        self.poses, origin = [(model.state(), model.save())], model.angles
+        cells: dict[tuple[int, ...], list[LinearState]] = {(0, 0, 0): [model.state()]}
+        todo = deque([((0, 0, 0), self.poses[0])])
+        while todo:
+            cell, (state, saved) = todo.popleft()
+            for move in (*np.eye(3, dtype=int), *-np.eye(3, dtype=int)):
+                there = tuple(int(i) for i in np.array(cell) + move)
+                angles, known = origin + spacing * np.array(there), cells.setdefault(there, [])
+                if angles.min() < low or angles.max() > high or any(_linked(state, other) for other in known):
+                    continue
+                model.restore(saved)
+                try:
+                    found = model.follow(angles, shortest=spacing / 2)
+                except StepError:
+                    continue
+                new = all(np.abs(found.equilibrium - other.equilibrium).max() > 1e-4 for other in known)
+                near = np.linalg.norm(found.equilibrium - centre) <= within
+                if new and near and limits.room(found)[0].min() >= 0:
+                    known.append(found)
+                    self.poses.append((found, model.save()))
+                    todo.append((there, self.poses[-1]))
+
+    def closest(self, target: FloatArray, limits: Limits, starts: int = 4) -> tuple[float, FloatArray]:
+        """Return the least distance [m] among these poses and those that SLSQP goes to from there, and its angles."""
+        far = np.array([np.linalg.norm(state.equilibrium - target) for state, _ in self.poses])
+        order = np.argsort(far)
+        best, chosen = (float(far[order[0]]), self.poses[order[0]][0].angles), []
+        for i in order:
+            state, saved = self.poses[i]
+            if len(chosen) == starts:
+                break
+            if any(np.abs(state.angles - angles).max() < 0.15 for angles in chosen):
+                continue
+            chosen.append(state.angles)
+            self.model.restore(saved)
+            try:
+                best = min(best, (self.descend(target, limits), self.model.angles), key=lambda pair: pair[0])
+            except StepError:  # its steps went beyond a snap
+                continue
+        return best
+
+    def _at(self, angles: FloatArray) -> LinearState:
+        return self.model.follow(np.clip(angles, *self.bounds))
+
+
+def _linked(state: LinearState, other: LinearState) -> bool:
+    turn = other.angles - state.angles
+    foretold = 0.5 * (state.jacobian[:3] + other.jacobian[:3]) @ turn
+    return bool(np.linalg.norm(other.equilibrium - state.equilibrium - foretold) < 3e-4)

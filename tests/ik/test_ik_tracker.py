@@ -69,7 +69,10 @@ def test_tracking_a_moving_target_stays_close():
 
 
 def test_a_damped_step_towards_a_reachable_target_is_on_the_way():
-    robot, one = SpringRobot(slide=0.035), Tracker(TrackerSettings(angle_speed=300.0, step=3.0))
+    robot, one = (
+        SpringRobot(slide=0.035),
+        Tracker(TrackerSettings(angle_speed=300.0, effector_speed=np.inf, step=3.0)),
+    )
     one.target = robot.rest(WORKING) + np.array([0.0, 0.0, 0.008])
     steps, errors = follow(robot, one, WORKING, 25)
     assert steps[1].result.residual > 1e-3

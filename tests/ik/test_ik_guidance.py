@@ -1,0 +1,152 @@
+"""A tracker that stands still asks for a way, goes along it, rests at its end and goes on when the target moves."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from tests.ik.plant import SpringRobot
+from tripod_ik.errors import IkError
+from tripod_ik.guide import NEAR_WAY, Guide
+from tripod_ik.tasks import PositionTask
+from tripod_ik.tracker import Activity, Tracker
+from tripod_ik.tracker_settings import TrackerSettings
+from tripod_ik.way import NOWHERE, Way
+
+WORKING = np.full(3, -1.4965)
+DT = 0.01  # [s]
+STOPS = np.array([[-1.6, -1.3, -1.4], [-1.2, -1.2, -1.5]])
+
+
+class Robot:
+    """A robot that obeys, out of whose reach the target is; its tracker asks for the ways of `answers`."""
+
+    def __init__(self, answers):
+        self.plant, self.questions, self.answers = SpringRobot(slide=0.035), [], list(answers)
+        self.tracker = Tracker(TrackerSettings(angle_max=-1.0), guide=self.ask)
+        self.angles, self.now = WORKING, 0.0
+        self.tracker.target = self.plant.rest(WORKING) + np.array([0.0, 0.0, 0.1])
+
+    def ask(self, state, tasks):
+        self.questions.append((state, tasks))
+        return self.answers.pop(0)
+
+    def run(self, ticks, *, obeys=True):
+        steps = []
+        for _ in range(ticks):
+            steps.append(self.tracker.update(self.plant.state(self.angles), self.now))
+            if obeys:
+                self.angles = steps[-1].result.command
+            self.now += DT
+        return steps
+
+    def until_asked(self):
+        for _ in range(300):
+            if self.questions:
+                return
+            self.run(1)
+        raise AssertionError("nothing was asked")
+
+
+def from_line(point, start, end):
+    """Return how far `point` is from the line between two others."""
+    part = np.clip((point - start) @ (end - start) / ((end - start) @ (end - start)), 0.0, 1.0)
+    return float(np.linalg.norm(point - start - part * (end - start)))
+
+
+def test_it_waits_for_the_answer_goes_straight_from_stop_to_stop_and_rests_there_until_the_target_moves():
+    robot = Robot([None] * 5 + [Way(STOPS, 1e-3, ("snap",))])
+    robot.until_asked()
+    start = robot.angles
+    waiting = robot.run(5)
+    assert all(question[0] is robot.questions[0][0] for question in robot.questions)
+    assert np.ptp([step.result.command for step in waiting[:-1]], axis=0).max() < 1e-6
+    moving = robot.run(80)
+    commands = np.array([start, *(step.result.command for step in moving)])
+    assert np.abs(np.diff(commands, axis=0)).max() <= 3.0 * DT + 1e-9
+    places = np.array([robot.plant.rest(command) for command in commands])
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() < 1.1 * 0.06 * DT
+    for command in commands:
+        assert min(from_line(command, start, STOPS[0]), from_line(command, *STOPS)) < 1e-6
+    assert min(np.abs(commands - STOPS[0]).max(axis=1)) < 0.03
+    assert commands[-1] == pytest.approx(STOPS[-1], abs=1e-9)
+    assert {step.activity for step in moving[1:30]} == {Activity.TRACKING}
+    assert moving[-1].activity is Activity.CLOSEST
+    assert "snap" in moving[-1].result.active_limits
+    there = robot.plant.rest(STOPS[-1])
+    assert moving[-1].result.residual == pytest.approx(np.linalg.norm(robot.tracker.target - there))
+    goal = there + np.array([0.001, 0.0, 0.0])
+    robot.tracker.target = goal
+    robot.run(60)
+    assert robot.plant.rest(robot.angles) == pytest.approx(goal, abs=1e-6)
+
+
+@pytest.mark.parametrize("answer", [NOWHERE, Way(STOPS, 0.2, ())])
+def test_where_there_is_no_better_pose_it_stays_and_asks_no_more(answer):
+    robot = Robot([answer])
+    robot.until_asked()
+    before = robot.angles
+    robot.run(100)
+    assert robot.angles == pytest.approx(before, abs=1e-4)
+    assert len(robot.questions) == 1
+
+
+def test_a_way_that_is_blocked_is_given_up():
+    robot = Robot([Way(STOPS, 1e-3, ())])
+    robot.until_asked()
+    blocked = robot.run(260, obeys=False)
+    assert np.abs(blocked[50].result.command - robot.angles).max() > 0.1
+    assert np.abs(blocked[-1].result.command - robot.angles).max() < 1e-3
+
+
+def test_commands_keep_to_the_speed_of_the_effector():
+    robot, one = SpringRobot(slide=0.035), Tracker(TrackerSettings(effector_speed=0.02))
+    one.target = robot.rest(WORKING) + np.array([0.0, 0.0, 0.006])
+    angles, places = WORKING, []
+    for k in range(60):
+        angles = one.update(robot.state(angles), k * DT).result.command
+        places.append(robot.rest(angles))
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / DT
+    assert 0.019 < speeds.max() < 0.0215
+    assert places[-1] == pytest.approx(one.target, abs=1e-6)
+    with pytest.raises(IkError, match="effector_speed is 0"):
+        TrackerSettings(effector_speed=0.0)
+
+
+class Finder:
+    def __init__(self, answer):
+        self.answer, self.go = answer, threading.Event()
+
+    def way(self, state, tasks):
+        assert self.go.wait(60)
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "notice"),
+    [
+        (Way(STOPS, 0.0, ()), ""),
+        (NOWHERE, f"{NEAR_WAY}; the robot does not rest as its model does"),
+        (IkError("no servos"), f"{NEAR_WAY}; no model to look farther: no servos"),
+        (KeyError("x"), f"{NEAR_WAY}; no model to look farther: KeyError: 'x'"),
+    ],
+)
+def test_a_guide_answers_when_it_knows_and_says_what_it_does(answer, notice):
+    finder, slides = Finder(answer), []
+    guide = Guide(lambda slide: slides.append(slide) or finder)
+    state, tasks = SpringRobot(slide=0.035).state(WORKING), [PositionTask(np.zeros(3))]
+    guide.slide = 0.035
+    assert guide(state, tasks) is None
+    assert guide.notice == "looking for the closest pose"
+    assert guide(state, tasks) is None
+    finder.go.set()
+    guide.close(60.0)
+    assert guide(state, tasks) is (NOWHERE if isinstance(answer, Exception) else answer)
+    assert guide.notice == notice
+    for slide in (0.035, 0.02):
+        guide.slide = slide
+        assert guide(SpringRobot().state(WORKING), tasks) is None
+        guide.close(60.0)
+    assert slides == [0.035, 0.02]

@@ -1,0 +1,98 @@
+"""The closest pose that the body comes to without a snap: found, gone to, and left again, from the flat piece.
+
+Its servos at 0 and not slid in, goals 10 mm off towards a servo are out of reach; coming from beside one the tracker by
+itself ends at a fold, and stays there for goals that are in reach.
+"""
+
+import numpy as np
+import pytest
+
+from tests.ik.search import Flood, Limits
+from tripod_ik.model import StaticModel, goes_on
+from tripod_ik.pathfinder import Pathfinder
+from tripod_ik.snap import SOFTEST
+from tripod_ik.tasks import PositionTask
+from tripod_ik.tracker import Activity, Tracker
+from tripod_ik.tracker_settings import TrackerSettings
+from tripod_ik.way import NOWHERE
+from tripod_sim import load_scene
+
+DT = 0.02  # [s]
+SETTINGS = TrackerSettings()
+
+
+def at(degrees, radius=0.01):
+    return radius * np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees)), 0.0])
+
+
+@pytest.fixture(scope="module")
+def finder():
+    return Pathfinder.of(load_scene("tripod"), 0.0, *Tracker(SETTINGS).reach)
+
+
+@pytest.fixture(scope="module")
+def shared():
+    return StaticModel(load_scene("tripod"), 0.0, np.zeros(3))
+
+
+@pytest.fixture
+def model(shared):
+    shared.go_home()
+    return shared
+
+
+def follow(model, finder, goals):
+    """Go to one goal after the other, 1 s for each; return the states and the tracker's last steps."""
+    home, tracker, now, ends = model.state().equilibrium, Tracker(SETTINGS, guide=finder.way), 0.0, []
+    for goal in goals:
+        tracker.aim(home + goal, None, now)
+        for _ in range(round(1.0 / DT)):
+            before = model.state()
+            step = tracker.update(before, now)
+            after = model.move(step.result.command)
+            assert goes_on(before, after)  # no snap
+            assert np.linalg.norm(after.equilibrium - before.equilibrium) < 0.1 * DT
+            now += DT
+        ends.append((after, step))
+    return home, ends
+
+
+def test_round_the_edge_of_reach_it_ends_closest_and_comes_back_mirrored_for_mirrored_goals(model, finder):
+    found = {}
+    for name, sign in (("left", 1), ("right", -1)):
+        model.go_home()
+        goals = [at(sign * degrees) for degrees in (90, 120, 150)]
+        home, ends = follow(model, finder, goals)
+        (met, _), (closest, step), (again, _) = ends
+        assert np.linalg.norm(met.equilibrium - home - goals[0]) < 1e-5
+        assert np.linalg.norm(again.equilibrium - home - goals[2]) < 1e-5
+        assert step.activity is Activity.CLOSEST
+        assert "snap" in step.result.active_limits
+        found[name] = closest.equilibrium - home
+    model.go_home()
+    home, ((straight, _),) = follow(model, finder, [at(0)])
+    found["straight"] = straight.equilibrium - home
+    distances = [
+        np.linalg.norm(found[n] - at(d)) for n, d in (("left", 120), ("right", -120), ("straight", 0))
+    ]
+    assert np.ptp(distances) < 1e-6
+    assert max(distances) < 0.97e-3
+    assert found["left"] * [1, -1, 1] == pytest.approx(found["right"], abs=2e-5)
+    turned = np.array([[-0.5, -np.sqrt(0.75), 0], [np.sqrt(0.75), -0.5, 0], [0, 0, 1]]) @ found["straight"]
+    assert found["left"] == pytest.approx(turned, abs=2e-5)
+
+
+def test_the_closest_pose_is_that_of_a_search_everywhere(model, finder):
+    """More of them are in benchmarks/ik_circles.py."""
+    home, limits = model.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
+    flood = Flood(model, -2.1, 0.6, limits, spacing=0.2, within=0.011)
+    for goal in (at(0), at(35, 0.012), at(-120, 0.008)):
+        solution, _, _ = finder.closest([PositionTask(home + goal)], np.zeros(3))
+        least = flood.closest(home + goal, limits, starts=2)[0]
+        assert solution.residual > 1e-4
+        assert solution.residual < least + 5e-5
+
+
+def test_a_robot_that_does_not_rest_as_the_model_does_gets_no_way(model, finder):
+    other = StaticModel(load_scene("tripod", ["material.young=4e5"]), 0.0, np.zeros(3)).state()
+    assert finder.way(other, [PositionTask(np.array([0.01, 0.0, 0.0]))]) is NOWHERE

@@ -1,0 +1,159 @@
+"""Leading the tracker: from a pose that no step betters to the closest one there is, along a way that does not snap.
+
+Pure: the caller gives the time.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tripod_ik.arrays import FloatArray
+from tripod_ik.snap import SOFTENING, SOFTEST, WITHIN
+from tripod_ik.state import LinearState
+from tripod_ik.tasks import Task
+from tripod_ik.way import Ask
+
+STUCK = 0.1
+"""Time at a pose that no step betters after which the way is asked for [s]."""
+
+STILL, MOVED = 2e-5, 1e-3
+"""A target that moves by less than STILL [m, of a normal] is the same; one that moves by MOVED needs another way."""
+
+WORSE = 1e-5
+"""A way to a pose that misses so much more [m] than the present one is not taken: the model is not the robot."""
+
+STRAYED = 0.02
+"""A robot that is farther from where the way begins [rad] does not take it."""
+
+MET = 1e-5
+"""A target that the end of the way misses by less [m] is met; the tracker finds the rest itself."""
+
+ARRIVED = 1e-3
+"""Distance [rad] at which the end of the way counts as reached."""
+
+SLOWEST = 1e-3
+"""Of what is left of ρ² at least so much counts, where a way comes to its softest pose."""
+
+PATIENCE = 2.0
+"""Time [s] in which the command has to come on by `ARRIVED`; else the way is given up, since something blocks it."""
+
+
+class Guidance:
+    """Asks for a way where the tracker stands still, leads it there and holds it there until the target moves.
+
+    Attributes:
+        arrived: Whether it is where it was led to.
+        limits: What keeps the effector from coming closer there.
+    """
+
+    def __init__(self, ask: Ask | None) -> None:
+        """`ask`: where ways come from; None leads nowhere."""
+        self._ask = ask
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew, without a way."""
+        self._stops: list[FloatArray] = []
+        self._question: tuple[LinearState, Sequence[Task]] | None = None
+        self._target = np.zeros(0)
+        self._answered = False
+        self._worth = 0.0
+        self._since: float | None = None
+        self._moved: tuple[float, FloatArray] | None = None
+        self.arrived = self._met = False
+        self.limits: tuple[str, ...] = ()
+
+    def command(
+        self,
+        state: LinearState,
+        previous: FloatArray,
+        target: FloatArray,
+        now: float,
+        *,
+        dt: float,
+        reach: float,
+        speed: float,
+    ) -> FloatArray | None:
+        """Return the angles to command [rad], shape (s,); None where the tracker finds its way itself.
+
+        Args:
+            state: Where the robot is.
+            previous: The last command [rad], shape (s,).
+            target: Position [m] and normal that are followed, shape (6,).
+            now: [s].
+            dt: Time since the last command [s].
+            reach: How far a servo may turn in it [rad].
+            speed: How fast the resting effector may move [m/s].
+        """
+        if self._question is None:
+            return None
+        moved = float(np.abs(target - self._target).max())
+        if not self._answered:
+            return self._question[0].angles if moved < STILL else None
+        if state.firmness < 0 or moved > (STILL if self.arrived else max(MOVED, self._worth)):
+            self.reset()
+        if not self._stops:
+            return None
+        if self._moved is None or np.abs(previous - self._moved[1]).max() > ARRIVED:
+            self._moved = now, previous
+        last = self._stops[-1]
+        self.arrived = self.arrived or bool(
+            len(self._stops) == 1 and np.abs(state.angles - last).max() < ARRIVED
+        )
+        blocked = not self.arrived and now - self._moved[0] > PATIENCE
+        if blocked or (self.arrived and self._met):
+            self._stops = []
+            return None
+        at, left = previous, 1.0
+        soft = max(state.firmness**2 - (WITHIN * SOFTEST) ** 2, SLOWEST) / SOFTENING
+        while True:
+            way = self._stops[0] - at
+            part = max(
+                float(np.abs(way).max()) / max(reach, 1e-12),
+                float(np.linalg.norm(state.jacobian[:3] @ way)) / max(speed * dt, 1e-12),
+                -2 * state.firmness * float(state.firmness_slope @ way) / max(soft * dt, 1e-12),
+            )
+            if part > left:
+                return np.asarray(at + way * (left / part))
+            at, left = self._stops[0], left - part
+            if len(self._stops) == 1:
+                return at
+            self._stops.pop(0)
+
+    def look(
+        self, state: LinearState, tasks: Sequence[Task], target: FloatArray, residual: float, now: float
+    ) -> None:
+        """Ask for a way from a pose that no step betters.
+
+        Args:
+            state: Where the robot is.
+            tasks: What it is to do.
+            target: Position [m] and normal that are followed, shape (6,).
+            residual: What is missing [m].
+            now: [s].
+        """
+        if self._ask is None or self._answered:
+            return
+        if self._since is None:
+            self._since = now
+        if now - self._since < STUCK:
+            return
+        if self._question is None:
+            self._question, self._target = (state, tasks), target
+        way = self._ask(*self._question)
+        if way is None:
+            return
+        moved = float(np.abs(target - self._target).max())
+        strayed = float(np.abs(state.angles - self._question[0].angles).max()) > STRAYED
+        worth = residual - way.residual - moved
+        if strayed or moved > max(MOVED, worth):
+            self.reset()
+            return
+        self._answered = True
+        if worth > -WORSE - moved and len(way.stops):
+            self._stops, self.limits, self._met = list(way.stops), way.limits, way.residual < MET
+            self._worth, self._moved = worth, None
+
+    def free(self) -> None:
+        """Take notice of a step that betters the pose."""
+        self._since = None

@@ -1,0 +1,32 @@
+"""A way through the angles, and who knows ways."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripod_ik.arrays import FloatArray
+from tripod_ik.state import LinearState
+from tripod_ik.tasks import Task
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Where to go.
+
+    Attributes:
+        stops: Angles [rad], each reached straight from the one before, the last those of the pose; shape (k, s).
+        residual: What is missing there [m].
+        limits: What keeps the effector from coming closer there.
+    """
+
+    stops: FloatArray
+    residual: float
+    limits: tuple[str, ...]
+
+
+NOWHERE = Way(np.empty((0, 0)), np.inf, ())
+"""No way is known."""
+
+Ask = Callable[[LinearState, Sequence[Task]], Way | None]
+"""Returns the way from a state to the pose that meets tasks best. None is no answer yet: to be asked the same again."""
