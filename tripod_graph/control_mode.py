@@ -1,8 +1,9 @@
 """The topic `control_mode` in nodes: messages to decisions and back, the two clocks, what every status says of it."""
 
 import time
-from collections.abc import Callable
-from typing import Protocol
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 from builtin_interfaces.msg import Time
 from rclpy.clock import Clock, ClockType
@@ -11,11 +12,14 @@ from rclpy.node import Node
 from tripod_msgs.msg import Authority, ControlMode
 
 from tripod_graph import names
-from tripod_graph.mode import REPEAT, Decision, Mode, ModeTracker
-from tripod_graph.qos import LATCHED, LATCHED_OF_ALL
+from tripod_graph.mode import REMEMBERED, REPEAT, Decision, Mode, ModeTracker
+from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
 
 READ_TIME = 1e-3
 """Two clocks read at most this [s] after each other count as read at once."""
+
+EARS = (LATCHED_OF_ALL, RELIABLE)
+"""With which quality of service each node listens; those who keep their word are heard by both."""
 
 SHOWN = 8
 """How many names of ignored sources a status carries."""
@@ -32,12 +36,22 @@ def clocks(node: Node) -> tuple[float, float]:
 
 
 def listen(node: Node, hear: Callable[[Decision], None]) -> None:
-    """Give every message on `control_mode` to `hear`. Subscribe it before the commands: the executor takes what waits
-    in this order, and a command may follow its mode at once.
+    """Give every message on `control_mode` to `hear`, once. Subscribe it before the commands: the executor takes what
+    waits in this order, and a command may follow its mode at once.
+
+    There are two ears: one that asks for what was said before hears nothing of those who do not keep it, as
+    `ros2 topic pub` unless told, whose STOP must be heard too; the other one hears nobody's last word.
     """
-    node.create_subscription(
-        ControlMode, names.CONTROL_MODE, lambda message: hear(decision_of(message)), LATCHED_OF_ALL
-    )
+    heard: deque[tuple[int, int, str]] = deque(maxlen=REMEMBERED)
+
+    def take(message: ControlMode, info: Mapping[str, Any]) -> None:
+        said = info["source_timestamp"], message.mode, message.source
+        if said not in heard:
+            heard.append(said)
+            hear(decision_of(message))
+
+    for quality in EARS:
+        node.create_subscription(ControlMode, names.CONTROL_MODE, take, quality)
 
 
 class Decider(Protocol):
@@ -70,8 +84,8 @@ class Speaker:
         self._publisher.publish(control_mode_message(decision))
 
     def is_heard_by(self, count: int) -> bool:
-        """Return whether at least `count` others listen."""
-        return bool(self._publisher.get_subscription_count() >= count)
+        """Return whether at least `count` nodes listen."""
+        return bool(self._publisher.get_subscription_count() >= count * len(EARS))
 
     def wait(self, longest: float) -> None:
         """Wait until the last word has arrived, at most `longest` [s]."""
