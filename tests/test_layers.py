@@ -66,7 +66,7 @@ HOME = {
     "rosbags": {"tripod_record"},
     "osqp": {"tripod_ik"},
     "qdldl": {"tripod_sim"},
-    "numba": {"tripod_sim", "tripod_ik", "tripod_view"},
+    "numba": {"tripod_sim", "tripod_ik", "tripod_view", "tripod_bringup"},
     "typer": {"tripod_bringup"},
     "rich": {"tripod_bringup"},
 }

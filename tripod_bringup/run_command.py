@@ -4,11 +4,13 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tripod_bringup.compiling import compiling_told
 from tripod_bringup.pictures import PictureError, Pictures, ShownRun
 from tripod_bringup.run_summary import result_rows
 from tripod_host.stop import first
@@ -16,7 +18,20 @@ from tripod_host.stop import first
 FAILED = 1
 BAD_ARGUMENTS = 2
 
-Progress = Callable[[float], None]
+
+class Progress:
+    """A bar on standard error: called with the fraction done, 0 to 1."""
+
+    def __init__(self, update: Callable[..., None]) -> None:
+        self._update = update
+
+    def __call__(self, done: float) -> None:
+        """Draw the fraction done."""
+        self._update(completed=done)
+
+    def say(self, text: str) -> None:
+        """Write a text beside the bar."""
+        self._update(description=text)
 
 
 def run_scene(
@@ -50,7 +65,12 @@ def run_scene(
                 if not (quiet or as_json):
                     print(choice.sentence, file=sys.stderr)
             broken: StepError | None = None
-            with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
+            with (
+                progress_bar(shown=not quiet and sys.stderr.isatty()) as progress,
+                compiling_told("tripod run", progress.say if progress else None)
+                if not quiet
+                else nullcontext(),
+            ):
                 try:
                     result = run(
                         scene,
@@ -105,14 +125,22 @@ def progress_bar(*, shown: bool) -> Iterator[Progress | None]:
     if not shown:
         yield None
         return
+    from rich import progress as rich_progress  # noqa: PLC0415
     from rich.console import Console  # noqa: PLC0415
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn  # noqa: PLC0415
 
-    columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    columns = (
+        rich_progress.BarColumn(),
+        rich_progress.TaskProgressColumn(),
+        rich_progress.TimeRemainingColumn(),
+        rich_progress.TextColumn("{task.description}"),
+    )
     console = Console(stderr=True)
-    with first(lambda: console.show_cursor(True)), Progress(*columns, console=console, transient=True) as bar:
+    with (
+        first(lambda: console.show_cursor(True)),
+        rich_progress.Progress(*columns, console=console, transient=True) as bar,
+    ):
         task = bar.add_task("", total=1.0)
-        yield lambda done: bar.update(task, completed=done)
+        yield Progress(partial(bar.update, task))
 
 
 def plain(value: Any) -> Any:

@@ -1,0 +1,41 @@
+"""What is told while the loops of a scene are compiled."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tripod_bringup import compiling
+from tripod_bringup.compiling import Note
+
+
+def test_the_first_run_of_all_says_that_it_compiles_and_the_next_does_not(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "tripod_bringup", "run", "pendulum", "--duration", "0.01"]
+    told = []
+    for _ in range(2):
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True, timeout=300)
+        told.append([line for line in done.stderr.splitlines() if "compiling" in line])
+    assert told == [
+        ["tripod run: compiling the loops of this scene for this machine, once; up to a minute"],
+        [],
+    ]
+
+
+def test_each_loop_is_told_beside_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    said: list[str] = []
+    note = Note("tripod run", said.append)
+    note.loop("add_gradient")
+    note.loop("solve")
+    assert said == [
+        "compiling for this machine, once: loop 1, add_gradient",
+        "compiling for this machine, once: loop 2, solve",
+    ]
+
+
+def test_a_short_compilation_is_not_told(capsys: pytest.CaptureFixture[str]) -> None:
+    Note("tripod run", None).loop("solve")
+    assert capsys.readouterr().err == ""
