@@ -65,7 +65,7 @@ def frame(picture: Picture, nodes: FloatArray | None, depth: float) -> Frame:
     boxes = [] if nodes is None or not len(nodes) else [(nodes.min(axis=0), nodes.max(axis=0))]
     if boxes and len(picture.held) and any(part.kind == "springs" for part in picture.parts):
         boxes.append(_swing(picture.held.mean(axis=0), *boxes[0]))
-    if picture.servos or not picture.name:
+    if picture.servos or not (picture.name and boxes):
         boxes.append((np.array([-ROBOT, -ROBOT, -depth - 0.012]), np.array([ROBOT, ROBOT, 0.012])))
     low, high = _union(boxes)
     reach = 0.6 * float((high - low).max())

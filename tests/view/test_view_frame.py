@@ -54,3 +54,8 @@ def test_a_description_that_cannot_be_is_refused(change: dict) -> None:
     for text in ("", "[]", "{}", "[" * 1000):
         with pytest.raises(PictureError):
             picture_of(text)
+
+
+def test_a_description_may_come_before_the_mesh() -> None:
+    seen = frame(picture_of(json.dumps(told("stack")[0])), None, 0.03)
+    assert np.isfinite(seen.camera).all()
