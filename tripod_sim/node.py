@@ -197,7 +197,7 @@ class SimNode(Node):
             self._changes = list(changes)
             scene = load_scene(self._source, [*self._overrides, *changes])
             try:
-                return Simulation(scene), notice
+                simulation = Simulation(scene)
             except (SceneError, StepError) as error:
                 if changes == begin.before:
                     if isinstance(error, SceneError):
@@ -205,6 +205,9 @@ class SimNode(Node):
                     raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
                 notice = f"without {'; '.join(changes)}: {error}"
                 self.get_logger().warning(notice)
+            else:
+                simulation.rehearse()
+                return simulation, notice
         raise AssertionError("the last of them raises")
 
     def _settle(self, values: dict[str, Any], overrides: list[str]) -> list[str]:

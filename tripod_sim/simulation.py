@@ -26,6 +26,9 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 
 FloatArray = NDArray[np.float64]
 
+REHEARSED = 0.01
+"""Motion of the servos that a rehearsal tries [rad]: more than at rest, so that equations are solved."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:
@@ -308,6 +311,22 @@ class Simulation:
             raise SceneError(f"scene {self.scene.name!r} has no ball")
         self._ball.start(self.state).copy_to(self.state.ball)
         self._ball.load(self.state, self.state.ball)
+
+    def rehearse(self) -> None:
+        """Take every way once that steps take, so that nothing is left to compile, and return to the start state."""
+        try:
+            self.step()
+            if servos := self.scene.servos:
+                start = self.command
+                way = np.minimum(REHEARSED, np.maximum(start[:-1] - servos.angle_min, 0.0))
+                for share in (0.25, 0.5, 0.75, 1.0):
+                    self.step(start - share * np.append(way, 0.0))
+            self.energies()
+            if self.scene.effector is not None:
+                self.compliance()
+        except StepError:
+            pass  # it comes again where it can be told
+        self.reset()
 
     def save(self) -> tuple[State, FloatArray]:
         """Return a copy of state and torques, for `restore`."""

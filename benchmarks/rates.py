@@ -1,0 +1,198 @@
+"""Whether `tripod up --demo` keeps its word: rates of topics, time of a step, processor time of each process.
+
+Plays the demo with a browser's share of the page, listens to every topic with a declared rate, and prints a table of
+each: declared and found rate; CPU time of each process over wall time; median and 99th percentile of the simulator's
+steps, each of a second, as `sim/status` tells them. The exit code is 1 if a rate is further than 5 % from the declared
+one. `--busy N` keeps N processors busy meanwhile, `--minutes` says how long to look.
+"""
+
+import argparse
+import contextlib
+import os
+import re
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
+
+from benchmarks.soak import PATIENCE, group, start, wait_for_all
+from tripod_graph import names
+from tripod_graph.loopback import keep_local
+from tripod_graph.qos import RELIABLE, SENSOR
+
+ALLOWED = 0.05
+SETTLING = 10.0
+"""Left out at the beginning, while the page is sent [s]."""
+
+
+def declared() -> dict[str, tuple[type, float]]:
+    """Return type and declared rate [Hz] of each topic that has one, with the parameters as they are by default."""
+    from geometry_msgs.msg import PoseStamped  # noqa: PLC0415
+    from sensor_msgs.msg import JointState  # noqa: PLC0415
+    from tf2_msgs.msg import TFMessage  # noqa: PLC0415
+    from trajectory_msgs.msg import JointTrajectory  # noqa: PLC0415
+    from tripod_msgs.msg import BodyState, Compliance, IkStatus, RobotStatus, SimStatus  # noqa: PLC0415
+
+    return {
+        names.BODY_STATE: (BodyState, 30.0),
+        names.TF: (TFMessage, 30.0),
+        names.SIM_JOINT_STATES: (JointState, 100.0),
+        names.EFFECTOR_POSE: (PoseStamped, 100.0),
+        names.COMPLIANCE: (Compliance, 50.0),
+        names.SIM_STATUS: (SimStatus, 10.0),
+        names.TARGET_POSE: (PoseStamped, 50.0),
+        names.JOINT_TRAJECTORY: (JointTrajectory, 50.0),
+        names.IK_STATUS: (IkStatus, 50.0),
+        names.ROBOT_JOINT_STATES: (JointState, 50.0),
+        names.ROBOT_STATUS: (RobotStatus, 10.0),
+    }
+
+
+class Ear:
+    """Counts messages; keeps what `sim/status` says of the steps."""
+
+    def __init__(self) -> None:
+        import rclpy  # noqa: PLC0415
+        from rclpy.experimental import EventsExecutor  # noqa: PLC0415
+        from rclpy.serialization import deserialize_message  # noqa: PLC0415
+
+        keep_local(subnet=False)
+        rclpy.init(args=[])
+        self._node = rclpy.create_node("rates")
+        self.counts: Counter[str] = Counter()
+        self.medians, self.p99s, self.missed = list[float](), list[float](), list[int]()
+        for topic, (kind, _) in declared().items():
+
+            def hear(data: bytes, topic: str = topic, kind: type = kind) -> None:
+                self.counts[topic] += 1
+                if topic == names.SIM_STATUS:
+                    status = deserialize_message(data, kind)
+                    self.medians.append(status.step_time_median)
+                    self.p99s.append(status.step_time_p99)
+                    self.missed.append(status.missed_periods)
+
+            qos = SENSOR if topic == names.BODY_STATE else RELIABLE
+            self._node.create_subscription(kind, topic, hear, qos, raw=True)
+        self._executor = EventsExecutor()
+        self._executor.add_node(self._node)
+        threading.Thread(target=self._executor.spin, daemon=True).start()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        import rclpy  # noqa: PLC0415
+
+        rclpy.try_shutdown()
+
+    def clear(self) -> None:
+        """Begin to count."""
+        self.counts.clear()
+        for values in (self.medians, self.p99s, self.missed):
+            values.clear()
+
+
+def spent(pid: int) -> float:
+    """Return the CPU time of a process with all of its threads [s]; raises OSError if it is gone."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@contextlib.contextmanager
+def busy(processors: int) -> Iterator[None]:
+    """Keep processors busy."""
+    burners = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processors)]
+    try:
+        yield
+    finally:
+        for burner in burners:
+            burner.kill()
+            burner.wait()
+
+
+@contextlib.contextmanager
+def page(log: Path) -> Iterator[None]:
+    """Take in what a browser would, with the address that the demo prints."""
+    from tests.view.fake_browser import FakeBrowser  # noqa: PLC0415 - what the tests speak to the page with
+
+    found = re.search(r"http://\S+", log.read_text())
+    if found is None:
+        raise RuntimeError(f"the demo names no page:\n{log.read_text()}")
+    with FakeBrowser(found[0]) as browser:
+        over = threading.Event()
+
+        def forget() -> None:
+            while not over.wait(1.0):
+                browser.messages.clear()
+
+        thread = threading.Thread(target=forget)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
+
+
+def watch(pid: int, ear: Ear, seconds: float) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the found rate of each topic [Hz] and the share of a processor of each process."""
+    ear.clear()
+    begun = time.monotonic()
+    before = {name: spent(number) for name, number in group(pid).items()}
+    time.sleep(seconds)
+    taken = time.monotonic() - begun
+    share = {name: (spent(number) - before[name]) / taken for name, number in group(pid).items()}
+    return {topic: ear.counts[topic] / taken for topic in declared()}, share
+
+
+def report(rates: dict[str, float], share: dict[str, float], ear: Ear) -> bool:
+    """Print the tables; return whether all rates are as declared."""
+    print("| topic | declared [Hz] | found [Hz] | off |\n|---|---|---|---|")
+    good = True
+    for topic, (_, rate) in declared().items():
+        off = rates[topic] / rate - 1.0
+        good &= abs(off) <= ALLOWED
+        print(f"| `{topic}` | {rate:g} | {rates[topic]:.1f} | {100 * off:+.1f} % |")
+    print("\n| process | share of a processor |\n|---|---|")
+    for name, value in share.items():
+        print(f"| {name} | {100 * value:.0f} % |")
+    print(f"| all | {100 * sum(share.values()):.0f} % |")
+    median, p99 = statistics.median(ear.medians), statistics.median(ear.p99s)
+    print(
+        f"\nStep: median {1e3 * median:.2f} ms, p99 {1e3 * p99:.2f} ms in the median second, "
+        f"{1e3 * max(ear.p99s):.2f} ms in the worst; periods missed: {ear.missed[-1] - ear.missed[0]}."
+    )
+    return good
+
+
+def main() -> int:
+    """Run it; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=10.0, help="how long to look")
+    parser.add_argument("--busy", type=int, default=0, help="processors kept busy meanwhile")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place, busy(options.busy):
+        log = Path(place) / "log"
+        ear = Ear()
+        process = start(Path(place) / "recordings", 60.0 * options.minutes + PATIENCE, log)
+        try:
+            wait_for_all(process, log)
+            with page(log):
+                time.sleep(SETTLING)
+                rates, share = watch(process.pid, ear, 60.0 * options.minutes)
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            process.wait(PATIENCE)
+            ear.close()
+    return 0 if report(rates, share, ear) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
