@@ -26,10 +26,10 @@ def test_the_firmware_fits_with_all_options(tmp_path: Path) -> None:
     assert (tmp_path / "tripod.hex").stat().st_size > 2 * flash
 
 
-def test_the_readme_tells_the_size_of_the_default_build(tmp_path: Path) -> None:
+def test_the_document_tells_the_size_of_the_default_build(tmp_path: Path) -> None:
     flash = int(re.search(r"flash (\d+) B", make(tmp_path).stdout)[1])
     told = re.search(
-        r"checks its size: ([\d.]+) kB of flash", (build.SOURCES.parent / "README.md").read_text()
+        r"checks its size: ([\d.]+) kB of flash", (build.SOURCES.parent / "docs" / "firmware.md").read_text()
     )
     assert float(told[1]) == pytest.approx(flash / 1000, rel=0.1)  # compilers differ
 

@@ -1,4 +1,4 @@
-"""What README.md names is there: its links, the commands, their options and the files that they read."""
+"""What README.md and the documents of commands name is there: links, commands, their options, files that they read."""
 
 import re
 import shlex
@@ -8,12 +8,15 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+DOCUMENTS = ("README.md", "docs/commands.md", "docs/firmware.md", "docs/speed.md")
+TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in DOCUMENTS}
 COMMANDS = sorted(
     {
         command.split("#")[0].strip()
+        for document in TEXTS.values()
         for text in (
-            *re.findall(r"`(tripod [^`]+)`", README),
-            *re.findall(r"^(tripod .+)$", README, re.MULTILINE),
+            *re.findall(r"`(tripod [^`]+)`", document),
+            *re.findall(r"^(tripod .+)$", document, re.MULTILINE),
         )
         for command in text.split(" && ")
     }
@@ -32,14 +35,28 @@ GIVEN = {
 """Files of the user."""
 
 
-def test_links_lead_somewhere() -> None:
-    links = re.findall(r"\]\(([^)#]+)\)", README)
-    assert len(links) > 15
-    assert [link for link in links if not (ROOT / link).exists()] == []
+@pytest.mark.parametrize(
+    "path", [Path("README.md"), *(p.relative_to(ROOT) for p in sorted((ROOT / "docs").glob("*.md")))]
+)
+def test_links_lead_somewhere(path: Path) -> None:
+    links = re.findall(r"\]\(([^)#\s]+)", (ROOT / path).read_text(encoding="utf-8"))
+    inside = [link for link in links if "://" not in link]
+    assert [link for link in inside if not (ROOT / path.parent / link).exists()] == []
+
+
+def test_every_document_is_reached_from_the_readme() -> None:
+    linked = set(re.findall(r"\]\(docs/([\w]+\.md)", README))
+    assert linked >= {path.name for path in (ROOT / "docs").glob("*.md")}
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.split()) <= 900
 
 
 def test_programs_that_are_named_exist() -> None:
-    programs = re.findall(r"`(?:python )?((?:benchmarks|docs|tripod_\w+)/[\w./-]+)[ `]", README)
+    programs = re.findall(
+        r"`(?:python )?((?:benchmarks|docs|tripod_\w+)/[\w./-]+)[ `]", "\n".join(TEXTS.values())
+    )
     assert len(programs) > 3
     assert [name for name in programs if not (ROOT / name).exists()] == []
 
