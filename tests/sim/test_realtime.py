@@ -116,7 +116,7 @@ class Pace:
             if step == count:
                 physics.stop()
 
-        physics = RealTime(FakeSimulation(dt, during), lambda now: None)
+        physics = RealTime(FakeSimulation(dt, during), lambda now: None, stamp=clock.time_ns)
         physics.run()  # in this thread
         self.speed, self.slept, self.end = physics.speed(), clock.slept, clock.now - 1000.0
         self.stamp = physics.latest.stamp

@@ -392,7 +392,8 @@ def test_only_a_run_takes_notice_of_the_motion() -> None:
         ),
         (
             'motion.servo="0:0,0,9"',
-            "motion.servo: angles reach 0 to 9 rad; allowed is -2.1 to 0.6 rad; give --servo",
+            "motion.servo: angles reach 0 to 9 rad; allowed is -2.1 to 0.6 rad; degrees? 9 degrees are 0.1571 rad; "
+            "give --servo",
         ),
         (
             'motion.slide="far"',

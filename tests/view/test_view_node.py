@@ -384,7 +384,9 @@ def test_a_maze_stays_on_the_effector_that_another_scene_brings(stage: Stage, br
     show(stage.sim, "maze")
     browser.wait(lambda: browser.value("scene")["name"] == "maze")
     browser.wait(lambda: last("MeshMessage", "/effector/maze") > last("FrameMessage", "/effector") > 0)
-    assert last("RemoveSceneNodeMessage", "/effector/maze") < last("MeshMessage", "/effector/maze")
+    browser.wait(
+        lambda: last("RemoveSceneNodeMessage", "/effector/maze") < last("MeshMessage", "/effector/maze")
+    )
     assert last("CylinderMessage", "/effector/marks/goal") > last("FrameMessage", "/effector")
     stage.sim.publish_game(False)
 
