@@ -61,7 +61,7 @@ class Ear:
 
     def __init__(self) -> None:
         import rclpy  # noqa: PLC0415
-        from rclpy.experimental import EventsExecutor  # noqa: PLC0415
+        from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
         from rclpy.serialization import deserialize_message  # noqa: PLC0415
 
         keep_local(subnet=False)
@@ -81,14 +81,22 @@ class Ear:
 
             qos = SENSOR if topic == names.BODY_STATE else RELIABLE
             self._node.create_subscription(kind, topic, hear, qos, raw=True)
-        self._executor = EventsExecutor()
+        self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
-        threading.Thread(target=self._executor.spin, daemon=True).start()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._over.is_set():
+            self._executor.spin_once(timeout_sec=0.1)
 
     def close(self) -> None:
         """Leave the graph."""
         import rclpy  # noqa: PLC0415
 
+        self._over.set()
+        self._thread.join()
         rclpy.try_shutdown()
 
     def clear(self) -> None:
