@@ -387,7 +387,7 @@ def test_a_maze_stays_on_the_effector_that_another_scene_brings(stage: Stage, br
     browser.wait(
         lambda: last("RemoveSceneNodeMessage", "/effector/maze") < last("MeshMessage", "/effector/maze")
     )
-    assert last("CylinderMessage", "/effector/marks/goal") > last("FrameMessage", "/effector")
+    browser.wait(lambda: last("CylinderMessage", "/effector/marks/goal") > last("FrameMessage", "/effector"))
     stage.sim.publish_game(False)
 
 
