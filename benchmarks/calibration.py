@@ -1,10 +1,14 @@
-"""What the other benchmarks share: one thread for the numerics, and a product that tells how fast the machine is.
+"""What the other benchmarks share: one thread for the numerics, a product that tells how fast the machine is, and load.
 
 Import it before NumPy.
 """
 
+import contextlib
 import os
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_name] = "1"
@@ -21,3 +25,15 @@ def calibration(repeats: int = 9) -> float:
         a @ b
         taken.append(time.thread_time() - start)
     return float(np.median(taken))
+
+
+@contextlib.contextmanager
+def busy(processors: int) -> Iterator[None]:
+    """Keep processors busy until the block ends."""
+    running = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processors)]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()

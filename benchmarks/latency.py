@@ -25,7 +25,7 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
-from calibration import calibration  # it sets the number of threads, so it comes before NumPy
+from calibration import busy, calibration  # it sets the number of threads, so it comes before NumPy
 
 # isort: split
 import numpy as np
@@ -206,18 +206,6 @@ class Mover:
         self._thread.join()
         self.node.destroy_node()
         self._rclpy.try_shutdown()
-
-
-@contextlib.contextmanager
-def busy(processors: int) -> Iterator[None]:
-    """Keep processors busy until the block ends."""
-    running = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processors)]
-    try:
-        yield
-    finally:
-        for process in running:
-            process.kill()
-            process.wait()
 
 
 def measure_stop(operator: str, stops: int, seed: int) -> np.ndarray:

@@ -12,7 +12,6 @@ import os
 import re
 import signal
 import statistics
-import subprocess
 import sys
 import tempfile
 import threading
@@ -23,6 +22,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
 
+from benchmarks.calibration import busy
 from benchmarks.soak import PATIENCE, group, start, wait_for_all
 from tripod_graph import names
 from tripod_graph.loopback import keep_local
@@ -110,18 +110,6 @@ def spent(pid: int) -> float:
     """Return the CPU time of a process with all of its threads [s]; raises OSError if it is gone."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-@contextlib.contextmanager
-def busy(processors: int) -> Iterator[None]:
-    """Keep processors busy."""
-    burners = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processors)]
-    try:
-        yield
-    finally:
-        for burner in burners:
-            burner.kill()
-            burner.wait()
 
 
 @contextlib.contextmanager

@@ -1,7 +1,7 @@
 """The action `follow_joint_trajectory`: followed, refused, cancelled, preempted, interrupted, missed; one line each."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,17 +9,16 @@ import pytest
 
 pytest.importorskip("control_msgs", reason="the interfaces are not built: run `make setup`")
 
-import rclpy
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointComponentTolerance, JointTolerance
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from trajectory_msgs.msg import MultiDOFJointTrajectoryPoint
 
 from tests.goals import Goals
 from tests.goals import goal as goal_of
+from tests.graph.bench import Bench
 from tripod_graph.command import Activity, CommandFollower, CommandLimits
 from tripod_graph.control_mode import clocks
 from tripod_graph.follow_action import FollowAction
@@ -32,7 +31,6 @@ pytestmark = pytest.mark.ros
 
 Goal, Result = FollowJointTrajectory.Goal, FollowJointTrajectory.Result
 SOURCE = "/operator"
-DEADLINE = 60.0  # [s], for a loaded machine
 START = (-0.1, -0.1, -0.1, 0.0)
 THERE = (-0.4, -0.5, -0.6)
 
@@ -76,35 +74,20 @@ class Robot(Node):
         self.follower.stop(time.monotonic())
 
 
-class Bench:
+class ActionBench(Bench):
     """The robot, and a client that sends goals."""
 
     def __init__(self, domain: int) -> None:
-        self.context = rclpy.Context()
-        self.context.init(domain_id=domain)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.robot, self.node = Robot(self.context), Node("client", context=self.context)
-        for node in (self.robot, self.node):
-            self.executor.add_node(node)
+        super().__init__(domain)
+        self.robot = self.add(Robot(self.context))
+        self.node = self.add(Node("client", context=self.context))
         self.goals = Goals(self.node, "robot/follow_joint_trajectory", self.wait)
         self.send, self.end = self.goals.send, self.goals.end
 
-    def wait(self, condition: Callable[[], Any], what: str) -> None:
-        deadline = time.monotonic() + DEADLINE
-        while not condition():
-            assert time.monotonic() < deadline, f"waited in vain for {what}"
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def close(self) -> None:
-        self.executor.shutdown()
-        for node in (self.robot, self.node):
-            node.destroy_node()
-        self.context.try_shutdown()
-
 
 @pytest.fixture
-def bench(domain: int) -> Iterator[Bench]:
-    one = Bench(domain)
+def bench(domain: int) -> Iterator[ActionBench]:
+    one = ActionBench(domain)
     yield one
     one.close()
 
@@ -125,7 +108,7 @@ def other_dofs() -> Any:
     return one
 
 
-def test_a_goal_is_followed_with_feedback_to_its_end(bench: Bench) -> None:
+def test_a_goal_is_followed_with_feedback_to_its_end(bench: ActionBench) -> None:
     one = goal((-0.3, -0.3, -0.3), THERE)
     for point in one.trajectory.points:
         point.accelerations = [0.1, 0.1, 0.1]  # as planners send them
@@ -180,7 +163,7 @@ def test_a_goal_is_followed_with_feedback_to_its_end(bench: Bench) -> None:
     ],
 )
 def test_what_is_not_followed_says_why_and_lets_the_motion_go_on(
-    bench: Bench, make, code: int, why: str
+    bench: ActionBench, make, code: int, why: str
 ) -> None:
     first = bench.send(goal())
     before = bench.robot.follower.trajectory
@@ -193,7 +176,7 @@ def test_what_is_not_followed_says_why_and_lets_the_motion_go_on(
     assert bench.end(first)[0] == GoalStatus.STATUS_SUCCEEDED
 
 
-def test_in_the_wrong_mode_nothing_moves(bench: Bench) -> None:
+def test_in_the_wrong_mode_nothing_moves(bench: ActionBench) -> None:
     bench.robot.decide(Mode.STOP)
     ended = bench.end(bench.send(goal()))
     assert ended == (
@@ -207,7 +190,7 @@ def test_in_the_wrong_mode_nothing_moves(bench: Bench) -> None:
     assert bench.robot.follower.trajectory is None
 
 
-def test_a_cancelled_goal_holds_where_it_is(bench: Bench) -> None:
+def test_a_cancelled_goal_holds_where_it_is(bench: ActionBench) -> None:
     handle = bench.send(goal(seconds=9.0))
     bench.wait(lambda: bench.robot.follower.joints[0] < -0.11, "some motion")
     assert bench.goals.cancel(handle) == 1
@@ -218,7 +201,7 @@ def test_a_cancelled_goal_holds_where_it_is(bench: Bench) -> None:
     assert bench.goals.cancel(handle) == 0  # it has ended
 
 
-def test_a_newer_goal_preempts_and_another_command_replaces(bench: Bench) -> None:
+def test_a_newer_goal_preempts_and_another_command_replaces(bench: ActionBench) -> None:
     first = bench.send(goal((0.5, 0.5, 0.5), seconds=9.0))
     second = bench.send(goal(seconds=2.0))
     assert bench.end(first) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, "preempted by a newer goal")
@@ -228,7 +211,7 @@ def test_a_newer_goal_preempts_and_another_command_replaces(bench: Bench) -> Non
     bench.wait(lambda: bench.robot.follower.joints[2] == pytest.approx(THERE[2]), "the other command's end")
 
 
-def test_stop_and_a_lost_operator_end_a_goal(bench: Bench) -> None:
+def test_stop_and_a_lost_operator_end_a_goal(bench: ActionBench) -> None:
     handle = bench.send(goal(seconds=9.0))
     bench.robot.decide(Mode.STOP, "/panic")
     ended = bench.end(handle)
@@ -237,7 +220,7 @@ def test_stop_and_a_lost_operator_end_a_goal(bench: Bench) -> None:
     assert bench.robot.follower.activity is Activity.HOLDING
 
 
-def test_joints_that_do_not_follow_end_it_where_that_matters(bench: Bench) -> None:
+def test_joints_that_do_not_follow_end_it_where_that_matters(bench: ActionBench) -> None:
     bench.robot.held = -0.2
     near = goal(seconds=9.0, path_tolerance=[JointTolerance(name="servo_1", position=0.15)])
     status, code, why = bench.end(bench.send(near))

@@ -1,6 +1,5 @@
 """The topic control_mode: heard from who keeps its word and from who does not, and each word once."""
 
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -8,12 +7,11 @@ import pytest
 
 pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make setup`")
 
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from tripod_msgs.msg import ControlMode
 
+from tests.graph.bench import Bench
 from tripod_graph import names
 from tripod_graph.control_mode import EARS, listen
 from tripod_graph.mode import Decision, Mode
@@ -21,64 +19,49 @@ from tripod_graph.qos import LATCHED
 
 pytestmark = pytest.mark.ros
 
-DEADLINE = 60.0  # [s], for a loaded machine
 
-
-class Bench:
+class EarBench(Bench):
     """A node that speaks, and one that listens once `listen` is called."""
 
     def __init__(self, domain: int) -> None:
-        self.context = rclpy.Context()
-        self.context.init(domain_id=domain)
-        self.speaker, self.ear = (Node(name, context=self.context) for name in ("speaker", "ear"))
-        self.executor = SingleThreadedExecutor(context=self.context)
-        for node in (self.speaker, self.ear):
-            self.executor.add_node(node)
+        super().__init__(domain)
+        self.speaker, self.ear = (self.add(Node(name, context=self.context)) for name in ("speaker", "ear"))
         self.heard: list[Decision] = []
 
     def publisher(self, quality: QoSProfile | int) -> Any:
         return self.speaker.create_publisher(ControlMode, names.CONTROL_MODE, quality)
 
-    def wait(self, condition: Callable[[], Any]) -> None:
-        deadline = time.monotonic() + DEADLINE
-        while not condition():
-            assert time.monotonic() < deadline, self.heard
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def close(self) -> None:
-        self.executor.shutdown()
-        for node in (self.speaker, self.ear):
-            node.destroy_node()
-        self.context.try_shutdown()
+    def hear(self, condition: Callable[[], Any]) -> None:
+        self.wait(condition, self.heard)
 
 
 @pytest.fixture
-def bench(domain: int) -> Iterator[Bench]:
-    one = Bench(domain)
+def bench(domain: int) -> Iterator[EarBench]:
+    one = EarBench(domain)
     yield one
     one.close()
 
 
-def test_stop_is_heard_of_who_keeps_no_word(bench: Bench) -> None:
+def test_stop_is_heard_of_who_keeps_no_word(bench: EarBench) -> None:
     listen(bench.ear, bench.heard.append)
     plain = bench.publisher(10)  # as `ros2 topic pub` has it
-    bench.wait(lambda: plain.get_subscription_count() == 1)
+    bench.hear(lambda: plain.get_subscription_count() == 1)
     plain.publish(ControlMode(mode=int(Mode.STOP)))
-    bench.wait(lambda: bench.heard)
+    bench.hear(lambda: bench.heard)
     assert bench.heard == [Decision(Mode.STOP, "", 0.0, 0.0)]
 
 
-def test_each_word_is_heard_once_also_by_who_comes_late(bench: Bench) -> None:
+def test_each_word_is_heard_once_also_by_who_comes_late(bench: EarBench) -> None:
     keeping = bench.publisher(LATCHED)
     keeping.publish(ControlMode(mode=1, source="early"))
     listen(bench.ear, bench.heard.append)
-    bench.wait(lambda: bench.heard)
-    bench.wait(lambda: keeping.get_subscription_count() == len(EARS))
+    bench.hear(lambda: bench.heard)
+    bench.hear(lambda: keeping.get_subscription_count() == len(EARS))
     for k in range(1, 6):
         keeping.publish(ControlMode(mode=1, source="me", lease=float(k)))
-        bench.wait(lambda k=k: bench.heard[-1].lease == k)
+        bench.hear(lambda k=k: bench.heard[-1].lease == k)
     keeping.publish(ControlMode(mode=1, source="me", lease=5.0))  # said again, it is another word
-    bench.wait(lambda: len(bench.heard) >= 7)
+    bench.hear(lambda: len(bench.heard) >= 7)
     keeping.publish(ControlMode(mode=0, source="last"))
-    bench.wait(lambda: bench.heard[-1].source == "last")
+    bench.hear(lambda: bench.heard[-1].source == "last")
     assert [d.lease for d in bench.heard] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 5.0, 0.0]

@@ -1,4 +1,4 @@
-"""What the tests of the node share."""
+"""What tests of inverse kinematics share."""
 
 import pytest
 
@@ -10,3 +10,20 @@ def graph(domain):
     graph = Graph(domain)
     yield graph
     graph.close()
+
+
+@pytest.fixture(scope="module")
+def shared_flat():
+    import numpy as np
+
+    from tripod_ik.model import StaticModel
+    from tripod_sim import load_scene
+
+    return StaticModel(load_scene("tripod"), 0.0, np.zeros(3))
+
+
+@pytest.fixture
+def flat(shared_flat):
+    """The flat piece, its servos at 0 and not slid in."""
+    shared_flat.go_home()
+    return shared_flat

@@ -30,26 +30,15 @@ def finder():
     return Pathfinder.of(load_scene("tripod"), 0.0, *Tracker(SETTINGS).reach)
 
 
-@pytest.fixture(scope="module")
-def shared():
-    return StaticModel(load_scene("tripod"), 0.0, np.zeros(3))
-
-
-@pytest.fixture
-def model(shared):
-    shared.go_home()
-    return shared
-
-
-def follow(model, finder, goals):
+def follow(flat, finder, goals):
     """Go to one goal after the other, 1 s for each; return the states and the tracker's last steps."""
-    home, tracker, now, ends = model.state().equilibrium, Tracker(SETTINGS, guide=finder.way), 0.0, []
+    home, tracker, now, ends = flat.state().equilibrium, Tracker(SETTINGS, guide=finder.way), 0.0, []
     for goal in goals:
         tracker.aim(home + goal, None, now)
         for _ in range(round(1.0 / DT)):
-            before = model.state()
+            before = flat.state()
             step = tracker.update(before, now)
-            after = model.move(step.result.command)
+            after = flat.move(step.result.command)
             assert goes_on(before, after)  # no snap
             assert np.linalg.norm(after.equilibrium - before.equilibrium) < 0.1 * DT
             now += DT
@@ -57,20 +46,20 @@ def follow(model, finder, goals):
     return home, ends
 
 
-def test_round_the_edge_of_reach_it_ends_closest_and_comes_back_mirrored_for_mirrored_goals(model, finder):
+def test_round_the_edge_of_reach_it_ends_closest_and_comes_back_mirrored_for_mirrored_goals(flat, finder):
     found = {}
     for name, sign in (("left", 1), ("right", -1)):
-        model.go_home()
+        flat.go_home()
         goals = [at(sign * degrees) for degrees in (90, 120, 150)]
-        home, ends = follow(model, finder, goals)
+        home, ends = follow(flat, finder, goals)
         (met, _), (closest, step), (again, _) = ends
         assert np.linalg.norm(met.equilibrium - home - goals[0]) < 1e-5
         assert np.linalg.norm(again.equilibrium - home - goals[2]) < 1e-5
         assert step.activity is Activity.CLOSEST
         assert "snap" in step.result.active_limits
         found[name] = closest.equilibrium - home
-    model.go_home()
-    home, ((straight, _),) = follow(model, finder, [at(0)])
+    flat.go_home()
+    home, ((straight, _),) = follow(flat, finder, [at(0)])
     found["straight"] = straight.equilibrium - home
     distances = [
         np.linalg.norm(found[n] - at(d)) for n, d in (("left", 120), ("right", -120), ("straight", 0))
@@ -82,10 +71,10 @@ def test_round_the_edge_of_reach_it_ends_closest_and_comes_back_mirrored_for_mir
     assert found["left"] == pytest.approx(turned, abs=2e-5)
 
 
-def test_the_closest_pose_is_that_of_a_search_everywhere(model, finder):
+def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
     """More of them are in benchmarks/ik_circles.py."""
-    home, limits = model.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
-    flood = Flood(model, -2.1, 0.6, limits, spacing=0.2, within=0.011)
+    home, limits = flat.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
+    flood = Flood(flat, -2.1, 0.6, limits, spacing=0.2, within=0.011)
     for goal in (at(0), at(35, 0.012), at(-120, 0.008)):
         solution, _, _ = finder.closest([PositionTask(home + goal)], np.zeros(3))
         least = flood.closest(home + goal, limits, starts=2)[0]
@@ -93,6 +82,6 @@ def test_the_closest_pose_is_that_of_a_search_everywhere(model, finder):
         assert solution.residual < least + 5e-5
 
 
-def test_a_robot_that_does_not_rest_as_the_model_does_gets_no_way(model, finder):
+def test_a_robot_that_does_not_rest_as_the_model_does_gets_no_way(flat, finder):
     other = StaticModel(load_scene("tripod", ["material.young=4e5"]), 0.0, np.zeros(3)).state()
     assert finder.way(other, [PositionTask(np.array([0.01, 0.0, 0.0]))]) is NOWHERE

@@ -8,7 +8,7 @@ import pytest
 
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
-from tripod_ik.model import StaticModel, linear_state
+from tripod_ik.model import linear_state
 from tripod_ik.snap import SOFTEST, SnapLimit
 from tripod_ik.tasks import PositionTask
 from tripod_ik.tracker import Activity, Tracker
@@ -23,28 +23,17 @@ def towards(servo: int, radius: float) -> np.ndarray:
     return radius * np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
-@pytest.fixture(scope="module")
-def shared():
-    return StaticModel(load_scene("tripod"), 0.0, np.zeros(3))
-
-
-@pytest.fixture
-def model(shared):
-    shared.go_home()
-    return shared
-
-
 @pytest.mark.parametrize("radius", [0.008, 0.01])
-def test_an_unreachable_goal_is_neared_without_a_snap_and_left_again(model, radius):
-    home, tracker, ends = model.state().equilibrium, Tracker(TrackerSettings()), []
+def test_an_unreachable_goal_is_neared_without_a_snap_and_left_again(flat, radius):
+    home, tracker, ends = flat.state().equilibrium, Tracker(TrackerSettings()), []
     now = 0.0
     for servo in range(3):
         for goal, ticks in ((home + towards(servo, radius), 60), (home, 50)):
             tracker.aim(goal, None, now)
             for _ in range(ticks):
-                before = model.state()
+                before = flat.state()
                 step = tracker.update(before, now)
-                after = model.move(step.result.command)
+                after = flat.move(step.result.command)
                 turn = after.angles - before.angles
                 foretold = 0.5 * (before.jacobian[:3] + after.jacobian[:3]) @ turn
                 assert (
@@ -78,12 +67,12 @@ def test_a_moving_body_does_not_snap_either():
     assert np.linalg.norm(here - home) < 2e-5
 
 
-def test_one_solution_is_near_the_snap_too_mirrored_for_mirrored_goals_and_takes_few_programs(model):
-    home, counts = model.state().equilibrium, []
-    solver = InverseSolver(model, AngleLimit(-2.1, 0.6), progress=lambda count, _: counts.append(count))
+def test_one_solution_is_near_the_snap_too_mirrored_for_mirrored_goals_and_takes_few_programs(flat):
+    home, counts = flat.state().equilibrium, []
+    solver = InverseSolver(flat, AngleLimit(-2.1, 0.6), progress=lambda count, _: counts.append(count))
     found = {}
     for name, (x, y) in {"towards": (0.01, 0.0), "left": (0.0086, 0.005), "right": (0.0086, -0.005)}.items():
-        model.go_home()
+        flat.go_home()
         counts.clear()
         solution = solver.solve([PositionTask(home + np.array([x, y, 0.0]))], everywhere=True)
         assert counts == list(range(1, solution.iterations + 1))
@@ -98,13 +87,13 @@ def test_one_solution_is_near_the_snap_too_mirrored_for_mirrored_goals_and_takes
     assert left == pytest.approx(right[[0, 2, 1]], abs=1e-6)
 
 
-def test_the_limit_grants_a_share_of_what_is_left(model):
-    model.follow(np.array([-0.24, 0.12, 0.12]))
-    state = model.state()
+def test_the_limit_grants_a_share_of_what_is_left(flat):
+    flat.follow(np.array([-0.24, 0.12, 0.12]))
+    state = flat.state()
     rows = SnapLimit(share=0.25).rows(state)
     left = state.firmness**2 - SOFTEST**2
     assert rows.low == pytest.approx([-0.25 * left])
     assert rows.matrix[0] == pytest.approx(2 * state.firmness * state.firmness_slope)
     beyond = SnapLimit(least=0.1, share=0.25).rows(state)
     assert beyond.low == pytest.approx([0.1**2 - state.firmness**2])  # all of it, where it is beyond
-    model.go_home()
+    flat.go_home()
