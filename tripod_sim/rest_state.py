@@ -106,7 +106,7 @@ class RestState:
     def _left_by(moving: State, rest: State) -> bool:
         """Return whether the body is not where it is said to rest, and no longer on its way there."""
         turn = np.abs(moving.joints - rest.joints)
-        if turn[:-1].max() > FAR or turn[-1] > SLID:
+        if turn[:-1].max(initial=0.0) > FAR or turn[-1] > SLID:
             return True
         slow = np.abs(moving.velocities).max() < CALM
         return bool(slow and np.abs(moving.centres - rest.centres).max() > APART)

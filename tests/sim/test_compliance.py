@@ -118,3 +118,13 @@ def test_asking_for_the_compliance_changes_no_bit_of_the_motion() -> None:
 def test_a_scene_without_effector_has_no_compliance() -> None:
     with pytest.raises(SceneError, match="no effector"):
         Simulation(load_scene("silicone", ["mesh.level=1"])).compliance()
+
+
+def test_a_body_without_servos_tells_at_every_step_of_its_swing_where_it_would_hang() -> None:
+    simulation = Simulation(load_scene("silicone", ["mesh.level=1", "effector={}"]))
+    told = []
+    for _ in range(200):
+        simulation.step()
+        compliance = simulation.compliance()
+        told.append(simulation.effector.position + compliance.equilibrium_offset[:3])
+    assert np.ptp(told[100:], axis=0).max() < 1e-9
