@@ -1,0 +1,110 @@
+"""Each example does what its page says, and ends well."""
+
+import os
+import re
+import runpy
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+COMMANDS = dict(
+    re.findall(r"`(python examples/(\w+)\.py[^`]*)`", (EXAMPLES / "README.md").read_text(encoding="utf-8"))
+)
+"""Name of the example by the command that runs it."""
+SAYS = {
+    "own_mesh": r"the tip sinks by \d\.\d\d mm; a slender beam would by \d\.\d\d mm",
+    "own_robot": r"our own .* effector \d\.\d\d mm up",
+    "own_maze": r"refused: maze 'closed.txt': the goal .*\ngoal reached after",
+    "own_cloth": r"contacts press, the rim hangs between -\d+ and \d+ mm",
+    "own_effect": r"fastest node: \d\.\d\d and \d\.\d\d m/s",
+}
+
+
+def test_the_page_has_a_command_for_each_example() -> None:
+    assert sorted(COMMANDS.values()) == sorted(p.stem for p in EXAMPLES.glob("*.py"))
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_an_example_ends_with_what_it_shows(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [name])
+    runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
+    assert re.search(SAYS[name], capsys.readouterr().out)
+
+
+def test_the_mesh_and_the_scene_that_an_example_writes_run_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    example = runpy.run_path(str(EXAMPLES / "own_mesh.py"))
+    example["write_mesh"](tmp_path / "finger.vtk")
+    (tmp_path / "finger.toml").write_text(example["SCENE"])
+    words = [
+        sys.executable,
+        "-m",
+        "tripod_bringup",
+        "run",
+        "finger.toml",
+        "--duration",
+        "0.1",
+        "--html",
+        "f.html",
+    ]
+    subprocess.run(
+        words, check=True, capture_output=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, timeout=300
+    )
+    assert "finger" in (tmp_path / "f.html").read_text(encoding="utf-8")
+
+
+def test_an_own_effect_is_seen_to_be_wrong_if_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    example = runpy.run_path(str(EXAMPLES / "own_effect.py"))
+    monkeypatch.setitem(example["main"].__globals__, "LIFT", 0.8)
+    wrong = example["fall"]
+
+    def fall(overrides: list[str], *, lift: float, drag: float) -> tuple[np.ndarray, np.ndarray]:
+        return wrong(overrides, lift=0.9 * lift, drag=drag)
+
+    monkeypatch.setitem(example["main"].__globals__, "fall", fall)
+    with pytest.raises(AssertionError, match="less gravity"):
+        example["main"]()
+
+
+def test_a_recording_is_read_without_ros(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from tests.examples.joint_bag import write_joint_bag
+
+    write_joint_bag(tmp_path / "made")
+    example = runpy.run_path(str(EXAMPLES / "read_recording.py"))
+    example["main"](tmp_path / "made")
+    out = capsys.readouterr().out
+    assert re.search(r"^ +101 /sim/joint_states$", out, re.M)
+    assert "servo_1: -57.3 to -5.7 degrees" in out
+    assert "the effector went 10.0 mm in 1.0 s" in out
+
+
+@pytest.mark.ros
+def test_the_controller_lets_the_servos_wave_until_it_is_stopped(domain: int) -> None:
+    pytest.importorskip("tripod_msgs")
+    from tests.sim.sim_graph import Graph
+
+    graph = Graph(domain, set="mesh.level=1").start()
+    words = [sys.executable, str(EXAMPLES / "controller.py"), "--ros-args"]
+    words += ["-r", f"__ns:={graph.node.get_namespace()}"]
+    controller = subprocess.Popen(words, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    try:
+        graph.wait(lambda: min(graph.joints()[:3]) < -0.5, "a servo at the end of its way")
+        angles = graph.joints()[:3]
+        assert max(angles) - min(angles) > 0.2
+        assert graph.last_status().authority.source == "wave"
+        controller.send_signal(signal.SIGINT)
+        assert controller.wait(timeout=60) == 0
+    finally:
+        controller.kill()
+        graph.close()
