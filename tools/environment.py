@@ -1,4 +1,4 @@
-"""The steps that make `.venv`: the environment, the pinned packages, the messages.
+"""The steps that make `.venv`: the environment, the pinned packages, the messages, the simulator's loops compiled.
 
 Each step is done once for its inputs (see `state.py`). One that was interrupted while it wrote into `.venv` leaves
 unknown things there, so `.venv` is then made anew; the messages alone are simply built again.
@@ -6,6 +6,7 @@ unknown things there, so `.venv` is then made anew; the messages alone are simpl
 
 import fcntl
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -27,6 +28,13 @@ from tripod_host.locks import open_lock
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 LOG = VENV / "setup.log"
+
+SPOILED = {
+    "environment": ("packages", "interfaces", "messages", "loops"),
+    "packages": ("interfaces", "messages", "loops"),
+    "interfaces": ("messages",),
+}
+"""Steps that must be done again once the one before them is."""
 
 EXTRAS_WITH_WHEELS = "build,dev,msgs,record,ros,view"
 EXTRAS_WITH_SOURCED_ROS = "build,dev,record,view"
@@ -77,11 +85,14 @@ def _prepare(lock: int) -> None:
     if not state.is_done("messages", keys["messages"]):
         with _step(state, keys, "messages", "building the messages"):
             _install_messages(ros, shell)
+    if not state.is_done("loops", keys["loops"]):
+        with _step(state, keys, "loops", "compiling the loops of the simulator for this machine"):
+            _compile_loops(shell)
     print(f"setup: ready after {time.monotonic() - began:.1f} s")
 
 
 def _keys(ros: RosSource) -> dict[str, str]:
-    """What each step depends on, in the order of the steps. A step is also done again when one before it is."""
+    """What each step depends on, in the order of the steps, besides those that spoil it."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     what = [project["build-system"], project["project"], project["tool"]["setuptools"]]
     packages = sorted(p.parent.name for p in ROOT.glob("tripod_*/__init__.py"))
@@ -93,7 +104,13 @@ def _keys(ros: RosSource) -> dict[str, str]:
             ros.sourced, *message_files(interfaces_of_others(ROOT, ros)), Path(sourced_ros.__file__)
         ),
         "messages": key_of(ros.sourced, *message_files(own_messages(ROOT))),
+        "loops": key_of(platform.machine(), *_sources_with_loops()),
     }
+
+
+def _sources_with_loops() -> list[Path]:
+    found = sorted((ROOT / "tripod_sim").glob("**/*.py"))
+    return [path for path in found if "njit" in path.read_text(encoding="utf-8")]
 
 
 @contextmanager
@@ -118,10 +135,9 @@ def _lock() -> Iterator[int]:
 @contextmanager
 def _step(state: SetupState, keys: dict[str, str], name: str, text: str) -> Iterator[None]:
     """Run the body as the step `name`: say so with its duration, and keep `state` right whatever happens."""
-    steps = list(keys)
     print(f"setup: {text} ...", flush=True)
     began = time.monotonic()
-    state.begin(name, later=steps[steps.index(name) + 1 :])
+    state.begin(name, spoiled=SPOILED.get(name, ()))
     try:
         yield
     except StepError:
@@ -199,6 +215,10 @@ def _install_interfaces(ros: RosSource, shell: Shell) -> None:
     if ros.sourced:  # which has them all
         sourced_ros.install(site_packages(VENV), VENV, ros.sourced)
     build_messages(interfaces_of_others(ROOT, ros), VENV, ros, shell)
+
+
+def _compile_loops(shell: Shell) -> None:
+    shell.run(VENV / "bin" / "python", "-m", "tools.compile_loops")
 
 
 def _install_messages(ros: RosSource, shell: Shell) -> None:

@@ -12,7 +12,7 @@ BUSY = "busy"
 class SetupState:
     """The steps that are done, each with the key of what it was done from.
 
-    Written before a step begins (the step and all after it are not done) and when it ends, each time by replacing
+    Written before a step begins (it and what it spoils are not done) and when it ends, each time by replacing
     the file, so that it never claims more than is there.
     """
 
@@ -41,9 +41,9 @@ class SetupState:
         """Whether `step` was done from the inputs that `key` stands for."""
         return self._done.get(step) == key
 
-    def begin(self, step: str, later: Iterable[str] = ()) -> None:
-        """Note that `step` runs now, and that neither it nor the `later` steps are done."""
-        for name in (step, *later):
+    def begin(self, step: str, spoiled: Iterable[str] = ()) -> None:
+        """Note that `step` runs now, and that neither it nor the steps that it spoils are done."""
+        for name in (step, *spoiled):
             self._done.pop(name, None)
         self._write({**self._done, BUSY: step})
 

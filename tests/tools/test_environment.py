@@ -17,7 +17,7 @@ from tools.ros_source import RosSource
 from tools.state import SetupState, key_of
 
 ROOT = Path(__file__).parents[2]
-ALL = ["environment", "packages", "interfaces", "messages"]
+ALL = ["environment", "packages", "interfaces", "messages", "loops"]
 
 
 class Checkout:
@@ -31,6 +31,8 @@ class Checkout:
             shutil.copytree(ROOT / name, root / name)
         for name in ("pyproject.toml", "constraints.txt", "package.xml"):
             shutil.copy(ROOT / name, root)
+        (root / "tripod_sim").mkdir()
+        shutil.copy(ROOT / "tripod_sim/system_kernels.py", root / "tripod_sim")
         monkeypatch.setattr(environment, "ROOT", root)
         monkeypatch.setattr(environment, "VENV", self.venv)
         monkeypatch.setattr(environment, "LOG", self.venv / "setup.log")
@@ -40,6 +42,7 @@ class Checkout:
         monkeypatch.setattr(environment, "_install_packages", lambda *_: self._run("packages"))
         monkeypatch.setattr(environment, "_install_interfaces", lambda *_: self._run("interfaces"))
         monkeypatch.setattr(environment, "_install_messages", lambda *_: self._run("messages"))
+        monkeypatch.setattr(environment, "_compile_loops", lambda *_: self._run("loops"))
 
     def _run(self, step: str) -> None:
         self.ran.append(step)
@@ -103,6 +106,14 @@ def test_changed_packages_are_installed_and_the_messages_built_on_them(checkout:
     assert checkout.set_up() == []
 
 
+def test_a_changed_loop_is_compiled_and_nothing_else(checkout: Checkout) -> None:
+    checkout.set_up()
+    append(checkout.root / "tripod_sim/system_kernels.py", "# another\n")
+    assert checkout.set_up() == ["loops"]
+    (checkout.root / "tripod_sim/without_loops.py").write_text("# nothing to compile\n", encoding="utf-8")
+    assert checkout.set_up() == []
+
+
 def test_settings_of_tools_reinstall_nothing(checkout: Checkout) -> None:
     checkout.set_up()
     append(checkout.root / "pyproject.toml", "\n[tool.something]\nx = 1\n")
@@ -134,11 +145,11 @@ def test_what_an_interruption_left_half_written_is_made_anew(checkout: Checkout,
     assert checkout.set_up() == []
 
 
-def test_interrupted_messages_are_built_again_and_nothing_else(checkout: Checkout) -> None:
+def test_after_interrupted_messages_the_rest_is_made(checkout: Checkout) -> None:
     checkout.trouble = {"messages": KeyboardInterrupt()}
     checkout.set_up()
     checkout.trouble = {}
-    assert checkout.set_up() == ["messages"]
+    assert checkout.set_up() == ["messages", "loops"]
 
 
 def test_a_download_that_fails_is_tried_again_in_the_same_environment(
