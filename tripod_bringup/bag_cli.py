@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from tripod_bringup.node_command import NODES, NodeCommand, RosCommand, run_node_command
-from tripod_bringup.options import Subnet, examples
+from tripod_bringup.options import Recording, Subnet, examples
 
 commands = typer.Typer()
 bag = typer.Typer(help="Look into recordings, and play them.", no_args_is_help=True)
@@ -21,8 +21,6 @@ class To(StrEnum):
     TOPICS = "topics"
 
 
-File = Annotated[Path, typer.Argument(help="An .mcap file, or the directory of a recording.")]
-
 Topics = Annotated[str, typer.Option(help="Names or patterns (*, ?), parted by spaces or commas.")]
 
 
@@ -33,7 +31,7 @@ Topics = Annotated[str, typer.Option(help="Names or patterns (*, ?), parted by s
     )
 )
 def info(
-    file: File,
+    file: Recording,
     *,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
     check: Annotated[bool, typer.Option("--check", help="Read every message, believe no summary.")] = False,
@@ -55,7 +53,7 @@ def info(
 )
 def play(
     context: typer.Context,
-    file: File,
+    file: Recording,
     *,
     to: Annotated[
         To,
@@ -87,7 +85,7 @@ def play(
     )
 )
 def export(
-    file: File,
+    file: Recording,
     out: Annotated[Path, typer.Argument(help="A .csv, .npz or .parquet file.")],
     *,
     topics: Topics = "",
@@ -103,7 +101,7 @@ def export(
 
 
 @bag.command(epilog=examples("tripod bag plot recordings/NAME curves.png"))
-def plot(file: File, out: Annotated[Path, typer.Argument(help="A .png, .svg or .pdf file.")]) -> None:
+def plot(file: Recording, out: Annotated[Path, typer.Argument(help="A .png, .svg or .pdf file.")]) -> None:
     """Draw angles, effector, ball and errors of a recording."""
     from tripod_bringup.bag_export import plot_command  # noqa: PLC0415
 
@@ -112,7 +110,10 @@ def plot(file: File, out: Annotated[Path, typer.Argument(help="A .png, .svg or .
 
 @bag.command(epilog=examples("tripod bag html recordings/NAME session.html"))
 def html(
-    file: File, out: Annotated[Path, typer.Argument(help="The .html file to write.")], *, topics: Topics = ""
+    file: Recording,
+    out: Annotated[Path, typer.Argument(help="The .html file to write.")],
+    *,
+    topics: Topics = "",
 ) -> None:
     """Write a page that plays the recorded simulation in 3-D, without a network: it is simulated again for it."""
     from tripod_bringup.bag_export import html_command  # noqa: PLC0415

@@ -15,8 +15,11 @@ from tripod_bringup.options import (
     Quiet,
     SceneArgument,
     SceneName,
+    ServoScript,
+    SlideScript,
     Subnet,
     examples,
+    some_ports,
     some_scenes,
 )
 from tripod_bringup.pictures import Gif, Html, Mp4, Pictures, Plot
@@ -83,10 +86,8 @@ def run(
     duration: Annotated[
         float | None, typer.Option(help="Simulated time \\[s]; the scene's own by default.")
     ] = None,
-    servo: Annotated[str | None, typer.Option(help='Servo angles \\[rad]: "time:a,b,c; time:a,b,c".')] = None,
-    slide: Annotated[
-        str | None, typer.Option(help='Inward slide \\[m]: a number, or "time:value; ...".')
-    ] = None,
+    servo: ServoScript = None,
+    slide: SlideScript = None,
     set_: Overrides = None,
     view: Annotated[bool, typer.Option("--view", help="Show it on a page, while it runs and after.")] = False,
     html: Html = None,
@@ -172,6 +173,7 @@ def scenes(
         "tripod up maze --set ball.friction=0.2",
         "tripod up --port auto --record recordings",
         "tripod up --demo --duration 20",
+        'tripod up --servo "0:0,0,0; 2:-0.7854,-0.7854,-0.7854" --record recordings',
         "tripod up --no-view driver.angle_max:=0.3",
         "tripod up --namespace left sim.frame_prefix:=left/",
     ),
@@ -188,7 +190,12 @@ def up(
     *,
     scene: SceneName = "",
     set_: Overrides = None,
-    port: Annotated[str, typer.Option(help="Serial port of the servos, as for `tripod driver`.")] = "mock",
+    servo: ServoScript = None,
+    slide: SlideScript = None,
+    port: Annotated[
+        str,
+        typer.Option(help="Serial port of the servos, as for `tripod driver`.", autocompletion=some_ports),
+    ] = "mock",
     record: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Record everything into a new file here.")
     ] = None,
@@ -219,6 +226,8 @@ def up(
             values or [],
             scene=scene,
             overrides=set_ or [],
+            servo=servo,
+            slide=slide,
             port=port,
             record=record,
             view=view,

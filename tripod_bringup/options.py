@@ -1,5 +1,6 @@
 """Options that several subcommands of `tripod` have, and how their examples are shown."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -19,6 +20,27 @@ def some_fields(incomplete: str) -> list[str]:
     return [f"{name}=" for name in field_names() if name.startswith(incomplete)]
 
 
+def some_ports(incomplete: str) -> list[str]:
+    """Return the serial ports of this machine that begin so, and what else a port may be."""
+    from tripod_driver.ports.boards import serial_ports  # noqa: PLC0415
+
+    return [
+        name for name in ("auto", "mock", *(p.device for p in serial_ports())) if name.startswith(incomplete)
+    ]
+
+
+def some_recordings(incomplete: str) -> list[str]:
+    """Return the recordings here and in ./recordings that begin so."""
+    places = (Path(), Path("recordings"))
+    found = [path for place in places for path in sorted(place.glob("*")) if is_recording(path)]
+    return [str(path) for path in found if str(path).startswith(incomplete)]
+
+
+def is_recording(path: Path) -> bool:
+    """Whether `path` looks like a recording: a file, or the directory of one."""
+    return path.suffix == ".mcap" or (path / "metadata.yaml").is_file()
+
+
 SceneName = Annotated[
     str, typer.Option(help="Name of a scene, or path of a scene file.", autocompletion=some_scenes)
 ]
@@ -35,6 +57,15 @@ Overrides = Annotated[
         help="Set a field of the scene; repeatable.",
         autocompletion=some_fields,
     ),
+]
+
+ServoScript = Annotated[str | None, typer.Option(help='Servo angles \\[rad]: "time:a,b,c; time:a,b,c".')]
+
+SlideScript = Annotated[str | None, typer.Option(help='Inward slide \\[m]: a number, or "time:value; ...".')]
+
+Recording = Annotated[
+    Path,
+    typer.Argument(help="An .mcap file, or the directory of a recording.", autocompletion=some_recordings),
 ]
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup.options import examples
+from tripod_bringup.options import examples, some_ports
 
 commands = typer.Typer()
 
@@ -48,7 +48,9 @@ def calibrate(
         Path, typer.Argument(help="Calibration to write; where it exists, it is where to begin.")
     ] = Path("calibration.yaml"),
     *,
-    port: Annotated[str, typer.Option(help="Where the servos are, as for `tripod driver`.")] = "auto",
+    port: Annotated[
+        str, typer.Option(help="Where the servos are, as for `tripod driver`.", autocompletion=some_ports)
+    ] = "auto",
     protocol: Annotated[
         str, typer.Option(help="framed, legacy or ascii, as for `tripod driver`.")
     ] = "framed",
@@ -77,7 +79,10 @@ def flash(
     ] = None,
     *,
     port: Annotated[
-        str, typer.Option(help="Path of the device; auto: the one port with a known board.")
+        str,
+        typer.Option(
+            help="Path of the device; auto: the one port with a known board.", autocompletion=some_ports
+        ),
     ] = "auto",
     baud: Annotated[int, typer.Option(min=1200, max=4_000_000, help="Speed of the boot loader.")] = 115200,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command and do nothing.")] = False,

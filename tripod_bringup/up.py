@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,8 +33,12 @@ from tripod_record.errors import RecordError
 from tripod_record.place import check_place
 
 if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
     from tripod_bringup.demo import DemoNode
+    from tripod_bringup.script_player import ScriptPlayer
     from tripod_bringup.watch import Watch
+    from tripod_play.joint_path import JointPath
 
 FAILED = 1
 BAD_ARGUMENTS = 2
@@ -56,6 +60,7 @@ class UpOptions:
         view: Whether to serve the page.
         view_port: Where, None for the default of the view.
         demo: Whether to play the scripted session.
+        script: A motion to play once everything is up, None without.
         namespace: Of all nodes, with its leading slash: two robots in one domain have two.
         duration: How long the chain (or with `demo` the targets) shall run [s], None until told.
         subnet: Whether ROS discovery may leave this machine.
@@ -69,6 +74,7 @@ class UpOptions:
     view: bool = True
     view_port: int | None = None
     demo: bool = False
+    script: "JointPath | None" = None
     namespace: str = "/"
     duration: float | None = None
     subnet: bool = False
@@ -142,7 +148,7 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
 
 def _run(options: UpOptions, screen: Screen) -> int:
     facts = Facts()
-    with _graph(options) as graph:
+    with _graph(options, screen.line) as graph:
         supervisor = Supervisor(
             stages(options, facts, graph.watch),
             on_line=lambda name, line: _show(name, line, facts, options, screen),
@@ -167,11 +173,13 @@ class Graph:
         watch: Hears every status, says STOP.
         demo: Plays the demo, None without.
         failure: Why the thread that runs them ended, empty while it runs.
+        player: Plays the script, None without.
     """
 
     watch: "Watch"
     demo: "DemoNode | None"
     failure: str = ""
+    player: "ScriptPlayer | None" = None
 
     def say_stop(self) -> None:
         """End the demo and tell everybody to hold."""
@@ -181,7 +189,7 @@ class Graph:
 
 
 @contextmanager
-def _graph(options: UpOptions) -> Iterator[Graph]:
+def _graph(options: UpOptions, say: Callable[[str], None]) -> Iterator[Graph]:
     """Run the nodes of this process in a thread of their own."""
     keep_local(subnet=options.subnet)
     import rclpy  # noqa: PLC0415
@@ -199,12 +207,14 @@ def _graph(options: UpOptions) -> Iterator[Graph]:
         try:
             while not over.is_set():
                 executor.spin_once(timeout_sec=0.1)
+                if graph.player:
+                    graph.player.tend()
         except Exception as error:  # noqa: BLE001 - whatever failed in a callback, the chain is stopped in order
             graph.failure = f"{type(error).__name__} in a node of this process: {error}"
 
     thread = threading.Thread(target=spin, name="graph", daemon=True)
     try:
-        graph = Graph(Watch(), _demo(options))
+        graph = Graph(Watch(), _demo(options), player=_player(options, executor, say))
         for node in (graph.watch, graph.demo):
             if node is not None:
                 executor.add_node(node)
@@ -226,6 +236,14 @@ def _demo(options: UpOptions) -> "DemoNode | None":
     return DemoNode(options.duration)
 
 
+def _player(options: UpOptions, executor: "Executor", say: Callable[[str], None]) -> "ScriptPlayer | None":
+    if options.script is None:
+        return None
+    from tripod_bringup.script_player import ScriptPlayer  # noqa: PLC0415
+
+    return ScriptPlayer(options.script, executor, say)
+
+
 @dataclass
 class _Until:
     """Says when the chain shall stop; called once everything is up, and then again and again."""
@@ -239,6 +257,8 @@ class _Until:
             self._since = time.monotonic()
         if self.graph.failure:
             return self.graph.failure
+        if player := self.graph.player:
+            player.wanted = True
         if demo := self.graph.demo:
             demo.go()
             return "the demo is over" if demo.session.finished else ""

@@ -9,6 +9,7 @@ from tripod_bringup.accuracy_option import chosen
 from tripod_bringup.node_command import missing_import, unknown_name
 from tripod_bringup.node_values import RawYaml, split_word
 from tripod_bringup.screen import Screen
+from tripod_bringup.script import joint_path
 from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, up
 from tripod_graph.namespace import full_namespace
 
@@ -18,6 +19,8 @@ def up_command(
     *,
     scene: str,
     overrides: Sequence[str] = (),
+    servo: str | None = None,
+    slide: str | None = None,
     port: str,
     record: Path | None,
     view: bool,
@@ -39,6 +42,9 @@ def up_command(
         check_scene(scene, words_of_set(values))
         if sentence := settle(scene, values, accuracy, study):
             print(sentence, file=sys.stderr)
+        script = joint_path(scene, words_of_set(values), servo, slide)
+        if script and demo:
+            raise ValueError("--demo moves the robot itself; leave out --servo")
         if duration is not None and not math.isfinite(duration):
             raise ValueError(f"--duration is {duration}; it must be finite")
     except ValueError as error:
@@ -56,6 +62,7 @@ def up_command(
         view=view,
         view_port=view_port,
         demo=demo,
+        script=script,
         namespace=namespace,
         duration=duration,
         subnet=subnet,

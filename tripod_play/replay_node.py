@@ -1,4 +1,4 @@
-"""Plays a recorded motion of the joints to the driver: mode REPLAY, a slow way to the first pose, then the motion."""
+"""Plays a motion of the joints to the driver: mode REPLAY, a slow way to the first pose, then the motion."""
 
 import math
 import time
@@ -43,7 +43,7 @@ MOVING = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatu
 
 
 class ReplayNode(Node):
-    """Commands the robot as a recording has it.
+    """Commands the robot as a recording, or a script, has it.
 
     Attributes:
         done: Why it has ended, empty while it has not.
@@ -51,12 +51,14 @@ class ReplayNode(Node):
         failed: Whether it ended before the end of the motion.
     """
 
-    def __init__(self, path: JointPath, *, start: float, rate: float) -> None:
+    def __init__(
+        self, path: JointPath, *, start: float = 0.0, rate: float = 1.0, name: str = "bag_play"
+    ) -> None:
         """`start`: in the recording [s]; `rate`: recorded time over time."""
-        super().__init__("bag_play")
+        super().__init__(name)
         self.done, self.duration, self.failed = "", path.end, False
         self._path, self._start, self._rate = path, start, rate
-        self._mandate = Mandate(new_source("bag_play", self.get_namespace()))
+        self._mandate = Mandate(new_source(name, self.get_namespace()))
         self._status: RobotStatus | None = None
         self._here: FloatArray | None = None
         self._since = time.monotonic()

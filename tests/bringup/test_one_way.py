@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 
 from tripod_bringup import cli, up_command
 from tripod_bringup.node_values import RawYaml
+from tripod_bringup.script import joint_path
 from tripod_bringup.up_command import add_overrides, named_scene, sim_words, words_of_set
 from tripod_sim import load_scene, scene_names
 from tripod_sim.scene_file import field_names
@@ -117,13 +118,14 @@ def test_a_scene_that_is_not_there_is_not_printed() -> None:
     assert "did you mean 'tripod'?" in result.output
 
 
-def completed(line: str) -> list[str]:
+def completed(line: str, cwd: Path | None = None) -> list[str]:
     """Return what a shell offers for the last word of a line."""
     environment = {**os.environ, "_TRIPOD_COMPLETE": "complete_bash", "COMP_WORDS": line}
     environment["COMP_CWORD"] = str(len(line.split(" ")) - 1)
     done = subprocess.run(
         [sys.executable, "-m", "tripod_bringup"],
         env=environment,
+        cwd=cwd,
         capture_output=True,
         text=True,
         check=False,
@@ -138,3 +140,43 @@ def test_a_shell_completes_scenes_and_fields() -> None:
     assert completed("tripod run tripod --set material.y") == ["material.young="]
     assert "material.young" in field_names()
     assert "dt" in field_names()
+
+
+def test_a_shell_completes_ports_and_recordings(tmp_path: Path) -> None:
+    assert completed("tripod up --port mo") == ["mock"]
+    (tmp_path / "recordings" / "rec_one").mkdir(parents=True)
+    (tmp_path / "recordings" / "rec_one" / "metadata.yaml").touch()
+    for name in ("rec_two.mcap", "rec_three.txt"):
+        (tmp_path / name).touch()
+    assert completed("tripod bag info rec", tmp_path) == ["rec_two.mcap", "recordings/rec_one"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["tripod", "--servo", "0:-85,0,0"], "degrees? -85 degrees are -1.484 rad"),
+        (["tripod", "--servo", "0:0,0,0", "--slide", "35"], "millimetres? 35 millimetres are 0.035 m"),
+        (["tripod", "--servo", "0:1,0,0"], "allowed is -2.1 to 0.6 rad"),
+        (["tripod", "--servo", "0:0,0"], "with 3 finite values"),
+        (["tripod", "--slide", "0.01"], "--slide needs --servo"),
+        (["tripod", "--servo", "0:0,0,0", "--demo"], "leave out --servo"),
+        (["pendulum", "--servo", "0:0,0,0"], "has no servos"),
+    ],
+)
+def test_a_servo_script_of_the_chain_is_checked_before_anything_starts(
+    words: list[str], message: str
+) -> None:
+    result = tripod("up", *words)
+    assert result.exit_code == 2
+    assert message in result.output
+    assert result.output.count("\n") == 1
+
+
+def test_a_servo_script_is_a_motion_of_angles_and_slide() -> None:
+    path = joint_path("tripod", [], "0:0,0,0; 2:-0.5,-0.5,-0.5", "0.01")
+    assert path is not None
+    assert path.at(1.0).tolist() == pytest.approx([-0.25, -0.25, -0.25, 0.005])
+    still = joint_path("tripod", [], "1:-0.1,0,0", None)
+    assert still is not None
+    assert still.joints.tolist() == [[-0.1, 0, 0]] * 2
+    assert joint_path("tripod", [], None, None) is None

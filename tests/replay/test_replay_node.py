@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import ControlMode, RobotStatus
 
+from tripod_bringup.script_player import ScriptPlayer
 from tripod_graph import names
 from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
 from tripod_graph.trajectory import seconds
@@ -203,3 +204,28 @@ def test_paused_it_holds_the_pose_and_steps_by_a_tenth(make) -> None:
     graph.node.toggle()
     graph.until(lambda: graph.node.done)
     assert not graph.node.failed
+
+
+def test_a_script_waits_until_it_is_wanted_tells_its_end_and_leaves(make) -> None:
+    told: list[str] = []
+    graph = make(motion())
+    graph.executor.remove_node(graph.node)
+    player = ScriptPlayer(JointPath(np.array([0.0, 0.2]), np.full((2, 3), -0.1)), graph.executor, told.append)
+
+    def spun(condition: Callable[[], Any]) -> None:
+        def tended() -> Any:
+            player.tend()
+            return condition()
+
+        graph.until(tended)
+
+    turns = iter(range(20))
+    spun(lambda: next(turns, None) is None)
+    assert not graph.driver.asked
+    player.wanted = True
+    spun(lambda: told)
+    assert told == ["servo script: played 0.20 s of motion"]
+    assert graph.driver.here == pytest.approx([-0.1] * 3)
+    assert graph.driver.modes[-1].source.startswith("/script#")
+    spun(lambda: graph.driver.get_node_names().count("script") == 0)
+    assert len(told) == 1

@@ -28,4 +28,4 @@ def test_a_scene_that_was_compiled_runs_at_once(environ: dict[str, str]) -> None
     assert any(line.startswith("compiling for this machine, once: loop ") for line in told)
     again = run(environ, "-m", "tools.compile_loops", "pendulum").splitlines()
     assert again == told[-1:]
-    assert "compiling" not in run(environ, "-m", "tripod_bringup.cli", "run", "pendulum", "--duration", "0.1")
+    assert "compiling" not in run(environ, "-m", "tripod_bringup", "run", "pendulum", "--duration", "0.1")

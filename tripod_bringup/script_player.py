@@ -1,0 +1,35 @@
+"""Plays a servo script once everything is up, tells how it ended, and leaves the graph."""
+
+from collections.abc import Callable
+
+from rclpy.executors import Executor
+
+from tripod_play.joint_path import JointPath
+from tripod_play.replay_node import ReplayNode
+
+
+class ScriptPlayer:
+    """Lives in the thread that runs the nodes.
+
+    Attributes:
+        wanted: Whether the script shall play; may be set by another thread.
+    """
+
+    def __init__(self, path: JointPath, executor: Executor, say: Callable[[str], None]) -> None:
+        self.wanted = False
+        self._path, self._executor, self._say = path, executor, say
+        self._node: ReplayNode | None = None
+        self._over = False
+
+    def tend(self) -> None:
+        """Begin or end, if it is time; call it again and again."""
+        if self._over or not self.wanted:
+            return
+        if self._node is None:
+            self._node = ReplayNode(self._path, name="script")
+            self._executor.add_node(self._node)
+        elif self._node.done:
+            self._over = True
+            self._say(f"servo script: {self._node.done}")
+            self._executor.remove_node(self._node)
+            self._node.close()
