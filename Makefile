@@ -6,7 +6,7 @@ BIN := .venv/bin
 # What runs from here stays on this machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help setup demo test lint bench firmware clean
+.PHONY: help setup demo test lint bench docs firmware clean
 
 help: ## Show this list (default)
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
@@ -28,6 +28,10 @@ lint: setup ## Check style, format and types
 
 bench: setup ## Time the steps of the simulator; ARGS="..." goes to the benchmark
 	@$(BIN)/python benchmarks/step.py $(ARGS)
+
+docs: setup ## Build the site of the documentation into build/site
+	@$(BIN)/python -m mkdocs build --strict --quiet
+	@echo "docs: open build/site/index.html"
 
 firmware: ## Build the firmware of the board and check its size; ARGS="WATCHDOG_MS=300" sets its parameters
 	@$(MAKE) --no-print-directory -C firmware $(ARGS)

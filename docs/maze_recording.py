@@ -1,4 +1,4 @@
-"""Record a solved maze as a stand-alone page: `python docs/maze_recording.py` writes docs/maze.html (needs viser)."""
+"""Record a solved maze as a page: `python docs/maze_recording.py` writes docs/maze_game.html (needs viser)."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from tripod_play.solve import solve
 from tripod_sim import Simulation, load_scene
 from tripod_sim.constraints.groups import quaternion
 
-OUT = Path(__file__).parent / "maze.html"
+OUT = Path(__file__).parent / "maze_game.html"
 RATE = 20.0
 """Pictures a second."""
 

@@ -8,6 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[2]
 
@@ -83,12 +84,17 @@ def test_the_version_is_the_same_everywhere() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     for path in (ROOT / "package.xml", ROOT / "msgs" / "package.xml"):
         assert ET.parse(path).findtext("version") == project["version"], path
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert (citation["version"], citation["license"]) == (project["version"], project["license"])
+    page = (ROOT / "docs" / "citing.md").read_text(encoding="utf-8")
+    assert f"version = {{{project['version']}}}" in page
+    assert citation["title"] in page
 
 
 def test_make_lists_every_target_by_default() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.search(r"^\.PHONY: (.*)$", makefile, re.M)[1].split())
-    assert targets == {"help", "setup", "demo", "test", "lint", "bench", "firmware", "clean"}
+    assert targets == {"help", "setup", "demo", "test", "lint", "bench", "docs", "firmware", "clean"}
     result = subprocess.run(
         ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
     )

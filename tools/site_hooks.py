@@ -1,0 +1,25 @@
+"""What mkdocs asks while it builds the site: pages that are written from the code, and links into the repository."""
+
+from collections.abc import Callable
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+from tools.reference import command_line, copies, python_api, scene_fields
+
+PAGES: dict[str, Callable[[], str]] = {
+    "index.md": copies.readme,
+    "reference/scene.md": scene_fields.page,
+    "reference/commands.md": command_line.commands_page,
+    "reference/parameters.md": command_line.parameters_page,
+    "reference/python.md": python_api.page,
+    "project/changelog.md": copies.changelog,
+}
+"""Pages that are no files of docs/."""
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the pages that are written here."""
+    for name, write in PAGES.items():
+        files.append(File.generated(config, name, content=write()))
+    return files
