@@ -1,6 +1,7 @@
 """What mkdocs asks while it builds the site: pages that are written from the code, and links into the repository."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from mkdocs.structure.files import File, Files
@@ -8,12 +9,15 @@ from mkdocs.structure.files import File, Files
 from tools.reference import command_line, copies, python_api, scene_fields
 
 PAGES: dict[str, Callable[[], str]] = {
-    "index.md": copies.readme,
     "reference/scene.md": scene_fields.page,
     "reference/commands.md": command_line.commands_page,
     "reference/parameters.md": command_line.parameters_page,
     "reference/python.md": python_api.page,
-    "project/changelog.md": copies.changelog,
+    **{
+        page: partial(copies.copied, page)
+        for page, source in copies.SOURCES.items()
+        if (copies.ROOT / source).exists()
+    },
 }
 """Pages that are no files of docs/."""
 
