@@ -13,7 +13,6 @@ Runs of one case take turns, and the least time of each counts.
 """
 
 import argparse
-import textwrap
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,7 +21,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 
 # isort: split
 import numpy as np
-from doc_parts import write_part
+from doc_parts import markdown, read_rows, write_part, write_rows
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.tables.motion import EXPLICIT
@@ -48,7 +47,7 @@ class Case:
         named: The same where the scheme is named, for all implicit ones [m].
         reference: Overrides of the reference, and over what the interval is divided there.
         turns: How many times as often it is repeated, being short.
-        brief: Whether the document holds the verdict alone.
+        brief: Whether its verdict alone is kept.
     """
 
     scene: str
@@ -240,8 +239,22 @@ def cheapest(runs: Sequence[Run], error: float, *, between: bool = True) -> tupl
     return best if np.isfinite(best[0]) else (np.nan, "none")
 
 
-def verdict(automatic: Sequence[Run], fixed: Sequence[Run]) -> str:
-    """Return in one line by how much `dt = "auto"` alone is slower than the best fixed dt, at worst."""
+ROWS, VERDICTS = "time_error_auto.csv", "time_error_verdicts.csv"
+TOLD = {
+    "tripod_step": "servo 0 by 0.3 rad in 30 ms",
+    "tripod_one_solve": "the same in one-solve mode",
+    "tripod_back": "servo 1 back by 0.25 rad in 20 ms",
+    "tripod_together": "all servos by 0.12 rad in 50 ms",
+    "tripod_swing": "servos 0 and 2 swing at 5 and 8 Hz",
+    "tripod_flat": "from the flat pose, servo 0 by -0.4 rad in 30 ms",
+    "pendulum": "the pendulum, 2 s",
+    "cloth": "a cloth of 12 x 12 nodes, 1 s",
+}
+"""The cases in the words of the page."""
+
+
+def verdict(automatic: Sequence[Run], fixed: Sequence[Run]) -> dict[str, str]:
+    """Return by how much `dt = "auto"` alone is slower than the best fixed dt, by the columns of the page."""
     least = max(min(r.error for r in runs) for runs in (automatic, fixed))
     most = max(r.error for r in fixed)
     rows, steps = [], []
@@ -253,12 +266,17 @@ def verdict(automatic: Sequence[Run], fixed: Sequence[Run]) -> str:
     ratio, error, by, of = max(rows)
     ratios = [row[0] for row in rows]
     within = np.mean(np.array(ratios) <= BOUND)
-    return (
-        f'`dt = "auto"` alone: at most {ratio:.2f} times the time of the best fixed dt of any scheme (asked: {BOUND}), '
-        f"median {np.median(ratios):.2f}, within the bound on {100 * within:.0f} % of the errors from "
-        f"{1e6 * least:.2g} to {1e6 * most:.2g} um (even in their logarithm); most at {1e6 * error:.3g} um: {by}, "
-        f"against {of}. Not interpolated: at most {max(steps):.2f}, median {np.median(steps):.2f}."
-    )
+    return {
+        "worst": f"{ratio:.2f}",
+        "median": f"{np.median(ratios):.2f}",
+        f"within {BOUND} [%]": f"{100 * within:.0f}",
+        "errors [um]": f"{1e6 * least:.2g} to {1e6 * most:.2g}",
+        "worst at [um]": f"{1e6 * error:.3g}",
+        "there": by,
+        "against": of,
+        "worst, not interpolated": f"{max(steps):.2f}",
+        "median, not interpolated": f"{np.median(steps):.2f}",
+    }
 
 
 def table(runs: Sequence[Run]) -> list[str]:
@@ -281,6 +299,14 @@ def table(runs: Sequence[Run]) -> list[str]:
     return lines
 
 
+def summary() -> list[str]:
+    """Return the verdicts as the page shows them."""
+    rows = {row["case"]: row for row in read_rows(VERDICTS)}
+    columns = ["worst", "median", f"within {BOUND} [%]", "errors [um]", "worst, not interpolated"]
+    shown = [{"motion": words} | rows[case] for case, words in TOLD.items() if case in rows]
+    return markdown(shown, ["motion", *columns])
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
@@ -290,7 +316,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7, help="runs of each setting (default 7)")
     parser.add_argument("--set", action="append", default=[], help="override of the scene, as of tripod run")
     parser.add_argument("--default", action="store_true", help='of automatic runs only `dt = "auto"` alone')
-    parser.add_argument("--write", action="store_true", help="write the tables to docs/time_error.md, too")
+    parser.add_argument("--write", action="store_true", help="write docs/time_error.md and its tables, too")
     options = parser.parse_args()
     if unknown := [c for c in options.cases if c not in CASES]:
         parser.error(f"unknown case {unknown[0]!r}; cases: {', '.join(CASES)}")
@@ -316,13 +342,13 @@ def main() -> None:
                 run.times.append(seconds)
         found = verdict([r for r in runs if r.scheme == "auto"], [r for r in runs if not r.estimate])
         lines = table(runs)
-        print("\n".join([*lines, "", found]), flush=True)
+        print("\n".join([*lines, "", *(f"{what}: {value}" for what, value in found.items())]), flush=True)
         if options.write:
-            write_part(
-                "time_error.md",
-                f"auto {name}",
-                [told, "", *textwrap.wrap(found, 120), *([] if case.brief else ["", *lines])],
-            )
+            found |= {"reference's own error [um]": f"{1e6 * own:.2g}", "calibration [ms]": f"{1e3 * machine:.1f}"}
+            write_rows(VERDICTS, name, markdown([found], list(found)))
+            if not case.brief:
+                write_rows(ROWS, name, lines)
+            write_part("time_error.md", "auto", summary())
 
 
 if __name__ == "__main__":
