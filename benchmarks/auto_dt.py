@@ -344,7 +344,10 @@ def main() -> None:
         lines = table(runs)
         print("\n".join([*lines, "", *(f"{what}: {value}" for what, value in found.items())]), flush=True)
         if options.write:
-            found |= {"reference's own error [um]": f"{1e6 * own:.2g}", "calibration [ms]": f"{1e3 * machine:.1f}"}
+            found |= {
+                "reference's own error [um]": f"{1e6 * own:.2g}",
+                "calibration [ms]": f"{1e3 * machine:.1f}",
+            }
             write_rows(VERDICTS, name, markdown([found], list(found)))
             if not case.brief:
                 write_rows(ROWS, name, lines)

@@ -22,7 +22,9 @@ def write_rows(file: str, case: str, table: Sequence[str]) -> None:
     path = DOCS / file
     kept = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))[1:] if path.exists() else []
     cases = list(dict.fromkeys([row[0] for row in kept] + [case]))
-    of = {name: [row for row in kept if row[0] == name] for name in cases} | {case: [[case, *row] for row in rows]}
+    of = {name: [row for row in kept if row[0] == name] for name in cases} | {
+        case: [[case, *row] for row in rows]
+    }
     with path.open("w", encoding="utf-8", newline="") as out:
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(["case", *names])

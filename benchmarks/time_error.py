@@ -88,8 +88,8 @@ def front() -> list[str]:
         shown.append(
             {"scheme": row["scheme"], "dt [ms]": row["dt [ms]"]}
             | {"true": row["true max"], "estimate": row["estimate max"], "ratio": row["ratio max"]}
-            | {"one-solve: true": beside["true max"], "estimate ": beside["estimate max"]}
-            | {"ratio ": beside["ratio max"]}
+            | {"true, one-solve": beside["true max"], "estimate, one-solve": beside["estimate max"]}
+            | {"ratio, one-solve": beside["ratio max"]}
         )
     return markdown(shown, list(shown[0]))
 
