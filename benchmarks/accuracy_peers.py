@@ -5,15 +5,14 @@ import textwrap
 from typing import Any
 
 from benchmarks import peers
-from benchmarks.peers_notes import NOTES
-from benchmarks.peers_report import BODIES, TITLES, cell, cost, pareto
+from benchmarks.peers_report import TITLES, cell, cost, pareto
 
 ENOUGH = 10.0
 """An error that counts as a result [%], for the fastest setting of a simulator."""
 
 
 def section() -> str:
-    """Return picture, table and notes as Markdown: of each simulator the most exact and the fastest good setting."""
+    """Return picture and table as Markdown: of each simulator the most exact and the fastest good setting."""
     stored = json.loads(peers.STORE.read_text(encoding="utf-8"))
     rows = [peers.Row(**row) for row in stored["rows"]]
     versions = {r.peer: r.version for r in rows if r.version}
@@ -26,35 +25,22 @@ def section() -> str:
             "`python benchmarks/peers.py` runs the same bodies and loads in "
             + ", ".join(f"{peer} {version}" for peer, version in versions.items())
             + f". Of each: the most exact setting and, if it is another, the fastest within {ENOUGH:g} %. Every "
-            "setting is in [peers](peers.md)."
+            "setting, the problems, what each simulator cannot express and why: [peers](peers.md)."
         ),
         "",
+        "| problem | simulator | setting | unknowns | error [%] | CPU [s] |",
+        "|---|---|---|---|---|---|",
     ]
     for case in peers.CASES:
         own = [r for r in rows if r.case == case]
-        reference = stored["references"].get(case)
-        if not own or not reference:
+        if not own or not stored["references"].get(case):
             continue
-        unit = "s / simulated s" if case in ("cantilever swing", "cloth") else "s to rest"
-        lines += [
-            *prose(
-                f"**{TITLES[case]}.** {BODIES[case]} Reference: {reference['source']}; its uncertainty: "
-                f"{reference['uncertainty']:.2g} %."
-            ),
-            "",
-            f"| simulator | setting | unknowns | error [%] | CPU [{unit}] |",
-            "|---|---|---|---|---|",
-        ]
+        problem = TITLES[case] + (", per simulated second" if case in ("cantilever swing", "cloth") else "")
         for peer in peers.PEERS:
             lines += [
-                f"| {r.peer} | {r.setting} | {r.unknowns} | {cell(r.error)} | {cell(cost(r))} |"
+                f"| {problem} | {r.peer} | {r.setting} | {r.unknowns} | {cell(r.error)} | {cell(cost(r))} |"
                 for r in shown([r for r in own if r.peer == peer])
-            ] or [f"| {peer} | no result | | | |"]
-        lines += [
-            "",
-            *[f"- {peer}: {NOTES[peer][case]}." for peer in peers.PEERS if case in NOTES.get(peer, {})],
-            "",
-        ]
+            ] or [f"| {problem} | {peer} | no result | | | |"]
     return "\n".join(lines).rstrip("\n")
 
 

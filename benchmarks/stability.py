@@ -21,6 +21,7 @@ import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
 from benchmarks.blocks import Block, block, brick  # noqa: E402
+from benchmarks.doc_parts import markdown, read_rows, write_part, write_rows  # noqa: E402
 from tripod_sim import Simulation, StepError, load_scene  # noqa: E402
 from tripod_sim.integrators.substeps import StepReport  # noqa: E402
 from tripod_sim.robot.disc import effector_disc  # noqa: E402
@@ -233,6 +234,22 @@ def run(name: str, element: str, scheme: str) -> Outcome:
     )
 
 
+ROWS = "stability.csv"
+
+
+def summary() -> list[str]:
+    """Return what the page shows of the table: the default element, and how many cells of a case pass."""
+    rows = read_rows(ROWS)
+    shown = []
+    for name in dict.fromkeys(row["case"] for row in rows):
+        own = [row for row in rows if row["case"] == name]
+        cells = [row[scheme] for row in own for scheme in SCHEMES]
+        passed = sum("fails" not in cell for cell in cells)
+        default = next(row for row in own if row["element"] == "h8_modes")
+        shown.append(default | {"pass": f"{passed} of {len(cells)}"})
+    return markdown(shown, ["case", "steps", "pass", *SCHEMES])
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(
@@ -240,11 +257,17 @@ def main() -> None:
     )
     parser.add_argument("--cases", nargs="+", default=list(CASES), choices=CASES, metavar="CASE", help="rows")
     parser.add_argument("--elements", nargs="+", default=list(ELEMENTS), choices=ELEMENTS, help="of the rows")
+    parser.add_argument(
+        "--write", action="store_true", help="write docs/stability.csv and docs/verification.md; all elements"
+    )
     options = parser.parse_args()
-    print("| case | element | steps | " + " | ".join(SCHEMES) + " |")
-    print("|---|---|---|" + "---|" * len(SCHEMES))
+    if options.write and list(options.elements) != list(ELEMENTS):
+        parser.error("--write keeps the rows of all elements; leave --elements out")
+    head = ["| element | steps | " + " | ".join(SCHEMES) + " |", "|---|---|" + "---|" * len(SCHEMES)]
+    print("\n".join("| case " + line if k == 0 else "|---" + line for k, line in enumerate(head)))
     failures, rises = [], dict.fromkeys(SCHEMES, 0.0)
     for name in options.cases:
+        lines = []
         for element in options.elements:
             cells, steps = [], 0
             for scheme in SCHEMES:
@@ -254,7 +277,11 @@ def main() -> None:
                 cells.append(f"{mark}{found.mean:.2f} / {found.worst:.0f} ms, {found.halvings}")
                 if found.failure:
                     failures.append(f"- {name}, {element}, {scheme}: {found.failure}")
-            print(f"| {name} | {element} | {steps} | " + " | ".join(cells) + " |", flush=True)
+            lines.append(f"| {element} | {steps} | " + " | ".join(cells) + " |")
+            print(f"| {name} {lines[-1]}", flush=True)
+        if options.write:
+            write_rows(ROWS, name, [*head, *lines])
+            write_part("verification.md", "stability", summary())
     print("\nCPU time of a step, mean / longest, and how often a part of a step was halved.")
     print("Largest rise of the energy above an earlier value, over the energy lost in the run: ", end="")
     print(", ".join(f"{scheme} {rise:.0e}" for scheme, rise in rises.items()))

@@ -34,3 +34,14 @@ def test_the_page_of_time_steps_shows_what_its_tables_hold() -> None:
     for name, lines in (("front", time_error.front()), ("auto", auto_dt.summary())):
         assert len(lines) > 8
         assert f"<!-- {name} -->\n\n" + "\n".join(lines) + f"\n\n<!-- end {name} -->" in page
+
+
+def test_the_page_of_verification_shows_what_its_table_holds() -> None:
+    from benchmarks import stability
+
+    page = (ROOT / "docs" / "verification.md").read_text(encoding="utf-8")
+    lines = stability.summary()
+    assert len(lines) == 2 + len(stability.CASES)
+    assert "<!-- stability -->\n\n" + "\n".join(lines) + "\n\n<!-- end stability -->" in page
+    passed = sum(int(line.split(" of ")[0].rsplit(" ", 1)[-1]) for line in lines[2:])
+    assert f"{passed} runs of {passed}" in page
