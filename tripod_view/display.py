@@ -93,7 +93,12 @@ class Display:
 
     def _show_scene(self) -> None:
         scene = self._scene
-        self._panel.show_scene(scene.picture, has_target=scene.has_target, known=bool(scene.picture.name))
+        self._panel.show_scene(
+            scene.picture,
+            has_servos=scene.has_servos,
+            has_target=scene.has_target,
+            known=bool(scene.picture.name),
+        )
 
     def keep_surface(self, surface: Surface) -> None:
         """Keep a mesh; node positions kept before it are forgotten if it differs."""
@@ -170,6 +175,13 @@ class Display:
     def keep_robot(self, status: words.RobotFields) -> None:
         """Keep a status of the driver."""
         self._robot = Heard(status, time.monotonic())
+        self._find_robot()
+
+    def _find_robot(self) -> None:
+        if self._scene.find_robot():
+            self._drawn_joints = np.full(4, np.nan)
+            self._effector_changed = self._target_changed = True
+            self._show_scene()
 
     def show_range(self, limits: CommandLimits) -> None:
         """Let the sliders end where the joints may go."""
@@ -217,6 +229,8 @@ class Display:
             nodes = self._nodes.astype(np.float32)
             self.replay.keep(Moment(now, nodes, joints, self.effector, self.ball))
             self._nodes = None
+        if joints is not None:
+            self._find_robot()
         if joints is not None and not np.array_equal(joints, self._drawn_joints):
             self._drawn_joints = joints
             self._scene.set_joints(joints[:3], float(joints[3]))

@@ -22,14 +22,14 @@ class Panel:
         self._channel = channel
         channel.show("colours", [f"rgb{colour}" for colour in SERVO_COLOURS])
 
-    def show_scene(self, picture: Picture, *, has_target: bool, known: bool) -> None:
+    def show_scene(self, picture: Picture, *, has_servos: bool, has_target: bool, known: bool) -> None:
         """Show what there is: which controls the page has follows from it. `known`: whether a simulator has told it."""
         servos = picture.servos
         scene = {
             "known": known,
             "name": picture.name,
             "description": picture.description,
-            "servos": servos is not None or not known,
+            "servos": has_servos,
             "target": has_target,
             "ball": picture.ball,
             "maze": picture.maze is not None,

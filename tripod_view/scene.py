@@ -21,7 +21,10 @@ from tripod_view.robot import Robot
 FloatArray = NDArray[np.float64]
 
 UNKNOWN = Picture()
-"""While no simulator has described its scene: the robot, and what comes as a mesh."""
+"""While no simulator has described its scene: the robot once it is heard, and what comes as a mesh."""
+
+LEFT = 0.1
+"""How far what moves may leave the picture before it is widened, as a share of the picture's radius."""
 
 
 class Scene:
@@ -46,7 +49,9 @@ class Scene:
         self.picture = UNKNOWN
         self._surface: Surface | None = None
         self._nodes: FloatArray | None = None
-        self._robot = Robot(self._api, geometry, servos=True)
+        self._span: FloatArray | None = None
+        self._aimed: dict[int, FloatArray] = {}
+        self._robot, self._robot_heard = Robot(self._api, geometry, servos=False), False
         self._handle = Handle(self._api, inbox, box)
         self.game = Game(self._api, "/effector")
         self.fit()
@@ -54,7 +59,21 @@ class Scene:
     @property
     def has_target(self) -> bool:
         """Whether the scene has an effector that can be sent somewhere."""
-        return self.picture is UNKNOWN or bool(self.picture.servos and self.picture.effector)
+        return self.has_servos and (self.picture is UNKNOWN or bool(self.picture.effector))
+
+    @property
+    def has_servos(self) -> bool:
+        """Whether there is a robot: in the scene or, while that is not known, at all."""
+        return self._robot_heard if self.picture is UNKNOWN else self.picture.servos is not None
+
+    def find_robot(self) -> bool:
+        """Draw the robot, since there is one, unless a simulator has told what there is; return whether that is new."""
+        if self._robot_heard or self.picture is not UNKNOWN:
+            return False
+        self._robot_heard = True
+        self._robot.remove()
+        self._robot = Robot(self._api, self._default, servos=True)
+        return True
 
     def set_picture(self, picture: Picture) -> None:
         """Draw another scene, or the same with other things in it."""
@@ -88,6 +107,11 @@ class Scene:
         """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""
         self._nodes = positions
         self._bodies.set_nodes(positions)
+        if not len(positions):
+            return
+        box, seen, room = _span(positions), self._seen, LEFT * self._seen.radius
+        if (box[0] < seen.low - room).any() or (box[1] > seen.high + room).any():
+            self._widen(box)
 
     def show_lines(self, visible: bool) -> None:
         """Show or hide the edges of the mesh."""
@@ -113,14 +137,32 @@ class Scene:
     def fit(self) -> None:
         """Show all there is: the camera of every browser, and the ground under it."""
         nodes = self._nodes if self._nodes is not None else self._surface.nodes if self._surface else None
+        self._span = None if nodes is None or not len(nodes) else _span(nodes)
+        self._see()
+        for client in self._server.get_clients():
+            self.aim(client)
+
+    def _widen(self, box: FloatArray) -> None:
+        """Show what moves wherever it has been, in browsers whose camera nobody has moved."""
+        if self._span is not None:
+            box = np.array([np.minimum(box[0], self._span[0]), np.maximum(box[1], self._span[1])])
+        self._span, near = box, 0.1 * self._seen.radius
+        unmoved = [
+            client
+            for client, handle in self._server.get_clients().items()
+            if np.linalg.norm(handle.camera.position - self._aimed.get(client, np.inf)) < near
+        ]
+        self._see()
+        for client in unmoved:
+            self.aim(client)
+
+    def _see(self) -> None:
         depth = self.picture.servos.axis_depth if self.picture.servos else self._default.axis_depth
-        seen = frame(self.picture, nodes, depth)
+        seen = frame(self.picture, self._span, depth)
         camera = self._server.initial_camera
         camera.position, camera.look_at = tuple(seen.camera), tuple(seen.centre)
         camera.near, camera.far = 0.01 * seen.radius, 200 * seen.radius
         self._seen = seen
-        for client in self._server.get_clients():
-            self.aim(client)
         self._draw_ground(seen)
 
     def aim(self, client: int) -> None:
@@ -128,6 +170,7 @@ class Scene:
         if (handle := self._server.get_clients().get(client)) is None:
             return
         camera, seen = handle.camera, self._seen
+        self._aimed[client] = seen.camera
         with handle.atomic():
             camera.position, camera.look_at = seen.camera, seen.centre
             camera.near, camera.far = 0.01 * seen.radius, 200 * seen.radius
@@ -173,6 +216,11 @@ class Scene:
         text = f"squares: {squares(cell)}"
         place = np.array([0.0, -1.2 * length, 0.0])
         yield self._api.add_label("/world/scale", text, position=place, font_screen_scale=0.8)
+
+
+def _span(nodes: FloatArray) -> FloatArray:
+    """Return the corners of the box about `nodes` [m], shape (2, 3)."""
+    return np.array([nodes.min(axis=0), nodes.max(axis=0)])
 
 
 def squares(cell: float) -> str:

@@ -39,18 +39,7 @@ class FakeBrowser:
         )
         threading.Thread(target=self._receive, daemon=True).start()
         threading.Thread(target=self._receive_values, daemon=True).start()
-        self.send(
-            "ViewerCameraMessage",
-            wxyz=(1, 0, 0, 0),
-            position=(0.2, -0.2, 0.2),
-            fov=0.7,
-            near=0.01,
-            far=10.0,
-            image_height=600,
-            image_width=800,
-            look_at=(0, 0, 0),
-            up_direction=(0, 0, 1),
-        )
+        self.look_from(0.2, -0.2, 0.2)
 
     def __enter__(self) -> "FakeBrowser":
         return self
@@ -69,6 +58,21 @@ class FakeBrowser:
 
     def send(self, kind: str, **fields: object) -> None:
         self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
+
+    def look_from(self, x: float, y: float, z: float) -> None:
+        """Move the camera to a place [m]."""
+        self.send(
+            "ViewerCameraMessage",
+            wxyz=(1, 0, 0, 0),
+            position=(x, y, z),
+            fov=0.7,
+            near=0.01,
+            far=10.0,
+            image_height=600,
+            image_width=800,
+            look_at=(0, 0, 0),
+            up_direction=(0, 0, 1),
+        )
 
     def tell(self, **event: object) -> None:
         """Send an event of the panel."""
@@ -98,11 +102,11 @@ class FakeBrowser:
     def grab(self) -> None:
         self.send("TransformControlsDragStartMessage", name="/target_handle", owner="")
 
-    def drag(self, x: object, y: object, z: object) -> None:
+    def drag(self, x: object, y: object, z: object, wxyz: tuple[float, ...] = (1, 0, 0, 0)) -> None:
         self.send(
             "TransformControlsUpdateMessage",
             name="/target_handle",
-            wxyz=(1, 0, 0, 0),
+            wxyz=wxyz,
             position=(x, y, z),
             owner="",
         )

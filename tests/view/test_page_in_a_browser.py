@@ -17,6 +17,7 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import sync_playwright
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from tripod_msgs.msg import ControlMode
 
 from tests.domains import own_domain
@@ -124,7 +125,8 @@ class Opened:
                 document.querySelectorAll("#panel details").forEach((card) => (card.open = true));
                 const panel = document.querySelector("#panel");
                 return {
-                    stop: box("#stop"), root: box("#root"), panel: box("#panel"), title: document.title,
+                    stop: box("#stop"), root: box("#root"), start: box("#start"), panel: box("#panel"),
+                    title: document.title,
                     too_wide: panel.scrollWidth - panel.clientWidth,
                     begin: document.querySelector("#begin").textContent,
                     servos: shown("#servos"), target: shown("#target"), ball: shown(".only-ball"),
@@ -166,6 +168,8 @@ def check(seen: dict[str, Any], shown: dict[str, Any], size: str) -> None:
     assert seen["stop"][3] - seen["stop"][1] >= 44
     assert seen["root"][3] - seen["root"][1] >= 0.4 * height
     assert seen["root"][3] <= seen["panel"][1] + 1 or seen["root"][2] <= seen["panel"][0] + 1
+    assert seen["start"][3] <= seen["stop"][1] or size == "screen"
+    assert seen["start"][1] >= seen["root"][3] or size == "screen"  # a small robot is not covered
     assert seen["too_wide"] <= 0
     assert seen["title"] == f"{shown['name']} - Tripod"
     assert seen["simulated"]
@@ -242,6 +246,35 @@ def test_a_goal_and_a_lost_ball_are_told(stage: Stage, browser: Any) -> None:
         show(stage.sim, "maze", event="ball fell through a hole at 4.00 s")
         opened.text("#event.bad", "ball fell through a hole")
         assert opened.errors == []
+
+
+def test_a_recorder_is_started_and_stopped(stage: Stage, browser: Any) -> None:
+    asked: list[str] = []
+
+    def answer(what: str, text: str) -> Any:
+        def on_call(_: Any, response: Any) -> Any:
+            asked.append(what)
+            response.success, response.message = True, text
+            return response
+
+        return stage.sim.create_service(Trigger, what, on_call)
+
+    services = [
+        answer(names.RECORD_START, "recording to here.mcap"),
+        answer(names.RECORD_STOP, "here.mcap is closed"),
+    ]
+    with Opened(browser, stage, "screen") as opened:
+        for button, wanted, told in (
+            ("Record", names.RECORD_START, "recording to here.mcap"),
+            ("Stop recording", names.RECORD_STOP, "here.mcap is closed"),
+        ):
+            opened.text("#record:enabled", button)
+            opened.page.locator("#record").click()
+            opened.text("#recording", told)
+            assert asked[-1] == wanted
+        assert opened.errors == []
+    for service in services:
+        stage.sim.destroy_service(service)
 
 
 def test_a_page_that_lost_its_node_says_so_and_comes_back(stage: Stage, browser: Any) -> None:

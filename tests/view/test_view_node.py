@@ -16,6 +16,7 @@ pytest.importorskip("viser")
 import rclpy
 from geometry_msgs.msg import Point, PoseStamped
 from shape_msgs.msg import Mesh, MeshTriangle
+from std_msgs.msg import String
 from tripod_msgs.msg import ControlMode
 
 from tests.domains import own_domain
@@ -23,6 +24,7 @@ from tests.view.fake_browser import FakeBrowser
 from tests.view.shown_scene import show
 from tests.view.stage import DEADLINE, Stage, View
 from tripod_graph import names
+from tripod_graph.qos import LATCHED
 from tripod_view.body import BodyError
 from tripod_view.messages import maze_of
 
@@ -128,6 +130,36 @@ def test_it_draws_at_its_rate_and_only_while_somebody_looks(stage: Stage) -> Non
     stage.wait(lambda: stage.watchers() == 0)
     with stage.browser():
         pass
+
+
+def test_what_leaves_the_picture_is_followed_until_somebody_moves_the_camera(
+    stage: Stage, browser: FakeBrowser
+) -> None:
+    def aims() -> int:
+        return sum(not m["initial"] for m in browser.of_kind("SetCameraPositionMessage"))
+
+    nodes = stage.sim.nodes.copy()
+    before = browser.wait(aims)
+    stage.sim.nodes[:, 2] -= 0.4
+    browser.wait(lambda: aims() > before)
+    pictures = browser.pictures()
+    browser.look_from(1.0, 1.0, 1.0)
+    browser.wait(lambda: browser.pictures() > pictures + 5)
+    seen, pictures = aims(), browser.pictures()
+    stage.sim.nodes[:, 2] -= 0.9
+    browser.wait(lambda: browser.pictures() > pictures + 10)
+    stage.sim.nodes[:] = nodes
+    assert aims() == seen
+
+
+def test_a_page_that_hears_nobody_shows_no_robot(domain: int) -> None:
+    view = View(domain, "port:=0")
+    url, _ = view.page()
+    with FakeBrowser(url) as browser:
+        scene = browser.wait(lambda: browser.value("scene"))
+        assert (scene["known"], scene["servos"], scene["target"]) == (False, False, False)
+        assert browser.position("/arms/0") is None
+    assert view.stop()[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -334,6 +366,27 @@ def test_a_drag_publishes_targets_within_the_box_and_shuts_others_out(
     browser.wait(lambda: browser.position("/target_handle") == pytest.approx([0.02, -0.02, 0.015]))
     publish_other()
     browser.wait(lambda: browser.position("/target_handle") == pytest.approx([0.0, -0.015, 0.0]))
+
+
+def test_the_handle_turns_where_the_goal_is_an_orientation(stage: Stage, browser: FakeBrowser) -> None:
+    def may_turn() -> bool:
+        made = [m for m in browser.of_kind("TransformControlsMessage") if m["name"] == "/target_handle"]
+        return not made[-1]["props"]["disable_rotations"]
+
+    goals = stage.sim.create_publisher(String, names.IK_GOAL, LATCHED)
+    assert not may_turn()
+    goals.publish(String(data="orientation"))
+    browser.wait(may_turn)
+    stage.sim.targets.clear()
+    browser.grab()
+    browser.drag(0.0, 0.0, 0.0, wxyz=(0.8, 0.6, 0.0, 0.0))
+    stage.wait(lambda: stage.sim.targets)
+    q = stage.sim.targets[-1].pose.orientation
+    assert (q.w, q.x, q.y, q.z) == pytest.approx((0.8, 0.6, 0.0, 0.0))
+    browser.drop()
+    goals.publish(String(data="position"))
+    browser.wait(lambda: not may_turn())
+    stage.sim.destroy_publisher(goals)
 
 
 def test_inverse_kinematics_starts_at_the_handle_which_rides_on_the_effector(

@@ -16,8 +16,10 @@ export function start() {
   watch.className = "quiet";
   listen("scene", (scene) => {
     setText(title, scene.name || "Tripod");
-    setText(text, scene.description || "Waiting for a simulator or a robot.");
+    const there = scene.known || scene.servos;
+    setText(text, scene.description || (there ? "" : "Waiting for the simulator: it may compile for a minute the first time."));
     setText(begin, label(scene));
+    begin.style.display = there ? "" : "none";
   });
   return place(box, [title, text, begin, watch]);
 }
