@@ -60,6 +60,10 @@ def main() -> int:
 
 def _prepare(lock: int) -> None:
     began = time.monotonic()
+    if VENV.is_symlink():
+        raise MissingError(
+            f"{VENV} is a link to {VENV.resolve()}, which belongs to another checkout; remove the link"
+        )
     ros = find_ros(os.environ, used_packages(ROOT))
     state = SetupState(VENV)
     keys = _keys(ros)

@@ -171,6 +171,19 @@ def test_an_environment_that_somebody_else_made_is_taken_over_if_it_works(checko
     assert checkout.set_up() == ALL[1:]
 
 
+def test_the_environment_of_another_checkout_is_left_alone(
+    checkout: Checkout, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "kept").touch()
+    checkout.venv.symlink_to(other)
+    assert checkout.set_up() == []
+    assert checkout.code == 2
+    assert "is a link to" in capsys.readouterr().err
+    assert [path.name for path in other.iterdir()] == ["kept"]
+
+
 @pytest.mark.parametrize("content", ["", "not json", "[1]", '{"packages": 1}'])
 def test_a_damaged_note_counts_as_nothing_done(checkout: Checkout, content: str) -> None:
     checkout.set_up()
