@@ -1,4 +1,4 @@
-"""What mkdocs asks while it builds the site: pages that are written from the code, and links into the repository."""
+"""What mkdocs asks while it builds the site: pages that are no files of docs/, and the menu of the labs."""
 
 from collections.abc import Callable
 from functools import partial
@@ -8,22 +8,29 @@ from mkdocs.structure.files import File, Files
 
 from tools.reference import command_line, copies, python_api, scene_fields
 
-PAGES: dict[str, Callable[[], str]] = {
+WRITTEN: dict[str, Callable[[], str]] = {
     "reference/scene.md": scene_fields.page,
     "reference/commands.md": command_line.commands_page,
     "reference/parameters.md": command_line.parameters_page,
     "reference/python.md": python_api.page,
-    **{
-        page: partial(copies.copied, page)
-        for page, source in copies.SOURCES.items()
-        if (copies.ROOT / source).exists()
-    },
 }
-"""Pages that are no files of docs/."""
+"""Pages that are written from the code."""
+
+
+def on_config(config: Any) -> Any:
+    """Give the labs a menu of their own, below Learn."""
+    labs = [page for page, source in copies.sources().items() if source.startswith(f"{copies.LABS}/")]
+    if labs:
+        learn = next(part["Learn"] for part in config.nav if "Learn" in part)
+        learn.insert(1, {"Labs": [{copies.title(page): page} for page in labs]})
+    return config
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the pages that are written here."""
-    for name, write in PAGES.items():
+    """Add the pages that are no files of docs/."""
+    for name, write in {
+        **WRITTEN,
+        **{page: partial(copies.copied, page) for page in copies.sources()},
+    }.items():
         files.append(File.generated(config, name, content=write()))
     return files

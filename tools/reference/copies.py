@@ -4,37 +4,51 @@ import posixpath
 import re
 from pathlib import Path
 
+from tools.reference import notebooks
+
 ROOT = Path(__file__).resolve().parents[2]
-SOURCES = {
-    "index.md": "README.md",
-    "learn/examples.md": "examples/README.md",
-    "learn/labs.md": "labs/README.md",
-    "project/changelog.md": "CHANGELOG.md",
-}
-"""Where each page comes from; a source that is not there makes no page."""
-PAGE_OF = {source: page for page, source in SOURCES.items()}
+LABS = "labs"
 
 
-def pages() -> list[str]:
-    """Return the pages of SOURCES whose source is there."""
-    return [page for page, source in SOURCES.items() if (ROOT / source).exists()]
+def sources() -> dict[str, str]:
+    """Return where each page comes from, those whose source is there."""
+    found = {
+        "index.md": "README.md",
+        "learn/examples.md": "examples/README.md",
+        "learn/labs.md": f"{LABS}/README.md",
+        "project/changelog.md": "CHANGELOG.md",
+    }
+    found |= {
+        f"learn/{path.stem}.md": f"{LABS}/{path.name}" for path in sorted((ROOT / LABS).glob("*.ipynb"))
+    }
+    return {page: source for page, source in found.items() if (ROOT / source).exists()}
 
 
 def copied(page: str) -> str:
-    """Return the text of a page of SOURCES."""
-    source = SOURCES[page]
+    """Return the text of a page."""
+    found = sources()
+    source = found[page]
     text = (ROOT / source).read_text(encoding="utf-8")
+    if source.endswith(".ipynb"):
+        text = notebooks.markdown(text)
+    page_of = {origin: name for name, origin in found.items()}
 
     def moved(match: re.Match[str]) -> str:
         mark, words, link = match.groups()
         path, _, place = link.partition("#")
-        if "://" in link or not path:
+        if ":" in link or not path:
             return match[0]
         target = posixpath.normpath(posixpath.join(posixpath.dirname(source), path))
-        inside = PAGE_OF.get(target) or (target.removeprefix("docs/") if target.startswith("docs/") else "")
+        inside = page_of.get(target) or (target.removeprefix("docs/") if target.startswith("docs/") else "")
         if not inside:
             return f"`{target}`" if mark else str(words)  # no page of the site: named, not linked
         place = f"#{place}" if place else ""
         return f"{mark}[{words}]({posixpath.relpath(inside, posixpath.dirname(page) or '.')}{place})"
 
     return re.sub(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)", moved, text)
+
+
+def title(page: str) -> str:
+    """Return the first heading of a page."""
+    found = re.search(r"^# (.+)$", copied(page), re.MULTILINE)
+    return found[1] if found else Path(page).stem

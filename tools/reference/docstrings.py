@@ -47,7 +47,7 @@ def docstring(what: object) -> Docstring:
         elif indent == 4 and (entry := _ENTRY.match(line.strip())):
             names = [name.strip() for name in entry[1].split(",")]
             result.named[section] |= dict.fromkeys(names, entry[2])
-        else:
+        elif line:
             for name in names:
                 result.named[section][name] += f" {line.strip()}"
     result.prose = "\n".join(prose).strip()

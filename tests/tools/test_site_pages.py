@@ -1,0 +1,85 @@
+"""Pages of the site that are made: of notebooks, of files elsewhere in the repository, of docstrings, of tables."""
+
+import json
+from dataclasses import dataclass
+
+import pytest
+
+from tools.reference import copies, notebooks, scene_fields
+from tools.reference.docstrings import docstring
+from tools.reference.python_api import signature
+from tripod_sim.tables.fields import number
+
+
+def test_a_notebook_shows_texts_programs_what_they_say_and_draw() -> None:
+    cells = [
+        {"cell_type": "markdown", "source": ["# Title\n", "text"]},
+        {
+            "cell_type": "code",
+            "source": "print(1)",
+            "outputs": [{"output_type": "stream", "text": ["1\n", "2\n"]}],
+        },
+        {
+            "cell_type": "code",
+            "source": "draw()",
+            "outputs": [{"data": {"image/png": "QUJD\n", "text/plain": "<F>"}}],
+        },
+    ]
+    text = notebooks.markdown(json.dumps({"cells": cells}))
+    assert text.startswith(
+        "# Title\ntext\n\n```python\nprint(1)\n```\n\n```\n1\n2\n```\n\n```python\ndraw()\n```\n"
+    )
+    assert "](data:image/png;base64,QUJD)" in text
+    assert "<F>" not in text
+
+
+def test_links_of_the_readme_lead_to_pages_of_the_site() -> None:
+    text = copies.copied("index.md")
+    assert "](docs/" not in text
+    assert "](commands.md)" in text
+    assert "](project/changelog.md)" in text
+
+
+def test_docstrings_are_taken_apart() -> None:
+    def function() -> None:
+        """Do it.
+
+        Args:
+            a, b: Both of
+                these.
+            c: [m].
+
+        Returns:
+            What is
+            left.
+        """
+
+    parts = docstring(function)
+    assert parts.prose == "Do it."
+    assert parts.named["Args"] == {"a": "Both of these.", "b": "Both of these.", "c": "[m]."}
+    assert parts.free == {"Returns": "What is left."}
+
+
+def test_fields_of_scenes_have_unit_range_and_text() -> None:
+    page = scene_fields.page()
+    assert "| `young` | `250000.0` | Pa | above 0, at most 1e+13 | E. |" in page
+    assert "## servo_dynamics" in page
+    assert "\\|" not in page.split("## The scene itself")[0]
+
+
+def test_a_field_without_a_text_is_named() -> None:
+    @dataclass(frozen=True)
+    class Table:
+        """A table."""
+
+        width: float = number(1.0, unit="m")
+
+    with pytest.raises(ValueError, match=r"Table\.width has no text"):
+        list(scene_fields._table(Table, list(Table.__dataclass_fields__.values())))
+
+
+def test_signatures_have_their_types() -> None:
+    def function(a: int, *, b: str = "x") -> float:
+        return float(len(b) + a)
+
+    assert signature(function) == "(a: int, *, b: str = 'x') -> float"
