@@ -30,7 +30,7 @@ bench: setup ## Time the steps of the simulator; ARGS="..." goes to the benchmar
 	@$(BIN)/python benchmarks/step.py $(ARGS)
 
 docs: setup ## Build the site of the documentation into build/site
-	@$(BIN)/python -m mkdocs build --strict --quiet
+	@$(BIN)/python -m mkdocs build --strict
 	@echo "docs: open build/site/index.html"
 
 firmware: ## Build the firmware of the board and check its size; ARGS="WATCHDOG_MS=300" sets its parameters

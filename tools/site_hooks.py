@@ -28,9 +28,9 @@ def on_config(config: Any) -> Any:
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are no files of docs/."""
-    for name, write in {
-        **WRITTEN,
-        **{page: partial(copies.copied, page) for page in copies.sources()},
-    }.items():
+    pages = dict(WRITTEN)
+    for page in copies.sources():
+        pages[page] = partial(copies.copied, page)
+    for name, write in pages.items():
         files.append(File.generated(config, name, content=write()))
     return files

@@ -43,7 +43,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Found]:
     pytest.importorskip("mkdocs")
     pytest.importorskip("rclpy")  # the parameters of the nodes are written from their tables
     folder = tmp_path_factory.mktemp("site")
-    words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     own = {folder / "maze_game.html", folder / "404.html"}
