@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-from tools.reference import command_line, copies, python_api, scene_fields
+from tools.reference import citations, command_line, copies, python_api, scene_fields
 
 WRITTEN: dict[str, Callable[[], str]] = {
     "reference/scene.md": scene_fields.page,
@@ -34,3 +35,11 @@ def on_files(files: Files, config: Any) -> Files:
     for name, write in pages.items():
         files.append(File.generated(config, name, content=write()))
     return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
+    """Link citations to the list of references."""
+    if page.file.src_uri == citations.LIST:
+        return citations.anchored(markdown)
+    known = citations.keys((Path(config.docs_dir) / citations.LIST).read_text(encoding="utf-8"))
+    return citations.linked(markdown, page.file.src_uri, known)

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import pytest
 
-from tools.reference import copies, notebooks, scene_fields
+from tools.reference import citations, copies, notebooks, scene_fields
 from tools.reference.docstrings import docstring
 from tools.reference.python_api import signature
+from tripod_sim.simulation import Simulation
 from tripod_sim.tables.fields import number
 
 
@@ -48,6 +49,8 @@ def test_docstrings_are_taken_apart() -> None:
             a, b: Both of
                 these.
             c: [m].
+            d,
+                e: Both.
 
         Returns:
             What is
@@ -56,7 +59,13 @@ def test_docstrings_are_taken_apart() -> None:
 
     parts = docstring(function)
     assert parts.prose == "Do it."
-    assert parts.named["Args"] == {"a": "Both of these.", "b": "Both of these.", "c": "[m]."}
+    assert parts.named["Args"] == {
+        "a": "Both of these.",
+        "b": "Both of these.",
+        "c": "[m].",
+        "d": "Both.",
+        "e": "Both.",
+    }
     assert parts.free == {"Returns": "What is left."}
 
 
@@ -83,3 +92,14 @@ def test_signatures_have_their_types() -> None:
         return float(len(b) + a)
 
     assert signature(function) == "(a: int, *, b: str = 'x') -> float"
+    assert signature(Simulation.save) == "() -> tuple[State, FloatArray]"
+
+
+def test_citations_lead_to_the_list_of_references() -> None:
+    known = citations.keys("- **[Hughes1987]** T. J. R. Hughes\n- **[Bey1995]** J. Bey")
+    assert known == {"Hughes1987", "Bey1995"}
+    text = "Mass [Hughes1987, section 7], [Other2000].\n\n```\n[Bey1995]\n```\n"
+    made = citations.linked(text, "reference/python.md", known)
+    assert "[[Hughes1987, section 7]](../references.md#Hughes1987), [Other2000]." in made
+    assert "\n[Bey1995]\n" in made
+    assert citations.anchored("- **[Bey1995]** J. Bey") == '- <a id="Bey1995"></a>**[Bey1995]** J. Bey'

@@ -30,7 +30,7 @@ def docstring(what: object) -> Docstring:
     """Return the docstring of a class or function in parts."""
     prose: list[str] = []
     result = Docstring("")
-    section, names = "", list[str]()
+    section, names, begun = "", list[str](), ""
     for line in inspect.cleandoc(getattr(what, "__doc__", None) or "").splitlines():
         indent = len(line) - len(line.lstrip())
         if indent == 0 and (head := _HEAD.match(line)):
@@ -44,9 +44,11 @@ def docstring(what: object) -> Docstring:
             prose.append(line)
         elif section in FREE:
             result.free[section] = f"{result.free[section]} {line.strip()}".strip()
-        elif indent == 4 and (entry := _ENTRY.match(line.strip())):
-            names = [name.strip() for name in entry[1].split(",")]
+        elif (indent == 4 or begun) and (entry := _ENTRY.match(f"{begun} {line.strip()}".strip())):
+            names, begun = [name.strip() for name in entry[1].split(",")], ""
             result.named[section] |= dict.fromkeys(names, entry[2])
+        elif indent == 4:
+            begun = line.strip()  # names that go on in the next line
         elif line:
             for name in names:
                 result.named[section][name] += f" {line.strip()}"

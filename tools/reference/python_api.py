@@ -1,6 +1,7 @@
 """The page of the Python library, from signatures and docstrings."""
 
 import inspect
+import re
 from collections.abc import Iterator
 from importlib import import_module
 from typing import Any
@@ -129,7 +130,7 @@ def signature(what: Any) -> str:
     back = found.return_annotation
     arrow = "" if inspect.isclass(what) or back is found.empty else f" -> {_type(back)}"
     line = f"({', '.join(words)}){arrow}"
-    return line if len(line) < 80 else "(\n    " + ",\n    ".join(words) + f",\n){arrow}"
+    return line if len(line) < 80 or not words else "(\n    " + ",\n    ".join(words) + f",\n){arrow}"
 
 
 def _value(default: Any) -> str:
@@ -139,11 +140,11 @@ def _value(default: Any) -> str:
 
 def _type(annotation: Any) -> str:
     text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
-    text = text.replace("numpy.ndarray[tuple[Any, ...], numpy.dtype[numpy.float64]]", "FloatArray")
-    text = text.replace("numpy.ndarray[tuple[Any, ...], numpy.dtype[numpy.int64]]", "IntArray")
-    for word in ("collections.abc.", "pathlib.", "typing."):
-        text = text.replace(word, "")
-    return ".".join(text.rsplit(".", 1)[-1:]) if text.startswith("tripod_") and "[" not in text else text
+    text = re.sub(r"\b(?:collections\.abc|pathlib|typing)\.|\btripod_\w+\.(?:\w+\.)*", "", text)
+    arrays = {"float64": "FloatArray", "int64": "IntArray", "bool": "BoolArray"}
+    for kind, name in arrays.items():
+        text = text.replace(f"numpy.ndarray[tuple[Any, ...], numpy.dtype[numpy.{kind}]]", name)
+    return text
 
 
 def _text(what: Any) -> Iterator[str]:
