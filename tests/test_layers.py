@@ -33,6 +33,7 @@ ROS_EDGE = {
         "limits",
         "parameters",
         "qos",
+        "executor",
         "run",
         "timers",
         "trajectory",

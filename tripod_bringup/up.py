@@ -193,14 +193,14 @@ def _graph(options: UpOptions, say: Callable[[str], None]) -> Iterator[Graph]:
     """Run the nodes of this process in a thread of their own."""
     keep_local(subnet=options.subnet)
     import rclpy  # noqa: PLC0415
-    from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
     from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
     from tripod_bringup.watch import Watch  # noqa: PLC0415
+    from tripod_graph.executor import NodeExecutor  # noqa: PLC0415
 
     place = ["--ros-args", "-r", f"__ns:={options.namespace}"]
     rclpy.init(args=place, signal_handler_options=SignalHandlerOptions.NO)
-    executor = SingleThreadedExecutor()
+    executor = NodeExecutor()
     over = threading.Event()
 
     def spin() -> None:

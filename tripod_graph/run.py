@@ -11,11 +11,14 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Protocol, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 from tripod_graph.loopback import check_loopback, keep_local
 from tripod_graph.namespace import full_namespace
 from tripod_host.stop import Asked, end_at_once, first, taken
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 FAILED = 1
 REFUSED = 2
@@ -122,9 +125,9 @@ def _run_one(
     keep_local(subnet="--subnet" in words or os.environ.get("TRIPOD_SUBNET") == "1")
     import rclpy  # noqa: PLC0415 - only after the range of discovery is set
     from rclpy.exceptions import NameValidationException, ParameterException  # noqa: PLC0415
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: PLC0415
-    from rclpy.node import Node  # noqa: PLC0415
+    from rclpy.executors import ExternalShutdownException  # noqa: PLC0415
 
+    from tripod_graph.executor import NodeExecutor  # noqa: PLC0415
     from tripod_graph.parameter_files import strangers  # noqa: PLC0415
 
     try:
@@ -132,7 +135,7 @@ def _run_one(
         files = _init([w for w in words if w != "--subnet"])
     except Exception as error:  # noqa: BLE001 - rclpy raises several private kinds for bad arguments
         return _refused(name, error), False
-    executor = SingleThreadedExecutor()
+    executor = NodeExecutor()
     node: Closable | None = None
     asked: Asked | None = None
     code, stopped = 0, False
@@ -144,9 +147,9 @@ def _run_one(
                 asked = signals.enter_context(taken())
         except (ValueError, OSError, NameValidationException, ParameterException) as error:
             return _refused(name, error), False
-        executor.add_node(cast(Node, node))
-        for line in strangers(files, cast(Node, node).get_fully_qualified_name()):
-            cast(Node, node).get_logger().warning(line)
+        executor.add_node(cast("Node", node))
+        for line in strangers(files, cast("Node", node).get_fully_qualified_name()):
+            cast("Node", node).get_logger().warning(line)
         while not (asked.count or (until is not None and until())):
             executor.spin_once(timeout_sec=0.1)
     except ExternalShutdownException:
@@ -155,20 +158,26 @@ def _run_one(
         print(f"{name}: stopped by {type(error).__name__}: {error}", file=sys.stderr)
         code = FAILED
     finally:
-        try:
-            if node is not None:
-                node.close()
-                if failure := getattr(node, "failure", ""):
-                    print(f"{name}: {failure}", file=sys.stderr)
-                    code = FAILED
-        except Exception as error:  # noqa: BLE001 - nothing is left to undo, but the exit code tells
-            code = _closing_failed(name, error)
-        finally:
-            executor.shutdown()
-            rclpy.try_shutdown()
-            stopped = bool(asked and asked.count)
-            signals.close()
+        with suppress(Exception):
+            executor.shutdown()  # first: it holds what the node destroys
+        code = _close(name, node) or code
+        rclpy.try_shutdown()
+        stopped = bool(asked and asked.count)
+        signals.close()
     return code, stopped
+
+
+def _close(name: str, node: Closable | None) -> int:
+    """Close the node, if there is one, and return what that adds to the exit code."""
+    try:
+        if node is not None:
+            node.close()
+            if failure := getattr(node, "failure", ""):
+                print(f"{name}: {failure}", file=sys.stderr)
+                return FAILED
+    except Exception as error:  # noqa: BLE001 - nothing is left to undo, but the exit code tells
+        return _closing_failed(name, error)
+    return 0
 
 
 def _refused(name: str, error: Exception) -> int:
