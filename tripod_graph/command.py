@@ -6,6 +6,7 @@ Pure: the caller gives the time. One rule for both, so that the simulated robot 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,20 +92,20 @@ class CommandLimits:
                 raise CommandError(f"{name} is {getattr(self, name)}; it must not be negative")
         self.check(np.array(self.park), "park position")
 
-    @property
+    @cached_property
     def lower(self) -> FloatArray:
         """Smallest joint values, three angles [rad] and the slide [m], shape (4,)."""
-        return np.array([*(max(self.angle_min, low) for low, _, _ in self._servos), 0.0])
+        return _fixed(*(max(self.angle_min, low) for low, _, _ in self._servos), 0.0)
 
-    @property
+    @cached_property
     def upper(self) -> FloatArray:
         """Largest joint values, three angles [rad] and the slide [m], shape (4,)."""
-        return np.array([*(min(self.angle_max, high) for _, high, _ in self._servos), self.slide_max])
+        return _fixed(*(min(self.angle_max, high) for _, high, _ in self._servos), self.slide_max)
 
-    @property
+    @cached_property
     def speed(self) -> FloatArray:
         """Slew rates, shape (4,) [rad/s, m/s]."""
-        return np.array([*(min(self.angle_speed, speed) for _, _, speed in self._servos), self.slide_speed])
+        return _fixed(*(min(self.angle_speed, speed) for _, _, speed in self._servos), self.slide_speed)
 
     @property
     def _servos(self) -> tuple[tuple[float, float, float], ...]:
@@ -148,6 +149,12 @@ class CommandLimits:
         name, unit = (*SERVOS, SLIDE)[i], "m" if i == 3 else "rad"
         allowed = f"{self.lower[i]:g} to {self.upper[i]:g} {unit}"
         raise CommandError(f"{what}: {name} is {joints[i]:g} {unit}, allowed is {allowed}")
+
+
+def _fixed(*values: float) -> FloatArray:
+    array = np.array(values)
+    array.flags.writeable = False
+    return array
 
 
 class CommandFollower:

@@ -70,6 +70,25 @@ def test_the_books_are_opened_anew_where_the_slide_moves_whose_work_is_not_known
     assert total(Energies(1.0, 2.0, -4.0)) == -1.0
 
 
+def test_the_balance_is_that_of_the_last_step_whose_energies_are_known() -> None:
+    turned, push = np.array([0.1, 0.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])
+    first = Energies(0.0, 0.0, 0.0)
+    books = EnergyBooks(first, STILL, push)
+    books.add(first, turned, push, 0.1)
+    assert (books.balance.work, books.balance.lost) == (0.0, 0.0)
+    books.add(Energies(0.0, 0.3, 0.0), 2 * turned, push, 0.2)
+    assert books.balance.work == pytest.approx(0.4)
+    assert books.balance.lost == pytest.approx(0.1)
+    slid = Energies(0.0, 0.7, 0.0)
+    books.add(slid, moved := np.array([0.2, 0.0, 0.0, 0.01]), push, 0.3)
+    books.add(
+        slid, still := np.array([0.2, 0.0, 0.0, 0.02]), push, 0.4
+    )  # of the step before, the slide moving
+    books.add(Energies(0.0, 0.9, 0.0), still, push, 0.5)
+    assert not np.array_equal(moved, still)
+    assert (books.balance.lost, books.balance.since, books.balance.grew) == (0.0, 0.5, False)
+
+
 def test_contacts_tell_how_deep_bodies_sink_in() -> None:
     s, books = run("stack", 20)
     figures = stability(s.report, 3, books.balance, s.scene.dt)

@@ -60,15 +60,25 @@ class EnergyBooks:
         self._start = self._energies = energies
         self._joints, self._torques = joints.copy(), torques.copy()
         self._work, self._moved, self._since = 0.0, 0.0, time
+        self._known_work, self._unknown = 0.0, False
 
     def add(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float) -> None:
-        """Enter the state at `time` [s], after one more step."""
-        if abs(joints[-1] - self._joints[-1]) > STILL:
+        """Enter the state at `time` [s], after one more step.
+
+        Where `energies` is the object that came with an earlier step, they are not known: the work goes on, and the
+        balance is that of the earlier step; books that would have to be opened wait for them.
+        """
+        unknown = energies is self._energies
+        if abs(joints[-1] - self._joints[-1]) > STILL or (self._unknown and not unknown):
             self._open(energies, joints, torques, time)
+            self._unknown = unknown
             return
         self._work += float(0.5 * (torques + self._torques) @ (joints[:-1] - self._joints[:-1]))
-        self._energies, self._torques = energies, torques.copy()
+        self._torques = torques.copy()
         self._joints[:-1] = joints[:-1]  # the slide is compared with where it was when the books were opened
+        if unknown:
+            return
+        self._energies, self._known_work = energies, self._work
         changes = (energies.gravity - self._start.gravity, energies.strain - self._start.strain)
         self._moved = max(self._moved, abs(self._work), energies.kinetic, *map(abs, changes))
 
@@ -76,10 +86,10 @@ class EnergyBooks:
     def balance(self) -> Balance:
         """How they stand."""
         e = self._energies
-        lost = total(self._start) + self._work - total(e)
+        lost = total(self._start) + self._known_work - total(e)
         there = abs(e.kinetic) + abs(e.strain) + abs(e.gravity)
         grew = lost < -max(SWAY * self._moved, ROUNDING * there)
-        return Balance(e.kinetic, e.strain, e.gravity, self._work, lost, self._since, self._moved, grew)
+        return Balance(e.kinetic, e.strain, e.gravity, self._known_work, lost, self._since, self._moved, grew)
 
 
 def total(energies: Energies) -> float:
