@@ -20,9 +20,10 @@ from tripod_bringup.demo_target import DemoTarget
 from tripod_bringup.watch import IK_STATES
 from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
+from tripod_graph.executor import Patient
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision
-from tripod_graph.qos import RELIABLE, SENSOR
+from tripod_graph.qos import NEWEST, RELIABLE, SENSOR
 from tripod_graph.source import new_source
 
 PERIOD = 0.02
@@ -58,12 +59,18 @@ class DemoNode(Node):
         listen(self, self._on_decision)
         self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._target = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
-        self.create_subscription(SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE)
-        self.create_subscription(IkStatus, names.IK_STATUS, self._on_ik_status, RELIABLE)
-        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
-        self.create_subscription(JointState, names.SIM_JOINT_STATES, self._on_joints, RELIABLE)
-        self.create_subscription(PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE)
-        self.create_subscription(BodyState, names.BODY_STATE, self._on_body_state, SENSOR, raw=True)
+        later = Patient()  # measured when the next target is told
+        for kind, topic, callback, qos in (
+            (SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE),
+            (IkStatus, names.IK_STATUS, self._on_ik_status, RELIABLE),
+            (RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE),
+            (JointState, names.SIM_JOINT_STATES, self._on_joints, NEWEST),
+            (PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE),
+        ):
+            self.create_subscription(kind, topic, callback, qos, callback_group=later)
+        self.create_subscription(
+            BodyState, names.BODY_STATE, self._on_body_state, SENSOR, raw=True, callback_group=later
+        )
         # a steady clock: the demo goes on when the system's clock is set
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 

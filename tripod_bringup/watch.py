@@ -15,9 +15,10 @@ from tripod_bringup.status_line import ChainStatus
 from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.executor import Patient
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
-from tripod_graph.qos import RELIABLE
+from tripod_graph.qos import NEWEST, RELIABLE
 from tripod_graph.source import new_source
 
 SILENT_AFTER = 2.0
@@ -45,6 +46,7 @@ class Watch(Node):
         self._heard: dict[str, tuple[float, Any]] = {}
         self._mandate = Mandate(new_source("up", self.get_namespace()))
         self._processes: Callable[[], Mapping[str, str]] = dict
+        self._patient = Patient()
         self._speaker = Speaker(self, self._mandate)
         listen(self, self._on_decision)
         for topic, kind in (
@@ -52,9 +54,11 @@ class Watch(Node):
             (names.IK_STATUS, IkStatus),
             (names.ROBOT_STATUS, RobotStatus),
         ):
-            self.create_subscription(kind, topic, self._keeper(topic), RELIABLE)
+            self.create_subscription(kind, topic, self._keeper(topic), NEWEST, callback_group=self._patient)
         self._recorder = f"{self.get_namespace().rstrip('/')}/record"
-        self.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self._on_diagnostics, RELIABLE)
+        self.create_subscription(
+            DiagnosticArray, names.DIAGNOSTICS, self._on_diagnostics, RELIABLE, callback_group=self._patient
+        )
         self._diagnostics = Diagnostics(self, self._report)
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
 

@@ -12,6 +12,14 @@ RELIABLE: Final = QoSProfile(
 )
 """Commands, poses, status."""
 
+NEWEST: Final = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+)
+"""For subscribers of a RELIABLE topic that want the present state: of what queued up only the last is taken."""
+
 LATCHED: Final = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,

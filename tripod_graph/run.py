@@ -152,6 +152,7 @@ def _run_one(
             cast("Node", node).get_logger().warning(line)
         while not (asked.count or (until is not None and until())):
             executor.spin_once(timeout_sec=0.1)
+        executor.spin_once(timeout_sec=0.0)  # what has come by now
     except ExternalShutdownException:
         pass
     except Exception as error:  # noqa: BLE001 - whatever failed, the node is closed and the reason printed

@@ -18,7 +18,6 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -27,10 +26,11 @@ from tripod_msgs.msg import Compliance, IkStatus, RobotStatus
 from tripod_graph import names
 from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.executor import Patient
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
-from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.qos import LATCHED, NEWEST, RELIABLE, SENSOR
 from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import IK, new_source
@@ -47,9 +47,6 @@ from tripod_ik.target import TargetBox
 from tripod_ik.tracker import Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal
 
-NEWEST = QoSProfile(
-    reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=1
-)  # of the states that queued up while this node was busy only the last is the present one
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
 FEEDBACK_SILENT = 0.5  # [s]: without a measurement for so long the status says so
@@ -91,10 +88,14 @@ class IkNode(Node):
         self._goal = self.create_publisher(String, names.IK_GOAL, LATCHED)
         self._goal.publish(String(data=str(self._tracker.settings.goal)))
         listen(self, self._on_decision)
-        self.create_subscription(PoseStamped, names.TARGET_POSE, self._on_target, RELIABLE)
         self.create_subscription(Compliance, names.COMPLIANCE, self._on_compliance, NEWEST)
-        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
-        self.create_subscription(JointState, names.ROBOT_JOINT_STATES, self._on_joints, NEWEST)
+        later = Patient()  # looked at when a compliance comes, and before it, or a timer
+        for kind, topic, callback, qos in (
+            (PoseStamped, names.TARGET_POSE, self._on_target, RELIABLE),
+            (RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE),
+            (JointState, names.ROBOT_JOINT_STATES, self._on_joints, NEWEST),
+        ):
+            self.create_subscription(kind, topic, callback, qos, callback_group=later)
         if values["feedback"] == "pose":
             self.create_subscription(PoseStamped, names.ROBOT_EFFECTOR_POSE, self._on_measured_pose, RELIABLE)
         elif values["feedback"] == "imu":

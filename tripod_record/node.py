@@ -5,11 +5,13 @@ it ends. The exit code is 1 if any recording is not whole, or not where it began
 """
 
 import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -23,6 +25,7 @@ from std_srvs.srv import Trigger
 
 from tripod_graph import names
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.executor import Patient
 from tripod_graph.names import MARKERS, POINT_CLOUD
 from tripod_graph.parameters import Parameter, declare
 from tripod_graph.run import FAILED, run_node
@@ -65,6 +68,11 @@ ATTACHED = {names.SCENE: ".toml", names.CALIBRATION: ".yaml"}
 
 LOOK_PERIOD = 0.25
 """Time between two looks for new topics [s]."""
+LOOKS = 8
+"""Every which of them also asks those topics that have as many publishers as before who these are."""
+TAKE_PERIOD = 0.02
+"""Time between two takes of what has come [s]: it is stamped as it came, and one wake-up for each would be most of the
+work."""
 DEPTH = 200
 """Messages of one topic that may wait to be taken from the middleware."""
 
@@ -80,6 +88,16 @@ class Listener:
     subscription: Subscription
     reliable: bool
     latched: bool
+
+
+class _Taken(NamedTuple):
+    """A message, and when it came and was sent, by the system's clock [ns]."""
+
+    received: int
+    topic: str
+    data: bytes
+    publish_time: int
+    sequence: int
 
 
 class RecordNode(Node):
@@ -105,11 +123,17 @@ class RecordNode(Node):
         self._listeners: dict[str, Listener] = {}
         self._types: dict[str, str] = {}
         self._refused: dict[str, str] = {}
+        self._seen: dict[str, tuple[int, tuple[str, ...]]] = {}
+        self._looks = 0
+        self._taken: list[_Taken] = []
         self._lost = 0
         self.create_service(Trigger, names.RECORD_START, self._on_start)
         self.create_service(Trigger, names.RECORD_STOP, self._on_stop)
         self.create_service(Trigger, names.RECORD_SPLIT, self._on_split)
-        self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._patient = Patient()
+        self._take_timer = self.create_timer(TAKE_PERIOD, self._offer, clock=steady, autostart=False)
+        self.create_timer(LOOK_PERIOD, self._look, clock=steady)
         self._diagnostics = Diagnostics(self, self._report)
         if values["autostart"]:
             self.start()
@@ -125,6 +149,8 @@ class RecordNode(Node):
         self._lost = 0
         self._types.clear()
         self._refused.clear()
+        self._seen.clear()
+        self._taken.clear()
         self._recorder = Recorder(
             writer,
             period=self._values["sync_period"],
@@ -137,12 +163,15 @@ class RecordNode(Node):
         self._told = self._recorder.progress
         print(f"recording {writer.path}", flush=True)
         self._look()
+        self._take_timer.reset()
         return writer.path
 
     def stop(self) -> Progress | None:
         """End the recording and return how it ended; None if there is none."""
         if self._recorder is None:
             return None
+        self._take_timer.cancel()
+        self._offer()
         for listener in self._listeners.values():
             self.destroy_subscription(listener.subscription)
         self._listeners.clear()
@@ -166,9 +195,14 @@ class RecordNode(Node):
         if self._recorder.progress.state is State.FAILED:
             self.stop()
             return
+        self._looks += 1
         for name, types in self.get_topic_names_and_types():
-            if is_selected(name, self.get_namespace(), self._wanted, self._unwanted):
+            if not is_selected(name, self.get_namespace(), self._wanted, self._unwanted):
+                continue
+            seen = self.count_publishers(name), tuple(types)
+            if seen != self._seen.get(name) or self._looks % LOOKS == 0:
                 self._look_at(self._recorder, name, types)
+                self._seen[name] = seen
 
     def _tell(self, now: Progress) -> None:
         """Say at once, on the screen and in the diagnostics, what went wrong with the file and what was mended."""
@@ -224,8 +258,9 @@ class RecordNode(Node):
         message_type = message_class(topic.type)
         try:
             return self.create_subscription(
-                message_type, topic.name, take, profile, event_callbacks=events, raw=True
-            )
+                message_type, topic.name, take, profile, event_callbacks=events, raw=True,
+                callback_group=self._patient,
+            )  # fmt: skip
         except Exception as error:  # rosidl raises several kinds where the library of a type is missing
             raise RecordError(f"type {topic.type!r} cannot be loaded: {error}") from error
 
@@ -238,9 +273,21 @@ class RecordNode(Node):
             if attachment:
                 recorder.attach(attachment.lstrip("/"), deserialize_message(data, String).data.encode())
             sent, sequence = info["source_timestamp"], info["publication_sequence_number"]
-            recorder.offer(name, data, publish_time=sent or 0, sequence=sequence or 0)
+            received = info["received_timestamp"] or time.time_ns()
+            self._taken.append(_Taken(received, name, data, sent or 0, sequence or 0))
 
         return take
+
+    def _offer(self) -> None:
+        """Hand to the recorder what was taken, in the order in which it came."""
+        taken, self._taken = self._taken, []
+        if self._recorder is None:
+            return
+        taken.sort(key=attrgetter("received"))
+        for t in taken:
+            self._recorder.offer(
+                t.topic, t.data, publish_time=t.publish_time, sequence=t.sequence, received=t.received
+            )
 
     def _refuse(self, name: str, reason: str) -> None:
         if self._refused.get(name) != reason:

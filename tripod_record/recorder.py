@@ -164,11 +164,13 @@ class Recorder:
             self._changed.notify()
             return self._changed.wait_for(lambda: not self._split_wanted, timeout) and not self._error
 
-    def offer(self, topic: str, data: bytes, *, publish_time: int = 0, sequence: int = 0) -> bool:
-        """Take one message, stamped now, and return at once; False if it is lost (see `dropped`).
+    def offer(
+        self, topic: str, data: bytes, *, publish_time: int = 0, sequence: int = 0, received: int = 0
+    ) -> bool:
+        """Take one message and return at once; False if it is lost (see `dropped`).
 
-        `publish_time`, by the clock of the publishers, becomes a time of the clock of the stamps, which no step of the
-        system's clock disturbs: the stamp less the time since then. 0 if unknown.
+        `received` and `publish_time`, by the system's clock, become times of the clock of the stamps, which no step of
+        the former disturbs: now less the time since then. 0 if unknown: then it was received now.
         """
         with self._changed:
             if self._state is not State.RECORDING or self._stopping:
@@ -177,8 +179,9 @@ class Recorder:
             if self._waiting + len(data) > self._queue_size:
                 self._dropped += 1
                 return False
-            stamp = self._stamp()
-            sent = stamp - max(0, self._system_time() - publish_time) if publish_time else 0
+            now, system = self._stamp(), self._system_time()
+            stamp = now - max(0, system - received) if received else now
+            sent = now - max(0, system - publish_time) if publish_time else 0
             self._queue.append(_Message(topic, data, stamp, sent, sequence))
             self._waiting += len(data)
             if self._is_crowded():

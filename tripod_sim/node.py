@@ -26,13 +26,14 @@ from tripod_graph import names
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits
 from tripod_graph.control_mode import authority_message, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.executor import Patient
 from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion, motion_of
 from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import Parameter, ParameterError, declare
-from tripod_graph.qos import KEPT, LATCHED, RELIABLE, SENSOR
+from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE, SENSOR
 from tripod_graph.range import Fence, RangeWatch, cut
 from tripod_graph.run import run_node
 from tripod_graph.timers import set_period
@@ -255,7 +256,9 @@ class SimNode(Node):
         self._recorders = 0
         if self._rerun is None:  # what was commanded once is not commanded again
             listen(self, self._on_decision)
-            self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE)
+            self.create_subscription(
+                RobotStatus, names.ROBOT_STATUS, self._on_robot_status, NEWEST, callback_group=Patient()
+            )
             obey(self, self._follow, self._refuse)
             action = f"sim/{names.FOLLOW_JOINT_TRAJECTORY}"
             self._action = FollowAction(self, action, self._follow, self._motion, self._hold, self._refuse)

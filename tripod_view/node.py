@@ -5,14 +5,15 @@ there, the channel of the panel and the callbacks of the handle only put an even
 executor by a guard condition. The executor's thread alone touches `Control`, `TargetHandle` and `Display`,
 and it alone changes scene and panel (viser and the channel queue such changes under their own locks).
 
-While no browser is connected nothing is drawn, the timers rest, and the fast topics are not subscribed.
+While no browser is connected nothing is drawn, the timers rest, and the fast topics are not subscribed. What comes from
+the graph wakes nobody: it is taken when a picture is drawn.
 """
 
 import json
 import sys
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,9 +32,10 @@ from tripod_msgs.msg import BodyState, IkStatus, RobotStatus, SimStatus
 from tripod_graph import names
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
+from tripod_graph.executor import Patient
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import declare
-from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
+from tripod_graph.qos import LATCHED, NEWEST, RELIABLE, SENSOR
 from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import new_source
@@ -87,6 +89,7 @@ class ViewNode(Node):
         self._range = RangeWatch(settings.limits)
         self._browsers: set[int] = set()
         self._streams: list[Subscription] = []
+        self._patient = Patient()
         self._sim_joints_at = float("-inf")
         self._target_asked = False
         self._lines = True
@@ -159,24 +162,30 @@ class ViewNode(Node):
             (Mesh, names.MESH, self._on_mesh, LATCHED),
             (Mesh, names.MAZE_MESH, self._on_maze, LATCHED),
             (SolidPrimitive, names.BALL_SHAPE, self._on_ball_shape, LATCHED),
-            (PoseStamped, names.TARGET_POSE, self._on_target_pose, RELIABLE),
-            (SimStatus, names.SIM_STATUS, show.keep_sim, RELIABLE),
-            (IkStatus, names.IK_STATUS, show.keep_ik, RELIABLE),
-            (RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE),
         ):
             self.create_subscription(kind, topic, callback, qos)
+        present: dict[str, tuple[type, Callable[[Any], None]]] = {
+            names.TARGET_POSE: (PoseStamped, self._on_target_pose),
+            names.SIM_STATUS: (SimStatus, show.keep_sim),
+            names.IK_STATUS: (IkStatus, show.keep_ik),
+            names.ROBOT_STATUS: (RobotStatus, self._on_robot_status),
+        }
+        for topic, (kind, keep) in present.items():
+            self.create_subscription(kind, topic, keep, NEWEST, callback_group=self._patient)
 
     def _subscribe_streams(self) -> None:
-        """Listen to what comes fast; with nobody watching this would be most of the work of the node."""
+        """Listen to what comes fast, as often as is drawn: else this would be most of the work of the node."""
         for kind, topic, callback, qos in (
             (BodyState, names.BODY_STATE, self._on_body_state, SENSOR),
-            (JointState, names.SIM_JOINT_STATES, self._on_sim_joints, RELIABLE),
-            (JointState, names.ROBOT_JOINT_STATES, self._on_robot_joints, RELIABLE),
-            (PoseStamped, names.EFFECTOR_POSE, self._on_effector_pose, RELIABLE),
-            (PoseStamped, names.SIM_BALL_POSE, self._on_ball_pose, RELIABLE),
-            (String, names.SIM_FIGURES, self._on_figures, RELIABLE),
+            (JointState, names.SIM_JOINT_STATES, self._on_sim_joints, NEWEST),
+            (JointState, names.ROBOT_JOINT_STATES, self._on_robot_joints, NEWEST),
+            (PoseStamped, names.EFFECTOR_POSE, self._on_effector_pose, NEWEST),
+            (PoseStamped, names.SIM_BALL_POSE, self._on_ball_pose, NEWEST),
+            (String, names.SIM_FIGURES, self._on_figures, NEWEST),
         ):
-            self._streams.append(self.create_subscription(kind, topic, callback, qos))
+            self._streams.append(
+                self.create_subscription(kind, topic, callback, qos, callback_group=self._patient)
+            )
 
     # What comes from the graph: checked and kept, drawn later.
 

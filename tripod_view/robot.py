@@ -34,6 +34,7 @@ class Robot:
         self._carriages: list[viser.FrameHandle] = []
         self._arms: list[viser.FrameHandle] = []
         self._rails: list[viser.FrameHandle] = []
+        self._slide = float("nan")
         if servos:
             self._rails = [self._add_rail(i) for i in range(ARMS)]
             self._carriages = [self._add_carriage(i) for i in range(ARMS)]
@@ -49,8 +50,10 @@ class Robot:
     def set_joints(self, angles: FloatArray, slide: float) -> None:
         """Put the arms at `angles` [rad], shape (3,), and the servo bodies at `slide` [m]."""
         for i, (carriage, arm) in enumerate(zip(self._carriages, self._arms, strict=True)):
-            _place(carriage, carriage_pose(i, slide, self._geometry))
+            if slide != self._slide:
+                _place(carriage, carriage_pose(i, slide, self._geometry))
             _place(arm, arm_pose(i, float(angles[i]), slide, self._geometry))
+        self._slide = slide
 
     def set_effector(self, pose: Pose) -> None:
         """Put the effector's disc and frame at `pose`."""
