@@ -62,10 +62,10 @@ class DemoNode(Node):
         later = Patient()  # measured when the next target is told
         for kind, topic, callback, qos in (
             (SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE),
-            (IkStatus, names.IK_STATUS, self._on_ik_status, RELIABLE),
+            (IkStatus, names.IK_STATUS, self._on_ik_status, NEWEST),
             (RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE),
             (JointState, names.SIM_JOINT_STATES, self._on_joints, NEWEST),
-            (PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE),
+            (PoseStamped, names.EFFECTOR_POSE, self._on_effector, NEWEST),
         ):
             self.create_subscription(kind, topic, callback, qos, callback_group=later)
         self.create_subscription(

@@ -28,6 +28,7 @@ from tripod_bringup.supervisor import Ending, Supervisor
 from tripod_graph import names
 from tripod_graph.loopback import LoopbackError, check_loopback, keep_local
 from tripod_host.locks import private_directory
+from tripod_host.priority import stand_back
 from tripod_host.stop import taken
 from tripod_record.errors import RecordError
 from tripod_record.place import check_place
@@ -204,6 +205,7 @@ def _graph(options: UpOptions, say: Callable[[str], None]) -> Iterator[Graph]:
     over = threading.Event()
 
     def spin() -> None:
+        stand_back()
         try:
             while not over.is_set():
                 executor.spin_once(timeout_sec=0.1)

@@ -29,6 +29,7 @@ from tripod_graph.executor import Patient
 from tripod_graph.names import MARKERS, POINT_CLOUD
 from tripod_graph.parameters import Parameter, declare
 from tripod_graph.run import FAILED, run_node
+from tripod_host.priority import stand_back
 from tripod_record.chunk import COMPRESSIONS
 from tripod_record.definitions import definition_text, message_class
 from tripod_record.errors import RecordError
@@ -385,6 +386,7 @@ def type_hash(publisher: TopicEndpointInfo) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node; returns its exit code."""
+    stand_back()
     nodes: list[RecordNode] = []
 
     def make() -> RecordNode:

@@ -25,8 +25,13 @@ IndexArray = NDArray[np.int64]
 def header(stamp: int) -> Header:
     """Return a header in `world` at `stamp` [ns]."""
     message = Header(frame_id=WORLD)
-    message.stamp.sec, message.stamp.nanosec = divmod(stamp, 1_000_000_000)
+    set_stamp(message, stamp)
     return message
+
+
+def set_stamp(message: Header, stamp: int) -> None:
+    """Let a header be of `stamp` [ns]."""
+    message.stamp.sec, message.stamp.nanosec = divmod(stamp, 1_000_000_000)
 
 
 def flat(values: FloatArray) -> array.array:
@@ -37,20 +42,42 @@ def flat(values: FloatArray) -> array.array:
 def pose_message(pose: Pose) -> PoseMessage:
     """Return a pose [m, unit quaternion]."""
     message = PoseMessage()
-    p, q = pose.position.tolist(), pose.quaternion.tolist()
-    message.position.x, message.position.y, message.position.z = p
-    message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = q
+    set_pose(message, pose)
     return message
 
 
-def effector_message(snapshot: Snapshot, pose: Pose) -> PoseStamped:
-    """Return the effector's pose."""
-    return PoseStamped(header=header(snapshot.stamp), pose=pose_message(pose))
+def set_pose(message: PoseMessage, pose: Pose) -> None:
+    """Let a message tell a pose [m, unit quaternion]."""
+    p, q = pose.position.tolist(), pose.quaternion.tolist()
+    message.position.x, message.position.y, message.position.z = p
+    message.orientation.x, message.orientation.y, message.orientation.z, message.orientation.w = q
 
 
-def ball_message(snapshot: Snapshot, pose: Pose) -> PoseStamped:
-    """Return the ball's pose."""
-    return PoseStamped(header=header(snapshot.stamp), pose=pose_message(pose))
+class PoseTeller:
+    """Poses as messages: one and the same message, since what it is made of costs more than what it says."""
+
+    def __init__(self) -> None:
+        self._message = PoseStamped(header=header(0))
+
+    def message(self, snapshot: Snapshot, pose: Pose) -> PoseStamped:
+        """Return a pose of a snapshot; good until the next call."""
+        set_stamp(self._message.header, snapshot.stamp)
+        set_pose(self._message.pose, pose)
+        return self._message
+
+
+class JointTeller:
+    """Joint states as messages: one and the same message, as `PoseTeller`."""
+
+    def __init__(self) -> None:
+        self._message = JointState(header=header(0), name=[*SERVOS, SLIDE])
+
+    def message(self, snapshot: Snapshot) -> JointState:
+        """Return angles, slide and torques; the slide has no effort of its own. Good until the next call."""
+        set_stamp(self._message.header, snapshot.stamp)
+        self._message.position = array.array("d", snapshot.joints.tolist())
+        self._message.effort = array.array("d", [*snapshot.torques.tolist(), 0.0])
+        return self._message
 
 
 def body_message(snapshot: Snapshot, mesh: Skin) -> BodyState:
@@ -58,14 +85,6 @@ def body_message(snapshot: Snapshot, mesh: Skin) -> BodyState:
     return BodyState(
         header=header(snapshot.stamp), topology_id=mesh.topology_id, step=snapshot.step, time=snapshot.time,
         positions=flat(snapshot.positions),
-    )  # fmt: skip
-
-
-def joint_message(snapshot: Snapshot) -> JointState:
-    """Return angles, slide and torques; the slide has no effort of its own."""
-    return JointState(
-        header=header(snapshot.stamp), name=[*SERVOS, SLIDE], position=flat(snapshot.joints),
-        effort=flat(np.append(snapshot.torques, 0.0)),
     )  # fmt: skip
 
 

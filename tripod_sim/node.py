@@ -155,6 +155,7 @@ class SimNode(Node):
             names.SIM_JOINT_STATES,
             *([names.JOINT_STATES] if values["joint_states"] else []),
         )
+        self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller()
         self._join_graph()
         self._transforms = Transforms(self, scene, values["frame_prefix"]) if scene.servos else None
         self._physics = RealTime(
@@ -314,12 +315,13 @@ class SimNode(Node):
             self._compliance.publish(c)
         if snapshot.step % self._pose_every == 0:
             if snapshot.effector:
-                self._pose.publish(messages.effector_message(snapshot, snapshot.effector))
+                self._pose.publish(self._poses.message(snapshot, snapshot.effector))
             if self._scene.servos:
+                told = self._joint_states.message(snapshot)
                 for publisher in self._joints:
-                    publisher.publish(messages.joint_message(snapshot))
+                    publisher.publish(told)
             if snapshot.ball and self._ball:
-                self._ball.publish(messages.ball_message(snapshot, snapshot.ball))
+                self._ball.publish(self._poses.message(snapshot, snapshot.ball))
 
     def _on_start_state(self) -> None:
         self._teller.reset()

@@ -40,6 +40,7 @@ from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import new_source
 from tripod_graph.timers import set_period
+from tripod_host.priority import stand_back
 from tripod_view import events
 from tripod_view.body import BodyError
 from tripod_view.channel import Channel
@@ -497,6 +498,7 @@ def open_page(node: Node, port: int, channel: Channel) -> tuple[PageServer, str]
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node; see tripod_graph.run for the exit code."""
+    stand_back()
     return run_node("view", ViewNode, arguments)
 
 

@@ -84,7 +84,7 @@ def test_body_state_carries_every_node() -> None:
 
 def test_joint_states_name_servos_and_slide() -> None:
     s = snapshot()
-    message = wired(messages.joint_message(s))
+    message = wired(messages.JointTeller().message(s))
     assert_header(message.header)
     assert list(message.name) == ["servo_0", "servo_1", "servo_2", "slide"]
     assert message.position.tolist() == s.joints.tolist()
@@ -95,7 +95,7 @@ def test_joint_states_name_servos_and_slide() -> None:
 def test_effector_pose_is_position_and_quaternion_x_y_z_w() -> None:
     s = snapshot()
     assert s.effector
-    message = wired(messages.effector_message(s, s.effector))
+    message = wired(messages.PoseTeller().message(s, s.effector))
     assert_header(message.header)
     assert pose_numbers(message.pose) == [*s.effector.position, *s.effector.quaternion]
 
