@@ -362,3 +362,35 @@ def test_a_failure_while_running_parks_too(board, operator, client, start_driver
     assert driver.process.returncode == 1
     assert "driver: stopped by RuntimeError: a defect" in driver.log
     client.wait(lambda: board.packets[-1] == PARKED, "the park position")
+
+
+# simulated time -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.ros
+def test_a_clock_that_stands_still_holds_no_servo_on_a_command_that_is_dead(
+    board, operator, client, start_driver
+) -> None:
+    """/clock ends in the midst of a trajectory of ten seconds: the servos hold, it is said why, and then they park."""
+    from rosgraph_msgs.msg import Clock
+
+    words = ("protocol:=legacy", "boot_time:=0", "park_after:=0.5", FLAT, "use_sim_time:=true")
+    start_driver(f"port:={board.path}", *words)
+    clock = client.node.create_publisher(Clock, "/clock", 10)
+    begun = time.monotonic()
+
+    def tick() -> None:
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(int(1e9 * (100 + time.monotonic() - begun)), 10**9)
+        clock.publish(message)
+
+    client.wait(clock.get_subscription_count, "the driver at /clock")
+    client.wait(lambda: operator.statuses and operator.status.state >= 2, "the driver", meanwhile=tick)
+    operator.ready()
+    operator.send([-1.5] * 3, times=(10.0,))
+    client.wait(lambda: board.packets and board.packets[-1][0] < -0.15, "the motion", meanwhile=tick)
+    operator.wait_state(operator.status.HOLDING, "the hold")
+    assert "/clock stands still" in operator.status.message
+    operator.wait_state(operator.status.PARKED, "the way to the park position")
+    assert min(p[0] for p in board.packets) > -1.2, "the trajectory went on"
+    client.wait(lambda: near(board.packets[-1], PARKED), "the park position")

@@ -56,6 +56,28 @@ def test_what_cannot_be_played_is_refused_in_one_line(
     assert words in err
 
 
+def test_beside_a_simulator_that_runs_it_is_refused_in_one_line(
+    bag: Path, domain: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import rclpy
+    from tripod_msgs.msg import BodyState
+
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    context = rclpy.Context()
+    context.init(domain_id=domain)
+    node = rclpy.create_node("sim", context=context, enable_rosout=False)
+    try:
+        node.create_publisher(BodyState, "sim/body_state", 1)
+        assert play(bag) == 2
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+    out, err = capfd.readouterr()
+    assert not out
+    assert err.count("\n") == 1
+    assert err.startswith("tripod bag play: /sim simulates in this graph already, and two would mix: stop it")
+
+
 @pytest.mark.parametrize("to", list(To))
 def test_files_that_are_no_recordings_are_refused_in_one_line(
     to: To, tmp_path: Path, capfd: pytest.CaptureFixture[str]
