@@ -2,8 +2,9 @@
 
 Plays the demo with a browser's share of the page, listens to every topic with a declared rate, and prints a table of
 each: declared and found rate; CPU time of each process over wall time; median and 99th percentile of the simulator's
-steps, each of a second, as `sim/status` tells them. The exit code is 1 if a rate is further than 5 % from the declared
-one. `--busy N` keeps N processors busy meanwhile, `--minutes` says how long to look.
+steps, each of a second, as `sim/status` tells them; what others took of the processors meanwhile. The exit code is 1 if
+a rate is further than 5 % from the declared one. `--busy N` keeps N processors busy meanwhile, `--minutes` says how
+long to look, `--write docs/speed.md` puts the tables there.
 """
 
 import argparse
@@ -18,6 +19,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
@@ -29,6 +31,7 @@ from tripod_graph.loopback import keep_local
 from tripod_graph.qos import RELIABLE, SENSOR
 
 ALLOWED = 0.05
+BEGIN, END = "<!-- rates -->", "<!-- end rates -->"
 SETTLING = 10.0
 """Left out at the beginning, while the page is sent [s]."""
 
@@ -136,35 +139,76 @@ def page(log: Path) -> Iterator[None]:
             thread.join()
 
 
-def watch(pid: int, ear: Ear, seconds: float) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the found rate of each topic [Hz] and the share of a processor of each process."""
+@dataclass
+class Found:
+    """What was found.
+
+    Attributes:
+        rates: Of each topic [Hz].
+        share: Of each process, of one processor.
+        others: What was busy beside them, in processors.
+        seconds: How long it was looked at [s].
+    """
+
+    rates: dict[str, float]
+    share: dict[str, float]
+    others: float
+    seconds: float
+
+
+def machine_busy() -> float:
+    """Return the time that all processors were busy since the machine was started [s]."""
+    fields = [int(word) for word in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
+    return (sum(fields) - fields[3] - fields[4]) / os.sysconf("SC_CLK_TCK")  # but idle and waiting for disks
+
+
+def watch(pid: int, ear: Ear, seconds: float) -> Found:
+    """Look at a demo for so long [s]."""
     ear.clear()
-    begun = time.monotonic()
+    begun, busy_before = time.monotonic(), machine_busy()
     before = {name: spent(number) for name, number in group(pid).items()}
     time.sleep(seconds)
     taken = time.monotonic() - begun
     share = {name: (spent(number) - before[name]) / taken for name, number in group(pid).items()}
-    return {topic: ear.counts[topic] / taken for topic in declared()}, share
+    rates = {topic: ear.counts[topic] / taken for topic in declared()}
+    return Found(rates, share, (machine_busy() - busy_before) / taken - sum(share.values()), taken)
 
 
-def report(rates: dict[str, float], share: dict[str, float], ear: Ear) -> bool:
-    """Print the tables; return whether all rates are as declared."""
-    print("| topic | declared [Hz] | found [Hz] | off |\n|---|---|---|---|")
-    good = True
+def far(found: Found) -> list[str]:
+    """Return the topics whose rates are too far from the declared ones."""
+    return [t for t, (_, rate) in declared().items() if not abs(found.rates[t] / rate - 1.0) <= ALLOWED]
+
+
+def lines(found: Found, ear: Ear) -> Iterator[str]:
+    """Tell it as tables."""
+    yield "| topic | declared [Hz] | found [Hz] | off |\n|---|---|---|---|"
     for topic, (_, rate) in declared().items():
-        off = rates[topic] / rate - 1.0
-        good &= abs(off) <= ALLOWED
-        print(f"| `{topic}` | {rate:g} | {rates[topic]:.1f} | {100 * off:+.1f} % |")
-    print("\n| process | share of a processor |\n|---|---|")
-    for name, value in share.items():
-        print(f"| {name} | {100 * value:.0f} % |")
-    print(f"| all | {100 * sum(share.values()):.0f} % |")
+        off = found.rates[topic] / rate - 1.0
+        yield f"| `{topic}` | {rate:g} | {found.rates[topic]:.1f} | {100 * off:+.1f} % |"
+    yield "\n| process | share of a processor |\n|---|---|"
+    for name, value in found.share.items():
+        yield f"| {name} | {100 * value:.0f} % |"
+    yield f"| all | {100 * sum(found.share.values()):.0f} % |"
     median, p99 = statistics.median(ear.medians), statistics.median(ear.p99s)
-    print(
-        f"\nStep: median {1e3 * median:.2f} ms, p99 {1e3 * p99:.2f} ms in the median second, "
-        f"{1e3 * max(ear.p99s):.2f} ms in the worst; periods missed: {ear.missed[-1] - ear.missed[0]}."
+    tenth = statistics.quantiles(ear.p99s, n=10)[-1]
+    yield (
+        f"\nStep: median {1e3 * median:.2f} ms; 99th percentile of a second: {1e3 * p99:.2f} ms in the median second, "
+        f"at most {1e3 * tenth:.2f} ms in nine of ten, {1e3 * max(ear.p99s):.2f} ms in the worst; periods missed: "
+        f"{ear.missed[-1] - ear.missed[0]}."
     )
-    return good
+    yield (
+        f"Looked at for {found.seconds / 60:.1f} minutes on {os.cpu_count()} processors, of which the demo took "
+        f"{sum(found.share.values()):.2f} and others {found.others:.2f}, what listens and looks on here included."
+    )
+
+
+def write(path: Path, body: str) -> None:
+    """Put tables between the marks of a document."""
+    before, begin, rest = path.read_text().partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise SystemExit(f"{path}: the marks {BEGIN} and {END} are missing")
+    path.write_text(f"{before}{BEGIN}\n\n{body}\n\n{END}{after}")
 
 
 def main() -> int:
@@ -172,6 +216,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="how long to look")
     parser.add_argument("--busy", type=int, default=0, help="processors kept busy meanwhile")
+    parser.add_argument("--write", type=Path, help="put the tables into this document, between its marks")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place, busy(options.busy):
         log = Path(place) / "log"
@@ -181,13 +226,17 @@ def main() -> int:
             wait_for_all(process, log)
             with page(log):
                 time.sleep(SETTLING)
-                rates, share = watch(process.pid, ear, 60.0 * options.minutes)
+                found = watch(process.pid, ear, 60.0 * options.minutes)
         finally:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
             process.wait(PATIENCE)
             ear.close()
-    return 0 if report(rates, share, ear) else 1
+    body = "\n".join(lines(found, ear))
+    print(body)
+    if options.write:
+        write(options.write, body)
+    return 1 if far(found) else 0
 
 
 if __name__ == "__main__":
