@@ -4,7 +4,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TextIO
 
 from rich.cells import set_cell_size
@@ -40,11 +40,12 @@ class Screen:
         """Write a line above the status line."""
         self._write(f"{self._erase()}{text}\n{self._drawn}")
 
-    def status(self, text: str) -> None:
-        """Show `text` as the status: often in place in a terminal, every few seconds as a line elsewhere."""
+    def status(self, tell: str | Callable[[], str]) -> None:
+        """Show a status, or what tells it: often in place in a terminal, every few seconds as a line elsewhere."""
         now = time.monotonic()
         if now < self._next:
             return
+        text = tell if isinstance(tell, str) else tell()
         self._next = now + (REDRAW if self.terminal else PLAIN_PERIOD)
         if self.terminal:
             width = shutil.get_terminal_size().columns - 1

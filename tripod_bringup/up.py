@@ -153,7 +153,7 @@ def _run(options: UpOptions, screen: Screen) -> int:
         supervisor = Supervisor(
             stages(options, facts, graph.watch),
             on_line=lambda name, line: _show(name, line, facts, options, screen),
-            on_tick=lambda phase: screen.status(phase or _status(graph.watch, facts)),
+            on_tick=lambda phase: screen.status(phase or (lambda: _status(graph.watch, facts))),
             before_stop=graph.say_stop,
         )
         graph.watch.describe_processes(

@@ -9,6 +9,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from tripod_msgs.msg import IkStatus, RobotStatus, SimStatus
 
 from tripod_bringup.status_line import ChainStatus
@@ -43,7 +44,9 @@ class Watch(Node):
     def __init__(self) -> None:
         super().__init__("bringup")
         self._lock = threading.Lock()
-        self._heard: dict[str, tuple[float, Any]] = {}
+        self._heard: dict[
+            str, tuple[float, Any, type | None]
+        ] = {}  # when, what, and of which kind if it is serialised
         self._mandate = Mandate(new_source("up", self.get_namespace()))
         self._processes: Callable[[], Mapping[str, str]] = dict
         self._patient = Patient()
@@ -54,7 +57,9 @@ class Watch(Node):
             (names.IK_STATUS, IkStatus),
             (names.ROBOT_STATUS, RobotStatus),
         ):
-            self.create_subscription(kind, topic, self._keeper(topic), NEWEST, callback_group=self._patient)
+            self.create_subscription(
+                kind, topic, self._keeper(topic, kind), NEWEST, raw=True, callback_group=self._patient
+            )
         self._recorder = f"{self.get_namespace().rstrip('/')}/record"
         self.create_subscription(
             DiagnosticArray, names.DIAGNOSTICS, self._on_diagnostics, RELIABLE, callback_group=self._patient
@@ -99,22 +104,27 @@ class Watch(Node):
         """Leave the graph."""
         self.destroy_node()
 
-    def _keeper(self, topic: str) -> Callable[[Any], None]:
-        def keep(message: Any) -> None:
+    def _keeper(self, topic: str, kind: type) -> Callable[[bytes], None]:
+        """Return what keeps a status, which is read where it is told."""
+
+        def keep(data: bytes) -> None:
             with self._lock:
-                self._heard[topic] = (time.monotonic(), message)
+                self._heard[topic] = (time.monotonic(), data, kind)
 
         return keep
 
     def _fresh(self, topic: str) -> Any | None:
         with self._lock:
-            seen, message = self._heard.get(topic, (float("-inf"), None))
-        return message if time.monotonic() - seen < SILENT_AFTER else None
+            seen, message, kind = self._heard.get(topic, (float("-inf"), None, None))
+        if time.monotonic() - seen >= SILENT_AFTER:
+            return None
+        return message if kind is None else deserialize_message(message, kind)
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             if status.name == self._recorder:
-                self._keeper(self._recorder)(status)
+                with self._lock:
+                    self._heard[self._recorder] = (time.monotonic(), status, None)
 
     def _note(self, sim: Any | None, ik: Any | None, robot: Any | None) -> str:
         record = self._fresh(self._recorder)

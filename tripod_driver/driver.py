@@ -133,6 +133,10 @@ class Driver:
         """Whether a change that is asked for at `now` [s] has to wait for its turn."""
         return now < self._due
 
+    def turn(self, now: float) -> float:
+        """Return how long a change that is asked for at `now` [s] has to wait for its turn [s]."""
+        return max(0.0, self._due - now)
+
     def _send(self, content: Content, now: float) -> bool:
         self._remember(content)
         packet = self.link.session.packet(content, now)

@@ -134,8 +134,7 @@ class DriverNode(LifecycleNode):
             velocities=command.velocities,
             age=command.age,
         )
-        if self._soon.is_canceled():
-            self._soon.reset()
+        self._look_soon(command.now)
         return why
 
     def _motion(self) -> Motion:
@@ -153,8 +152,7 @@ class DriverNode(LifecycleNode):
             self._safety.control_mode(decision, *clocks(self))
         except ValueError as error:
             self._refuse(error)
-        if self._soon.is_canceled():
-            self._soon.reset()
+        self._look_soon(time.monotonic())
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._safety.halt(time.monotonic())
@@ -170,8 +168,8 @@ class DriverNode(LifecycleNode):
             self._safety.interrupt(now, STALLED)
         if self._driver.tick(now):
             self._publish_joint_states(self._driver.sent)
-        elif self._driver.too_early(now) and self._soon.is_canceled():
-            self._soon.reset()
+        elif self._driver.too_early(now):
+            self._look_soon(now)
         self._publish_imu()
         state, message = self._safety.state, self._safety.message
         shown = (state, message, self._safety.rejected)
@@ -181,6 +179,12 @@ class DriverNode(LifecycleNode):
             self._publish_status()
             if self._safety.listens and not self._safety.can_move:  # nothing is sent
                 self._publish_joint_states(self._safety.place)
+
+    def _look_soon(self, now: float) -> None:
+        """Let what is asked for at `now` [s] be sent as soon as its turn comes."""
+        if self._soon.is_canceled():
+            self._soon.timer_period_ns = round(1e9 * max(SOON, self._driver.turn(now)))
+            self._soon.reset()
 
     def _on_soon(self) -> None:
         self._soon.cancel()

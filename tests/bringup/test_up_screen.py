@@ -67,6 +67,20 @@ def test_elsewhere_the_status_is_a_line_now_and_then() -> None:
     assert stream.getvalue() == "one\nnews\n"
 
 
+def test_a_status_that_is_not_shown_is_not_asked_for() -> None:
+    asked = list[int]()
+
+    def tell() -> str:
+        asked.append(1)
+        return "told"
+
+    stream = io.StringIO()
+    screen = Screen(stream, terminal=False)
+    for _ in range(100):
+        screen.status(tell)
+    assert (asked, stream.getvalue()) == ([1], "told\n")
+
+
 def test_a_broken_pipe_silences_the_screen_and_nothing_else() -> None:
     class Broken(io.StringIO):
         writes = 0
