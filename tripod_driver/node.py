@@ -31,6 +31,7 @@ from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
+from tripod_graph.turns import Turns, short
 
 STATUS_PERIOD = 0.1
 """Longest time between two status messages [s]."""
@@ -59,6 +60,7 @@ class DriverNode(LifecycleNode):
         self._shown: tuple[Any, ...] = ()
         self._logged: State | None = None
         self._warned = ""
+        self._turns = Turns()
         self._status_due = 0.0
         self._answer_bad_transitions()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -74,7 +76,7 @@ class DriverNode(LifecycleNode):
         self._action = FollowAction(self, action, self._follow, self._motion, self._hold, self._refuse)
         self.create_service(Trigger, names.ROBOT_STOP, self._on_stop)
         self._diagnostics = Diagnostics(self, self._report, values["port"])
-        self._timer = self.create_timer(TURN * self._driver.period, self._on_timer, clock=steady)
+        self._timer = self.create_timer(TURN * self._driver.period, self._on_turn, clock=steady)
         self._soon = self.create_timer(SOON, self._on_soon, clock=steady)
         self._soon.cancel()
         if values["autostart"]:
@@ -159,6 +161,10 @@ class DriverNode(LifecycleNode):
         response.success, response.message = True, "holding; change the control mode to go on"
         return response
 
+    def _on_turn(self) -> None:
+        self._turns.add()
+        self._on_timer()
+
     def _on_timer(self) -> None:
         now = time.monotonic()
         self._clock_of_motion.at(now)
@@ -214,12 +220,14 @@ class DriverNode(LifecycleNode):
 
     def _report(self) -> Report:
         driver, safety, session = self._driver, self._safety, self._driver.link.session
-        level = Level.WARN if safety.message else Level.OK
+        found, declared = self._turns.rate(time.monotonic()), 1.0 / (TURN * driver.period)
+        late = short("the machine is too busy: looks at what is to be sent", found, declared)
+        level = Level.WARN if safety.message or late else Level.OK
         if safety.state in (State.DISCONNECTED, State.FAULT):
             level = Level.ERROR
         return (
             level,
-            safety.message or safety.state.name.lower(),
+            safety.message or late or safety.state.name.lower(),
             {
                 "state": safety.state.name,
                 **authority_values(safety.authority),
@@ -228,6 +236,7 @@ class DriverNode(LifecycleNode):
                 "place of the servos": self._driver.place_source or "nobody knows",
                 "place file": self._driver.memory.warning or self._driver.memory.path or "none",
                 "packets sent": driver.packets_sent,
+                "looks at what is to be sent [Hz]": found or 0.0,
                 "reconnects": driver.link.reconnects,
                 "rejected commands": safety.rejected,
                 "last rejection": safety.last_rejection,

@@ -5,7 +5,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ from tripod_graph.range import Fence, RangeWatch, cut
 from tripod_graph.run import run_node
 from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
+from tripod_graph.turns import short
 from tripod_sim import messages, realtime
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.markers import SceneMarkers
@@ -516,6 +517,17 @@ class SimNode(Node):
         words = (notices(snapshot), *self._authority.notices(time.monotonic()), beyond)
         return "; ".join(word for word in words if word)
 
+    def _too_seldom(self, factor: float) -> Iterator[str]:
+        """Tell which topics of the steps come less often than declared, at a real-time factor."""
+        poses = 1.0 / (self._pose_every * self._scene.dt)
+        for topic, rate, told in (
+            (names.SIM_JOINT_STATES, poses, self._scene.servos),
+            (names.EFFECTOR_POSE, poses, self._scene.effector),
+            (names.COMPLIANCE, 1.0 / self._physics.compliance_period, self._physics.want_compliance),
+        ):
+            if told and (words := short(topic, factor * rate, rate)):
+                yield words
+
     def _report(self) -> Report:
         speed = self._physics.speed()
         values = {
@@ -532,7 +544,8 @@ class SimNode(Node):
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:
-            return Level.WARN, f"slower than real time: factor {speed.real_time_factor:.2f}", values
+            slow = f"slower than real time: factor {speed.real_time_factor:.2f}"
+            return Level.WARN, "; ".join([slow, *self._too_seldom(speed.real_time_factor)]), values
         return Level.OK, "running" if running else "paused", values
 
 
