@@ -71,11 +71,6 @@ def _prepare(lock: int) -> None:
     if not todo and (VENV / "bin" / "python").exists():
         print("setup: .venv is up to date")
         return
-    if VENV.is_symlink():  # it would be emptied where it is
-        raise MissingError(
-            f".venv is a link to {VENV.readlink()}, the environment of another checkout perhaps, and not up to date "
-            "here: remove the link, and make setup makes one of this checkout"
-        )
     if lines := missing_things(os.environ, cmake=ros.sourced is not None):
         raise MissingError("\n".join(lines))
     _check_sourced_rclpy(ros)

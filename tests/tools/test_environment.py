@@ -243,17 +243,3 @@ def test_keys_tell_apart_names_contents_and_bounds(tmp_path: Path) -> None:
     before = key_of(one)
     one.write_text("abc")
     assert key_of(one) != before
-
-
-def test_an_environment_behind_a_link_is_left_alone(
-    checkout: Checkout, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    other = tmp_path / "other"
-    (other / "bin").mkdir(parents=True)
-    (other / "bin" / "python").symlink_to(sys.executable)
-    checkout.venv.symlink_to(other)
-    assert checkout.set_up() == []
-    assert checkout.code == 2
-    assert (other / "bin" / "python").exists()
-    assert sorted(p.name for p in other.iterdir()) == ["bin"]
-    assert f".venv is a link to {other}" in capsys.readouterr().err
