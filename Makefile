@@ -6,7 +6,7 @@ BIN := .venv/bin
 # What runs from here stays on this machine.
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 
-.PHONY: help setup demo test lint bench docs firmware clean
+.PHONY: help setup demo test lint bench docs labs firmware clean
 
 help: ## Show this list (default)
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 16
@@ -32,6 +32,10 @@ bench: setup ## Time the steps of the simulator; ARGS="..." goes to the benchmar
 docs: setup ## Build the site of the documentation into build/site
 	@$(BIN)/python -m mkdocs build --strict
 	@echo "docs: open build/site/index.html"
+
+labs: setup ## Open the notebooks of labs/ in the browser; installs JupyterLab the first time
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt jupyterlab
+	@$(BIN)/jupyter lab --config labs/jupyter_config.py labs
 
 firmware: ## Build the firmware of the board and check its size; ARGS="WATCHDOG_MS=300" sets its parameters
 	@$(MAKE) --no-print-directory -C firmware $(ARGS)

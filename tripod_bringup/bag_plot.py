@@ -76,7 +76,7 @@ def draw(series: dict[str, Series], path: Path, title: str) -> None:
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - only where a picture is wanted
     except ImportError:
-        raise RecordError("a plot needs matplotlib; run `make setup`") from None
+        raise RecordError("a plot needs matplotlib: pip install matplotlib, or make setup") from None
     shown = panels(series)
     if not shown:
         raise RecordError("nothing to draw: no angles, poses or errors were recorded")

@@ -72,7 +72,7 @@ class Pictures:
             try:
                 import matplotlib  # noqa: F401, PLC0415
             except ImportError:
-                raise PictureError("--plot needs matplotlib; run `make setup`") from None
+                raise PictureError("--plot needs matplotlib: pip install matplotlib, or make setup") from None
         try:
             if self.gif or self.mp4:
                 find_ffmpeg()

@@ -78,7 +78,7 @@ def check_plot(path: Path) -> None:
         import matplotlib  # noqa: F401, PLC0415
     except ImportError:
         raise IkError(
-            "--plot needs matplotlib; run `make setup`, or leave it out: --out keeps the numbers"
+            "--plot needs matplotlib: pip install matplotlib, or leave it out: --out keeps the numbers"
         ) from None
 
 

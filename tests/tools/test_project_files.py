@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 
@@ -71,13 +73,16 @@ def test_the_search_for_foreign_words_finds_them(text: str) -> None:
     assert not foreign_words("the framework/x, ./root/y, ~/home/z and a/work/b are nobody's")
 
 
-def test_constraints_are_pins_and_cover_those_of_pyproject() -> None:
+def test_dependencies_are_ranges_that_the_pins_of_constraints_are_in() -> None:
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     constraints = pins([line for line in lines if not line.startswith("#")])
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    direct = pins([*project["dependencies"], *chain(*project["optional-dependencies"].values())])
-    assert direct
-    assert {name: constraints.get(name) for name in direct} == direct
+    direct = [
+        Requirement(r) for r in chain(project["dependencies"], *project["optional-dependencies"].values())
+    ]
+    assert len(direct) > 30
+    assert not [str(r) for r in direct if not r.specifier or any(s.operator == "==" for s in r.specifier)]
+    assert not [str(r) for r in direct if constraints.get(canonicalize_name(r.name), "") not in r.specifier]
 
 
 def test_the_version_is_the_same_everywhere() -> None:
@@ -94,7 +99,7 @@ def test_the_version_is_the_same_everywhere() -> None:
 def test_make_lists_every_target_by_default() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.search(r"^\.PHONY: (.*)$", makefile, re.M)[1].split())
-    assert targets == {"help", "setup", "demo", "test", "lint", "bench", "docs", "firmware", "clean"}
+    assert targets == {"help", "setup", "demo", "test", "lint", "bench", "docs", "labs", "firmware", "clean"}
     result = subprocess.run(
         ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
     )
