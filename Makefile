@@ -31,7 +31,7 @@ bench: setup ## Time the steps of the simulator; ARGS="..." goes to the benchmar
 
 docs: setup ## Build the site of the documentation into build/site
 	@$(BIN)/python -m mkdocs build --strict
-	@echo "docs: open build/site/index.html"
+	@echo "docs: open build/site/index.html; its search needs a server: python3 -m http.server --bind 127.0.0.1 -d build/site"
 
 labs: setup ## Open the notebooks of labs/ in the browser; installs JupyterLab the first time
 	@$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt jupyterlab
