@@ -28,6 +28,7 @@ from tripod_bringup.supervisor import Ending, Supervisor
 from tripod_graph import names
 from tripod_graph.loopback import LoopbackError, check_loopback, keep_local
 from tripod_host.locks import private_directory
+from tripod_host.open_files import OpenFilesError, check_open_files
 from tripod_host.priority import stand_back
 from tripod_host.stop import taken
 from tripod_record.errors import RecordError
@@ -101,6 +102,7 @@ class Facts:
 def up(options: UpOptions, screen: Screen) -> int:
     """Bring the chain up, keep it up, take it down; return the exit code. Call it in the main thread."""
     try:
+        check_open_files()
         check_loopback()
         domain = domain_id(os.environ)
         with taken(), only_one(domain, options.namespace, private_directory(os.environ)):
@@ -110,7 +112,7 @@ def up(options: UpOptions, screen: Screen) -> int:
     except DomainBusyError as error:
         print(f"tripod up: {error}", file=sys.stderr)
         return ALREADY_UP
-    except (DomainError, LoopbackError, RecordError) as error:
+    except (DomainError, LoopbackError, OpenFilesError, RecordError) as error:
         print(f"tripod up: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
     except OSError as error:  # of the lock

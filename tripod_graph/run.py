@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 
 from tripod_graph.loopback import check_loopback, keep_local
 from tripod_graph.namespace import full_namespace
+from tripod_host.open_files import OpenFilesError, check_open_files
 from tripod_host.stop import Asked, end_at_once, first, taken
 
 if TYPE_CHECKING:
@@ -107,6 +108,10 @@ def run_node(
     SIGINT, SIGTERM and SIGHUP (a closed terminal; not under nohup) end it in order. While the node is being built there
     is no order yet: what has been built by then is closed, and the process ends at once.
     """
+    try:
+        check_open_files()
+    except OpenFilesError as error:
+        return _refused(name, error)
     while True:
         code, stopped = _run_one(name, make, arguments, until)
         if code or stopped or again is None or not again():
