@@ -138,6 +138,7 @@ class SimNode(Node):
         simulation, notice = (rerun.simulation, "") if rerun else self._build(values, begin or Anew())
         scene, self._rerun = simulation.scene, rerun
         self._scene, self._mesh, self._skin = scene, simulation.mesh, simulation.skin
+        self._notes = simulation.notes
         self._shown_by_skin = simulation.shown
         plate, ball = simulation.plate, simulation.scene.ball
         self._maze_mesh = board_mesh(plate.board, plate.offset) if plate else None
@@ -187,7 +188,7 @@ class SimNode(Node):
         self.get_logger().info(
             f"scene {scene.name}: {len(self._mesh.nodes)} nodes, {len(self._mesh.elements)} elements, dt {scene.dt:g} s"
         )
-        for note in simulation.notes:
+        for note in self._notes:
             self.get_logger().warning(note)
 
     def _build(self, values: dict[str, Any], begin: Anew) -> tuple[Simulation, str]:
@@ -514,7 +515,7 @@ class SimNode(Node):
 
     def _notices(self, snapshot: Snapshot) -> str:
         beyond = cut(self._follower.joints, self._range.limits) if self._scene.servos else ""
-        words = (notices(snapshot), *self._authority.notices(time.monotonic()), beyond)
+        words = (notices(snapshot), *self._authority.notices(time.monotonic()), beyond, *self._notes)
         return "; ".join(word for word in words if word)
 
     def _too_seldom(self, factor: float) -> Iterator[str]:

@@ -15,6 +15,7 @@ from tripod_view.control import Control
 from tripod_view.panel import Panel
 from tripod_view.picture import Picture
 from tripod_view.pose import Pose
+from tripod_view.recorder import Recorder
 from tripod_view.rejects import Rejects
 from tripod_view.replay import Moment, Replay
 from tripod_view.scene import Scene
@@ -58,7 +59,7 @@ class Display:
         ball: Newest pose of the ball.
         replay: What was drawn in the last half minute.
         pictures_per_second: Body states drawn per second.
-        recorder: What is known of the recorder: whether there is one, and what it said last.
+        recorder: What is known of the recorder.
     """
 
     def __init__(self, server: PageServer, scene: Scene, panel: Panel) -> None:
@@ -68,7 +69,7 @@ class Display:
         self.effector: Pose | None = None
         self.ball: Pose | None = None
         self.pictures_per_second = 0.0
-        self.recorder = (False, "")
+        self.recorder = Recorder()
         self._sim, self._ik, self._robot, self._figures = Heard(), Heard(), Heard(), Heard()
         self._torques: FloatArray | None = None
         self._newest: Callable[[], tuple[int, FloatArray]] | None = None
@@ -280,7 +281,7 @@ class Display:
         robot = self._robot.status if self._robot.fresh(now) else None
         panel.show_run(words.run_table(self._sim.status, robot) if self._sim.fresh(now) else None)
         panel.show_figures(self._figures.status if self._figures.fresh(now) else None)
-        panel.show_recording(*self.recorder)
+        panel.show_recording(self.recorder)
 
     def _status_lines(self, control: Control, rejects: Rejects, browsers: int, now: float) -> list[Line]:
         sim, ik, robot, body = self._sim, self._ik, self._robot, self.body

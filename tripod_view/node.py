@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
@@ -106,6 +107,7 @@ class ViewNode(Node):
         self._guard = self.create_guard_condition(self._on_events)
         self._inbox = Inbox(self._guard.trigger)
         self._wishes = self.create_publisher(String, names.SIM_REQUEST, RELIABLE)
+        self._recorder = f"{self.get_namespace().rstrip('/')}/record"
         self._recorders = {
             Button.RECORD: self.create_client(Trigger, names.RECORD_START),
             Button.STOP_RECORDING: self.create_client(Trigger, names.RECORD_STOP),
@@ -171,6 +173,9 @@ class ViewNode(Node):
             names.IK_STATUS: (IkStatus, show.keep_ik),
             names.ROBOT_STATUS: (RobotStatus, self._on_robot_status),
         }
+        self.create_subscription(
+            DiagnosticArray, names.DIAGNOSTICS, self._on_diagnostics, RELIABLE, callback_group=self._patient
+        )
         for topic, (kind, keep) in present.items():
             self.create_subscription(kind, topic, keep, NEWEST, callback_group=self._patient)
 
@@ -203,6 +208,13 @@ class ViewNode(Node):
             self._refuse(names.SIM_FIGURES, error)
             return
         self._display.keep_figures(figures if isinstance(figures, dict) else {})
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Keep what the recorder of this robot says of itself."""
+        for status in message.status:
+            if status.name == self._recorder:
+                path = next((pair.value for pair in status.values if pair.key == "path"), "")
+                self._display.recorder.hear(status.message, path)
 
     def _on_goal(self, message: String) -> None:
         self._display.let_turn(message.data in TURNED)
@@ -382,12 +394,12 @@ class ViewNode(Node):
         """Ask the recorder and show its answer when it comes; nothing waits for it, since it may be lost."""
         client = self._recorders[button]
         if not client.service_is_ready():
-            self._display.recorder = (False, "no recorder runs: `tripod record`, or `tripod up --record`")
+            self._display.recorder.text = "no recorder runs: `tripod record`, or `tripod up --record`"
             return
-        self._display.recorder = (True, "asked")
+        self._display.recorder.text = "asked"
 
         def answered(future: Any) -> None:
-            self._display.recorder = (True, future.result().message)
+            self._display.recorder.answer(future.result().message)
 
         client.call_async(Trigger.Request()).add_done_callback(answered)
 
@@ -458,8 +470,7 @@ class ViewNode(Node):
             self._publish_target()
         if self._display.wants_speed(time.monotonic()):
             self._wishes.publish(String(data='{"do": "figures"}'))
-        ready = self._recorders[Button.RECORD].service_is_ready()
-        self._display.recorder = (ready, self._display.recorder[1])
+        self._display.recorder.there = self._recorders[Button.RECORD].service_is_ready()
         skipped = self._display.body.skipped
         self._display.draw(self._control, self._target, self._rejects, len(self._browsers))
         if self._display.body.skipped > skipped:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tripod_graph.command import CommandLimits
 from tripod_view.channel import Channel
 from tripod_view.picture import Picture
+from tripod_view.recorder import Recorder
 from tripod_view.robot import SERVO_COLOURS
 from tripod_view.words import Line
 
@@ -94,9 +95,10 @@ class Panel:
         shown = None if age is None else round(age, 1)
         self._channel.show("replay", {"length": round(length, 1), "age": shown, "running": running})
 
-    def show_recording(self, possible: bool, text: str) -> None:
-        """Show whether a recorder is there, and what it said last."""
-        self._channel.show("recording", {"possible": possible, "text": text})
+    def show_recording(self, recorder: Recorder) -> None:
+        """Show whether a recorder is there, whether it records, and what it said last."""
+        shown = {"possible": recorder.there, "on": recorder.records, "text": recorder.text}
+        self._channel.show("recording", shown)
 
     def flush(self) -> None:
         """Send what changed."""

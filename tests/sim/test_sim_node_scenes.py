@@ -1,5 +1,7 @@
 """The simulator in a graph with other scenes than the tripod alone, and what its status tells of their steps."""
 
+from pathlib import Path
+
 import pytest
 
 pytest.importorskip("rclpy")
@@ -8,7 +10,9 @@ pytest.importorskip("tripod_msgs")
 from shape_msgs.msg import SolidPrimitive
 from tripod_msgs.msg import ControlMode, SimStatus
 
+from tests.sim.beams import bar_scene
 from tripod_graph import names
+from tripod_sim import Simulation, load_scene
 
 pytestmark = pytest.mark.ros
 
@@ -56,6 +60,12 @@ def test_maze_and_ball_are_told_once_and_shown_by_markers(make) -> None:
     _, plate, ball = graph.next(names.MARKERS).markers
     assert len(plate.points) == 3 * len(maze.triangles)
     assert plate.pose.position.z < ball.pose.position.z < plate.pose.position.z + max(z)
+
+
+def test_what_users_should_know_of_their_mesh_is_in_the_status(make, tmp_path: Path) -> None:
+    scene = bar_scene(tmp_path, (4, 1, 1), "h20")
+    (note,) = Simulation(load_scene(scene)).notes
+    assert note in make(scene=str(scene)).start().next(names.SIM_STATUS).message
 
 
 def test_without_maze_and_ball_that_is_what_is_told(make) -> None:

@@ -15,6 +15,7 @@ pytest.importorskip("tripod_msgs")
 pytest.importorskip("viser")
 pytest.importorskip("playwright")
 
+from diagnostic_msgs.msg import DiagnosticArray
 from playwright.sync_api import sync_playwright
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -24,6 +25,8 @@ from tests.domains import own_domain
 from tests.view.shown_scene import show
 from tests.view.stage import DEADLINE, Stage
 from tripod_graph import names
+from tripod_graph.diagnostics import Level, status_message
+from tripod_graph.qos import RELIABLE
 from tripod_sim.scene_file import scene_names
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -272,6 +275,17 @@ def test_a_recorder_is_started_and_stopped(stage: Stage, browser: Any) -> None:
             opened.page.locator("#record").click()
             opened.text("#recording", told)
             assert asked[-1] == wanted
+        health = stage.sim.create_publisher(DiagnosticArray, names.DIAGNOSTICS, RELIABLE)
+        name = f"{stage.view.namespace}/record"
+        values = {"path": "there.mcap"}
+        health.publish(DiagnosticArray(status=[status_message(name, "", Level.OK, "recording", values)]))
+        opened.text("#record:enabled", "Stop recording")  # which somebody else began
+        opened.text("#recording", "recording: there.mcap")
+        ended = "recording ended: no space is left on the disk"
+        health.publish(DiagnosticArray(status=[status_message(name, "", Level.ERROR, ended, values)]))
+        opened.text("#recording", f"{ended}: there.mcap")
+        opened.wait("document.querySelector('#record').textContent === 'Record'")
+        stage.sim.destroy_publisher(health)
         assert opened.errors == []
     for service in services:
         stage.sim.destroy_service(service)

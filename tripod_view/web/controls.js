@@ -13,7 +13,7 @@ export function controls() {
 function simulation() {
   const pause = button("Pause", () => send({ sim: value("run")?.state === 1 ? "run" : "pause" }));
   pause.id = "pause";
-  const record = button("Record", () => send({ press: record.textContent === "Record" ? "record" : "stop recording" }));
+  const record = button("Record", () => send({ press: value("recording")?.on ? "stop recording" : "record" }));
   record.id = "record";
   const told = element("p", { class: "small", id: "recording" });
   const row = place(element("div", { class: "row" }), [
@@ -26,10 +26,10 @@ function simulation() {
     record,
   ]);
   listen("run", (run) => setText(pause, run?.state === 1 ? "Run" : "Pause"));
-  listen("recording", ({ possible, text }) => {
+  listen("recording", ({ possible, on, text }) => {
     record.disabled = !possible;
     record.title = possible ? "Record all topics" : "no recorder runs: tripod up --record";
-    setText(record, text.startsWith("recording") ? "Stop recording" : "Record");
+    setText(record, on ? "Stop recording" : "Record");
     setText(told, text);
   });
   return section("simulation", "Simulation", [row, told]);
