@@ -1,4 +1,4 @@
-"""What mkdocs asks while it builds the site: pages that are no files of docs/, and the menu of the labs."""
+"""What mkdocs asks while it builds the site: pages that are no files of docs/, and citations as links."""
 
 from collections.abc import Callable
 from functools import partial
@@ -16,15 +16,6 @@ WRITTEN: dict[str, Callable[[], str]] = {
     "reference/python.md": python_api.page,
 }
 """Pages that are written from the code."""
-
-
-def on_config(config: Any) -> Any:
-    """Give the labs a menu of their own, below Learn."""
-    labs = [page for page, source in copies.sources().items() if source.startswith(f"{copies.LABS}/")]
-    if labs:
-        learn = next(part["Learn"] for part in config.nav if "Learn" in part)
-        learn.insert(1, {"Labs": [{copies.title(page): page} for page in labs]})
-    return config
 
 
 def on_files(files: Files, config: Any) -> Files:

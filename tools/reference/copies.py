@@ -46,9 +46,3 @@ def copied(page: str) -> str:
         return f"{mark}[{words}]({posixpath.relpath(inside, posixpath.dirname(page) or '.')}{place})"
 
     return re.sub(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)", moved, text)
-
-
-def title(page: str) -> str:
-    """Return the first heading of a page."""
-    found = re.search(r"^# (.+)$", copied(page), re.MULTILINE)
-    return found[1] if found else Path(page).stem
