@@ -63,8 +63,8 @@ plt.show()
 # %% [markdown]
 # ## What does accuracy cost?
 #
-# In the working pose the disc stands at -8.25 mm: two programs agree on that to 1 %. The workshop's own simulation
-# has linear tetrahedra (`t4`). **Question: what is the cheapest mesh within 5 %?**
+# In the working pose the disc stands at -8.25 mm; a finer mesh and another program say so, to 1 %. The workshop's
+# own simulation has linear tetrahedra (`t4`). **Question: what is the cheapest mesh within 5 %?**
 
 # %%
 points, cheapest = {}, (np.inf, "nothing")

@@ -81,9 +81,9 @@ for scheme, series in points.items():
     print(f"{scheme:15} " + ", ".join(f"{label}: {height:.0f} mm" for label, _, height in series))
 
 # %% [markdown]
-# Implicit Euler at 10 ms swallows two thirds of the throw: it damps the jerk. The heights of TR-BDF2 lie closer
-# together, but its last digits still move, since the ball leaves at an instant. A number that changes with the step
-# is not yet an answer.
+# Implicit Euler at 10 ms swallows more than two thirds of the throw: it damps the jerk. The heights of TR-BDF2 lie
+# closer together, but its last digits still move, since the ball leaves at an instant. A number that changes with
+# the step is not yet an answer.
 #
 # ## Break it
 #

@@ -89,7 +89,7 @@ print(
 )
 
 # %% [markdown]
-# It goes as close as it can, says how much is missing, and which limit binds. It does not tremble.
+# It goes as close as it can, says how much is missing, and which limit binds.
 #
 # ## Repair it
 #
