@@ -81,7 +81,7 @@ def cost(
         axis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=9))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
-    axes.set(xlabel=xlabel, ylabel=ylabel)
+    axes.set(xlabel="CPU seconds", ylabel=ylabel)
     axes.legend(fontsize=8)
 
 
