@@ -111,17 +111,28 @@ def user() -> Iterator[User]:
 def test_node_list_and_info(user: User) -> None:
     wanted = {f"/left/{name}" for name in ("bringup", "driver", "ik", "sim")}
     user.wait(lambda: set(user.node.get_fully_qualified_node_names()) - {"/user"} == wanted, "four nodes")
-    published = dict(user.node.get_publisher_names_and_types_by_node("ik", "/left"))
-    assert published["/left/joint_trajectory"] == ["trajectory_msgs/msg/JointTrajectory"]
-    heard = dict(user.node.get_subscriber_names_and_types_by_node("driver", "/left"))
-    assert heard["/left/control_mode"] == ["tripod_msgs/msg/ControlMode"]
-    services = dict(user.node.get_service_names_and_types_by_node("sim", "/left"))
-    assert services["/left/sim/reset"] == ["std_srvs/srv/Trigger"]
+    for ask, node, name, kind in (
+        (
+            user.node.get_publisher_names_and_types_by_node,
+            "ik",
+            "joint_trajectory",
+            "trajectory_msgs/msg/JointTrajectory",
+        ),
+        (
+            user.node.get_subscriber_names_and_types_by_node,
+            "driver",
+            "control_mode",
+            "tripod_msgs/msg/ControlMode",
+        ),
+        (user.node.get_service_names_and_types_by_node, "sim", "sim/reset", "std_srvs/srv/Trigger"),
+    ):
+        # a node is known sooner than what it has
+        user.wait(lambda ask=ask, node=node, name=name: f"/left/{name}" in dict(ask(node, "/left")), name)
+        assert dict(ask(node, "/left"))[f"/left/{name}"] == [kind]
 
 
 def test_topic_list_info_and_echo(user: User) -> None:
-    found = dict(user.node.get_topic_names_and_types())
-    for topic, kind in {
+    wanted = {
         names.JOINT_TRAJECTORY: "trajectory_msgs/msg/JointTrajectory",
         names.CONTROL_MODE: "tripod_msgs/msg/ControlMode",
         names.TARGET_POSE: "geometry_msgs/msg/PoseStamped",
@@ -129,7 +140,12 @@ def test_topic_list_info_and_echo(user: User) -> None:
         names.SIM_JOINT_STATES: "sensor_msgs/msg/JointState",
         names.ROBOT_STATUS: "tripod_msgs/msg/RobotStatus",
         names.ROBOT_DESCRIPTION: "std_msgs/msg/String",
-    }.items():
+    }
+    user.wait(
+        lambda: {f"/left/{t}" for t in wanted} <= dict(user.node.get_topic_names_and_types()).keys(), "topics"
+    )
+    found = dict(user.node.get_topic_names_and_types())
+    for topic, kind in wanted.items():
         assert found[f"/left/{topic}"] == [kind]
     assert found["/tf"] == ["tf2_msgs/msg/TFMessage"]
     assert f"/left/{names.JOINT_STATES}" not in found  # unless asked for
