@@ -1,43 +1,55 @@
 """How inverse kinematics goes round circles that leave what can be reached.
 
-    python benchmarks/ik_circles.py [--radii 6 8 10 12] [--slides 0 12 23 35] [--heights -2 0 2] [--copies 5]
-                                    [--moving 10] [--no-search]
+    python benchmarks/ik_circles.py                  # quick: three circles, copies of one, a minute or two
+    python benchmarks/ik_circles.py --full --write   # all of docs/inverse_kinematics.md, half an hour of CPU time
+    python benchmarks/ik_circles.py --slides 12 --heights 0 --radii 8 10 --copies 0 --moving 0
 
 From a start pose, the flat piece (slide 0), the working pose (slide 35 mm) or between, the quasi-static model follows
 the goals of a horizontal circle about where the effector starts, 12 goals one after the other for as long as it takes,
 2.4 s at most, and the start once more; the tracker asks a pathfinder for the way, one for each slide. For each circle:
 
-- speed: the largest of the resting effector [m/s]; snaps: moves that the Jacobians did not foretell;
+- speed: the largest of the resting effector [m/s]; snaps: moves from one command to the
+  next that have no equilibria between them, followed in as little as a 300th of the move;
 - met: goals met to 0.1 mm; longest: time to one of these [s], the pathfinder's CPU time with it;
-- off: how far off others the effector stays [mm], in their order; search: the least distance [mm] that an independent
-  search finds for these: a flood over all angles from the start pose, SciPy's SLSQP from the nearest of it
-  (`tests/ik/search.py`), within the same angles, torques and firmness. Worse: the largest difference.
+- off: how far off others the effector stays [mm], at least and at most; by: what keeps it there; search: how much
+  farther at most that is than what an independent search finds [mm]: a flood over all angles from the start pose,
+  SciPy's SLSQP from the nearest of it (`tests/ik/search.py`), within the same angles, torques and firmness. It is asked
+  for one goal of those that are images of each other; apart: how far the answers to these differ in distance [mm].
 
 Copies: circles at random, begun anywhere, each rotated by thirds of a turn and mirrored: six times the same goals. How
 far the answers are apart, mirrored back.
 
 Moving: the circle of that radius from the flat piece in the dynamic simulator, 2.4 s for each goal: speed of the
 effector and its distance at the end.
+
+What is measured is kept, and not measured again when the same file is given with `--keep`: a run that was broken off
+goes on. Change of the code means another file.
 """
 
 import argparse
+import json
 import sys
 import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
 # isort: split
 import numpy as np
+from doc_parts import write_part
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.ik.search import Flood, Limits
 from tripod_graph.names import WORKING_POSE
-from tripod_ik.model import StaticModel, goes_on, linear_state
+from tripod_ik.model import SAME, StaticModel, goes_on, linear_state
 from tripod_ik.pathfinder import Pathfinder, Way
 from tripod_ik.snap import SOFTEST
 from tripod_ik.state import LinearState
+from tripod_ik.tasks import Task
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim import Simulation, load_scene
@@ -71,10 +83,10 @@ class Timed:
         self.finder = Pathfinder.of(load_scene("tripod"), slide, *Tracker(SETTINGS).reach)
         self.times: list[float] = []
 
-    def __call__(self, state: LinearState, tasks: object) -> Way | None:
+    def __call__(self, state: LinearState, tasks: Sequence[Task], *, hurry: bool = False) -> Way | None:
         """Return the way, as a tracker asks for it."""
         begin = time.thread_time()
-        way = self.finder.way(state, tasks)  # type: ignore[arg-type]
+        way = self.finder.way(state, tasks, hurry=hurry)
         self.times.append(time.thread_time() - begin)
         return way
 
@@ -88,6 +100,7 @@ class Follower:
         self.model, self.guide, self.now = model, guide, 0.0
         self.tracker = Tracker(SETTINGS, guide=guide)
         self.speed, self.snaps = 0.0, 0
+        self.kept_by: tuple[str, ...] = ()
 
     def go(self, goal: np.ndarray) -> tuple[LinearState, float]:
         """Go to `goal` [m]; return the state at the end and the time until it was met for good [s], thinking too."""
@@ -96,10 +109,12 @@ class Follower:
         state, begin, met, quiet = self.model.state(), self.now, np.inf, 0
         while self.now - begin < LONGEST:
             step = self.tracker.update(state, self.now)
+            self.kept_by = step.result.active_limits
+            self.before = self.model.save()
             before, state = state, self.model.move(step.result.command)
             self.now += DT
             self.speed = max(self.speed, float(np.linalg.norm(state.equilibrium - before.equilibrium)) / DT)
-            self.snaps += not goes_on(before, state)
+            self.snaps += not (goes_on(before, state) or self._goes_there(before, state))
             near = np.linalg.norm(state.equilibrium - goal) <= MET
             met = min(met, self.now - begin) if near else np.inf
             still = np.abs(state.angles - before.angles).max() < STILL
@@ -108,28 +123,83 @@ class Follower:
                 break
         return state, met + sum(self.guide.times[asked:])
 
+    def _goes_there(self, before: LinearState, after: LinearState) -> bool:
+        """Return whether the body comes from one state to the next along equilibria, looked at closely."""
+        here, there = self.model.save(), False
+        self.model.restore(self.before)
+        with suppress(StepError):
+            found = self.model.follow(
+                after.angles, shortest=float(np.abs(after.angles - before.angles).max()) / 300
+            )
+            there = bool(np.abs(found.equilibrium - after.equilibrium).max() < SAME)
+        self.model.restore(here)
+        return there
+
 
 def azimuth(angle: float, radius: float, height: float = 0.0) -> np.ndarray:
     """Return the point of a circle at `angle` [rad]."""
     return np.array([radius * np.cos(angle), radius * np.sin(angle), height])
 
 
-def circle(model: StaticModel, guide: Timed, radius: float, height: float, flood: Flood | None) -> str:
-    """Return what one circle gave, as a row."""
+class Kept:
+    """What is measured, by name, in a file."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self.known: dict[str, Any] = json.loads(path.read_text()) if path and path.exists() else {}
+
+    def get(self, name: str, measure: Callable[[], Any]) -> Any:
+        """Return what is known under `name`; measure it where it is not."""
+        if name not in self.known:
+            begin = time.process_time()
+            self.known[name] = measure()
+            print(f"{name}: {time.process_time() - begin:.0f} s", file=sys.stderr, flush=True)
+            if self._path:
+                self._path.write_text(json.dumps(self.known, indent=0))
+        return self.known[name]
+
+
+def circle(model: StaticModel, guide: Timed, radius: float, height: float) -> dict[str, Any]:
+    """Return what one circle gave; `off` [m] and `by` for goals that are not met, by number."""
     home, follower = model.go_home().equilibrium.copy(), Follower(model, guide)
-    times, off, least = [], [], []
+    times, off, by = [], {}, {}
     for k in range(13):
         goal = home + (azimuth(2 * np.pi * k / 12, radius, height) if k < 12 else 0.0)
-        state, met = follower.go(goal)
+        try:
+            state, met = follower.go(goal)
+        except StepError as error:
+            return {"error": f"goal {k}: {error}"}
         if np.isfinite(met):
             times.append(met)
         else:
-            off.append(float(np.linalg.norm(state.equilibrium - goal)))
-            least.append(flood.closest(goal, LIMITS)[0] if flood else np.nan)
-    longest = max(times, default=0.0)
-    lists = [", ".join(f"{1e3 * d:.3f}" for d in found) or "-" for found in (off, least)]
-    worse = f"{1e3 * max(np.subtract(off, least)):.3f}" if off else "-"
-    cells = (f"{follower.speed:.3f}", follower.snaps, f"{len(times)} of 13", f"{longest:.2f}", *lists, worse)
+            off[str(k)] = float(np.linalg.norm(state.equilibrium - goal))
+            by[str(k)] = follower.kept_by
+    return {
+        "speed": follower.speed, "snaps": follower.snaps, "met": len(times), "longest": max(times, default=0.0),
+        "off": off, "by": by,
+    }  # fmt: skip
+
+
+def kind(number: int) -> int:
+    """Return which of the goals 0, 1, 2 goal `number` is an image of, by a third of a turn or mirrored."""
+    return min(number % 4, 4 - number % 4)
+
+
+def circle_row(found: dict[str, Any], least: dict[int, float]) -> str:
+    """Return the cells of a circle; `least`: what the search finds for goals 0 to 2 [m]."""
+    if "error" in found:
+        return found["error"] + " |" * 7
+    off = {int(k): d for k, d in found["off"].items()}
+    cells = [f"{found['speed']:.3f}", found["snaps"], f"{found['met']} of 13", f"{found['longest']:.2f}"]
+    if not off:
+        return " | ".join(str(cell) for cell in [*cells, "", "", "", ""])
+    kinds = {kind(k) for k in off}
+    apart = max(float(np.ptp([off.get(k, 0.0) for k in range(12) if kind(k) == i])) for i in kinds)
+    worse = max((d - least[kind(k)] for k, d in off.items() if kind(k) in least), default=np.nan)
+    names = sorted({name.split()[-1] if "servo" not in name else " ".join(name.split()[1:]) for names in
+                    found["by"].values() for name in names} or {"fold"})  # fmt: skip
+    cells += [f"{1e3 * min(off.values()):.3f} to {1e3 * max(off.values()):.3f}", ", ".join(names)]
+    cells += [f"{1e3 * worse:.3f}" if np.isfinite(worse) else "", f"{1e3 * apart:.4f}"]
     return " | ".join(str(cell) for cell in cells)
 
 
@@ -140,36 +210,30 @@ def image(points: np.ndarray, turn: int, *, mirrored: bool) -> np.ndarray:
     return points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
 
 
-def copies(count: int) -> None:
-    """Print how far answers to rotated and mirrored goals are apart."""
-    rng = np.random.default_rng(16)
-    print("| circle: slide, height, radius, begun at | copies | answers apart [mm] |\n|---|---|---|")
-    for number in range(count):
-        slide, radius = (0.0, 0.01) if number == 0 else (0.035 * rng.uniform(), rng.uniform(0.006, 0.012))
-        height, phase = rng.uniform(-0.002, 0.002), rng.uniform(0, 2 * np.pi)
-        model, guide = model_at(slide), Timed(slide)
-        goals = np.array([azimuth(phase + 2 * np.pi * k / 6, radius, height) for k in range(6)])
-        answers = []
-        for mirrored in (False, True):
-            for turn in range(3):
-                follower, home = Follower(model, guide), model.go_home().equilibrium
-                there = image(goals, turn, mirrored=mirrored)
-                ends = [follower.go(home + goal)[0].equilibrium - home for goal in there]
-                back = image(np.array(ends), -turn, mirrored=False)
-                answers.append(image(back, 0, mirrored=mirrored))
-        apart = np.linalg.norm(np.ptp(answers, axis=0), axis=1).max()
-        where = (
-            f"{1e3 * slide:.1f}, {1e3 * height:.2f}, {1e3 * radius:.1f} mm, {np.degrees(phase):.0f} degrees"
-        )
-        print(f"| {where} | 6 | {1e3 * apart:.4f} |", flush=True)
+def copies(slide: float, guide: Timed, number: int) -> dict[str, float]:
+    """Return how far answers to rotated and mirrored goals are apart [m], and where the circle is."""
+    rng = np.random.default_rng(16 + number)
+    radius, height, phase = rng.uniform(0.006, 0.012), rng.uniform(-0.002, 0.002), rng.uniform(0, 2 * np.pi)
+    model = model_at(slide)
+    goals = np.array([azimuth(phase + 2 * np.pi * k / 6, radius, height) for k in range(6)])
+    answers, met = [], 0
+    for mirrored in (False, True):
+        for turn in range(3):
+            follower, home = Follower(model, guide), model.go_home().equilibrium
+            there = image(goals, turn, mirrored=mirrored)
+            ends = np.array([follower.go(home + goal)[0].equilibrium - home for goal in there])
+            met += int((np.linalg.norm(ends - there, axis=1) < MET).sum())
+            answers.append(image(image(ends, -turn, mirrored=False), 0, mirrored=mirrored))
+    apart = np.linalg.norm(np.ptp(answers, axis=0), axis=1).max()
+    return {"radius": radius, "height": height, "phase": phase, "apart": float(apart), "met": met}
 
 
-def moving(radius: float) -> None:
-    """Print the circle in the dynamic simulator, goal by goal."""
+def moving(radius: float) -> list[tuple[float, float]]:
+    """Return largest speed [m/s] and distance at the end [m] for each goal of a circle in the dynamic simulator."""
     simulation, guide = Simulation(load_scene("tripod")), Timed(0.0)
     home, dt = simulation.state.centres[0].copy(), simulation.scene.dt
     tracker, joints, now = Tracker(SETTINGS, guide=guide), simulation.state.joints.copy(), 0.0
-    print("| goal | largest speed [m/s] | off at the end [mm] |\n|---|---|---|")
+    rows = []
     for k in range(13):
         goal = home + (azimuth(2 * np.pi * k / 12, radius) if k < 12 else 0.0)
         tracker.aim(goal, None, now)
@@ -180,43 +244,120 @@ def moving(radius: float) -> None:
             simulation.step(joints)
             now += dt
             speed = max(speed, float(np.linalg.norm(simulation.state.centres[0] - before)) / dt)
-        off = 1e3 * float(np.linalg.norm(simulation.state.centres[0] - goal))
-        print(f"| {k} | {speed:.3f} | {off:.3f} |", flush=True)
+        rows.append((speed, float(np.linalg.norm(simulation.state.centres[0] - goal))))
+    return rows
+
+
+class Slide:
+    """All of one slide: model, pathfinder and search, each made when it is needed."""
+
+    def __init__(self, slide: float, kept: Kept) -> None:
+        """`slide`: [mm]."""
+        self.name, self._slide, self._kept = f"slide {slide:g}", slide / 1e3, kept
+        self._model: StaticModel | None = None
+        self._guide: Timed | None = None
+        self._flood: Flood | None = None
+
+    @property
+    def guide(self) -> Timed:
+        """The pathfinder."""
+        if self._guide is None:
+            self._guide = Timed(self._slide)
+        return self._guide
+
+    def circle(self, height: float, radius: float) -> dict[str, Any]:
+        """Return what a circle gives; [mm]."""
+        if self._model is None:
+            self._model = model_at(self._slide)
+        return circle(self._model, self.guide, radius / 1e3, height / 1e3)
+
+    def search(self, height: float, radius: float, number: int) -> float:
+        """Return what the search finds for a goal [m]; [mm]."""
+        if self._flood is None:
+            model = Flood.model(load_scene("tripod"), self._slide, start_angles(self._slide))
+            self._flood = Flood(model, SETTINGS.angle_min, SETTINGS.angle_max, LIMITS, within=0.016)
+            print(f"{len(self._flood.poses)} poses in the search's flood", file=sys.stderr, flush=True)
+        goal = azimuth(2 * np.pi * number / 12, radius / 1e3, height / 1e3)
+        return self._flood.closest(self._flood.poses[0][0].equilibrium + goal, LIMITS)[0]
+
+    def rows(self, heights: list[float], radii: list[float], *, search: bool) -> list[str]:
+        """Return the rows of the table, those with a number of copies last."""
+        rows = []
+        for height in heights:
+            for radius in radii:
+                name = f"{self.name}, height {height:g}, radius {radius:g}"
+                found = self._kept.get(name, lambda h=height, r=radius: self.circle(h, r))
+                least = {}
+                for i in sorted({kind(int(k)) for k in found.get("off", {})}):
+                    known = f"{name}, search {i}"
+                    if search or known in self._kept.known:
+                        least[i] = self._kept.get(known, lambda h=height, r=radius, i=i: self.search(h, r, i))
+                rows.append(f"| {self.name[6:]}, {height:g}, {radius:g} | {circle_row(found, least)} |")
+                print(rows[-1], flush=True)
+        return rows
+
+    def copies(self, number: int) -> str:
+        """Return the row of the copies with that number."""
+        found = self._kept.get(
+            f"{self.name}, copies {number}", lambda: copies(self._slide, self.guide, number)
+        )
+        row = (
+            f"| {self.name[6:]}, {1e3 * found['height']:.2f}, {1e3 * found['radius']:.1f} mm, "
+            f"{np.degrees(found['phase']):.0f} degrees | 6 | {found['met']} of 36 | {1e3 * found['apart']:.4f} |"
+        )
+        print(row, flush=True)
+        return row
+
+
+HEADS = {
+    "circles": ["| slide, height, radius [mm] | speed | snaps | met | longest | off | by | search | apart |",
+                "|---|---|---|---|---|---|---|---|---|"],
+    "copies": ["| slide, height, radius, begun at | copies | met | answers apart [mm] |", "|---|---|---|---|"],
+    "moving": ["| radius | largest speed [m/s] | met, of 13 | others, off by [mm] |", "|---|---|---|---|"],
+}  # fmt: skip
 
 
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--radii", nargs="*", type=float, default=[6, 8, 10, 12], help="mm")
-    parser.add_argument("--slides", nargs="*", type=float, default=[0, 12, 23, 35], help="mm")
-    parser.add_argument("--heights", nargs="*", type=float, default=[-2, 0, 2], help="mm, from the start")
-    parser.add_argument("--copies", type=int, default=5, help="circles, of which there are six copies each")
-    parser.add_argument("--moving", type=float, default=10, help="mm; 0 for none")
     parser.add_argument(
-        "--no-search", action="store_true", help="without the independent search, minutes a slide"
+        "--full", action="store_true", help="all slides, heights, radii, 30 copies, the search"
     )
-    chosen = parser.parse_args()
-    print(f"machine: 1000 x 1000 matrix product in {1e3 * calibration():.0f} ms")
-    for slide in chosen.slides:
-        model, guide, flood = model_at(slide / 1e3), Timed(slide / 1e3), None
-        print("\n| slide, height, radius [mm] | speed | snaps | met | longest | off | search | worse |")
-        print("|---|---|---|---|---|---|---|---|")
-        if not chosen.no_search:
-            flood = Flood(model_at(slide / 1e3), SETTINGS.angle_min, SETTINGS.angle_max, LIMITS)
-        for height in chosen.heights:
-            for radius in chosen.radii:
-                try:
-                    row = circle(model, guide, radius / 1e3, height / 1e3, flood)
-                except StepError as error:
-                    row = f"{error}" + " |" * 6
-                print(f"| {slide:g}, {height:g}, {radius:g} | {row} |", flush=True)
-        known = f"{len(flood.poses)} poses of the search, " if flood else ""
-        slowest = ", ".join(f"{t:.1f}" for t in sorted(guide.times)[-3:]) or "none"
-        print(f"{known}{len(guide.times)} ways asked for, the slowest answers after {slowest} s of CPU time")
-    if chosen.copies:
-        copies(chosen.copies)
+    parser.add_argument("--radii", nargs="*", type=float, help="mm")
+    parser.add_argument("--slides", nargs="*", type=float, help="mm")
+    parser.add_argument("--heights", nargs="*", type=float, help="mm, from the start")
+    parser.add_argument("--copies", type=int, help="circles, of which there are six copies each")
+    parser.add_argument("--moving", type=float, help="mm; 0 for none")
+    parser.add_argument("--search", action="store_true", help="compare with the independent search")
+    parser.add_argument("--keep", type=Path, help="file of what is measured")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/inverse_kinematics.md")
+    chosen, full = parser.parse_args(), {
+        "radii": [6, 8, 10, 12], "slides": [0, 35, 12, 23], "heights": [0, 2, -2], "copies": 5, "moving": 10,
+    }  # fmt: skip
+    quick = {"radii": [8], "slides": [0, 12, 35], "heights": [0], "copies": 1, "moving": 0}
+    for name, value in (full if chosen.full else quick).items():
+        if getattr(chosen, name) is None:
+            setattr(chosen, name, value)
+    print(f"machine: 1000 x 1000 matrix product in {1e3 * calibration():.0f} ms", file=sys.stderr)
+    kept = Kept(chosen.keep)
+    tables: dict[str, list[str]] = {name: [] for name in HEADS}
+    slides = [Slide(slide, kept) for slide in chosen.slides]
     if chosen.moving:
-        moving(chosen.moving / 1e3)
+        found = kept.get(f"moving {chosen.moving:g}", lambda: moving(chosen.moving / 1e3))
+        off = [d for _, d in found if d > MET]
+        cells = (f"{chosen.moving:g} mm", f"{max(v for v, _ in found):.3f}", len(found) - len(off))
+        far = ", ".join(f"{1e3 * d:.3f}" for d in off)
+        tables["moving"].append("| " + " | ".join(str(cell) for cell in (*cells, far)) + " |")
+        print(*HEADS["moving"], *tables["moving"], "", sep="\n", flush=True)
+    print(*HEADS["circles"], sep="\n")
+    for slide in slides:
+        tables["circles"] += slide.rows(chosen.heights, chosen.radii, search=chosen.search or chosen.full)
+    print("", *HEADS["copies"], sep="\n")
+    for number in range(chosen.copies):
+        tables["copies"].append(slides[number % len(slides)].copies(number))
+    if chosen.write:
+        for name, rows in tables.items():
+            write_part("inverse_kinematics.md", f"ik circles: {name}", [*HEADS[name], *rows])
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ each pose from a neighbour along the equilibria (`StaticModel.follow`): where th
 import heapq
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -21,11 +22,12 @@ from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task, total_distance
 from tripod_sim.errors import SceneError, StepError
 
-SPACING = 0.1
-"""Distance of the grid [rad]."""
+SPACING = 0.2
+"""Distance of the grid [rad]: wide enough that all of it is looked at in seconds."""
 
 SHORTEST = 0.05
-"""Part of that below which the end of the equilibria is not looked for more closely [rad]."""
+"""Part of that below which the end of the equilibria is not looked for more closely [rad]. With half of a step no way
+leads from the flat piece, and none to all sheets at 12 mm of slide."""
 
 BEYOND = -0.02
 """A pose whose ρ², foretold by its slope (see `SnapLimit`), is below this is beyond a snap: trying would take long."""
@@ -34,7 +36,7 @@ SAME = 1e-4
 """Positions of the effector that differ by less [m] belong to one equilibrium, or to a robot and its model."""
 
 APART = 0.25
-"""How far poses are apart that a search begins at [rad]."""
+"""How far poses of one sheet are apart that a search begins at [rad]."""
 
 NEAR = 1.5 * SPACING
 """How far a pose may be from one of the grid that it is looked for from [rad]."""
@@ -141,13 +143,13 @@ class Atlas:
         self.poses.append(Pose(state, self.model.save()))
         return len(self.poses) - 1
 
-    def promising(self, tasks: Sequence[Task], near: FloatArray, count: int) -> list[int]:
-        """Return at most `count` poses, apart from each other, from which `tasks` look as if they were met best.
+    def promising(self, missed: Callable[[LinearState], float], near: FloatArray, count: int) -> list[int]:
+        """Return at most `count` poses, apart from each other, from which least [m] looks as if it would be `missed`.
 
         Of two that look alike the one that is nearer to the angles `near` [rad] is first.
         """
         ranked = sorted(
-            (foretold(tasks, pose.state) + 1e-4 * float(np.linalg.norm(pose.state.angles - near)), number)
+            (missed(pose.state) + 1e-4 * float(np.linalg.norm(pose.state.angles - near)), number)
             for number, pose in enumerate(self.poses)
         )
         chosen: list[int] = []
@@ -175,18 +177,15 @@ class Atlas:
             return float(np.abs(other.angles - state.angles).max())
 
         tried: set[int] = set()
-        close = False
-        for count, least in enumerate(self.explore(apart)):
-            if least < NEAR or count == most:
-                close = True
-                near = [(apart(pose.state), n) for n, pose in enumerate(self.poses) if n not in tried]
-                for distance, number in sorted(near):
-                    if distance > NEAR:
-                        break
-                    tried.add(number)
-                    if self._comes_to(state, number):
-                        return number
-            if count == most or (close and least > 1.4 * NEAR):
+        for count, least in enumerate(chain(self.explore(apart), [np.inf])):
+            near = [(apart(pose.state), n) for n, pose in enumerate(self.poses) if n not in tried]
+            for distance, number in sorted(near):
+                if distance > NEAR:
+                    break
+                tried.add(number)
+                if self._comes_to(state, number):
+                    return number
+            if count >= most or (tried and least > 1.4 * NEAR):
                 break
         return None
 
@@ -215,6 +214,20 @@ class Atlas:
         while way[-1] != end:
             way.append(before[way[-1]])
         return way
+
+
+class Foretold:
+    """What poses miss of `tasks`, see `foretold`; each is looked at once."""
+
+    def __init__(self, tasks: Sequence[Task]) -> None:
+        self._tasks = tasks
+        self._known: dict[int, tuple[LinearState, float]] = {}  # the state is kept: no other has its id
+
+    def __call__(self, state: LinearState) -> float:
+        """Return how near a step brings `state` [m]."""
+        if id(state) not in self._known:
+            self._known[id(state)] = state, foretold(self._tasks, state)
+        return self._known[id(state)][1]
 
 
 def foretold(tasks: Sequence[Task], state: LinearState) -> float:

@@ -140,10 +140,10 @@ class Guidance:
             return
         if self._question is None:
             self._question, self._target = (state, tasks), target
-        way = self._ask(*self._question)
+        moved = float(np.abs(target - self._target).max())
+        way = self._ask(*self._question, hurry=moved > MOVED)
         if way is None:
             return
-        moved = float(np.abs(target - self._target).max())
         strayed = float(np.abs(state.angles - self._question[0].angles).max()) > STRAYED
         worth = residual - way.residual - moved
         if strayed or moved > max(MOVED, worth):

@@ -38,6 +38,7 @@ class Guide:
         self._thread: threading.Thread | None = None
         self._asked: LinearState | None = None
         self._answer: Way | None = None
+        self._waiting = False
         self.slide = 0.0
         self.notice = ""
 
@@ -45,13 +46,14 @@ class Guide:
         """Build the pathfinder anew for the next question: the limits have changed."""
         self._built_at = np.nan
 
-    def __call__(self, state: LinearState, tasks: Sequence[Task]) -> Way | None:
+    def __call__(self, state: LinearState, tasks: Sequence[Task], *, hurry: bool = False) -> Way | None:
         """Return the way that was asked for; None as long as it is not known, or where there is none."""
         if self._thread is not None and self._thread.is_alive():
+            self._waiting = hurry
             return None
         if state is self._asked:
             return self._answer
-        self._asked, self._answer = state, None
+        self._asked, self._answer, self._waiting = state, None, False
         self.notice = "looking for the closest pose"
         self._thread = threading.Thread(
             target=self._find, args=(state, tuple(tasks), self.slide), daemon=True
@@ -63,6 +65,7 @@ class Guide:
         try:
             if self._finder is None or not abs(slide - self._built_at) < SLID:
                 self._finder, self._built_at = self._build(slide), slide
+                self._finder.hurry = lambda: self._waiting
             self._answer = self._finder.way(state, tasks)
             known = self._answer is not NOWHERE
             self.notice = "" if known else f"{NEAR_WAY}; the robot does not rest as its model does"

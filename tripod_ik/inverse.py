@@ -218,9 +218,11 @@ class InverseSolver:
         reason = found.reason or "the body has two equilibria there, and which it is in depends on its way"
         return replace(found, reason=reason, iterations=count)
 
-    def descend(self, tasks: Sequence[Task]) -> Solution:
-        """Return the pose near the present one that no step betters, on its branch unless any will do."""
-        self._count = 0
+    def descend(self, tasks: Sequence[Task], most: int) -> Solution:
+        """Return the pose near the present one that no step betters, on its branch unless any will do, or where `most`
+        programs lead to.
+        """
+        self._count, self._max_iterations = 0, most
         return self._descend(tasks, branch(self.model.state(), tasks), np.inf, np.inf)
 
     def _descend(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:

@@ -36,11 +36,29 @@ MISSED, PART = 2e-4, 0.05
 no smooth one."""
 
 
-def goes_on(before: LinearState, after: LinearState) -> bool:
-    """Return whether two states belong to one family of equilibria, as far as their Jacobians tell."""
+def goes_on(before: LinearState, after: LinearState, softest: float = 0.0) -> bool:
+    """Return whether two states belong to one family of equilibria, as far as their Jacobians tell, none of which on
+    the straight way between them is less firm than `softest`.
+    """
     move, turn = after.equilibrium - before.equilibrium, after.angles - before.angles
     miss = move - 0.5 * (before.jacobian[:3] + after.jacobian[:3]) @ turn
-    return bool(after.firmness > 0 and np.linalg.norm(miss) <= MISSED + PART * np.linalg.norm(move))
+    smooth = after.firmness > 0 and np.linalg.norm(miss) <= MISSED + PART * np.linalg.norm(move)
+    return bool(smooth and softest_between(before, after) >= softest)
+
+
+def softest_between(before: LinearState, after: LinearState) -> float:
+    """Return the least firmness on the straight way between two states, as their firmness and its slopes foretell.
+
+    ρ |ρ| is what goes to zero in proportion to the angles; between the two it is taken as the cubic of its ends.
+    """
+    turn, t = after.angles - before.angles, np.linspace(0.0, 1.0, 9)
+    (a, da), (b, db) = (
+        (s.firmness * abs(s.firmness), 2 * abs(s.firmness) * float(s.firmness_slope @ turn))
+        for s in (before, after)
+    )
+    cubic = a + t * (da + t * (3 * (b - a) - 2 * da - db + t * (da + db - 2 * (b - a))))
+    least = float(cubic[1:].min())
+    return float(np.sign(least) * np.sqrt(abs(least)))
 
 
 def linear_state(c: Compliance) -> LinearState:
@@ -148,13 +166,13 @@ class StaticModel:
             end = min(1.0, done + part)
             try:
                 after = self.move(angles if end == 1.0 else start + end * whole)
-                if goes_on(before, after) and after.firmness >= softest:
+                if goes_on(before, after, softest):
                     done, part = end, min(1.0, 2 * part)
                     continue
             except StepError:
                 pass
             self.restore(here)
-            part /= 2
+            part = (end - done) / 2
             if part * longest < shortest:
                 self.restore(begin)
                 raise StepError("the equilibria of the body end on the way: it would snap")

@@ -8,32 +8,44 @@ import numpy as np
 
 from tripod_graph.names import WORKING_POSE
 from tripod_ik.arrays import FloatArray
-from tripod_ik.atlas import CALM, SAME, SHORTEST, Atlas, foretold
+from tripod_ik.atlas import CALM, SAME, SHORTEST, Atlas, Foretold
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
 from tripod_ik.limits import AngleLimit, Motion
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.row_limits import RowLimit
 from tripod_ik.snap import WITHIN
 from tripod_ik.state import LinearState
-from tripod_ik.tasks import Task
+from tripod_ik.tasks import Task, total_distance
 from tripod_ik.way import NOWHERE, Way
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 
 MARGIN = 2e-3
-"""Poses that come nearer than the best one does, but for this [m], are looked at in the search for a better one."""
+"""Of a target that is not met, poses are looked at that are as far from home as it is, and by this farther [m]."""
 
-SEEDS = 4
-"""How many of them a search begins at."""
+SEEDS = 8
+"""How many of them a search begins at, at most."""
 
-PROGRAMS = 80
-"""Programs for each of these, at most."""
+FIRST, PROGRAMS = 15, 80
+"""Programs for each of these, and for each that may then end as good as the best one."""
+
+GOOD = 1.3
+"""A search that misses at most so many times what the best one does is continued: a snap is come to slowly."""
 
 ITERATIONS = 25
 """Of Newton's method, in a step of the model."""
 
-MOST = 400
-"""Poses that one search looks at, at most."""
+MOST = 200
+"""Poses that are looked at to find the present one, at most."""
+
+ALL = 800
+"""Poses that are looked at for one target that is not met, at most."""
+
+DRAWN = 3
+"""Times that a stop of a way is drawn in, at most, by half of what it is off the straight line."""
+
+Stop = tuple[Saved, LinearState]
+"""A pose of a way: what brings the model there, and its state."""
 
 Found = tuple[Solution, Saved, int]
 """A solution, what brings the model there, and the number of the pose of the atlas that it was found from."""
@@ -45,6 +57,7 @@ class Pathfinder:
     Attributes:
         model: Left anywhere.
         count: Programs solved so far, and poses looked at.
+        hurry: Asked during a flood whether it is to end: somebody waits for another answer.
     """
 
     def __init__(
@@ -69,9 +82,9 @@ class Pathfinder:
         self._atlas = Atlas(model, low, high, row_limits)
         self.model, self._tolerance, self._progress = model, tolerance, progress
         self.count = 0
+        self.hurry: Callable[[], bool] = lambda: False
         self._solver = InverseSolver(
-            model, angles, row_limits=row_limits, tolerance=tolerance, max_iterations=PROGRAMS, any_branch=True,
-            smooth=True,
+            model, angles, row_limits=row_limits, tolerance=tolerance, any_branch=True, smooth=True,
         )  # fmt: skip
 
     @classmethod
@@ -101,83 +114,138 @@ class Pathfinder:
     def closest(self, tasks: Sequence[Task], near: FloatArray) -> Found:
         """Return the pose that meets `tasks` best, and from which pose of the atlas it was found.
 
+        First the flood goes downhill to where the target may be met. What that leads to need not be the closest pose:
+        the sheets of equilibria hang together far from the target. So where it is not met all is flooded that is no
+        farther from home than the target, unless `hurry` says so.
+
         Args:
             tasks: What to do.
             near: Of poses equally good the one nearest to these angles [rad] is taken, shape (s,).
         """
-        best: Found | None = None
-        tried: set[int] = set()
-        for margin in (0.0, MARGIN):  # first downhill from what is known, then all round
-            new = True
-            while new:
-                new = self._grow(tasks, best[0].residual if best else np.inf, margin)
-                best = self._polished(tasks, near, tried, best)
-                if best[0].outcome is Outcome.REACHED:
-                    return best
-        assert best
+        missed = Foretold(tasks)
+        self._downhill(missed)
+        best = self._polished(tasks, missed, near)
+        if best[0].outcome is not Outcome.REACHED and self._all_round(tasks, missed):
+            best = self._polished(tasks, missed, near)
         return best
 
-    def _polished(
-        self, tasks: Sequence[Task], near: FloatArray, tried: set[int], best: Found | None
-    ) -> Found:
-        """Return the best pose that searches from promising ones end in, or `best`; add these to `tried`."""
-        for number in self._atlas.promising(tasks, near, SEEDS):
+    def _polished(self, tasks: Sequence[Task], missed: Foretold, near: FloatArray) -> Found:
+        """Return the best pose that searches from promising ones end in."""
+        begun: list[Found] = []
+        least = np.inf
+        for number in self._atlas.promising(missed, near, SEEDS):
             pose = self._atlas.poses[number]
-            if number in tried or (best and foretold(tasks, pose.state) > best[0].residual):
+            if missed(pose.state) > least:
                 continue
-            tried.add(number)
-            self.model.restore(pose.saved)
-            found = self._solver.descend(tasks)
-            self.count += found.iterations
-            if best is None or found.residual < best[0].residual - SAME / 100:
-                best = found, self.model.save(), number
-            if best[0].outcome is Outcome.REACHED:
-                break
+            begun.append(self._descended(tasks, pose.saved, number, FIRST))
+            least = min(least, begun[-1][0].residual)
+            if begun[-1][0].outcome is Outcome.REACHED:
+                return begun[-1]
+        best: Found | None = None
+        for solution, there, number in begun:
+            if solution.residual > GOOD * least:
+                continue
+            found = solution, there, number
+            if solution.outcome is Outcome.UNFINISHED:
+                found = self._descended(tasks, there, number, PROGRAMS)
+            if best is None or found[0].residual < best[0].residual - SAME / 100:
+                best = found
         assert best
+        self.model.restore(best[1])
         return best
 
-    def _grow(self, tasks: Sequence[Task], least: float, margin: float) -> bool:
-        """Look at poses that come nearer than `least` [m], or than any known one, but for `margin` [m].
+    def _descended(self, tasks: Sequence[Task], saved: Saved, number: int, most: int) -> Found:
+        self.model.restore(saved)
+        found = self._solver.descend(tasks, most)
+        self.count += found.iterations
+        return found, self.model.save(), number
 
-        Returns whether there were new ones.
-        """
-        before = len(self._atlas.poses)
-        least = min(least, *(foretold(tasks, pose.state) for pose in self._atlas.poses), np.inf)
-        for count, next_one in enumerate(self._atlas.explore(lambda state: foretold(tasks, state))):
-            if next_one > least + margin or count == MOST or (margin == 0.0 and least < self._tolerance):
+    def _downhill(self, missed: Foretold) -> None:
+        """Look at poses that come nearer than any known one, until one may meet the target."""
+        least = min(missed(pose.state) for pose in self._atlas.poses)
+        for next_one in self._atlas.explore(missed):
+            if next_one > least or least < self._tolerance:
                 break
-            least = min(least, next_one)
-            self.count += 1
-            if self._progress:
-                self._progress(self.count, least)
+            least = next_one
+            self._tell(least)
+
+    def _all_round(self, tasks: Sequence[Task], missed: Foretold) -> bool:
+        """Look at all poses that are no farther from home than the target, but for `MARGIN`; return whether any was
+        new.
+        """
+        before, home = len(self._atlas.poses), self._atlas.poses[0].state
+        least = min(missed(pose.state) for pose in self._atlas.poses)
+        asked = [task.rows(home) for task in tasks]
+        far = total_distance(tasks, [rows.error for rows in asked]) + MARGIN
+
+        def from_home(state: LinearState) -> float:
+            rows = [task.rows(state) for task in tasks]
+            return total_distance(tasks, [h.error - r.error for h, r in zip(asked, rows, strict=True)])
+
+        for count, next_one in enumerate(self._atlas.explore(from_home)):
+            if next_one > far or count == ALL or self.hurry():
+                break
+            self._tell(least)
         return len(self._atlas.poses) > before
 
-    def way(self, state: LinearState, tasks: Sequence[Task]) -> Way:
+    def _tell(self, least: float) -> None:
+        self.count += 1
+        if self._progress:
+            self._progress(self.count, least)
+
+    def way(self, state: LinearState, tasks: Sequence[Task], *, hurry: bool = False) -> Way:
         """Return the way from `state` to the pose that meets `tasks` best; `NOWHERE` where the model does not come to
-        `state`.
+        `state`. It is an `Ask` that answers at once, so that `hurry` is nothing to it.
         """
-        start = self._atlas.find(state, MOST // 2)
+        start = self._atlas.find(state, MOST)
         if start is None:
             return NOWHERE
         here = self.model.save()
         best, there, number = self.closest(tasks, state.angles)
         poses = [self._atlas.poses[n] for n in self._atlas.path(start, number)]
         stops = [(here, state), *((p.saved, p.state) for p in poses), (there, best.state)]
-        way, at = [], 0
+        kept, at = [stops[0]], 0
         while at < len(stops) - 1:
             after = len(stops) - 1
             while after > at + 1 and not self._is_straight(stops[at], stops[after]):
                 after = at + (after - at + 1) // 2
             at = after
-            way.append(stops[at][1].angles)
-        return Way(np.array(way), best.residual, best.active_limits)
+            kept.append(stops[at])
+        for i in range(1, len(kept) - 1):
+            kept[i] = self._drawn_in(*kept[i - 1 : i + 2])
+        return Way(
+            np.array([stop.angles for _, stop in kept[1:]]).reshape(-1, len(state.angles)),
+            best.residual,
+            best.active_limits,
+        )
 
-    def _is_straight(self, start: tuple[Saved, LinearState], end: tuple[Saved, LinearState]) -> bool:
+    def _drawn_in(self, before: Stop, stop: Stop, after: Stop) -> Stop:
+        """Return a stop nearer to the straight line between its neighbours, where the ways stay as firm: the grid is
+        coarse.
+        """
+        whole = after[1].angles - before[1].angles
+        for _ in range(DRAWN):
+            here = stop[1].angles
+            part = float(np.clip((here - before[1].angles) @ whole / max(whole @ whole, 1e-12), 0.0, 1.0))
+            self.model.restore(stop[0])
+            try:
+                state = self.model.follow(
+                    0.5 * (here + before[1].angles + part * whole), shortest=SHORTEST / 4
+                )
+            except (StepError, SceneError):
+                break
+            nearer = self.model.save(), state
+            if not (self._is_straight(before, nearer) and self._is_straight(nearer, after)):
+                break
+            stop = nearer
+        return stop
+
+    def _is_straight(self, start: Stop, end: Stop) -> bool:
         """Return whether the body goes straight from one pose to another, and hardly softer than these."""
         self.model.restore(start[0])
         softest = WITHIN * min(CALM, start[1].firmness, end[1].firmness)
         try:
-            found = self.model.follow(end[1].angles, softest=softest, shortest=SHORTEST)
+            found = self.model.follow(end[1].angles, softest=softest, shortest=SHORTEST / 4)
         except (StepError, SceneError):
             return False
         return bool(np.abs(found.equilibrium - end[1].equilibrium).max() < SAME)

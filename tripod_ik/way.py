@@ -1,7 +1,8 @@
 """A way through the angles, and who knows ways."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -28,5 +29,12 @@ class Way:
 NOWHERE = Way(np.empty((0, 0)), np.inf, ())
 """No way is known."""
 
-Ask = Callable[[LinearState, Sequence[Task]], Way | None]
-"""Returns the way from a state to the pose that meets tasks best. None is no answer yet: to be asked the same again."""
+
+class Ask(Protocol):
+    """Who knows ways."""
+
+    def __call__(self, state: LinearState, tasks: Sequence[Task], *, hurry: bool = False) -> Way | None:
+        """Return the way from a state to the pose that meets tasks best; None is no answer yet: to be asked again.
+
+        `hurry`: the answer is hardly of use any more; what is known will do.
+        """

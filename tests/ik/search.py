@@ -6,7 +6,7 @@ Unlike `tripod_ik` it has no linear program with slacks, no branch and no step o
 """
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -15,6 +15,7 @@ from tripod_ik.arrays import FloatArray
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.state import LinearState
 from tripod_sim.errors import StepError
+from tripod_sim.scene import Scene
 
 FEASIBLE = 1e-6
 """A constraint may be passed by so much of its size: SLSQP's own accuracy."""
@@ -109,6 +110,12 @@ class Flood(Search):
     `within`: poses whose effector is farther from that one [m] are left out.
     """
 
+    @staticmethod
+    def model(scene: Scene, slide: float, angles: FloatArray) -> StaticModel:
+        """Return a model that gives up early: what takes many iterations is no small step."""
+        solver = replace(scene.solver, max_iterations=25, max_halvings=0)
+        return StaticModel(replace(scene, solver=solver), slide, angles)
+
     def __init__(
         self,
         model: StaticModel,
@@ -143,7 +150,7 @@ class Flood(Search):
                     self.poses.append((found, model.save()))
                     todo.append((there, self.poses[-1]))
 
-    def closest(self, target: FloatArray, limits: Limits, starts: int = 4) -> tuple[float, FloatArray]:
+    def closest(self, target: FloatArray, limits: Limits, starts: int = 6) -> tuple[float, FloatArray]:
         """Return the least distance [m] among these poses and those that SLSQP goes to from there, and its angles."""
         far = np.array([np.linalg.norm(state.equilibrium - target) for state, _ in self.poses])
         order = np.argsort(far)
@@ -152,18 +159,26 @@ class Flood(Search):
             state, saved = self.poses[i]
             if len(chosen) == starts:
                 break
-            if any(np.abs(state.angles - angles).max() < 0.15 for angles in chosen):
+            if any(
+                np.abs(state.angles - other.angles).max() < 0.15
+                and np.abs(state.equilibrium - other.equilibrium).max() < 0.005
+                for other in chosen
+            ):
                 continue
-            chosen.append(state.angles)
+            chosen.append(state)
             self.model.restore(saved)
-            try:
-                best = min(best, (self.descend(target, limits), self.model.angles), key=lambda pair: pair[0])
-            except StepError:  # its steps went beyond a snap
-                continue
+            best = min(best, (self.descend(target, limits), self.model.angles), key=lambda pair: pair[0])
         return best
 
     def _at(self, angles: FloatArray) -> LinearState:
-        return self.model.follow(np.clip(angles, *self.bounds))
+        """Return the state at `angles`; beyond a snap what the last one foretells, but far too soft."""
+        wanted, before = np.clip(angles, *self.bounds), self.model.state()
+        try:
+            return self.model.follow(wanted)
+        except StepError:
+            offset = before.equilibrium_offset.copy()
+            offset[:3] += before.jacobian[:3] @ (wanted - before.angles)
+            return replace(before, angles=wanted, equilibrium_offset=offset, firmness=-1.0)
 
 
 def _linked(state: LinearState, other: LinearState) -> bool:

@@ -23,12 +23,14 @@ class Robot:
 
     def __init__(self, answers):
         self.plant, self.questions, self.answers = SpringRobot(slide=0.035), [], list(answers)
+        self.hurried = []
         self.tracker = Tracker(TrackerSettings(angle_max=-1.0), guide=self.ask)
         self.angles, self.now = WORKING, 0.0
         self.tracker.target = self.plant.rest(WORKING) + np.array([0.0, 0.0, 0.1])
 
-    def ask(self, state, tasks):
+    def ask(self, state, tasks, *, hurry=False):
         self.questions.append((state, tasks))
+        self.hurried.append(hurry)
         return self.answers.pop(0)
 
     def run(self, ticks, *, obeys=True):
@@ -150,3 +152,28 @@ def test_a_guide_answers_when_it_knows_and_says_what_it_does(answer, notice):
         assert guide(SpringRobot().state(WORKING), tasks) is None
         guide.close(60.0)
     assert slides == [0.035, 0.02]
+
+
+def test_a_question_that_is_of_no_use_any_more_is_answered_in_a_hurry():
+    class Thorough:
+        def way(self, _state, _tasks):
+            assert any(self.hurry() or threading.Event().wait(0.01) for _ in range(6000))
+            return NOWHERE
+
+    guide = Guide(lambda _: Thorough())
+    state, tasks = SpringRobot(slide=0.035).state(WORKING), [PositionTask(np.zeros(3))]
+    assert guide(state, tasks) is None
+    assert guide(state, tasks, hurry=True) is None
+    guide.close(60.0)
+    assert guide(state, tasks) is NOWHERE
+    assert guide.notice == f"{NEAR_WAY}; the robot does not rest as its model does"
+
+
+def test_a_tracker_whose_target_moves_on_hurries():
+    robot = Robot([None] * 20)
+    robot.until_asked()
+    robot.run(3)
+    robot.tracker.aim(robot.tracker.target + np.array([0.003, 0.0, 0.0]), None, robot.now)
+    robot.run(10)
+    assert not any(robot.hurried[:3])
+    assert robot.hurried[-1]

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from tests.ik.search import Flood, Limits
+from tripod_graph.names import WORKING_POSE
+from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel, goes_on
 from tripod_ik.pathfinder import Pathfinder
 from tripod_ik.snap import SOFTEST
@@ -71,6 +73,28 @@ def test_round_the_edge_of_reach_it_ends_closest_and_comes_back_mirrored_for_mir
     assert found["left"] == pytest.approx(turned, abs=2e-5)
 
 
+def test_beyond_a_gap_between_sheets_the_closest_pose_is_found_whatever_was_asked_before():
+    """Slid in by 12 mm the body rests above or below; the sheets of both hang together only near home."""
+    start = np.array(WORKING_POSE[:3]) * 12 / 35
+    finder = Pathfinder.of(load_scene("tripod"), 0.012, *Tracker(SETTINGS).reach)
+    home = finder.model.go_home().equilibrium
+
+    def asked(goal):
+        return finder.closest([PositionTask(home + goal)], start)[0]
+
+    low, high = np.array([0.0, 0.0, -0.002]), np.array([0.0, 0.0, 0.002])
+    assert asked(at(0) + low).residual < 1e-6  # now the sheet below is known, and little else
+    finder.hurry = lambda: True
+    hurried = asked(at(0) + high)
+    assert hurried.residual > 3e-3
+    finder.hurry = lambda: False
+    assert asked(at(0) + high).residual < 1e-6
+    between = [asked(at(sign * 30 + turn)) for sign in (1, -1) for turn in (0, 120)]
+    assert np.ptp([found.residual for found in between]) < 2e-5
+    assert between[0].residual == pytest.approx(0.904e-3, abs=1e-5)
+    assert between[0].iterations < 80
+
+
 def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
     """More of them are in benchmarks/ik_circles.py."""
     home, limits = flat.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
@@ -85,3 +109,15 @@ def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
 def test_a_robot_that_does_not_rest_as_the_model_does_gets_no_way(flat, finder):
     other = StaticModel(load_scene("tripod", ["material.young=4e5"]), 0.0, np.zeros(3)).state()
     assert finder.way(other, [PositionTask(np.array([0.01, 0.0, 0.0]))]) is NOWHERE
+
+
+def test_a_way_is_known_where_all_poses_are():
+    """Of few angles all poses are soon found: then the present one is still among them."""
+    finder = Pathfinder.of(load_scene("tripod"), 0.035, AngleLimit(-1.8, -1.2))
+    home = finder.model.go_home().equilibrium
+    far = [PositionTask(home + np.array([0.05, 0.0, 0.0]))]
+    finder.closest(far, finder.model.home)
+    state = finder.model.move(np.array([-1.45, -1.55, -1.35]))
+    way = finder.way(state, far)
+    assert way is not NOWHERE
+    assert way.stops[-1] == pytest.approx([-1.8, -1.2, -1.2], abs=1e-4)
