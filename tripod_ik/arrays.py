@@ -23,9 +23,9 @@ def frozen(name: str, values: Any, shape: tuple[int, ...]) -> FloatArray:
         raise IkError(f"{name} is not an array of numbers") from None
     if array.shape != shape:
         raise IkError(f"{name} has shape {array.shape}; it must be {shape}")
-    bad = np.argwhere(~(np.abs(array) <= LARGEST))  # the negation also catches NaN
-    if len(bad):
-        where = tuple(int(i) for i in bad[0])
+    sane = np.abs(array) <= LARGEST  # not so for NaN
+    if not sane.all():
+        where = tuple(int(i) for i in np.argwhere(~sane)[0])
         raise IkError(
             f"{name}{list(where)} is {array[where]:g}; it must be finite and below {LARGEST:g} in size"
         )

@@ -29,6 +29,9 @@ SEEDS = 8
 FIRST, PROGRAMS = 15, 80
 """Programs for each of these, and for each that may then end as good as the best one."""
 
+NEARLY = 1e-4
+"""Where a linear step misses less [m], a search may meet the target."""
+
 GOOD = 1.3
 """A search that misses at most so many times what the best one does is continued: a snap is come to slowly."""
 
@@ -125,9 +128,13 @@ class Pathfinder:
         missed = Foretold(tasks)
         self._downhill(missed)
         best = self._polished(tasks, missed, near)
-        if best[0].outcome is not Outcome.REACHED and self._all_round(tasks, missed):
-            best = self._polished(tasks, missed, near)
-        return best
+        if best[0].outcome is Outcome.REACHED:
+            return best
+        before = len(self._atlas.poses)
+        met = self._all_round(tasks, missed)
+        if met or len(self._atlas.poses) == before:
+            return met or best
+        return self._polished(tasks, missed, near)
 
     def _polished(self, tasks: Sequence[Task], missed: Foretold, near: FloatArray) -> Found:
         """Return the best pose that searches from promising ones end in."""
@@ -169,11 +176,11 @@ class Pathfinder:
             least = next_one
             self._tell(least)
 
-    def _all_round(self, tasks: Sequence[Task], missed: Foretold) -> bool:
-        """Look at all poses that are no farther from home than the target, but for `MARGIN`; return whether any was
-        new.
+    def _all_round(self, tasks: Sequence[Task], missed: Foretold) -> Found | None:
+        """Look at all poses that are no farther from home than the target, but for `MARGIN`; return the first that a
+        search meets the target from.
         """
-        before, home = len(self._atlas.poses), self._atlas.poses[0].state
+        home, seen = self._atlas.poses[0].state, len(self._atlas.poses)
         least = min(missed(pose.state) for pose in self._atlas.poses)
         asked = [task.rows(home) for task in tasks]
         far = total_distance(tasks, [rows.error for rows in asked]) + MARGIN
@@ -183,10 +190,17 @@ class Pathfinder:
             return total_distance(tasks, [h.error - r.error for h, r in zip(asked, rows, strict=True)])
 
         for count, next_one in enumerate(self._atlas.explore(from_home)):
+            for number in range(seen, len(self._atlas.poses)):
+                pose = self._atlas.poses[number]
+                if missed(pose.state) < NEARLY:
+                    found = self._descended(tasks, pose.saved, number, FIRST)
+                    if found[0].outcome is Outcome.REACHED:
+                        return found
+            seen = len(self._atlas.poses)
             if next_one > far or count == ALL or self.hurry():
                 break
             self._tell(least)
-        return len(self._atlas.poses) > before
+        return None
 
     def _tell(self, least: float) -> None:
         self.count += 1

@@ -16,6 +16,10 @@ SINGULAR = 1e-9
 """Eigenvalues of W_aa below this part of the largest count as zero: no torque turns the servos that way."""
 
 
+AT_REST = frozen("equilibrium_offset", np.zeros(6), (6,))
+"""Offset of an effector that rests where it is."""
+
+
 @dataclass(frozen=True, eq=False)
 class LinearState:
     """Linearised static response of the body about one state; the fields of tripod_msgs/Compliance.
@@ -76,6 +80,14 @@ class LinearState:
         asymmetry, largest = float(np.abs(self.W - self.W.T).max()), float(np.abs(self.W).max())
         if not asymmetry <= ASYMMETRY * largest:
             raise IkError(f"W differs from its transpose by {asymmetry:g}, its largest entry is {largest:g}")
+
+    def as_it_is(self) -> "LinearState":
+        """Return the same response, at rest where the effector is at present. All else is shared, not checked again."""
+        here = object.__new__(LinearState)
+        here.__dict__.update(self.__dict__, equilibrium_offset=AT_REST)
+        for name in ("equilibrium", "equilibrium_rotation"):
+            here.__dict__.pop(name, None)
+        return here
 
     @cached_property
     def equilibrium(self) -> FloatArray:

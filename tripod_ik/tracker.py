@@ -340,7 +340,7 @@ class Tracker:
         return False
 
     def _present_error(self, state: LinearState, wanted: FloatArray) -> tuple[float, float]:
-        here = replace(state, equilibrium_offset=np.zeros(6))
+        here = state.as_it_is()
         tasks = self.settings.tasks(wanted[:3], wanted[3:])
         errors = [task.rows(here).error for task in tasks]
         distances = [task.distances(error) for task, error in zip(tasks, errors, strict=True)]

@@ -87,7 +87,6 @@ class RestState:
             return
         self._state.copy_to(self._trial)
         self._dx[:] = 0.0
-        self._system.update_levers(self._state)
         self._move(fall)
         sound = stable and float(np.abs(self._dx).max()) < WIDE  # and false where it is not a number
         self._turning = turning if sound else None

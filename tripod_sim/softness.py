@@ -75,6 +75,9 @@ def softness(system: System, state: State, answers: FloatArray, reference: float
         reference: What `reference_stiffness` gave for the undeformed body [N/m].
     """
     s = len(system.groups.driven)
+    values = np.linalg.eigvalsh(_flexibility(system, answers))
+    if values[0] > 0 and 1.0 / (values[-1] * reference) >= FIRM:  # the rule, and then no direction is asked for
+        return Softness(1.0 / float(values[-1] * reference), np.zeros(s))
     stiffness, directions = _stiffnesses(system, answers)
     rho = max(float(stiffness[0]) / reference, -1.0)
     if not 0 < rho < FIRM:
@@ -92,11 +95,20 @@ def softness(system: System, state: State, answers: FloatArray, reference: float
     return Softness(rho, (torques - residual @ answers[:, 6 : 6 + s]) / (MOVE**2 * reference))
 
 
+def _flexibility(system: System, answers: FloatArray) -> FloatArray:
+    """Return how the first rigid body answers to forces, symmetric, rotations in metres, shape (6, 6) [m/N]."""
+    first, radius = 3 * system.reduction.free_count, system.radius(0)
+    F = answers[first : first + 6, :6] + answers[first : first + 6, :6].T
+    F *= 0.5
+    F[3:] *= radius
+    F[:, 3:] *= radius
+    return F
+
+
 def _stiffnesses(system: System, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the stiffnesses of the first rigid body [N/m], ascending, and the forces that go with them, columns."""
-    first, metres = 3 * system.reduction.free_count, np.repeat([1.0, system.radius(0)], 3)
-    F = answers[first : first + 6, :6] * np.outer(metres, metres)
-    values, vectors = np.linalg.eigh(0.5 * (F + F.T))
+    values, vectors = np.linalg.eigh(_flexibility(system, answers))
     stiffness = 1.0 / values
     order = np.argsort(stiffness)
-    return stiffness[order], metres[:, None] * vectors[:, order]
+    vectors[3:] *= system.radius(0)
+    return stiffness[order], vectors[:, order]
