@@ -275,7 +275,9 @@ class Slide:
         """Return what the search finds for a goal [m]; [mm]."""
         if self._flood is None:
             model = Flood.model(load_scene("tripod"), self._slide, start_angles(self._slide))
-            self._flood = Flood(model, SETTINGS.angle_min, SETTINGS.angle_max, LIMITS, within=0.016)
+            self._flood = Flood(
+                model, SETTINGS.angle_min, SETTINGS.angle_max, LIMITS, spacing=0.2, within=0.016
+            )
             print(f"{len(self._flood.poses)} poses in the search's flood", file=sys.stderr, flush=True)
         goal = azimuth(2 * np.pi * number / 12, radius / 1e3, height / 1e3)
         return self._flood.closest(self._flood.poses[0][0].equilibrium + goal, LIMITS)[0]
