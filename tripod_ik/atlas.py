@@ -21,6 +21,7 @@ from tripod_ik.snap import SOFTEST
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task, total_distance
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.softness import FIRM
 
 SPACING = 0.2
 """Distance of the grid [rad]: wide enough that all of it is looked at in seconds."""
@@ -132,7 +133,9 @@ class Atlas:
             return None
         self.model.restore(here.saved)
         try:
-            state = self.model.follow(angles, shortest=SHORTEST)
+            state = self.model.follow(
+                angles, shortest=SHORTEST, longest=SPACING / 2 if rho < FIRM else SPACING
+            )
         except (StepError, SceneError):
             return None
         for number in known:
@@ -231,11 +234,16 @@ class Foretold:
 
 
 def foretold(tasks: Sequence[Task], state: LinearState) -> float:
-    """Return how near [m] a linear step of at most the grid's spacing brings `state` to what `tasks` ask."""
+    """Return how near [m] a linear step of at most the grid's spacing, and not into a snap, brings `state` to what
+    `tasks` ask.
+    """
     rows = [task.rows(state) for task in tasks]
     e = np.concatenate([r.weights * r.error for r in rows])
     J = np.concatenate([r.weights[:, None] * r.jacobian for r in rows])
     n = J.shape[1]
     step = np.linalg.solve(J.T @ J + DAMPING**2 * np.eye(n), J.T @ e)
     step = np.clip(step, -SPACING, SPACING)
+    falls, room = -2 * state.firmness * float(state.firmness_slope @ step), state.firmness**2 - SOFTEST**2
+    if falls > room:
+        step *= max(room, 0.0) / falls
     return total_distance(tasks, [r.error - r.jacobian @ step for r in rows])

@@ -131,6 +131,7 @@ class InverseSolver:
         self._solver = IkSolver(n, rows=sum(limit.size(n) for limit in self._kept_to))
         self._pool: StartPool | None = None
         self._progress, self._count = progress, 0
+        self.trail: list[tuple[Saved, LinearState]] = []
 
     def solve(
         self, tasks: Sequence[Task], *, time_limit: float = np.inf, everywhere: bool = False
@@ -220,9 +221,10 @@ class InverseSolver:
 
     def descend(self, tasks: Sequence[Task], most: int) -> Solution:
         """Return the pose near the present one that no step betters, on its branch unless any will do, or where `most`
-        programs lead to.
+        programs lead to; `trail` has the poses on the way.
         """
         self._count, self._max_iterations = 0, most
+        self.trail = []
         return self._descend(tasks, branch(self.model.state(), tasks), np.inf, np.inf)
 
     def _descend(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
@@ -256,6 +258,8 @@ class InverseSolver:
                 reason = f"the time limit of {time_limit:g} s ended after {iterations} iterations"
             else:
                 better = self._advance(problem, result, side)
+                if better:
+                    self.trail.append((self.model.save(), better))
                 longest = min(2 * longest, LONGEST_STEP) if better else min(longest, step) / 4
                 state = better or state
                 continue
@@ -283,7 +287,9 @@ class InverseSolver:
     def _moved(self, command: FloatArray) -> LinearState | None:
         """Return the state of the model at `command` [rad], or None where it does not get there."""
         try:
-            return self._seen(self.model.move(command) if self._snapping else self.model.follow(command))
+            if self._snapping:
+                return self._seen(self.model.move(command))
+            return self._seen(self.model.follow(command, longest=LONGEST_STEP / 3))
         except (StepError, SceneError):
             return None
 

@@ -49,15 +49,19 @@ def goes_on(before: LinearState, after: LinearState, softest: float = 0.0) -> bo
 def softest_between(before: LinearState, after: LinearState) -> float:
     """Return the least firmness on the straight way between two states, as their firmness and its slopes foretell.
 
-    ρ |ρ| is what goes to zero in proportion to the angles; between the two it is taken as the cubic of its ends.
+    ρ |ρ| is what goes to zero in proportion to the angles: where it falls towards the other state from both, it is
+    least where the two straight lines meet.
     """
-    turn, t = after.angles - before.angles, np.linspace(0.0, 1.0, 9)
-    (a, da), (b, db) = (
+    turn = after.angles - before.angles
+    (a, fall), (b, rise) = (
         (s.firmness * abs(s.firmness), 2 * abs(s.firmness) * float(s.firmness_slope @ turn))
         for s in (before, after)
     )
-    cubic = a + t * (da + t * (3 * (b - a) - 2 * da - db + t * (da + db - 2 * (b - a))))
-    least = float(cubic[1:].min())
+    least = min(a, b)
+    if fall < 0 < rise:
+        t = (b - rise - a) / (fall - rise)
+        if 0 < t < 1:
+            least = min(least, a + t * fall)
     return float(np.sign(least) * np.sqrt(abs(least)))
 
 
@@ -146,34 +150,45 @@ class StaticModel:
                 raise
         return self.state()
 
-    def follow(self, angles: FloatArray, *, softest: float = 0.0, shortest: float = SHORTEST) -> LinearState:
+    def follow(
+        self,
+        angles: FloatArray,
+        *,
+        softest: float = 0.0,
+        shortest: float = SHORTEST,
+        longest: float = np.inf,
+    ) -> LinearState:
         """Bring the servos to `angles` as `move` does, but only along the present equilibria, in parts where need be.
 
         Args:
             angles: [rad], shape (s,).
             softest: Firmness that no pose on the way may be below.
             shortest: Part of the way [rad] below which an end of the equilibria is no longer looked for.
+            longest: Part of the way [rad] to go at once, at most: from one side of a snap to the other all may look
+                smooth.
 
         Raises:
             SceneError: the angles are out of the scene's limits.
             StepError: the equilibria end on the way: the body would snap. The model stays where it was.
         """
         begin, start = self.save(), self.angles
-        whole, done, part = angles - start, 0.0, 1.0
-        longest = float(np.abs(whole).max())
+        whole, done = angles - start, 0.0
+        far = float(np.abs(whole).max())
+        most = 1.0 / np.ceil(max(far / longest, 1.0))
+        part = most
         while done < 1.0:
             here, before = self.save(), self.state()
-            end = min(1.0, done + part)
+            end = 1.0 if done + part > 1.0 - 1e-9 else done + part
             try:
                 after = self.move(angles if end == 1.0 else start + end * whole)
                 if goes_on(before, after, softest):
-                    done, part = end, min(1.0, 2 * part)
+                    done, part = end, min(most, 2 * part)
                     continue
             except StepError:
                 pass
             self.restore(here)
             part = (end - done) / 2
-            if part * longest < shortest:
+            if part * far < shortest:
                 self.restore(begin)
                 raise StepError("the equilibria of the body end on the way: it would snap")
         return self.state()

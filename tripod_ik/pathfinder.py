@@ -8,7 +8,7 @@ import numpy as np
 
 from tripod_graph.names import WORKING_POSE
 from tripod_ik.arrays import FloatArray
-from tripod_ik.atlas import CALM, SAME, SHORTEST, Atlas, Foretold
+from tripod_ik.atlas import APART, CALM, SAME, SHORTEST, Atlas, Foretold
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
 from tripod_ik.limits import AngleLimit, Motion
 from tripod_ik.model import Saved, StaticModel
@@ -32,6 +32,9 @@ FIRST, PROGRAMS = 15, 80
 NEARLY = 1e-4
 """Where a linear step misses less [m], a search may meet the target."""
 
+CLOSE = 0.2
+"""Part of the distances of other poses up to which two searches have come to one."""
+
 GOOD = 1.3
 """A search that misses at most so many times what the best one does is continued: a snap is come to slowly."""
 
@@ -43,6 +46,9 @@ MOST = 200
 
 ALL = 800
 """Poses that are looked at for one target that is not met, at most."""
+
+LONGEST = 0.1
+"""Part of a way that is tried at once [rad]."""
 
 DRAWN = 3
 """Times that a stop of a way is drawn in, at most, by half of what it is off the straight line."""
@@ -85,6 +91,7 @@ class Pathfinder:
         self._atlas = Atlas(model, low, high, row_limits)
         self.model, self._tolerance, self._progress = model, tolerance, progress
         self.count = 0
+        self._trails: dict[int, list[Stop]] = {}
         self.hurry: Callable[[], bool] = lambda: False
         self._solver = InverseSolver(
             model, angles, row_limits=row_limits, tolerance=tolerance, any_branch=True, smooth=True,
@@ -126,6 +133,7 @@ class Pathfinder:
             near: Of poses equally good the one nearest to these angles [rad] is taken, shape (s,).
         """
         missed = Foretold(tasks)
+        self._trails.clear()
         self._downhill(missed)
         best = self._polished(tasks, missed, near)
         if best[0].outcome is Outcome.REACHED:
@@ -142,16 +150,18 @@ class Pathfinder:
         least = np.inf
         for number in self._atlas.promising(missed, near, SEEDS):
             pose = self._atlas.poses[number]
-            if missed(pose.state) > least:
+            if missed(pose.state) > least + MARGIN:
                 continue
             begun.append(self._descended(tasks, pose.saved, number, FIRST))
             least = min(least, begun[-1][0].residual)
             if begun[-1][0].outcome is Outcome.REACHED:
                 return begun[-1]
         best: Found | None = None
+        ended: list[LinearState] = []
         for solution, there, number in begun:
-            if solution.residual > GOOD * least:
+            if solution.residual > GOOD * least or any(_alike(solution.state, other) for other in ended):
                 continue
+            ended.append(solution.state)
             found = solution, there, number
             if solution.outcome is Outcome.UNFINISHED:
                 found = self._descended(tasks, there, number, PROGRAMS)
@@ -165,7 +175,13 @@ class Pathfinder:
         self.model.restore(saved)
         found = self._solver.descend(tasks, most)
         self.count += found.iterations
-        return found, self.model.save(), number
+        there = self.model.save()
+        self._trails[id(there)] = [
+            *self._trails.get(id(saved), []),
+            *self._solver.trail,
+            (there, found.state),
+        ]
+        return found, there, number
 
     def _downhill(self, missed: Foretold) -> None:
         """Look at poses that come nearer than any known one, until one may meet the target."""
@@ -217,7 +233,7 @@ class Pathfinder:
         here = self.model.save()
         best, there, number = self.closest(tasks, state.angles)
         poses = [self._atlas.poses[n] for n in self._atlas.path(start, number)]
-        stops = [(here, state), *((p.saved, p.state) for p in poses), (there, best.state)]
+        stops = [(here, state), *((p.saved, p.state) for p in poses), *self._trails[id(there)]]
         kept, at = [stops[0]], 0
         while at < len(stops) - 1:
             after = len(stops) - 1
@@ -259,7 +275,13 @@ class Pathfinder:
         self.model.restore(start[0])
         softest = WITHIN * min(CALM, start[1].firmness, end[1].firmness)
         try:
-            found = self.model.follow(end[1].angles, softest=softest, shortest=SHORTEST / 4)
+            found = self.model.follow(end[1].angles, softest=softest, shortest=SHORTEST / 4, longest=LONGEST)
         except (StepError, SceneError):
             return False
         return bool(np.abs(found.equilibrium - end[1].equilibrium).max() < SAME)
+
+
+def _alike(state: LinearState, other: LinearState) -> bool:
+    """Return whether two searches have come to where they go on to the same pose."""
+    turn, move = state.angles - other.angles, state.equilibrium - other.equilibrium
+    return bool(np.abs(turn).max() < CLOSE * APART and np.abs(move).max() < CLOSE * MARGIN)
