@@ -121,3 +121,21 @@ def test_a_way_is_known_where_all_poses_are():
     way = finder.way(state, far)
     assert way is not NOWHERE
     assert way.stops[-1] == pytest.approx([-1.8, -1.2, -1.2], abs=1e-4)
+
+
+def test_a_way_does_not_lead_over_a_snap_that_its_ends_say_nothing_of():
+    """From the sheet above to that below, past where the body would snap: what the Jacobians at both ends say fits."""
+    finder = Pathfinder.of(load_scene("tripod"), 0.023, *Tracker(SETTINGS).reach)
+    model = finder.model
+    goal = [PositionTask(model.go_home().equilibrium + np.array([0.012, 0.0, 0.002]))]
+    state = model.follow(np.array([-1.242, -0.59, -0.59]))
+    way = finder.way(state, goal)
+    assert way.residual < 1.6e-3
+    model.go_home()
+    here = model.follow(state.angles)
+    start = state.angles
+    for stop in way.stops:
+        for angles in np.linspace(start, stop, 101)[1:]:
+            before, here = here, model.move(angles)
+            assert np.linalg.norm(here.equilibrium - before.equilibrium) < 5e-4
+        start = stop

@@ -43,6 +43,16 @@ def test_the_equilibrium_offset_leads_to_the_equilibrium():
     )  # one Newton step; the second order is 20 |off|²
 
 
+def test_as_it_is_the_response_is_the_same_and_rests_where_the_effector_is():
+    robot, angles = SpringRobot(slide=0.035), np.full(3, -1.4965)
+    state = robot.state(angles, robot.rest(angles) + 1e-3)
+    assert np.abs(state.equilibrium - state.effector).max() > 5e-4
+    here = state.as_it_is()
+    assert np.array_equal(here.equilibrium, state.effector)
+    assert np.array_equal(here.jacobian, state.jacobian)
+    assert np.abs(state.equilibrium - state.effector).max() > 5e-4
+
+
 def test_a_body_that_is_unstable_at_fixed_torques_still_has_its_jacobian():
     state = SpringRobot(slide=0.035).state(np.full(3, -1.4965))
     assert np.linalg.eigvalsh(state.W[6:, 6:]).max() < 0
