@@ -234,16 +234,11 @@ class Foretold:
 
 
 def foretold(tasks: Sequence[Task], state: LinearState) -> float:
-    """Return how near [m] a linear step of at most the grid's spacing, and not into a snap, brings `state` to what
-    `tasks` ask.
-    """
+    """Return how near [m] a linear step of at most the grid's spacing brings `state` to what `tasks` ask."""
     rows = [task.rows(state) for task in tasks]
     e = np.concatenate([r.weights * r.error for r in rows])
     J = np.concatenate([r.weights[:, None] * r.jacobian for r in rows])
     n = J.shape[1]
     step = np.linalg.solve(J.T @ J + DAMPING**2 * np.eye(n), J.T @ e)
     step = np.clip(step, -SPACING, SPACING)
-    falls, room = -2 * state.firmness * float(state.firmness_slope @ step), state.firmness**2 - SOFTEST**2
-    if falls > room:
-        step *= max(room, 0.0) / falls
     return total_distance(tasks, [r.error - r.jacobian @ step for r in rows])

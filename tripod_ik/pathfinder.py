@@ -23,7 +23,7 @@ from tripod_sim.scene import Scene
 MARGIN = 2e-3
 """Of a target that is not met, poses are looked at that are as far from home as it is, and by this farther [m]."""
 
-SEEDS = 8
+SEEDS = 20
 """How many of them a search begins at, at most."""
 
 FIRST, PROGRAMS = 15, 80

@@ -76,7 +76,9 @@ def softness(system: System, state: State, answers: FloatArray, reference: float
     """
     s = len(system.groups.driven)
     values = np.linalg.eigvalsh(_flexibility(system, answers))
-    if values[0] > 0 and 1.0 / (values[-1] * reference) >= FIRM:  # the rule, and then no direction is asked for
+    if (
+        values[0] > 0 and 1.0 / (values[-1] * reference) >= FIRM
+    ):  # the rule, and then no direction is asked for
         return Softness(1.0 / float(values[-1] * reference), np.zeros(s))
     stiffness, directions = _stiffnesses(system, answers)
     rho = max(float(stiffness[0]) / reference, -1.0)
