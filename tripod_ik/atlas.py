@@ -146,15 +146,9 @@ class Atlas:
         self.poses.append(Pose(state, self.model.save()))
         return len(self.poses) - 1
 
-    def promising(self, missed: Callable[[LinearState], float], near: FloatArray, count: int) -> list[int]:
-        """Return at most `count` poses, apart from each other, from which least [m] looks as if it would be `missed`.
-
-        Of two that look alike the one that is nearer to the angles `near` [rad] is first.
-        """
-        ranked = sorted(
-            (missed(pose.state) + 1e-4 * float(np.linalg.norm(pose.state.angles - near)), number)
-            for number, pose in enumerate(self.poses)
-        )
+    def promising(self, missed: Callable[[LinearState], float], count: int) -> list[int]:
+        """Return at most `count` poses, apart from each other, of those of which least [m] seems to be `missed`."""
+        ranked = sorted((missed(pose.state), number) for number, pose in enumerate(self.poses))
         chosen: list[int] = []
         for _, number in ranked:
             state = self.poses[number].state

@@ -148,7 +148,7 @@ class Pathfinder:
         """Return the best pose that searches from promising ones end in."""
         begun: list[Found] = []
         least = np.inf
-        for number in self._atlas.promising(missed, near, SEEDS):
+        for number in self._atlas.promising(missed, SEEDS):
             pose = self._atlas.poses[number]
             if missed(pose.state) > least + MARGIN:
                 continue
@@ -165,7 +165,11 @@ class Pathfinder:
             found = solution, there, number
             if solution.outcome is Outcome.UNFINISHED:
                 found = self._descended(tasks, there, number, PROGRAMS)
-            if best is None or found[0].residual < best[0].residual - SAME / 100:
+            better = best[0].residual - found[0].residual if best else np.inf
+            nearer = best and np.linalg.norm(found[0].state.angles - near) < np.linalg.norm(
+                best[0].state.angles - near
+            )
+            if better > SAME / 100 or (nearer and better > -SAME / 100):
                 best = found
         assert best
         self.model.restore(best[1])
@@ -256,7 +260,8 @@ class Pathfinder:
         whole = after[1].angles - before[1].angles
         for _ in range(DRAWN):
             here = stop[1].angles
-            part = float(np.clip((here - before[1].angles) @ whole / max(whole @ whole, 1e-12), 0.0, 1.0))
+            along = float((here - before[1].angles) @ whole) / max(float(whole @ whole), 1e-12)
+            part = min(max(along, 0.0), 1.0)
             self.model.restore(stop[0])
             try:
                 state = self.model.follow(
