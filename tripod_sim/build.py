@@ -17,7 +17,7 @@ from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
-from tripod_sim.mesh.suited import suited
+from tripod_sim.mesh.suited import suited, width_note
 from tripod_sim.scene import Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -118,6 +118,7 @@ def _built(scene: Scene) -> Parts:
     assert scene.mesh
     assert scene.material
     mesh, notes = suited(_mesh(scene.mesh))
+    notes = (*width_note(scene.mesh.source, mesh.nodes), *notes)
     if scene.contact:
         from tripod_sim.contact.solid_build import placed_solid
 

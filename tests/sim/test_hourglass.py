@@ -104,3 +104,11 @@ def test_the_note_tells_what_was_done(tmp_path: Path) -> None:
     (note,) = simulation.notes
     assert note.startswith("mesh.element 'h20' integrates this mesh as 'h20_full' does")
     assert Simulation(load_scene(bar_scene(tmp_path, (4, 1, 1), "h20"), ["mesh.refine=1"])).notes == ()
+
+
+def test_a_file_in_millimetres_is_asked_about(tmp_path: Path) -> None:
+    scene = bar_scene(tmp_path, (4, 2, 2), "h27")
+    assert Simulation(load_scene(scene)).notes == ()
+    fixed = "fixed=[{low=[-1, -10, -10], high=[1, 10, 10]}]"
+    (note,) = Simulation(load_scene(scene, ["mesh.scale=30", fixed])).notes
+    assert note.endswith("m wide; if the file is in millimetres, set mesh.scale = 0.001")

@@ -2,15 +2,30 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from tripod_sim.elements.hexahedron import H8, H8_MODES
 from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
 from tripod_sim.mesh.bending import deflection_share
 from tripod_sim.mesh.hourglass import unseen_motions
-from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh.solid_mesh import FloatArray, SolidMesh
 
 TOLD = 0.1
 """Error of deflections, relative, from which on it is told. On the Tripod's meshes it is 0.053 for `h8_modes`, of what
 docs/convergence.md measures there."""
+
+WIDE = 2.0
+"""Width of a body from a file from which on it is asked whether the file has other units [m]."""
+
+
+def width_note(source: str, nodes: FloatArray) -> tuple[str, ...]:
+    """Return what users should know of the width of what was read from the file `source`; `nodes` [m], shape (n, 3)."""
+    width = float(np.ptp(nodes, axis=0).max())
+    if width < WIDE:
+        return ()
+    return (
+        f"mesh.source {source!r} is {width:.4g} m wide; if the file is in millimetres, set mesh.scale = 0.001",
+    )
 
 
 def suited(mesh: SolidMesh) -> tuple[SolidMesh, tuple[str, ...]]:
