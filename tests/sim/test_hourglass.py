@@ -10,6 +10,7 @@ from benchmarks.analytic import tangent
 from benchmarks.blocks import brick, elastic
 from tests.sim.beams import LENGTH, bar_scene, beam, sag
 from tripod_sim import Simulation, load_scene
+from tripod_sim.build import build
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.mesh.convert import convert_hexahedra
 from tripod_sim.mesh.hourglass import unseen_motions
@@ -108,7 +109,7 @@ def test_the_note_tells_what_was_done(tmp_path: Path) -> None:
 
 def test_a_file_in_millimetres_is_asked_about(tmp_path: Path) -> None:
     scene = bar_scene(tmp_path, (4, 2, 2), "h27")
-    assert Simulation(load_scene(scene)).notes == ()
+    assert build(load_scene(scene)).notes == ()
     fixed = "fixed=[{low=[-1, -10, -10], high=[1, 10, 10]}]"
-    (note,) = Simulation(load_scene(scene, ["mesh.scale=30", fixed])).notes
+    (note,) = build(load_scene(scene, ["mesh.scale=1000", fixed])).notes
     assert note.endswith("m wide; if the file is in millimetres, set mesh.scale = 0.001")
