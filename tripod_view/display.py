@@ -232,9 +232,9 @@ class Display:
             self._nodes = None
         if joints is not None:
             self._find_robot()
-        if joints is not None and not np.array_equal(joints, self._drawn_joints):
-            self._drawn_joints = joints
-            self._scene.set_joints(joints[:3], float(joints[3]))
+            if not np.array_equal(joints, self._drawn_joints):
+                self._drawn_joints = joints
+                self._scene.set_joints(joints[:3], float(joints[3]))
         if self._effector_changed and self.effector is not None:
             self._effector_changed = False
             self._scene.set_effector(self.effector)
