@@ -14,10 +14,8 @@ from tripod_ik.state import LinearState
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
-from tripod_sim.tables.method import Reduced
 
 Saved = tuple[tuple[State, FloatArray], LinearState | None]
 """What `StaticModel.save` gives and `restore` takes."""
@@ -74,22 +72,8 @@ def linear_state(c: Compliance) -> LinearState:
     )  # fmt: skip
 
 
-def model_scene(name: str, kind: str) -> Scene:
-    """Return the scene of a model; raise SceneError where there is none.
-
-    Args:
-        name: Of a scene, or the path of its file.
-        kind: `quasi_static`: as the scene is; `reduced`: in few coordinates, as the scene says or else by default.
-    """
-    scene = load_scene(name)
-    if kind != "reduced" or scene.reduced:
-        return scene
-    return replace(scene, reduced=Reduced(), ball=None, time_error=None)
-
-
 class StaticModel:
-    """A robot at rest, with all of its body or with a reduced one: each set of angles has an equilibrium, reached along
-    the way from the one before.
+    """A robot at rest: each set of angles has an equilibrium, reached along the way from the one before.
 
     Attributes:
         simulation: Of the scene without what moves by itself: inertia, damping, servo dynamics, ball, other bodies.

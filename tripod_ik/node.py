@@ -63,7 +63,7 @@ class IkNode(Node):
         self._guide = Guide(self._build_pathfinder)
         self._tracker = Tracker(tracker_settings(values), len(names.SERVOS), model_error(values), self._guide)
         self._range = RangeWatch(command_limits(self._tracker.settings))
-        self._scene, self._slide, self._kind = values["scene"], values["slide"], values["model"]
+        self._scene, self._slide = values["scene"], values["slide"]
         self._guide.slide = self._slide
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
@@ -108,9 +108,10 @@ class IkNode(Node):
         self._diagnostics = Diagnostics(self, self._report)
 
     def _build_model(self, angles: FloatArray) -> Any:
-        from tripod_ik.model import StaticModel, model_scene  # noqa: PLC0415 - beside a simulator it is not needed
+        from tripod_ik.model import StaticModel  # noqa: PLC0415 - beside a simulator it is not needed
+        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
-        return StaticModel(model_scene(self._scene, self._kind), self._slide, angles)
+        return StaticModel(load_scene(self._scene), self._slide, angles)
 
     def _adopt(self, values: Mapping[str, Any]) -> None:
         """Take rates, times, tolerance and gains that have changed."""
@@ -124,10 +125,10 @@ class IkNode(Node):
         set_period(self._own_timer, 1.0 / values["own_model_rate"])
 
     def _build_pathfinder(self, slide: float) -> Any:
-        from tripod_ik.model import model_scene  # noqa: PLC0415
         from tripod_ik.pathfinder import Pathfinder  # noqa: PLC0415 - where every goal is met it is not needed
+        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
-        return Pathfinder.of(model_scene(self._scene, self._kind), slide, *self._tracker.reach)
+        return Pathfinder.of(load_scene(self._scene), slide, *self._tracker.reach)
 
     def close(self) -> None:
         """Say that nothing more will be commanded, and leave the graph."""
@@ -374,7 +375,7 @@ class IkNode(Node):
             "error [m]": self._status.error,
             "residual [m]": self._status.residual,
             "solve time [s]": self._status.solve_time,
-            "model": f"own, {self._kind}" if self._own_in_use else "simulator",
+            "model": "own" if self._own_in_use else "simulator",
             "solves": self._solves,
             "solver failures": self._failures,
             **{f"rejected {kind}": count for kind, count in self._rejected.items()},

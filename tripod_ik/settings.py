@@ -114,12 +114,6 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
     Parameter(
-        "model",
-        "quasi_static",
-        "the own model: quasi_static, all of the body; or reduced, fewer coordinates, trained once for each scene",
-        choices=("quasi_static", "reduced"),
-    ),
-    Parameter(
         "slide",
         names.WORKING_POSE[3],
         "inward shift of the servo bodies, for the own model",

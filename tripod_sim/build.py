@@ -108,11 +108,6 @@ def _built(scene: Scene) -> Parts:
         from tripod_sim.contact.rigid_build import build_rigid
 
         return build_rigid(scene)
-    if scene.reduced:
-        from tripod_sim.reduced.build import reduced_parts
-        from tripod_sim.reduced.store import stored_basis
-
-        return reduced_parts(scene, _built(replace(scene, reduced=None)), stored_basis, _stepper)
     from tripod_sim.forces.solid import Solid
 
     assert scene.mesh

@@ -96,7 +96,7 @@ class Compliance:
         quaternion: Of the effector (x, y, z, w), shape (4,).
         equilibrium_offset: From that pose to the static equilibrium at the same angles, first order: translation [m]
             and rotation vector [rad], shape (6,).
-        softness: How near it is to a snap; None where that is not known: with contact, and of a reduced model.
+        softness: How near it is to a snap; None where that is not known: with contact.
     """
 
     w: FloatArray

@@ -77,7 +77,6 @@ TABLE: dict[str, Effect] = {
         ("time error",),
     ),
     "sleep": Effect(("integrators.sleep",), ("sleep",)),
-    "reduced": Effect(("reduced", "linear.dense"), ("reduced",)),
 }
 """Every name of `EFFECTS`, and nothing else."""
 

@@ -541,7 +541,7 @@ class SimNode(Node):
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
         ignored = next(self._authority.notices(time.monotonic()), "")
-        if trouble := stalls(latest) or latest.report.instability or latest.report.beyond or ignored:
+        if trouble := stalls(latest) or latest.report.instability or ignored:
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:
@@ -558,7 +558,7 @@ def known(value: float | None) -> float:
 def notices(snapshot: Snapshot) -> str:
     """Return what an operator should know of a snapshot, empty if nothing."""
     report = snapshot.report
-    words = (stalls(snapshot), report.instability, report.beyond, snapshot.event, left_out(snapshot))
+    words = (stalls(snapshot), report.instability, snapshot.event, left_out(snapshot))
     return "; ".join(word for word in words if word)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from tripod_sim.scene_checks import CHECKS
 from tripod_sim.tables.bodies import FixedBox, Material, Mesh, Obstacle, Rigid, Springs
 from tripod_sim.tables.fields import check_fields, number
-from tripod_sim.tables.method import Reduced, Solver, TimeError
+from tripod_sim.tables.method import Solver, TimeError
 from tripod_sim.tables.motion import Contact, Damping, Gravity, Inertia, Sleep, StrainLimit
 from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, Motion, ServoDynamics, Servos
 
@@ -29,7 +29,6 @@ class Scene:
         rigid: Effect: rigid bodies, beside the soft body or instead of it; empty is none.
         time_error: Effect: estimate of the error of the time steps; None is off.
         sleep: Effect: a body at rest is left alone; None is off.
-        reduced: Effect: the reduced-order model; None is the full one.
         solver: Of each step.
         motion: What `tripod run` does with the servos unless told; None: nothing.
     """
@@ -57,7 +56,6 @@ class Scene:
     rigid: tuple[Rigid, ...] = ()
     time_error: TimeError | None = None
     sleep: Sleep | None = None
-    reduced: Reduced | None = None
     solver: Solver = field(default_factory=Solver)
     motion: Motion | None = field(
         default=None, repr=False
@@ -91,7 +89,6 @@ EFFECTS = (
     "rigid",
     "time_error",
     "sleep",
-    "reduced",
 )
 """Tables of a scene that may be absent."""
 

@@ -48,10 +48,9 @@ def check_needs(scene: "Scene") -> None:
     for name, other, why in NEEDS:
         if getattr(scene, name) and not getattr(scene, other):
             raise SceneError(f"{name} needs {other}: {why}")
-    if scene.sleep and (scene.rigid or scene.reduced):
-        other = "rigid" if scene.rigid else "reduced"
+    if scene.sleep and scene.rigid:
         raise SceneError(
-            f"sleep and {other} exclude each other: sleep looks at the nodes of one soft body alone"
+            "sleep and rigid exclude each other: sleep looks at the nodes of one soft body alone"
         )
 
 
@@ -113,7 +112,6 @@ def check_contact(scene: "Scene") -> None:
     for name, why in (
         ("ball", "the ball touches nothing but the soft body; make it a [[rigid]] with shape = 'ball'"),
         ("time_error", "the estimate knows nothing of contacts"),
-        ("reduced", "the reduced model moves the surface in the shapes that it has learned"),
     ):
         if getattr(scene, name):
             raise SceneError(f"contact and {name} exclude each other: {why}")
@@ -144,8 +142,6 @@ def check_time_error(scene: "Scene") -> None:
     explicit = scene.springs is not None and chosen
     if scene.springs and scene.solver.linear == "cg" and not explicit:
         raise SceneError("solver.linear is 'cg'; time_error of springs needs auto or ldl, a factorisation")
-    if scene.reduced:
-        raise SceneError("time_error and reduced exclude each other: the estimate is of the full model")
     if wanted.estimate == "local" and wanted.steps == "fixed":
         raise SceneError(
             "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "
@@ -164,34 +160,6 @@ def check_time_error(scene: "Scene") -> None:
     if wanted.steps == "auto" and wanted.shortest > scene.dt:
         raise SceneError(
             f"time_error.shortest is {wanted.shortest:g} s; it must be at most dt, {scene.dt:g} s, which it divides"
-        )
-
-
-def check_reduced(scene: "Scene") -> None:
-    """Raise SceneError if the reduced model lacks what it needs, or meets what it cannot do."""
-    reduced = scene.reduced
-    if not reduced:
-        return
-    if not (scene.servos and scene.effector):
-        raise SceneError(
-            "reduced needs servos and effector: it learns from poses of the arms how the body moves"
-        )
-    for name in ("ball", "time_error"):
-        if getattr(scene, name):
-            raise SceneError(f"reduced and {name} exclude each other; choose the full model, reduced=off")
-    if scene.inertia and scene.inertia.scheme in EXPLICIT:
-        raise SceneError(
-            f"inertia.scheme is {scene.inertia.scheme!r}, which moves single nodes; reduced needs one of: "
-            "implicit_euler, bdf2, tr_bdf2"
-        )
-    s = scene.servos
-    if not s.angle_min <= reduced.angle <= s.angle_max:
-        raise SceneError(
-            f"reduced.angle is {reduced.angle:g} rad; the servos allow {s.angle_min:g} to {s.angle_max:g} rad"
-        )
-    if not reduced.slide <= s.slide_max:
-        raise SceneError(
-            f"reduced.slide is {reduced.slide:g} m; it must be at most servos.slide_max, {s.slide_max:g} m"
         )
 
 
@@ -217,6 +185,5 @@ CHECKS = (
     check_rigid,
     check_contact,
     check_time_error,
-    check_reduced,
 )
 """In the order in which they are made."""

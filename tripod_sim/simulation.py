@@ -110,7 +110,7 @@ class Simulation:
         self._ball = parts.ball
         undeformed = self.state.copy()
         static = self._static.system
-        if static.groups.rigid and isinstance(static, System) and not (self.state.reduced or scene.contact):
+        if static.groups.rigid and isinstance(static, System) and not scene.contact:
             from tripod_sim.softness import reference_stiffness  # noqa: PLC0415 - only with an effector
 
             self._reference = reference_stiffness(static, self.state)
@@ -144,9 +144,9 @@ class Simulation:
             static.loads = NodalLoads(static.rest)
 
     def _state_of_rest(self) -> "RestState | None":
-        """Return what follows the rest of a body in motion; None where nothing moves and of a reduced model."""
+        """Return what follows the rest of a body in motion; None where nothing moves."""
         system = self._static.system
-        if self._static is self._parts or not isinstance(system, System) or self.state.reduced:
+        if self._static is self._parts or not isinstance(system, System):
             return None
         from tripod_sim.rest_state import RestState  # noqa: PLC0415 - only where something moves
 
@@ -431,7 +431,7 @@ class Simulation:
     def notes(self) -> tuple[str, ...]:
         """What users should know of the scene."""
         plate = self._parts.plate.board.notes if self._parts.plate else ()
-        return (*plate, *self._parts.notes, *([self.report.beyond] if self.report.beyond else []))
+        return (*plate, *self._parts.notes)
 
     @property
     def ball_event(self) -> str:

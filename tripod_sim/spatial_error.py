@@ -36,7 +36,6 @@ OF_MOTION = (
     "contact",
     "obstacles",
     "rigid",
-    "reduced",
 )
 """Effects that a static state has not, or that would not be the same on two meshes."""
 

@@ -10,7 +10,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
     from tripod_sim.contact.rigid_state import RigidState
     from tripod_sim.integrators.time_error import ErrorState
-    from tripod_sim.reduced.state import ReducedState
     from tripod_sim.robot.servo import ServoState
 
 FloatArray = NDArray[np.float64]
@@ -33,7 +32,6 @@ class State:
         ball: The ball; None in a scene without one.
         errors: Those of the time steps, estimated; None where nobody asks for them.
         rigid: Rigid bodies beside the soft one; None in a scene without any.
-        reduced: What a reduced model remembers, from which all of the above follows; None for the full one.
     """
 
     positions: FloatArray
@@ -48,7 +46,6 @@ class State:
     ball: "BallState | None" = None
     errors: "ErrorState | None" = None
     rigid: "RigidState | None" = None
-    reduced: "ReducedState | None" = None
 
     def copy_to(self, other: "State") -> None:
         """Overwrite `other` with this state, without allocating."""
@@ -67,8 +64,6 @@ class State:
             self.errors.copy_to(other.errors)
         if self.rigid and other.rigid:
             self.rigid.copy_to(other.rigid)
-        if self.reduced and other.reduced:
-            self.reduced.copy_to(other.reduced)
 
     def copy(self) -> "State":
         """Return an independent copy."""
@@ -78,7 +73,6 @@ class State:
         ball = self.ball.copy() if self.ball else None
         errors = self.errors.copy() if self.errors else None
         rigid = self.rigid.copy() if self.rigid else None
-        reduced = self.reduced.copy() if self.reduced else None
         return State(
             x,
             v,
@@ -92,5 +86,4 @@ class State:
             ball,
             errors,
             rigid,
-            reduced,
         )

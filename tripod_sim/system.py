@@ -232,10 +232,6 @@ class System:
         )
         self.residual[:] = 0.0
         self.torques += solution @ self.reduction.drive
-        self._claim(state)
-
-    def _claim(self, state: State) -> None:
-        """Let the elastic forces at hand be those at `state`."""
         positions, modes = self._last
         positions[:], modes[:] = state.positions, state.modes
         self.solid.balance_modes()

@@ -36,15 +36,6 @@ def largest(a: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def inner(a: Array, b: Array) -> float:
-    """Return sum_i a_i b_i of two arrays of one shape."""
-    x, y, total = a.ravel(), b.ravel(), 0.0
-    for k in range(x.shape[0]):
-        total += x[k] * y[k]
-    return total
-
-
-@njit(cache=True, error_model="numpy")
 def write_moves(nodes: Array, before: Array, after: Array, out: Array) -> None:
     """Write after - before [m] of `nodes`, shape (k,), to `out`; all three have shape (n, 3)."""
     for k in range(nodes.shape[0]):

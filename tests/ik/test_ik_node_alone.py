@@ -8,9 +8,6 @@ from tripod_msgs.msg import IkStatus
 
 from tests.ik.ik_graph import WORKING, start_alone
 from tripod_graph import names
-from tripod_ik.model import StaticModel
-from tripod_sim import load_scene
-from tripod_sim.scene_file import scene_to_toml
 
 pytestmark = pytest.mark.ros
 
@@ -29,22 +26,7 @@ def test_without_a_simulator_in_the_graph_it_runs_the_model_itself(graph):
     assert np.ptp(sim.angles) > 0.1
     sim.diagnostics.clear()
     (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
-    assert {pair.key: pair.value for pair in report.values}["model"] == "own, quasi_static"
-
-
-def test_its_own_model_may_be_the_reduced_one(graph, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    scene = tmp_path / "small.toml"
-    scene.write_text(scene_to_toml(load_scene("tripod", ["mesh.level=1", "reduced.samples=12"])))
-    StaticModel(load_scene(scene))  # trains it: the node may be in a hurry
-    start_alone(graph, scene=str(scene), model="reduced")
-    sim, node = graph.sim, graph.nodes[-1]
-    graph.wait(lambda: sim.states[-1].state == IkStatus.TRACKING, seconds=60.0)
-    assert list(sim.states[-1].command) == pytest.approx(WORKING, abs=1e-9)
-    assert node._own._model.simulation.unknowns < 50
-    sim.diagnostics.clear()
-    (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
-    assert {pair.key: pair.value for pair in report.values}["model"] == "own, reduced"
+    assert {pair.key: pair.value for pair in report.values}["model"] == "own"
 
 
 def test_its_own_model_needs_to_know_where_the_robot_is(graph):

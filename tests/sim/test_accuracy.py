@@ -1,7 +1,6 @@
 """The setting for an accuracy: what is picked from made-up studies, what is refused, what the command says."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,21 +83,6 @@ def test_the_cheapest_setting_within_the_accuracy_is_picked(accuracy: str, dt: f
     text = f"accuracy {accuracy}: {changed}inertia.scheme=bdf2 (study pendulum); expect an error below"
     assert choice.sentence.startswith(text)
     assert "\n" not in choice.sentence
-
-
-def test_a_setting_that_has_to_be_trained_is_not_picked(tmp_path: Path) -> None:
-    """A reduced model takes minutes before its first step."""
-    table = made_up()
-    for point in table["points"][:-1]:
-        point["settings"]["reduced"] = "{modes=20}"
-    table["points"][-1]["settings"]["reduced"] = "off"
-    path = tmp_path / "pendulum.json"
-    path.write_text(json.dumps(table))
-    found = read_study(path)
-    for wish in (0.3, 0.05, "draft", "reference", "real-time"):
-        assert pick(found, wish, 0.1).settings["dt"] == 0.0005
-    with pytest.raises(SceneError, match="needs no training"):
-        pick(replace(found, points=found.points[:-1]), 0.3, 1.0)
 
 
 def test_times_are_those_of_this_machine(study: Path) -> None:

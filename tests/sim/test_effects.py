@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -40,7 +39,6 @@ SCENES = {
     "choosing springs": ("pendulum", "dt=auto"),
     "sleeping solid": (*SOLID, "sleep={}"),
     "estimating robot": (*ROBOT, 'time_error={steps="auto"}'),
-    "reduced robot": (*ROBOT, "reduced={modes=4, samples=8}"),
     "cloth alone": (*CLOTH, "obstacles=off", "contact.self_contact=true"),
 }
 """Each is built in an interpreter of its own."""
@@ -109,9 +107,6 @@ ROWS = {
         (*SOLID, "gravity=off"),
         add=("sleep={speed=10.0, time=0.01}",),
     ),
-    "reduced": Row(
-        ("robot", "bare solid", "bare springs"), "reduced robot", ROBOT, add=("reduced={modes=4, samples=8}",)
-    ),
 }  # fmt: skip
 """A row for every name of `EFFECTS`."""
 
@@ -141,14 +136,6 @@ for k in range(10):
 stages = [name for name, calls in zip(watch.stages, watch.calls) if calls]
 print(json.dumps(dict(loaded=loaded, arrays=arrays, objects=objects, counts=counts, stages=stages)))
 """
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What the reduced model learns is kept here, not where users keep it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,9 @@
 """What a scene costs: the stopwatch, the parts found, the report's sums, and the command."""
 
 import json
-from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -299,24 +297,3 @@ def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -
     assert done.exit_code == 2
     assert message in done.stderr
     assert len(done.stderr.splitlines()) == 1
-
-
-def test_the_reduced_model_is_not_trained_unasked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from types import SimpleNamespace
-
-    from tripod_sim.build import build
-    from tripod_sim.explain.costs import LEARN, _learned, cost
-    from tripod_sim.reduced import store
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(store, "train", lambda *_: pytest.fail("it is trained"))
-    base = SimpleNamespace(simulation=Simulation(load_scene("tripod", ["mesh.level=1"])))
-    found = cost("reduced", "tripod", ["mesh.level=1"], base, 1)  # type: ignore[arg-type]
-    assert (found.seconds, found.why_not) == (None, LEARN)
-    scene = load_scene("tripod", ["mesh.level=1", *found.words])
-    assert not _learned(scene)
-    kept = store.folder()
-    assert kept
-    kept.mkdir(parents=True)
-    (kept / f"{store.key(scene, build(replace(scene, reduced=None)))}.basis").touch()
-    assert _learned(scene)

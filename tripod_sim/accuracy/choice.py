@@ -129,8 +129,8 @@ def choose(
 def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPoint:
     """Return the point of a study that a wish is best served by, of those that serve whatever else is changed.
 
-    That is none with a reduced model, which is trained first, and none of explicit steps that are not divided until
-    they are stable: they are as far as this body goes, and another mass or stiffness makes them overflow.
+    That is none of explicit steps that are not divided until they are stable: they are as far as this body goes, and
+    another mass or stiffness makes them overflow.
 
     Args:
         study: Of the scene.
@@ -140,9 +140,9 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
     Raises:
         SceneError: there is none; the message names the best.
     """
-    points = [p for p in study.points if p.settings.get("reduced", "off") == "off" and _stays_stable(p)]
+    points = [p for p in study.points if _stays_stable(p)]
     if not points:
-        raise SceneError(f"study {study.name!r} has no point that worked, stays stable and needs no training")
+        raise SceneError(f"study {study.name!r} has no point that worked and stays stable")
     exact = min(points, key=lambda p: (promised(study, p), p.cpu))
     if wish == "reference":
         return exact

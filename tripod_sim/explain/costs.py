@@ -1,7 +1,7 @@
 """What the effects that a scene does not name would cost a step, measured by building the scene with each of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,6 @@ import numpy as np
 from tripod_sim.effects import meaning, words
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.explain.sampling import Sampler, advance, estimate
-from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 
@@ -23,11 +22,6 @@ NEEDS = {
     "obstacles": 'it needs the file of a surface: obstacles=[{source="my.obj"}]; and contact',
 }
 """What an effect without defaults needs."""
-
-LEARN = (
-    "it learns for minutes first: run the scene once with --set reduced={}, then its cost is measured here"
-)
-"""Why the reduced model is left alone."""
 
 HELD = 0.1
 """Of the body's length along X that a fixed box holds where a scene has none."""
@@ -68,10 +62,7 @@ def cost(effect: str, source: str | Path, overrides: Sequence[str], base: Sample
     if effect in NEEDS:
         return Cost(effect, meaning(effect), (), why_not=NEEDS[effect])
     try:
-        scene = load_scene(source, [*overrides, *added])
-        if scene.reduced and not _learned(scene):
-            return Cost(effect, meaning(effect), added, why_not=LEARN)
-        simulation = Simulation(scene)
+        simulation = Simulation(load_scene(source, [*overrides, *added]))
         advance(simulation, steps, LONGEST)
         other = Sampler(simulation)
         count = other.count = min(other.count, base.count)
@@ -83,15 +74,6 @@ def cost(effect: str, source: str | Path, overrides: Sequence[str], base: Sample
         return Cost(effect, meaning(effect), added, why_not=" ".join(str(error).split()))
     a, b = estimate(without), estimate(with_)
     return Cost(effect, meaning(effect), added, b.mean - a.mean, a.noise + b.noise)
-
-
-def _learned(scene: Scene) -> bool:
-    """Return whether what the reduced model of `scene` learns is kept: to learn takes minutes."""
-    from tripod_sim.build import build  # noqa: PLC0415 - only where the scene asks for it
-    from tripod_sim.reduced.store import folder, key  # noqa: PLC0415
-
-    kept = folder()
-    return kept is not None and (kept / f"{key(scene, build(replace(scene, reduced=None)))}.basis").exists()
 
 
 def switched_on(effect: str, simulation: Simulation) -> tuple[str, ...]:

@@ -33,7 +33,6 @@ PARTS = {
     "integrators.time_error": "time error",
     "springs.estimated": "time error",
     "integrators.sleep": "sleep",
-    "reduced": "reduced model",
     "springs.strain_limit": "strain limit",
     "springs": "springs",
 }

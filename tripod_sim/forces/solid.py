@@ -1,7 +1,5 @@
 """Elastic solid: elements of one kind and one material."""
 
-from copy import copy
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,12 +32,9 @@ class Solid:
         gradients, self._weight = reference_gradients(kind, nodes[elements])
         self._G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
         self._law, self._lam, self._mu, self._mean = LAWS[law], lam, mu, kind.mean_dilatation
-        self._modes, self._numbers = self._G.shape[3] - kind.size, np.arange(len(elements))
-        self._allocate()
-
-    def _allocate(self) -> None:
+        self._modes = self._G.shape[3] - kind.size
         self.mode_residual_squared = 0.0
-        count, columns, dofs = len(self.elements), self._G.shape[3], 3 * self.elements.shape[1]
+        count, columns, dofs = len(elements), self._G.shape[3], 3 * elements.shape[1]
         extra = 3 * self._modes
         self.matrices = np.zeros((count, dofs, dofs))
         self._X = np.zeros((count, extra, dofs))
@@ -47,21 +42,6 @@ class Solid:
         self._y = np.zeros((count, extra))
         self._C, self._CB = np.zeros((9, 9)), np.zeros((3, 3, 3 * columns))
         self._K, self._work = np.zeros((3, columns, 3 * columns)), np.zeros((12, columns))
-
-    def part(self, which: IndexArray, shares: FloatArray, elements: IndexArray) -> "Solid":
-        """Return a solid of some elements only, each of which stands for others, too; it names them as this one does.
-
-        Args:
-            which: Elements, shape (p,).
-            shares: Factor of the energy of each, positive, shape (p,).
-            elements: Their nodes as the new solid numbers them, shape (p, nodes of an element).
-        """
-        part = copy(self)
-        part.elements = np.ascontiguousarray(elements)
-        part._G, part._weight = self._G[which], self._weight[which] * shares[:, None]
-        part._numbers = self._numbers[which]
-        part._allocate()
-        return part
 
     @property
     def has_modes(self) -> bool:
@@ -121,7 +101,7 @@ class Solid:
             x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._mean, project,
             self._X, self._inverse, self.matrices, self._C, self._CB, self._K, self._work,
         )  # fmt: skip
-        return int(self._numbers[found]) if found >= 0 else -1
+        return int(found)
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
@@ -135,4 +115,4 @@ class Solid:
     def worst_element(self, x: FloatArray, modes: FloatArray) -> tuple[int, float]:
         """Return the element with the smallest volume ratio det F, and that ratio."""
         element, ratio = kernels.smallest_volume_ratio(x, modes, self.elements, self._G, self._work)
-        return int(self._numbers[element]), float(ratio)
+        return int(element), float(ratio)

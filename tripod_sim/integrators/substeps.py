@@ -38,7 +38,6 @@ class StepReport:
         growth: Energy that came from nothing, by an unstable explicit scheme [J]; zero while there is none.
         grew_at: Step at whose end that was first found, zero for none.
         time_error: Estimated error of the time steps; None where the scene does not ask for it.
-        beyond: Where a reduced model is beyond the poses of its training, in words; empty where it is not.
         asleep: Whether the body is at rest and the next step will not solve for it.
     """
 
@@ -56,7 +55,6 @@ class StepReport:
     grew_at: int = 0
     time_error: "TimeErrorReport | None" = None
     rejected: int = 0
-    beyond: str = ""
     asleep: bool = False
 
     @property

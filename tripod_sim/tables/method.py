@@ -1,4 +1,4 @@
-"""Tables of how a scene is solved: Newton's method, the error of the steps, the reduced model."""
+"""Tables of how a scene is solved: Newton's method, the error of the steps."""
 
 from dataclasses import dataclass
 
@@ -57,29 +57,3 @@ class TimeError:
     def carries(self) -> bool:
         """Whether the error since the start is carried along."""
         return self.estimate == "global" or (self.estimate == "auto" and self.steps == "fixed")
-
-
-@dataclass(frozen=True)
-class Reduced:
-    """The body moves in few coordinates, learned from the full model when the simulation is built (or before: what
-    was learned is kept in the user's cache directory). Needs servos and effector. Faster, and less accurate the further
-    the servos are from where it was trained: slides from 0 to `slide`, angles within `spread` of the line from 0 to
-    `angle`.
-
-    Attributes:
-        modes: Number of shapes beside the motion of disc and arms: more are more accurate and slower.
-        tolerance: Error of the forces, relative, at which elements stand for others (hyper-reduction); 0 evaluates all.
-        samples: Static poses of the training.
-        angle: Of all servos at the largest slide [rad].
-        slide: Largest slide [m].
-        spread: How far each angle may be from that line [rad].
-        seed: Of the choice of poses and motions.
-    """
-
-    modes: int = number(20, low=1, high=1000)
-    tolerance: float = number(0.03, low=0, high=0.5)
-    samples: int = number(60, low=8, high=10_000)
-    angle: float = number(-1.4965, unit="rad", low=-3.2, high=3.2)
-    slide: float = number(0.035, unit="m", low=0, high=10.0)
-    spread: float = number(0.4, unit="rad", low=0.01, high=3.2)
-    seed: int = number(0, low=0)

@@ -24,11 +24,7 @@ DEFAULT: Settings = {
     "dt": 0.005,
     "solver.mode": "one_solve",
     "solver.tolerance": 1e-4,
-    "reduced": "off",
 }
-
-MODES = tuple(f"{{modes={n}}}" for n in (10, 20, 40))
-"""Of the reduced model."""
 
 FINE: Settings = {"inertia.scheme": "tr_bdf2", "solver.mode": "newton", "solver.tolerance": 1e-7}
 
@@ -78,8 +74,6 @@ def plan(*, quick: bool) -> Plan:
                 dt=(0.001, 0.0005),
                 inertia__scheme=("tr_bdf2",),
             ),
-            *grid(DEFAULT, reduced=MODES, inertia__scheme=("implicit_euler", "bdf2"), dt=(0.005, 0.001)),
-            *grid(DEFAULT, reduced=MODES[1:2], mesh__level=(4,), inertia__scheme=("bdf2",), dt=(0.002,)),
         ]
     return Plan(
         name="tripod_dynamic",
@@ -95,7 +89,6 @@ def plan(*, quick: bool) -> Plan:
             Knob("dt", "dt", "time step [s]"),
             Knob("mode", "solver.mode", "Newton to the tolerance, or one linear solve a stage"),
             Knob("tolerance", "solver.tolerance", "unbalanced force [N]"),
-            Knob("reduced", "reduced", "the reduced model, with so many modes"),
         ),
         default=DEFAULT,
         points=unique([shipped, *points]),
