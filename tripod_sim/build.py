@@ -95,7 +95,8 @@ def build(scene: Scene) -> Parts:
     from tripod_sim.integrators.sleep import Sleeping
 
     speed, time = scene.sleep.speed, scene.sleep.time
-    return replace(parts, stepper=Sleeping(parts.stepper, parts.system, parts.mass, speed=speed, time=time))
+    stepper = Sleeping(parts.stepper, parts.system, parts.mass, speed=speed, time=time, rigid=parts.rigid)
+    return replace(parts, stepper=stepper)
 
 
 def _built(scene: Scene) -> Parts:

@@ -44,14 +44,10 @@ NEEDS = (
 
 
 def check_needs(scene: "Scene") -> None:
-    """Raise SceneError if an effect lacks another that it needs, or excludes one that is there."""
+    """Raise SceneError if an effect lacks another that it needs."""
     for name, other, why in NEEDS:
         if getattr(scene, name) and not getattr(scene, other):
             raise SceneError(f"{name} needs {other}: {why}")
-    if scene.sleep and scene.rigid:
-        raise SceneError(
-            "sleep and rigid exclude each other: sleep looks at the nodes of one soft body alone"
-        )
 
 
 def check_holds(scene: "Scene") -> None:

@@ -445,7 +445,7 @@ class Simulation:
         strain, gravity = self._system.potentials(s)
         if (rigid := self._parts.rigid) and s.rigid:
             moving, fallen = rigid.energies(s.rigid)
-            kinetic, gravity = kinetic + moving, gravity + fallen
+            kinetic, gravity = kinetic + float(moving.sum()), gravity + float(fallen.sum())
         return Energies(kinetic, strain, gravity)
 
     def compliance(self) -> Compliance:

@@ -8,6 +8,7 @@ import pytest
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError
+from tripod_sim.integrators.substeps import StepReport
 
 G, SPEED = 9.81, 0.003
 
@@ -140,6 +141,89 @@ def test_a_solid_sleeps_too_and_wakes_with_its_servos() -> None:
     assert not simulation.step(joints).asleep
     assert np.abs(simulation.torques - torques).max() > 1e-4
     until_asleep(simulation, 400)
+
+
+LIGHT = (
+    'rigid=[{shape="ball", radius=0.02, mass=0.001, position=[0.3, 0, 0.021], velocity=[0.02, 0, 0], spin=[0, 1, 0]}, '
+    '{shape="box", mass=1.0, position=[0, 0, 0.051]}]'
+)
+"""A light ball that rolls beside a heavy box that lies: both together would count as slow."""
+
+
+def test_a_stack_falls_asleep_and_wakes_where_something_changes() -> None:
+    simulation, awake = (Simulation(load_scene("stack", ["dt=0.02", *w])) for w in (["sleep={}"], []))
+    steps = until_asleep(simulation, 300)
+    for _ in range(steps - 1):
+        awake.step()
+    before = simulation.save()
+    assert np.abs(simulation.positions - awake.positions).max() < SPEED * 0.02
+    assert simulation.energies().kinetic == 0.0
+    still = simulation.positions.tobytes()
+    assert simulation.step().asleep
+    assert simulation.report.iterations == 0
+    assert simulation.positions.tobytes() == still
+    for name, place, change in (
+        ("velocities", (2, 0), 0.05),
+        ("spins", (2, 2), 0.5),
+        ("centres", (2, 2), 1e-3),
+    ):
+        getattr(simulation.state.rigid, name)[place] += change
+        assert not simulation.step().asleep, name
+        assert simulation.positions.tobytes() != still
+        simulation.restore(before)
+        assert not simulation.step().asleep
+        until_asleep(simulation, 300)
+        still = simulation.positions.tobytes()
+
+
+def test_what_rolls_is_awake_beside_a_heavy_body_that_lies() -> None:
+    simulation = Simulation(load_scene("stack", ["dt=0.02", "sleep={}", LIGHT]))
+    start = simulation.state.rigid.centres[0, 0]
+    for _ in range(60):
+        assert not simulation.step().asleep
+    assert simulation.state.rigid.centres[0, 0] - start == pytest.approx(60 * 0.02 * 0.02, rel=0.02)
+
+
+def test_what_spins_on_the_spot_is_awake() -> None:
+    """Slower than the bound, about its centre."""
+    turn = 0.9 * SPEED / (np.sqrt(0.4) * 0.05)
+    words = ["gravity=off", "dt=0.02", "sleep={}", f"rigid.0.spin=[0, 0, {turn}]"]
+    simulation = Simulation(load_scene("bounce", words))
+    for _ in range(60):
+        assert not simulation.step().asleep
+    assert simulation.energies().kinetic == pytest.approx(0.5 * 0.2 * (0.9 * SPEED) ** 2)
+
+
+def test_a_rigid_body_that_is_let_down_slowly_is_awake() -> None:
+    """At 0.1 mm/s it is slow and goes nowhere, but the energy that it loses is far more than it has."""
+    simulation = Simulation(load_scene("bounce", ["sleep={}", "dt=0.02"]))
+
+    class Lowering:
+        def step(self, state, joints, dt):
+            state.rigid.velocities[:] = [0, 0, -speed]
+            state.rigid.centres[:] += dt * state.rigid.velocities
+            return StepReport()
+
+    simulation._stepper._stepper = Lowering()
+    speed = 1e-4
+    for _ in range(60):
+        assert not simulation.step().asleep
+    speed = 0.0
+    until_asleep(simulation, 40)
+
+
+def test_four_points_have_mass_centre_and_inertia_of_a_rigid_body() -> None:
+    words = [LIGHT.replace("mass=1.0", "mass=1.0, size=[0.1, 0.2, 0.05], orientation=[0.6, 0, 0, 0.8]")]
+    simulation = Simulation(load_scene("stack", ["contact.start=lift", *words]))
+    rigid, state = simulation._parts.rigid, simulation.state.rigid
+    masses, points = rigid.point_mass, rigid.points(state).reshape(2, 4, 3)
+    arms = points - state.centres[:, None]
+    np.testing.assert_allclose(masses.sum(axis=1), rigid.mass)
+    np.testing.assert_allclose(arms.mean(axis=1), 0.0, atol=1e-15)
+    squares = np.einsum("kai,kai->ka", arms, arms)[:, :, None, None] * np.eye(3)
+    found = (masses[:, :, None, None] * (squares - arms[..., None] * arms[:, :, None])).sum(axis=1)
+    inertia = state.rotations @ rigid.inertia @ state.rotations.transpose(0, 2, 1)
+    np.testing.assert_allclose(found, inertia, rtol=1e-12, atol=1e-12 * inertia.max())
 
 
 def test_sleep_that_makes_no_sense_is_refused_and_absent_sleep_is_not_imported() -> None:

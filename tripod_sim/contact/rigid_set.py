@@ -55,13 +55,34 @@ class RigidSet:
         first = np.cumsum([0, *[len(s.vertices) for s in self.shapes]])
         return np.concatenate([s.triangles + k for s, k in zip(self.shapes, first, strict=False)])
 
-    def energies(self, state: RigidState) -> tuple[float, float]:
-        """Return kinetic energy and potential of gravity, zero at the start [J]."""
+    def energies(self, state: RigidState) -> tuple[FloatArray, FloatArray]:
+        """Return kinetic energy and potential of gravity, zero at the start, of each body [J], shape (b,)."""
         turned = np.einsum("kji,kj->ki", state.rotations, state.spins)  # in the body's frame
-        kinetic = 0.5 * float(self.mass @ (state.velocities**2).sum(axis=1))
-        kinetic += 0.5 * float(np.einsum("ki,kij,kj->", turned, self.inertia, turned))
+        kinetic = 0.5 * self.mass * (state.velocities**2).sum(axis=1)
+        kinetic += 0.5 * np.einsum("ki,kij,kj->k", turned, self.inertia, turned)
         fall = (state.centres - self.start.centres) @ self.gravity
-        return kinetic, -float(self.mass @ fall)
+        return kinetic, -self.mass * fall
+
+    @cached_property
+    def _arms(self) -> FloatArray:
+        """Four points of equal mass that have the mass, centre and inertia of each body [m], shape (b, 4, 3).
+
+        With J = tr(I) 1 / 2 - I = m V diag(s²) V^T they are V diag(s) t, t the corners of a tetrahedron.
+        """
+        moments = np.trace(self.inertia, axis1=1, axis2=2)[:, None, None] / 2 * np.eye(3) - self.inertia
+        squares, axes = np.linalg.eigh(moments / self.mass[:, None, None])
+        corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+        return np.asarray(np.einsum("kij,kj,aj->kai", axes, np.sqrt(np.maximum(squares, 0.0)), corners))
+
+    @property
+    def point_mass(self) -> FloatArray:
+        """Of the `points` [kg], shape (b, 4)."""
+        return np.repeat(self.mass[:, None] / 4, 4, axis=1)
+
+    def points(self, state: RigidState) -> FloatArray:
+        """Return where four points are that have mass, centre and inertia of a body [m], shape (4 b, 3)."""
+        turned = np.einsum("kij,kaj->kai", state.rotations, self._arms)
+        return np.asarray((state.centres[:, None] + turned).reshape(-1, 3))
 
 
 class JoinedMesh:

@@ -1,4 +1,4 @@
-"""Sleep: a body at rest is not solved for, until something changes.
+"""Sleep: bodies at rest are not solved for, until something changes.
 
 At rest is what, over two windows of time one after the other,
 
@@ -11,16 +11,22 @@ At rest is what, over two windows of time one after the other,
 
 So what only trembles, because contacts come and go without end, is put to sleep, and what falls is not, however slowly.
 A sleeping body has no velocity: all that is taken from it is kinetic energy below the bound.
+
+Each body has to be at rest by itself, so that a heavy one that lies does not outweigh a light one that rolls; they fall
+asleep and wake together. A rigid body is the four mass points that have its mass, centre and inertia.
 """
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from tripod_sim.build import Stepper
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.state import FloatArray, State
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.contact.rigid_set import RigidSet
 
 DRIFT = 0.25
 """Speed at which the mean shape may move, as a share of the bound on the speed."""
@@ -44,48 +50,62 @@ class Potentials(Protocol):
 
 @dataclass(eq=False)
 class _Window:
-    """What a body did for a while: largest T, least V [J], sum of the positions [m], steps, time [s]."""
+    """What b bodies did for a while: largest T and least V of each [J], sum of the positions [m], steps, time [s]."""
 
     total: FloatArray
-    most: float = 0.0
-    least: float = np.inf
+    most: FloatArray
+    least: FloatArray
     steps: int = 0
     time: float = 0.0
 
     def clear(self) -> None:
-        self.total[:] = 0.0
-        self.most, self.least, self.steps, self.time = 0.0, np.inf, 0, 0.0
+        self.total[:], self.most[:], self.least[:] = 0.0, 0.0, np.inf
+        self.steps, self.time = 0, 0.0
 
 
 class Sleeping:
-    """A time integrator that leaves a body alone while it is at rest.
+    """A time integrator that leaves bodies alone while they are at rest.
 
     Attributes:
         asleep: Whether it does.
-        awake: The time integrator of the body that is not at rest.
+        awake: The time integrator of bodies that are not at rest.
     """
 
     def __init__(
-        self, stepper: Stepper, system: Potentials, mass: FloatArray, *, speed: float, time: float
+        self,
+        stepper: Stepper,
+        system: Potentials,
+        mass: FloatArray,
+        *,
+        speed: float,
+        time: float,
+        rigid: "RigidSet | None" = None,
     ) -> None:
         """Prepare.
 
         Args:
             stepper: The time integrator.
-            system: The body's energies.
-            mass: Of nodes [kg], shape (n,).
+            system: The soft body's energies.
+            mass: Of its nodes [kg], shape (n,); empty where there is no soft body.
             speed: Root mean square speed below which a body can be at rest [m/s].
             time: Length of each of the two windows [s].
+            rigid: The rigid bodies.
         """
         self.asleep = False
         self.awake = self._stepper = stepper
-        self._system, self._mass = system, mass
-        self._weight, self._speed, self._time = float(mass.sum()), speed, time
+        self._system, self._soft, self._rigid = system, mass, rigid
+        self._speed, self._time = speed, time
+        masses = ([mass] if len(mass) else []) + ([*rigid.point_mass] if rigid else [])
+        ends = np.cumsum([len(m) for m in masses])
+        self._bodies = [slice(end - len(m), end) for m, end in zip(masses, ends.tolist(), strict=True)]
+        self._mass = np.concatenate(masses)
+        self._weight = np.array([m.sum() for m in masses])
         self._bound = 0.5 * self._weight * speed**2
-        n = len(mass)
-        self._now, self._before = _Window(np.zeros((n, 3))), _Window(np.zeros((n, 3)))
+        n, b = len(self._mass), len(masses)
+        self._now, self._before = (_Window(np.zeros((n, 3)), np.zeros(b), np.zeros(b)) for _ in range(2))
         self._x, self._joints, self._report = np.zeros((n, 3)), np.zeros(0), StepReport()
         self._loads, self._load = getattr(system, "loads", None), np.zeros(0)
+        self._wake()
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, and wake up."""
@@ -107,7 +127,7 @@ class Sleeping:
         self._before.clear()
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
-        """Advance by one step, in place; a sleeping body only in time. Raises StepError and leaves `state`."""
+        """Advance by one step, in place; sleeping bodies only in time. Raises StepError and leaves `state`."""
         if self.asleep:
             if self._unchanged(state, joints):
                 state.time += dt
@@ -117,47 +137,71 @@ class Sleeping:
         report = self._stepper.step(state, joints, dt)
         self._look(state, dt)
         if self.asleep:
-            state.velocities[:] = 0.0
-            self._x[:], self._joints = state.positions, joints.copy()
+            for velocities in self._velocities(state):
+                velocities[:] = 0.0
+            self._x[:], self._joints = self._positions(state), joints.copy()
             self._load = self._loads.force.copy() if self._loads else self._load
             self._report = _without_work(report)
             report.asleep = True
         return report
 
+    def _velocities(self, state: State) -> list[FloatArray]:
+        return [state.velocities] + ([state.rigid.velocities, state.rigid.spins] if state.rigid else [])
+
+    def _positions(self, state: State) -> FloatArray:
+        """Return where all mass is [m], shape (n, 3): nodes, then the points of the rigid bodies."""
+        if not (self._rigid and state.rigid):
+            return state.positions
+        return np.concatenate([state.positions, self._rigid.points(state.rigid)])
+
     def _unchanged(self, state: State, joints: FloatArray) -> bool:
-        same = np.array_equal(joints, self._joints) and np.array_equal(state.positions, self._x)
+        same = np.array_equal(joints, self._joints) and np.array_equal(self._positions(state), self._x)
         same &= self._loads is None or np.array_equal(self._loads.force, self._load)
-        return same and not state.velocities.any()
+        return same and not any(velocities.any() for velocities in self._velocities(state))
+
+    def _energies(self, state: State) -> tuple[FloatArray, FloatArray, float]:
+        """Return T and V of each body [J], shape (b,), and the size of what V is the sum of."""
+        kinetic, potential, size = np.zeros(0), np.zeros(0), 0.0
+        if len(self._soft):
+            strain, weight = self._system.potentials(state)
+            moving = 0.5 * float(self._soft @ np.einsum("ni,ni->n", state.velocities, state.velocities))
+            kinetic, potential = np.array([moving]), np.array([strain + weight])
+            size = abs(strain) + abs(weight)
+        if self._rigid and state.rigid:
+            of_rigid, fallen = self._rigid.energies(state.rigid)
+            kinetic, potential = np.append(kinetic, of_rigid), np.append(potential, fallen)
+            size += float(np.abs(fallen).sum())
+        return kinetic, potential, size
 
     def _look(self, state: State, dt: float) -> None:
         """Note what the step did, and fall asleep at the end of a window of rest."""
         now, before = self._now, self._before
-        kinetic = 0.5 * float(self._mass @ np.einsum("ni,ni->n", state.velocities, state.velocities))
-        if not kinetic < self._bound:
+        kinetic, potential, size = self._energies(state)
+        if not (kinetic < self._bound).all():
             if now.steps or before.steps:
                 self._wake()
             return
-        strain, weight = self._system.potentials(state)
-        now.most, now.least = max(now.most, kinetic), min(now.least, strain + weight)
-        now.total += state.positions
+        np.maximum(now.most, kinetic, out=now.most)
+        np.minimum(now.least, potential, out=now.least)
+        now.total += self._positions(state)
         now.steps += 1
         now.time += dt
         if now.time < self._time * (1 - 1e-9):
             return
-        scale = ROUNDING * (abs(strain) + abs(weight))
-        self.asleep = before.steps > 0 and self._rests(scale)
+        self.asleep = before.steps > 0 and self._rests(ROUNDING * size)
         self._now, self._before = before, now
         self._now.clear()
 
     def _rests(self, rounding: float) -> bool:
         now, before = self._now, self._before
         drift = now.total / now.steps - before.total / before.steps
-        moved = np.sqrt(float(self._mass @ np.einsum("ni,ni->n", drift, drift)) / self._weight)
+        spread = self._mass * np.einsum("ni,ni->n", drift, drift)
+        moved = np.sqrt(np.array([spread[body].sum() for body in self._bodies]) / self._weight)
         freed = before.least - now.least
-        return (
-            moved <= DRIFT * self._speed * self._time
-            and freed <= max(now.most, SMALL * self._bound) + rounding
-            and now.most <= max(GROWTH * before.most, SMALLEST * self._bound)
+        return bool(
+            (moved <= DRIFT * self._speed * self._time).all()
+            and (freed <= np.maximum(now.most, SMALL * self._bound) + rounding).all()
+            and (now.most <= np.maximum(GROWTH * before.most, SMALLEST * self._bound)).all()
         )
 
 

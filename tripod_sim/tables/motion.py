@@ -103,10 +103,10 @@ class Contact:
 
 @dataclass(frozen=True)
 class Sleep:
-    """A body at rest is not solved for until something changes. Needs inertia.
+    """Bodies at rest are not solved for until something changes. Needs inertia.
 
     Attributes:
-        speed: Root mean square speed of the body below which it can be at rest [m/s].
+        speed: Root mean square speed of a body below which it can be at rest [m/s].
         time: For twice this long it must have been slow, have gone nowhere and not have fallen [s].
     """
 
