@@ -12,7 +12,6 @@ from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import CORNERS
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.gravity import GravityForce
-from tripod_sim.forces.rayleigh import StiffnessDamping
 from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.schemes import make_scheme
@@ -132,10 +131,7 @@ def block(
     solid, (load, inert) = elastic(mesh, young, poisson, law), lumped(mesh, mass)
     nodes = np.array(mesh.nodes)
     gravity, inertia = GravityForce(load, acceleration, nodes), Anchor(len(nodes))
-    viscous = (
-        StiffnessDamping(damping[1], solid.elements, solid.matrices, len(nodes)) if damping[1] > 0 else None
-    )
     groups = Groups(len(nodes), fixed=np.array(held, dtype=np.int64))
-    system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=viscous)
+    system = System(nodes, [solid], groups, gravity=gravity, inertia=inertia, damping=damping[1])
     stepper = make_scheme(scheme, Newton(system, tolerance, 100), inertia, inert, damping[0], 8)
     return Block(mesh, solid, inert, gravity, system.start_state(np.zeros(1)), stepper, dt)

@@ -67,7 +67,7 @@ def boxes(sizes: list[tuple[int, int, int]]) -> Iterator[tuple[str, System]]:
         cells = [index[tuple(slice(a, a + n) for a, n in zip(c, size, strict=True))].ravel() for c in corners]
         elements = np.ascontiguousarray(np.stack(cells, axis=1))
         solid = Solid(nodes, elements, kind, "neo_hooke", *lame_constants(250e3, 0.45))
-        system = System(nodes, solid, Groups(len(nodes), fixed=np.flatnonzero(nodes[:, 0] < 1e-9)))
+        system = System(nodes, [solid], Groups(len(nodes), fixed=np.flatnonzero(nodes[:, 0] < 1e-9)))
         state = system.start_state(np.zeros(1))
         system.assemble(state, project=False)
         system.evaluate(state)

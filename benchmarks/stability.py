@@ -130,7 +130,7 @@ def tripod(case: Case, element: str, scheme: str) -> Subject:
         simulation._system.start_state(np.zeros(4)).copy_to(simulation.state)
     if case.noise:
         add_noise(simulation, case.noise)
-    joints, state, solid = np.array(case.joints), simulation.state, simulation._system.solid
+    joints, state, solid = np.array(case.joints), simulation.state, simulation._system.elastic.terms[0]
 
     def energies() -> tuple[float, float]:
         e = simulation.energies()
@@ -173,7 +173,7 @@ def soft_block(name: str, element: str, scheme: str) -> Subject:
         body.step,
         state.positions,
         body.energies,
-        lambda: body.solid.worst_element(state.positions, state.modes),
+        lambda: body.elastic.terms[0].worst_element(state.positions, state.modes),
         120,
     )
 

@@ -135,7 +135,7 @@ def _built(scene: Scene) -> Parts:
         load[plate.nodes], inert[plate.nodes] = plate.mass, plate.mass
     lam, mu = lame_constants(scene.material.young, scene.material.poisson)
     solid = Solid(rest, _strained(mesh.elements, groups), mesh.kind, scene.material.law, lam, mu)
-    gravity = inertia = damping = None
+    gravity = inertia = None
     if scene.gravity:
         from tripod_sim.forces.gravity import GravityForce
 
@@ -146,12 +146,9 @@ def _built(scene: Scene) -> Parts:
         from tripod_sim.forces.anchor import Anchor
 
         inertia = Anchor(len(rest))
-    if scene.damping and scene.damping.stiffness > 0 and not explicit:
-        from tripod_sim.forces.rayleigh import StiffnessDamping
-
-        damping = StiffnessDamping(scene.damping.stiffness, solid.elements, solid.matrices, len(rest))
+    damping = scene.damping.stiffness if scene.damping and not explicit else 0.0
     system = System(
-        rest, solid, groups, gravity=gravity, inertia=inertia, damping=damping, foundation=foundation,
+        rest, [solid], groups, gravity=gravity, inertia=inertia, damping=damping, foundation=foundation,
         loads=loads,
         linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
     )  # fmt: skip

@@ -201,7 +201,7 @@ def _factored(
             if system.assemble(at, project=project) < 0:
                 break
         for nodes, stiffness in contacts:
-            system.solid.add_stiffness(nodes, stiffness)
+            system.elastic.add_stiffness(nodes, stiffness)
         system.evaluate(at)
         system.factor()
         if system.factored:

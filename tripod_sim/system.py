@@ -6,6 +6,7 @@ strain energy, gravity, inertia (with mass damping) and stiffness damping; absen
 """
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.reduction import Reduction, move_bodies, move_nodes, swing_nodes, write_levers
-from tripod_sim.forces.solid import Solid
-from tripod_sim.forces.solid_kernels import add_element_products
+from tripod_sim.forces.elastic import Elastic, ElasticTerm, Matrices
 from tripod_sim.linear.choice import LinearFactory, linear_factory
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.state import State
@@ -26,8 +26,10 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.gravity import GravityForce
     from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.forces.rayleigh import StiffnessDamping
+    from tripod_sim.forces.spring_force import SpringDampers
 
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
 
 DEFAULT_LINEAR = linear_factory("auto", 1e-8)
 
@@ -36,6 +38,7 @@ class System:
     """Evaluates Phi, its gradient and Hessian, and moves a state along a step of the unknowns.
 
     Attributes:
+        elastic: The strain energy: a sum of terms.
         gradient: dPhi/dx of the last `evaluate` [N], shape (n, 3).
         residual: Reduced gradient of the last `evaluate` [N, N m], shape (unknowns,).
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
@@ -49,21 +52,39 @@ class System:
     def __init__(
         self,
         rest: FloatArray,
-        solid: Solid,
+        terms: Sequence[ElasticTerm],
         groups: Groups,
         *,
         gravity: "GravityForce | None" = None,
         inertia: "Anchor | None" = None,
-        damping: "StiffnessDamping | None" = None,
+        damping: float = 0.0,
+        dampers: "SpringDampers | None" = None,
         foundation: "Foundation | None" = None,
         loads: "NodalLoads | None" = None,
+        joined: Sequence[IndexArray] = (),
         linear: LinearFactory = DEFAULT_LINEAR,
     ) -> None:
-        self.rest, self.solid, self.groups = rest, solid, groups
-        self.gravity, self.inertia, self.damping = gravity, inertia, damping
+        """Add up terms.
+
+        Args:
+            rest: Undeformed positions [m], shape (n, 3).
+            terms: Of the strain energy.
+            groups: What holds nodes.
+            gravity, inertia, dampers, foundation, loads: Further terms; None for none.
+            damping: b of the force -b K v [s].
+            joined: Nodes that have entries with each other in the Hessian besides those of elements, shapes (m, k).
+            linear: Makes the solver.
+        """
+        self.rest, self.groups = rest, groups
+        self.gravity, self.inertia, self.dampers = gravity, inertia, dampers
         self.foundation, self.loads = foundation, loads
-        blocks = [solid.elements] + ([foundation.elements] if foundation else [])
-        self.reduction = Reduction(blocks, groups)
+        frames = groups.driven
+        self.driven = np.concatenate([f.nodes for f in frames] or [np.zeros(0, dtype=np.int64)])
+        self.elastic = Elastic(terms, self.driven)
+        self.damping = self._damping(damping)
+        self._further = [t for t in (foundation, dampers) if t]
+        blocks = [t.elements for t in (*terms, *self._further)]
+        self.reduction = Reduction([*blocks, *joined], groups)
         free, bodies = self.reduction.free_count, self.reduction.bodies
         diagonal_blocks = np.append(3 * np.arange(free), 3 * free + 6 * np.arange(bodies + 1))
         self._new_linear = lambda: linear(self.reduction.pattern, diagonal_blocks)
@@ -75,24 +96,19 @@ class System:
         self._no_weight = np.zeros(n)
         self._rest_centres = np.array([rest[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
         self.strain_energy = self.gravity_energy = 0.0
-        frames = groups.driven
-        self.driven = np.concatenate([f.nodes for f in frames] or [np.zeros(0, dtype=np.int64)])
         self._frame_of = np.repeat(np.arange(s), [len(f.nodes) for f in frames])
         swings = [(*f.swing(rest[f.nodes]), np.tile(f.inward, (len(f.nodes), 1))) for f in frames]
         self._swing = [np.concatenate([t[k] for t in swings] or [np.zeros((0, 3))]) for k in range(4)]
         self._hubs = np.array([f.point for f in frames]).reshape(s, 3)
         self._inward = np.array([f.inward for f in frames]).reshape(s, 3)
-        moved = np.isin(solid.elements, self.driven).any(axis=1)
-        self._beside = np.flatnonzero(moved)  # elements that feel the driven nodes
-        self._all = np.arange(len(solid.elements))
         self.factored = False
         self._change, self._reduced, self._unused = (
             np.zeros((n, 3)),
             np.zeros_like(self.residual),
             np.zeros(s),
         )
-        self._elastic, self._elastic_energy = np.zeros((n, 3)), 0.0
-        self._last, self._known = (rest.copy(), solid.rest_modes()), False
+        self._forces, self._elastic_energy = np.zeros((n, 3)), 0.0
+        self._last, self._known = (rest.copy(), self.elastic.rest_modes()), False
         self._arm = rest.copy()  # of nodes of bodies, from the centre, undeformed [m]
         for centre, nodes in zip(self._rest_centres, groups.rigid, strict=True):
             self._arm[nodes] -= centre
@@ -101,6 +117,14 @@ class System:
             radius = np.sqrt(((rest[nodes] - self._rest_centres[b]) ** 2).sum(axis=1).mean())
             first = 3 * self.reduction.free_count + 6 * b
             self._scale[first + 3 : first + 6] = 1 / radius
+
+    def _damping(self, coefficient: float) -> "StiffnessDamping | None":
+        """Return the stiffness damping with the coefficient b [s], None for 0."""
+        if not coefficient:
+            return None
+        from tripod_sim.forces.rayleigh import StiffnessDamping  # noqa: PLC0415 - an effect that is absent
+
+        return StiffnessDamping(coefficient, self.elastic, len(self.rest))
 
     def radius(self, body: int) -> float:
         """Return the radius of gyration of a rigid body's nodes [m]."""
@@ -118,7 +142,7 @@ class System:
 
     def potentials(self, state: State) -> tuple[float, float]:
         """Return strain energy, the foundation's included, and potential of gravity [J]."""
-        strain = self.solid.energy(state.positions, state.modes)
+        strain = self.elastic.energy(state.positions, state.modes)
         if self.foundation:
             strain += self.foundation.add_gradient(state.positions, np.zeros_like(state.positions))
         return strain, self.gravity.energy(state.positions) if self.gravity else 0.0
@@ -130,7 +154,7 @@ class System:
         return State(
             self.rest.copy(),
             np.zeros((n, 3)),
-            self.solid.rest_modes(),
+            self.elastic.rest_modes(),
             self._rest_centres.copy(),
             rotations,
             joints.copy(),
@@ -165,14 +189,16 @@ class System:
             self.strain_energy = phi
             return np.inf
         g = self.gradient
-        g[:] = self._elastic
+        g[:] = self._forces
         if self.damping:
-            phi += self.damping.add_gradient(state.positions, phi, self._elastic, g)
+            phi += self.damping.add_gradient(state.positions, phi, self._forces, g)
         self.strain_energy = self._elastic_energy
         if self.foundation:
             bedding = self.foundation.add_gradient(state.positions, g)
             self.strain_energy += bedding
             phi += bedding
+        if self.dampers:
+            phi += self.dampers.add_gradient(state.positions, g)
         if self.gravity:
             self.gravity_energy = self.gravity.add_gradient(state.positions, g)
             phi += self.gravity_energy
@@ -185,17 +211,17 @@ class System:
         return phi
 
     def elastic_forces(self, state: State) -> FloatArray:
-        """Return dE/dx of the solid at `state` [N], shape (n, 3): an array that the next evaluation overwrites."""
+        """Return dE/dx at `state` [N], shape (n, 3), E the strain energy: the next evaluation overwrites it."""
         self._evaluate_elastic(state)
-        return self._elastic
+        return self._forces
 
     def _evaluate_elastic(self, state: State) -> float:
-        """Write the solid's dE/dx to `_elastic` and return E [J]."""
+        """Write dE/dx to `_forces` and return E [J]."""
         positions, modes = self._last
         if not (self._known and same(positions, state.positions) and same(modes, state.modes)):
             self._known = False
-            self._elastic[:] = 0.0
-            self._elastic_energy = self.solid.add_gradient(state.positions, state.modes, self._elastic)
+            self._forces[:] = 0.0
+            self._elastic_energy = self.elastic.add_gradient(state.positions, state.modes, self._forces)
             if math.isfinite(self._elastic_energy):
                 positions[:], modes[:] = state.positions, state.modes
                 self._known = True
@@ -214,31 +240,32 @@ class System:
             dx: What it moves each node by [m], shape (n, 3).
         """
         damping, change = self.damping, self._change
-        if self.foundation or (damping and damping.held):
+        if self.foundation or self.dampers or (damping and damping.held):
             change[:] = 0.0
             if self.foundation:
                 self.foundation.add_gradient(dx, change)
+            if self.dampers:
+                self.dampers.add_products(dx, change)
             if damping and damping.held:
-                matrices, elements = damping.matrices, self.solid.elements
-                add_element_products(matrices, elements, self._all, dx, damping.factor, change)
+                self.elastic.add_products(damping.matrices, dx, damping.factor, change)
             self.reduction.gradient(change, self.lever, self.axes, self._reduced, self._unused)
             self.residual += self._reduced
         share = 1.0 / (1.0 + damping.factor) if damping and not damping.held else 1.0
         weight = self.inertia.weight if self.inertia else self._no_weight
         change[:] = 0.0
-        add_element_products(self.solid.matrices, self.solid.elements, self._beside, dx, 1.0, change)
+        self.elastic.add_response(self.elastic.matrices, dx, 1.0, change)
         self._elastic_energy += self.reduction.relieve(
-            self.residual, share, weight, dx, change, self.lever, self._elastic
+            self.residual, share, weight, dx, change, self.lever, self._forces
         )
         self.residual[:] = 0.0
         self.torques += solution @ self.reduction.drive
         positions, modes = self._last
         positions[:], modes[:] = state.positions, state.modes
-        self.solid.balance_modes()
+        self.elastic.balance_modes()
 
     def forget(self) -> None:
         """Drop what was kept from earlier evaluations and assemblies, so that results depend on the state alone."""
-        self.solid.forget()
+        self.elastic.forget()
         self._known = False
         if self.damping:
             self.damping.held = False
@@ -248,13 +275,15 @@ class System:
 
         Torques on bodies count divided by the body's radius of gyration.
         """
-        return math.sqrt(scaled_norm_squared(self.residual, self._scale) + self.solid.mode_residual_squared)
+        return math.sqrt(scaled_norm_squared(self.residual, self._scale) + self.elastic.mode_residual_squared)
 
     def assemble(self, state: State, *, project: bool) -> int:
         """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""
-        if self.solid.has_modes:
+        if self.elastic.has_modes:
             self._known = False  # the condensed gradient belongs to the last assembly
-        return self.solid.stiffness(state.positions, state.modes, project=project)
+        if self.dampers:
+            self.dampers.stiffness(state.positions, project=project)
+        return self.elastic.stiffness(state.positions, state.modes, project=project)
 
     def factor(self, shift: float = 0.0) -> bool:
         """Reduce and factor the Hessian of Phi with the assembled matrices; return whether it is positive definite.
@@ -270,17 +299,17 @@ class System:
         weight = self.inertia.weight if self.inertia else self._no_weight
         if shift:
             weight = weight + shift
-        parts = [(0, *part) for part in self._tangents()]
-        if self.foundation:
-            parts.append((1, self.foundation.matrices, 1.0))
+        count = len(self.elastic.terms)
+        parts = [(k, own, factor) for matrices, factor in self._tangents() for k, own in enumerate(matrices)]
+        parts += [(k, term.matrices, 1.0) for k, term in enumerate(self._further, count)]
         self.reduction.hessian(parts, weight, self.gradient, self.lever, self.axes)
 
-    def _tangents(self) -> list[tuple[FloatArray, float]]:
-        """Return the solid's part of the Hessian: element matrices [N/m], each with its factor."""
-        damping = self.damping
+    def _tangents(self) -> list[tuple[Matrices, float]]:
+        """Return the elastic part of the Hessian: element matrices of each term [N/m], with their factor."""
+        damping, matrices = self.damping, self.elastic.matrices
         if damping and damping.held:
-            return [(self.solid.matrices, 1.0), (damping.matrices, damping.factor)]
-        return [(self.solid.matrices, 1.0 + damping.factor if damping else 1.0)]
+            return [(matrices, 1.0), (damping.matrices, damping.factor)]
+        return [(matrices, 1.0 + damping.factor if damping else 1.0)]
 
     def choose_damping(self, *, projected: bool, start: bool) -> None:
         """Let the damping of this solve follow from its last assembled matrices: of a step's first ones, or projected.
@@ -290,7 +319,7 @@ class System:
         if not self.damping:
             return
         if projected and (start or not self.damping.held):
-            self.damping.hold(self.solid.matrices)
+            self.damping.hold()
         elif start:
             self.damping.held = False
 
@@ -298,9 +327,11 @@ class System:
         """Add to `residual` the first-order change K dx of the gradient when driven nodes move by `dx` [m]."""
         self._change[:] = 0.0
         for matrices, factor in self._tangents():
-            add_element_products(matrices, self.solid.elements, self._beside, dx, factor, self._change)
+            self.elastic.add_response(matrices, dx, factor, self._change)
         if self.foundation:
             self.foundation.add_gradient(dx, self._change)
+        if self.dampers:
+            self.dampers.add_products(dx, self._change)
         self.reduction.gradient(self._change, self.lever, self.axes, self._reduced, self._unused)
         self.residual += self._reduced
 
@@ -321,4 +352,4 @@ class System:
         move_nodes(
             start.positions, scale, dx, out.centres, out.rotations, self._arm, r.kind, r.number, out.positions
         )
-        self.solid.advance_modes(start.modes, dx, scale, out.modes)
+        self.elastic.advance_modes(start.modes, dx, scale, out.modes)

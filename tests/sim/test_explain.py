@@ -159,7 +159,7 @@ def test_arrays_are_found_once_and_by_their_owner() -> None:
     arrays = [(a, owner) for a, owner in walk(simulation) if isinstance(a, np.ndarray)]
     assert len({id(a) for a, _ in arrays}) == len(arrays)
     owners = {id(a): owner for a, owner in arrays}
-    matrices = owned(simulation._system.solid.matrices)
+    matrices = owned(simulation._system.elastic.terms[0].matrices)
     assert owners[id(matrices)] == "tripod_sim.forces.solid"
     parts = memory(simulation)
     assert parts["solid"] >= matrices.nbytes

@@ -99,11 +99,11 @@ def test_one_step_is_the_recurrence(scheme: str) -> None:
     disc, free = system.groups.rigid[0], system.reduction.free
     state.velocities[free] += 0.5 * rng.standard_normal((len(free), 3))
     before = state.copy()
-    system.solid.forget()
+    system.elastic.forget()
     for _ in range(20):  # modes to equilibrium, as the scheme has them
         system.assemble(before, project=False)
         system.evaluate(before)
-        system.solid.advance_modes(before.modes, np.zeros_like(before.positions), 1.0, before.modes)
+        system.elastic.advance_modes(before.modes, np.zeros_like(before.positions), 1.0, before.modes)
     system.evaluate(before)
     force = -system.gradient - 30.0 * m[:, None] * before.velocities
     simulation.step()
@@ -347,10 +347,10 @@ def test_reset_returns_the_same_bits() -> None:
 
 def test_masses_in_a_line_are_refused() -> None:
     simulation = Simulation(load_scene("silicone", ["mesh.level=1", "inertia.scheme=rk4", "dt=1e-5"]))
-    rest, mass, solid = simulation._system.rest, simulation._mass, simulation._system.solid
+    rest, mass, solid = simulation._system.rest, simulation._mass, simulation._system.elastic.terms[0]
     line = np.flatnonzero((np.abs(rest[:, 1]) < 1e-9) & (rest[:, 2] > 1e-9))[:3]
     assert len(line) == 3
-    system = System(rest, solid, Groups(len(rest), (line,)))
+    system = System(rest, [solid], Groups(len(rest), (line,)))
     with pytest.raises(
         SceneError, match=r"rigid body 0 \(3 nodes\) lie in a line, .* choose one of: implicit_euler"
     ):

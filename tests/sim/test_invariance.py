@@ -15,7 +15,6 @@ from tripod_sim.constraints.groups import Groups
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.gravity import GravityForce
-from tripod_sim.forces.rayleigh import StiffnessDamping
 from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.quasi_static import QuasiStatic
@@ -48,11 +47,9 @@ def hang(element: str, law: str, scheme: str, rotation: Rotation, change: Change
     groups = Groups(len(nodes), rigid=(np.sort(order[plate]),), fixed=np.sort(order[held]))
     weight = rotation.apply([2.0, 1.0, -9.0])
     gravity = GravityForce(load, tuple(weight), nodes)
-    inertia = damping = None
-    if scheme != "static":
-        inertia = Anchor(len(nodes))
-        damping = StiffnessDamping(1e-3, solid.elements, solid.matrices, len(nodes))
-    system = System(nodes, solid, groups, gravity=gravity, inertia=inertia, damping=damping)
+    inertia = None if scheme == "static" else Anchor(len(nodes))
+    damping = 1e-3 if inertia else 0.0
+    system = System(nodes, [solid], groups, gravity=gravity, inertia=inertia, damping=damping)
     newton = Newton(system, 1e-11, 200)
     stepper = (
         make_scheme(scheme, newton, inertia, inert, 0.5, 8) if inertia else QuasiStatic(newton, 8, 0.1, 0.03)

@@ -63,7 +63,7 @@ def test_a_nearly_incompressible_piece_is_rolled_back_and_its_reach_halved() -> 
     assert report.parts == 1
     assert report.residual <= 1e-4
     assert state.positions[:, 2].min() == pytest.approx(-0.0746, abs=5e-4)
-    assert parts.system.solid.worst_element(state.positions, state.modes)[1] > 0.9
+    assert parts.system.elastic.terms[0].worst_element(state.positions, state.modes)[1] > 0.9
 
 
 def test_a_load_that_bends_little_is_left_to_newton_s_method() -> None:

@@ -42,7 +42,7 @@ def test_hard_case_stays_stable_and_comes_to_rest(name: str) -> None:
     # once the input rests, the energy only falls, to the solver's tolerance (1e-4 N over moves of some mm)
     assert np.diff(totals).max() < 1e-6 * max(1.0, abs(totals[0]))
     assert e.kinetic < 1e-7
-    element, ratio = simulation._system.solid.worst_element(
+    element, ratio = simulation._system.elastic.terms[0].worst_element(
         simulation.state.positions, simulation.state.modes
     )
     assert ratio > 0, f"element {element} is inside out"
@@ -65,10 +65,20 @@ def test_corotational_recovers_from_inverted_elements() -> None:
     free = simulation._system.reduction.free
     rest = simulation.state.positions.copy()
     simulation.state.positions[free] += 4e-3 * np.random.default_rng(1).uniform(-1, 1, (len(free), 3))
-    assert simulation._system.solid.worst_element(simulation.state.positions, simulation.state.modes)[1] < 0
+    assert (
+        simulation._system.elastic.terms[0].worst_element(simulation.state.positions, simulation.state.modes)[
+            1
+        ]
+        < 0
+    )
     for _ in range(300):
         simulation.step()
-    assert simulation._system.solid.worst_element(simulation.state.positions, simulation.state.modes)[1] > 0
+    assert (
+        simulation._system.elastic.terms[0].worst_element(simulation.state.positions, simulation.state.modes)[
+            1
+        ]
+        > 0
+    )
     assert np.abs(simulation.state.positions - rest).max() < 1e-4
 
 

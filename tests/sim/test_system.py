@@ -43,9 +43,9 @@ def settle_modes(system: System, state: State) -> None:
     for _ in range(20):
         assert system.assemble(state, project=False) == -1
         system.evaluate(state)
-        if system.solid.mode_residual_squared < 1e-24:
+        if system.elastic.mode_residual_squared < 1e-24:
             return
-        system.solid.advance_modes(state.modes.copy(), still, 1.0, state.modes)
+        system.elastic.advance_modes(state.modes.copy(), still, 1.0, state.modes)
     raise AssertionError("modes do not settle")
 
 
@@ -77,7 +77,7 @@ def test_solid_force_is_minus_the_energy_gradient(law: str) -> None:
 @pytest.mark.parametrize("law", LAWS)
 def test_a_rigid_motion_costs_nothing_and_rotates_the_forces(law: str) -> None:
     (system, state), rng = bent(law), np.random.default_rng(2)
-    solid, x, modes = system.solid, state.positions, state.modes
+    solid, x, modes = system.elastic, state.positions, state.modes
     Q, shift = random_rotation(rng), np.array([0.1, -0.2, 0.3])
     g, turned = np.zeros_like(x), np.zeros_like(x)
     solid.stiffness(x, modes, project=True)

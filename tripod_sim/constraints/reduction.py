@@ -51,8 +51,11 @@ class Reduction:
         rigid = self.kind == RIGID
         self.base[rigid] = 3 * len(free) + 6 * self.number[rigid]
         self.free, self.blocks = free, list(blocks)
-        for e, nodes in enumerate(self.blocks[0]):
-            if len(set(self.number[nodes[self.kind[nodes] == RIGID]].tolist())) > 1:
+        for block in self.blocks:
+            of_body = np.where(self.kind[block] == RIGID, self.number[block], -1)
+            two = ((of_body != of_body.max(axis=1, keepdims=True)) & (of_body >= 0)).any(axis=1)
+            if two.any():
+                e = np.flatnonzero(two)[0]
                 raise SceneError(f"element {e} touches two rigid bodies; refine the mesh between them")
         self.pattern, self._slots, self._body_slots, self._node_slots = self._symbolic()
         self.drive = np.zeros((self.unknowns, self.driven))

@@ -72,7 +72,7 @@ class SolidNodes:
         self._rigid = np.flatnonzero(kind == Kind.RIGID)
         n = len(system.rest)
         self._dx, self._last = np.zeros((n, 3)), np.zeros((n, 3))
-        self._last_modes = system.solid.rest_modes()
+        self._last_modes = system.elastic.rest_modes()
         self._none = np.zeros((n, 3))
         self._start: State | None = None
         self._trial: State | None = None
@@ -130,7 +130,7 @@ class SolidNodes:
         if system.damping:
             system.damping.held = False
             if self._hold:
-                system.damping.hold(system.solid.matrices)
+                system.damping.hold()
         self._stage.read(start, self._stage.known)
         self._stage.aim(h)
         left = self._left - h
@@ -292,14 +292,14 @@ class SolidNodes:
         """Put the trial state where `u` brings it, its modes at rest; return the potential, infinite for none."""
         if np.array_equal(u, self._at):
             return self._phi
-        system, trial, solid = self._system, self._trial, self._system.solid
+        system, trial, elastic = self._system, self._trial, self._system.elastic
         assert trial is not None
         self._move(u)
         np.subtract(trial.positions, self._last, out=self._dx)
-        solid.advance_modes(self._last_modes, self._dx, 1.0, trial.modes)
+        elastic.advance_modes(self._last_modes, self._dx, 1.0, trial.modes)
         phi, before = system.evaluate(trial), np.inf
         for k in range(CHORDS):
-            left = solid.mode_residual_squared
+            left = elastic.mode_residual_squared
             if not np.isfinite(phi) or left <= self._tolerance:
                 break
             if k in RENEWALS:
@@ -308,9 +308,9 @@ class SolidNodes:
                 before = left
                 system.assemble(trial, project=True)
                 phi = system.evaluate(trial)
-            solid.advance_modes(trial.modes, self._none, 1.0, trial.modes)
+            elastic.advance_modes(trial.modes, self._none, 1.0, trial.modes)
             phi = system.evaluate(trial)
-        if solid.mode_residual_squared > ROOM * self._tolerance:
+        if elastic.mode_residual_squared > ROOM * self._tolerance:
             phi = np.inf
         if np.isfinite(phi):
             self._remember(trial)

@@ -13,6 +13,8 @@ PARTS = {
     "simulation": "states",
     "mesh": "mesh",
     "forces.solid": "solid",
+    "forces.elastic": "solid",
+    "forces.spring_force": "springs",
     "elements": "solid",
     "constraints": "constraints and reduction",
     "linear": "linear solver",

@@ -4,10 +4,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from tripod_sim.forces.solid_kernels import add_element_products
+from tripod_sim.forces.elastic import Elastic
 
 FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 class StiffnessDamping:
@@ -28,25 +27,27 @@ class StiffnessDamping:
         start: z [m], shape (n, 3).
         elastic: q [N], shape (n, 3).
         held: Whether K+ serves.
-        matrices: Element matrices of K+ [N/m], as `Solid.matrices`.
+        matrices: Element matrices of K+ [N/m], as `Elastic.matrices`.
     """
 
-    def __init__(self, coefficient: float, elements: IndexArray, matrices: FloatArray, size: int) -> None:
-        """`coefficient`: b [s]; `elements`, `matrices`: those of the solid; `size`: number of nodes n."""
+    def __init__(self, coefficient: float, elastic: Elastic, size: int) -> None:
+        """`coefficient`: b [s]; `elastic`: what is damped; `size`: number of nodes n."""
         self.coefficient, self.factor = coefficient, 0.0
         self.start, self.elastic = np.zeros((size, 3)), np.zeros((size, 3))
-        self.held, self.matrices = False, np.zeros_like(matrices)
-        self._elements, self._all = elements, np.arange(len(elements))
+        self.held, self.matrices = False, [np.zeros_like(m) for m in elastic.matrices]
+        self._damped = elastic
 
-    def hold(self, matrices: FloatArray) -> None:
-        """Let K+ with these element matrices serve from now on."""
-        self.held, self.matrices[:] = True, matrices
+    def hold(self) -> None:
+        """Let the element matrices at hand be those of K+ and serve from now on."""
+        self.held = True
+        for kept, now in zip(self.matrices, self._damped.matrices, strict=True):
+            kept[:] = now
 
     def add_gradient(self, x: FloatArray, energy: float, elastic: FloatArray, g: FloatArray) -> float:
         """Add dD/dx [N] to `g` and return D [J], given E [J] and its gradient [N] at `x`."""
         if self.held:
             move = x - self.start
-            return float(add_element_products(self.matrices, self._elements, self._all, move, self.factor, g))
+            return self._damped.add_products(self.matrices, move, self.factor, g)
         return self.factor * (energy - _add(x, self.start, elastic, self.elastic, self.factor, g))
 
 

@@ -25,10 +25,17 @@ class Solid:
     """
 
     def __init__(
-        self, nodes: FloatArray, elements: IndexArray, kind: Element, law: str, lam: float, mu: float
+        self,
+        nodes: FloatArray,
+        elements: IndexArray,
+        kind: Element,
+        law: str,
+        lam: float,
+        mu: float,
+        owner: str = "",
     ) -> None:
-        """`nodes`: undeformed positions [m], shape (n, 3); `lam`, `mu`: Lame's constants [Pa]."""
-        self.elements = elements
+        """`nodes`: undeformed positions [m], shape (n, 3); `lam`, `mu`: Lame's constants [Pa]; `owner`: name."""
+        self.elements, self._owner = elements, owner
         gradients, self._weight = reference_gradients(kind, nodes[elements])
         self._G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
         self._law, self._lam, self._mu, self._mean = LAWS[law], lam, mu, kind.mean_dilatation
@@ -59,20 +66,6 @@ class Solid:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
         self._X[:] = 0.0
         self._inverse[:] = 0.0
-
-    def add_stiffness(self, nodes: IndexArray, stiffness: FloatArray) -> None:
-        """Add a `stiffness` between `nodes` to the matrices until the next assembly.
-
-        Args:
-            nodes: All of one element, shape (k,); where no element that can deform has them, nothing is added.
-            stiffness: [N/m], shape (3 k, 3 k).
-        """
-        having = np.flatnonzero(np.isin(self.elements, nodes).sum(axis=1) == len(nodes))
-        if having.size:
-            e = having[0]
-            places = [int(np.flatnonzero(self.elements[e] == node)[0]) for node in nodes]
-            rows = (3 * np.array(places)[:, None] + np.arange(3)).ravel()
-            self.matrices[e][np.ix_(rows, rows)] += stiffness
 
     def rest_modes(self) -> FloatArray:
         """Return the mode amplitudes of the undeformed solid [m], shape (m, modes of an element, 3)."""
@@ -116,3 +109,9 @@ class Solid:
         """Return the element with the smallest volume ratio det F, and that ratio."""
         element, ratio = kernels.smallest_volume_ratio(x, modes, self.elements, self._G, self._work)
         return int(element), float(ratio)
+
+    def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:
+        """Return the smallest volume ratio, and what to say of its element."""
+        element, ratio = self.worst_element(x, modes)
+        name = f"element {element}{self._owner and f' of {self._owner}'}"
+        return ratio, f"{name} is turned inside out or crushed (volume ratio {ratio:.3g})"

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.constraints.rigid_kernels import Bodies
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load
 from tripod_sim.integrators.frequency import LargestFrequency
@@ -76,12 +77,12 @@ class ExplicitSolid:
         self._system, self._scheme, self._divide, self._mass = system, scheme, divide, mass
         self._drag, self._rayleigh = drag, rayleigh
         self._frequency = LargestFrequency(system, mass)
-        self._solid = system.solid.arrays()
+        self._solid = _only_solid(system).arrays()
         self._bodies, self._offset = _bodies(system, mass)
         self._frames = _frames(system)
         self._load = self._make_load()
         n, s, b = len(mass), len(system.groups.driven), len(system.groups.rigid)
-        modes = system.solid.rest_modes()
+        modes = system.elastic.rest_modes()
         rest = [modes, np.zeros((len(modes), 3 * modes.shape[1])), np.zeros(1)]
         self._scratch = ForceScratch._make([*np.zeros((6, n, 3)), *rest])
         turns = [np.zeros((b, 3)), np.zeros((b, 3, 3)), *np.zeros((3, b, 3)), np.zeros((4, b, 3))]
@@ -246,8 +247,18 @@ class ExplicitSolid:
     def _culprit(self, state: State) -> str:
         if not np.isfinite(state.positions).all():
             return "a number is not finite"
-        element, ratio = self._system.solid.worst_element(state.positions, state.modes)
-        return f"element {element} is turned inside out or crushed (volume ratio {ratio:.3g})"
+        return self._system.elastic.culprit(state.positions, state.modes)
+
+
+def _only_solid(system: System) -> Solid:
+    """Return the one elastic term. Raises SceneError where there are others."""
+    term = system.elastic.terms[0]
+    if len(system.elastic.terms) > 1 or not isinstance(term, Solid):
+        raise SceneError(
+            "explicit schemes move one solid of one material; with several bodies inertia.scheme may be one of: "
+            "implicit_euler, bdf2, tr_bdf2"
+        )
+    return term
 
 
 def _bodies(system: System, mass: FloatArray) -> tuple[Bodies, FloatArray]:

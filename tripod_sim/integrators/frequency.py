@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.integrators.stability import largest_eigenvalue
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -26,7 +25,6 @@ class LargestFrequency:
         """`mass`: of nodes [kg], shape (n,)."""
         self._system, self._mass = system, mass
         reduction, n = system.reduction, len(mass)
-        self._every = np.arange(len(system.solid.elements))
         self._first = 3 * reduction.free_count
         self._root = np.repeat(1.0 / np.sqrt(mass[reduction.free]), 3)
         self._blocks = np.zeros((reduction.bodies, 6, 6))
@@ -67,9 +65,7 @@ class LargestFrequency:
             u[part] = p[part] @ block
         system.reduction.moves(u, system.lever, self._move)
         self._force[:] = 0.0
-        add_element_products(
-            system.solid.matrices, system.solid.elements, self._every, self._move, 1.0, self._force
-        )
+        system.elastic.add_products(system.elastic.matrices, self._move, 1.0, self._force)
         if system.foundation:
             system.foundation.add_gradient(self._move, self._force)
         out = np.empty_like(u)

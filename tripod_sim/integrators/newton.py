@@ -209,7 +209,7 @@ class Newton:
                 return phi
         if not math.isfinite(phi):
             raise NewtonError(f"{self._culprit(state)} at the start of the step")
-        shift = 1e-8 * float(np.abs(system.solid.matrices).max())
+        shift = 1e-8 * system.elastic.largest_stiffness()
         for _ in range(4):
             if system.factor(shift):
                 return phi
@@ -245,8 +245,7 @@ class Newton:
         return 1e-12 * max(abs(phi), 1e-6)
 
     def _culprit(self, state: State) -> str:
-        element, ratio = self.system.solid.worst_element(state.positions, state.modes)
-        return f"element {element} is turned inside out or crushed (volume ratio {ratio:.3g})"
+        return self.system.elastic.culprit(state.positions, state.modes)
 
     def _largest(self) -> str:
         return self.system.reduction.unknown_name(int(np.argmax(np.abs(self.system.residual))))

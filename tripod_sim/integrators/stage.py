@@ -23,20 +23,27 @@ class ImplicitStage:
     """Solves stages for one system.
 
     Attributes:
-        known: z [m], u [m/s] and, with stiffness damping, q [N]: written before each `solve`, shape (2 or 3, n, 3).
+        known: z [m], u [m/s], with stiffness damping q [N], and with dampers the lengths l_0 [m] in as many rows as it
+            takes, the rest zero: written before each `solve`, shape (rows, n, 3).
     """
 
     def __init__(self, newton: Newton, inertia: Anchor, mass: FloatArray, mass_damping: float) -> None:
         """`mass`: of nodes [kg], shape (n,); `mass_damping`: a of the force -a M v [1/s]."""
         self.newton, self._inertia, self._mass = newton, inertia, mass
         self._mass_damping = mass_damping
-        self.known = np.zeros((3 if newton.system.damping else 2, len(mass), 3))
+        system, n = newton.system, len(mass)
+        self._rows = 3 if system.damping else 2
+        dampers = len(system.dampers.reference) if system.dampers else 0
+        self.known = np.zeros((self._rows + -(-dampers // (3 * n)), n, 3))
 
     def read(self, state: State, out: FloatArray) -> None:
-        """Write x, v and, with stiffness damping, g of `state` to `out`, of the shape of `known`."""
+        """Write x, v, with stiffness damping g, and the dampers' lengths of `state` to `out`, as `known`."""
+        system = self.newton.system
         out[0], out[1] = state.positions, state.velocities
-        if self.newton.system.damping:
-            out[2] = self.newton.system.elastic_forces(state)
+        if system.damping:
+            out[2] = system.elastic_forces(state)
+        if system.dampers:
+            system.dampers.lengths(state.positions, out[self._rows :].reshape(-1))
 
     def solve(self, state: State, joints: FloatArray, s: float) -> NewtonReport:
         """Move `state` to the end of the stage with what is `known`, in place, its driven frames at `joints`.
@@ -57,11 +64,15 @@ class ImplicitStage:
 
     def aim(self, s: float) -> None:
         """Make the system's potential that of a stage of `s` [s] with what is `known`."""
-        inertia, damping, (z, u) = self._inertia, self.newton.system.damping, self.known[:2]
+        system, inertia, (z, u) = self.newton.system, self._inertia, self.known[:2]
+        damping, dampers = system.damping, system.dampers
         aim_anchor(self._mass, self._mass_damping, s, z, u, inertia.weight, inertia.point)
         if damping:
             damping.factor = damping.coefficient / s
             damping.start[:], damping.elastic[:] = z, self.known[2]
+        if dampers:
+            dampers.rate = 1.0 / s
+            dampers.reference[:] = self.known[self._rows :].reshape(-1)[: len(dampers.reference)]
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,0 +1,176 @@
+"""The elastic terms of a system as one: several solids, each with its elements, law and material, and springs."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.forces.solid_kernels import add_element_products
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+Matrices = Sequence[FloatArray]
+
+
+class ElasticTerm(Protocol):
+    """A part of the strain energy E(x, modes), in element matrices.
+
+    Modes are amplitudes that belong to single elements and are condensed (see `solid_kernels`); a term may have none.
+
+    Attributes:
+        elements: Node indices of its blocks, shape (m, k), the same while it lives.
+        matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, 3 k, 3 k).
+        mode_residual_squared: |dE/d modes|² of the last `add_gradient` [N²].
+    """
+
+    elements: IndexArray
+    matrices: FloatArray
+    mode_residual_squared: float
+
+    @property
+    def has_modes(self) -> bool:
+        """Whether the elements have modes."""
+
+    def rest_modes(self) -> FloatArray:
+        """Return the modes of the undeformed body [m], shape (m, modes of an element, 3)."""
+
+    def energy(self, x: FloatArray, modes: FloatArray) -> float:
+        """Return E [J], infinite where there is none."""
+
+    def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
+        """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
+
+    def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
+        """Write `matrices`; return -1, or an element whose modes are unstable (only without `project`)."""
+
+    def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
+        """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m]."""
+
+    def balance_modes(self) -> None:
+        """Take the modes to be in balance after the last `advance_modes`."""
+
+    def forget(self) -> None:
+        """Drop the condensation of the last `stiffness`."""
+
+    def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:
+        """Return how bad its worst element is, the smaller the worse, and what to say of it."""
+
+
+class Elastic:
+    """Sum of elastic terms; the modes of a state are those of its terms, one after the other.
+
+    Attributes:
+        terms: In the order of the modes.
+        matrices: The element matrices of each term.
+        mode_residual_squared: Sum of the terms' [N²], of the last `add_gradient`.
+        has_modes: Whether a term has any.
+    """
+
+    def __init__(self, terms: Sequence[ElasticTerm], moved: IndexArray) -> None:
+        """`moved`: nodes whose move `add_response` is asked for."""
+        self.terms, self.mode_residual_squared = tuple(terms), 0.0
+        self.has_modes = any(t.has_modes for t in terms)
+        self.matrices = [t.matrices for t in terms]
+        self._every = [(t.elements, np.arange(len(t.elements))) for t in terms]
+        self._beside = [(t.elements, np.flatnonzero(np.isin(t.elements, moved).any(axis=1))) for t in terms]
+        counts = [len(t.elements) if t.has_modes else 0 for t in terms]
+        ends = np.cumsum([0, *counts]).tolist()
+        self._parts = [slice(a, b) for a, b in pairwise(ends)]
+        self._none = [None if t.has_modes else t.rest_modes() for t in terms]
+        self._alone = terms[0] if len(terms) == 1 else None
+
+    def of(self, modes: FloatArray, k: int) -> FloatArray:
+        """Return the modes of term `k` out of those of all: a view."""
+        if self._alone:
+            return modes
+        none = self._none[k]
+        return modes[self._parts[k]] if none is None else none
+
+    def rest_modes(self) -> FloatArray:
+        """Return the modes of the undeformed bodies [m], shape (m, modes of an element, 3)."""
+        if self._alone:
+            return self._alone.rest_modes()
+        having = [t.rest_modes() for t in self.terms if t.has_modes]
+        return np.concatenate(having) if having else np.zeros((0, 3, 3))
+
+    def energy(self, x: FloatArray, modes: FloatArray) -> float:
+        """Return E [J] at positions `x` [m], shape (n, 3)."""
+        return sum(t.energy(x, self.of(modes, k)) for k, t in enumerate(self.terms))
+
+    def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
+        """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
+        if alone := self._alone:
+            energy = alone.add_gradient(x, modes, g)
+            self.mode_residual_squared = alone.mode_residual_squared
+            return energy
+        energy = residual = 0.0
+        for k, term in enumerate(self.terms):
+            energy += term.add_gradient(x, self.of(modes, k), g)
+            residual += term.mode_residual_squared
+        self.mode_residual_squared = residual
+        return energy
+
+    def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
+        """Write the terms' matrices; return -1, or the first element whose modes are unstable."""
+        for k, term in enumerate(self.terms):
+            if (found := term.stiffness(x, self.of(modes, k), project=project)) >= 0:
+                return found
+        return -1
+
+    def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
+        """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
+        if self._alone:
+            self._alone.advance_modes(modes, dx, scale, out)
+            return
+        for k, term in enumerate(self.terms):
+            if term.has_modes:
+                term.advance_modes(self.of(modes, k), dx, scale, self.of(out, k))
+
+    def balance_modes(self) -> None:
+        """Take the modes to be in balance after the last `advance_modes`."""
+        self.mode_residual_squared = 0.0
+        for term in self.terms:
+            term.balance_modes()
+
+    def forget(self) -> None:
+        """Drop the condensations of the last `stiffness`."""
+        for term in self.terms:
+            term.forget()
+
+    def add_products(self, matrices: Matrices, dx: FloatArray, factor: float, g: FloatArray) -> float:
+        """Add factor K dx to `g`, K the sum of element matrices of each term; return factor/2 dx^T K dx."""
+        total = 0.0
+        for k, (elements, every) in enumerate(self._every):
+            total += add_element_products(matrices[k], elements, every, dx, factor, g)
+        return total
+
+    def add_response(self, matrices: Matrices, dx: FloatArray, factor: float, g: FloatArray) -> None:
+        """As `add_products`, of the elements alone that have one of the nodes which are moved."""
+        for k, (elements, beside) in enumerate(self._beside):
+            add_element_products(matrices[k], elements, beside, dx, factor, g)
+
+    def largest_stiffness(self) -> float:
+        """Return the largest entry of the matrices [N/m]."""
+        return max(float(np.abs(t.matrices).max(initial=0.0)) for t in self.terms)
+
+    def add_stiffness(self, nodes: IndexArray, stiffness: FloatArray) -> None:
+        """Add a `stiffness` between `nodes` to the matrices until the next assembly.
+
+        Args:
+            nodes: All of one element, shape (k,); where no element that can deform has them, nothing is added.
+            stiffness: [N/m], shape (3 k, 3 k).
+        """
+        for term in self.terms:
+            having = np.flatnonzero(np.isin(term.elements, nodes).sum(axis=1) == len(nodes))
+            if having.size:
+                e = having[0]
+                places = [int(np.flatnonzero(term.elements[e] == node)[0]) for node in nodes]
+                rows = (3 * np.array(places)[:, None] + np.arange(3)).ravel()
+                term.matrices[e][np.ix_(rows, rows)] += stiffness
+                return
+
+    def culprit(self, x: FloatArray, modes: FloatArray) -> str:
+        """Return in words what is worst of all elements."""
+        return min(t.culprit(x, self.of(modes, k)) for k, t in enumerate(self.terms))[1]
