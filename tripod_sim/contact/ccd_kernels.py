@@ -37,6 +37,26 @@ def _distance(x: Array, first: int, count: int) -> float:
     return np.sqrt(segment_segment(x[0], x[1], x[2], x[3])[2])
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def relative_speed(d: Array, first: int, count: int) -> float:
+    """Take the mean off the moves `d`, and return the distance [m] that the two shapes can lose at most."""
+    for i in range(3):
+        mean = 0.0
+        for k in range(count):
+            mean += d[k, i]
+        mean /= count
+        for k in range(count):
+            d[k, i] -= mean
+    one = two = 0.0
+    for k in range(count):
+        square = d[k, 0] ** 2 + d[k, 1] ** 2 + d[k, 2] ** 2
+        if k < first:
+            one = max(one, square)
+        else:
+            two = max(two, square)
+    return np.sqrt(one) + np.sqrt(two)
+
+
 @njit(cache=True, error_model="numpy")
 def time_of_approach(x: Array, d: Array, first: int, count: int, gap: float, y: Array) -> float:
     """Return a time in 0..1 until which two shapes keep a distance above `gap`; 1 if they do for the whole step.
@@ -49,22 +69,10 @@ def time_of_approach(x: Array, d: Array, first: int, count: int, gap: float, y: 
         gap: [m], not negative, less than the distance at the start; else the answer is 0.
         y: Scratch, shape (4, 3); holds the vertices at the returned time afterwards.
     """
-    for i in range(3):
-        mean = 0.0
-        for k in range(count):
-            mean += d[k, i]
-        mean /= count
-        for k in range(count):
-            d[k, i] -= mean
-            y[k, i] = x[k, i]
-    one = two = 0.0
+    speed = relative_speed(d, first, count)
     for k in range(count):
-        square = d[k, 0] ** 2 + d[k, 1] ** 2 + d[k, 2] ** 2
-        if k < first:
-            one = max(one, square)
-        else:
-            two = max(two, square)
-    speed = np.sqrt(one) + np.sqrt(two)
+        for i in range(3):
+            y[k, i] = x[k, i]
     distance = _distance(y, first, count)
     if not distance > gap:
         return 0.0

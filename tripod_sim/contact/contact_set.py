@@ -80,6 +80,17 @@ class ContactSet:
         self.count = drop_repeated(self.arrays, self.count)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def copy(a: Contacts, i: int, b: Contacts, j: int) -> None:
+    """Copy contact i of `a` to place j of `b`: what detection wrote, and the forces."""
+    for k in range(4):
+        b.vertex[j, k], b.weight[j, k] = a.vertex[i, k], a.weight[i, k]
+    for k in range(3):
+        b.normal[j, k], b.friction[j, k] = a.normal[i, k], a.friction[i, k]
+    b.offset[j], b.key[j] = a.offset[i], a.key[i]
+    b.pressure[j], b.gain[j] = a.pressure[i], a.gain[i]
+
+
 @njit(cache=True, error_model="numpy")
 def drop_repeated(c: Contacts, count: int) -> int:
     """Of contacts of one key keep the last, in its order, with the forces of the first; return how many are left."""
@@ -99,19 +110,6 @@ def drop_repeated(c: Contacts, count: int) -> int:
                 copy(c, i, c, left)
             left += 1
     return left
-
-
-@njit(cache=True, error_model="numpy")
-def copy(a: Contacts, i: int, b: Contacts, j: int) -> None:
-    """Copy contact i of `a` to place j of `b`: what detection wrote, and the forces."""
-    b.vertex[j] = a.vertex[i]
-    b.weight[j] = a.weight[i]
-    b.normal[j] = a.normal[i]
-    b.offset[j] = a.offset[i]
-    b.key[j] = a.key[i]
-    b.pressure[j] = a.pressure[i]
-    b.friction[j] = a.friction[i]
-    b.gain[j] = a.gain[i]
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,17 +16,26 @@ SLIVER = 1e-14
 """Squared sine of the angle of two directions below which they count as parallel."""
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _along(
+    w0: float, w1: float, w2: float, u0: float, u1: float, u2: float, square: float
+) -> tuple[float, float]:
+    """Return t in 0..1 of the point t u closest to `w`, and the squared distance; `square` is u . u.
+
+    Numbers instead of arrays: in the loops over pairs, views of rows took four times as long as the arithmetic.
+    """
+    t = 0.0
+    if square > 0.0:
+        t = min(max((w0 * u0 + w1 * u1 + w2 * u2) / square, 0.0), 1.0)
+    d0, d1, d2 = w0 - t * u0, w1 - t * u1, w2 - t * u2
+    return t, d0 * d0 + d1 * d1 + d2 * d2
+
+
 @njit(cache=True, error_model="numpy")
 def point_segment(p: Array, a: Array, b: Array) -> tuple[float, float]:
     """Return the weight t of `b` of the point of segment a + t (b - a) closest to `p`, and the squared distance."""
     u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    w0, w1, w2 = p[0] - a[0], p[1] - a[1], p[2] - a[2]
-    length = u0 * u0 + u1 * u1 + u2 * u2
-    t = 0.0
-    if length > 0.0:
-        t = min(max((w0 * u0 + w1 * u1 + w2 * u2) / length, 0.0), 1.0)
-    d0, d1, d2 = w0 - t * u0, w1 - t * u1, w2 - t * u2
-    return t, d0 * d0 + d1 * d1 + d2 * d2
+    return _along(p[0] - a[0], p[1] - a[1], p[2] - a[2], u0, u1, u2, u0 * u0 + u1 * u1 + u2 * u2)
 
 
 @njit(cache=True, error_model="numpy")
@@ -35,20 +44,22 @@ def point_triangle(p: Array, a: Array, b: Array, c: Array) -> tuple[float, float
 
     The weights are not negative and sum to 1; exact zeros tell that the point lies on an edge or vertex.
     """
-    t, best = point_segment(p, a, b)
-    wa, wb, wc = 1.0 - t, t, 0.0
-    t, d = point_segment(p, b, c)
-    if d < best:
-        best, wa, wb, wc = d, 0.0, 1.0 - t, t
-    t, d = point_segment(p, c, a)
-    if d < best:
-        best, wa, wb, wc = d, t, 0.0, 1.0 - t
     u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     v0, v1, v2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    w0, w1, w2 = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    uu, vv = u0 * u0 + u1 * u1 + u2 * u2, v0 * v0 + v1 * v1 + v2 * v2
+    t, best = _along(w0, w1, w2, u0, u1, u2, uu)
+    wa, wb, wc = 1.0 - t, t, 0.0
+    e0, e1, e2 = c[0] - b[0], c[1] - b[1], c[2] - b[2]
+    t, d = _along(p[0] - b[0], p[1] - b[1], p[2] - b[2], e0, e1, e2, e0 * e0 + e1 * e1 + e2 * e2)
+    if d < best:
+        best, wa, wb, wc = d, 0.0, 1.0 - t, t
+    t, d = _along(p[0] - c[0], p[1] - c[1], p[2] - c[2], -v0, -v1, -v2, vv)
+    if d < best:
+        best, wa, wb, wc = d, t, 0.0, 1.0 - t
     n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
     area = n0 * n0 + n1 * n1 + n2 * n2
-    if area > SLIVER * (u0 * u0 + u1 * u1 + u2 * u2) * (v0 * v0 + v1 * v1 + v2 * v2):
-        w0, w1, w2 = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    if area > SLIVER * uu * vv:
         # weights of b and c: (w x v) . n / n², (u x w) . n / n²
         y = ((w1 * v2 - w2 * v1) * n0 + (w2 * v0 - w0 * v2) * n1 + (w0 * v1 - w1 * v0) * n2) / area
         z = ((u1 * w2 - u2 * w1) * n0 + (u2 * w0 - u0 * w2) * n1 + (u0 * w1 - u1 * w0) * n2) / area
@@ -63,21 +74,21 @@ def point_triangle(p: Array, a: Array, b: Array, c: Array) -> tuple[float, float
 @njit(cache=True, error_model="numpy")
 def segment_segment(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float, float]:
     """Return s, t and the squared distance [m²] of the closest points a + s (b - a) and c + t (d - c)."""
-    t, best = point_segment(a, c, d)
-    s = 0.0
-    other, dist = point_segment(b, c, d)
-    if dist < best:
-        best, s, t = dist, 1.0, other
-    other, dist = point_segment(c, a, b)
-    if dist < best:
-        best, s, t = dist, other, 0.0
-    other, dist = point_segment(d, a, b)
-    if dist < best:
-        best, s, t = dist, other, 1.0
     u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     v0, v1, v2 = d[0] - c[0], d[1] - c[1], d[2] - c[2]
     w0, w1, w2 = a[0] - c[0], a[1] - c[1], a[2] - c[2]
     uu, vv = u0 * u0 + u1 * u1 + u2 * u2, v0 * v0 + v1 * v1 + v2 * v2
+    t, best = _along(w0, w1, w2, v0, v1, v2, vv)
+    s = 0.0
+    other, dist = _along(b[0] - c[0], b[1] - c[1], b[2] - c[2], v0, v1, v2, vv)
+    if dist < best:
+        best, s, t = dist, 1.0, other
+    other, dist = _along(-w0, -w1, -w2, u0, u1, u2, uu)
+    if dist < best:
+        best, s, t = dist, other, 0.0
+    other, dist = _along(d[0] - a[0], d[1] - a[1], d[2] - a[2], u0, u1, u2, uu)
+    if dist < best:
+        best, s, t = dist, other, 1.0
     n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
     cross = n0 * n0 + n1 * n1 + n2 * n2
     if cross > SLIVER * uu * vv:

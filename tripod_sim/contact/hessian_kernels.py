@@ -12,9 +12,9 @@ Array = Any
 
 
 @njit(cache=True, error_model="numpy")
-def _curvature(c: Contacts, k: int, u: Array, H: Array) -> bool:
-    """Write the second derivative of P with respect to d, shape (3, 3); return whether it is not zero."""
-    d0, d1, d2 = relative(c, k, u)
+def _curvature(c: Contacts, k: int, d: tuple[float, float, float], H: Array) -> None:
+    """Write the second derivative of P with respect to d, shape (3, 3), at the move `d`."""
+    d0, d1, d2 = d
     n = c.normal[k]
     along = n[0] * d0 + n[1] * d1 + n[2] * d2
     rho, sigma, limit = c.stiffness[k, 0], c.stiffness[k, 1], c.limit[k]
@@ -30,14 +30,11 @@ def _curvature(c: Contacts, k: int, u: Array, H: Array) -> bool:
         if size > limit:
             tangential = sigma * limit / size
             share = tangential / (size * size)
-    if normal == 0.0 and tangential == 0.0:
-        return False
     t = (t0, t1, t2)
     for i in range(3):
         for j in range(3):
             H[i, j] = (normal - tangential) * n[i] * n[j] - share * t[i] * t[j]
         H[i, i] += tangential
-    return True
 
 
 @njit(cache=True, error_model="numpy")
@@ -104,10 +101,15 @@ def add_hessian(
         How many blocks are outside, beyond the room if it does not suffice.
     """
     H, A, B, HB, M = np.empty((3, 3)), np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6)), np.empty((6, 6))
+    base, lump, moment, width, normal = c.base, c.lump, c.moment, c.width, c.normal
+    pressure, stiffness, gap, limit = c.pressure, c.stiffness, c.gap, c.limit
     found = 0
     for k in range(count):
-        if not _curvature(c, k, u, H):
-            continue
+        d = relative(base, lump, moment, width, k, u)
+        along = normal[k, 0] * d[0] + normal[k, 1] * d[1] + normal[k, 2] * d[2]
+        if pressure[k] - stiffness[k, 0] * (gap[k] + along) <= 0.0 and limit[k] <= 0.0:
+            continue  # it has none
+        _curvature(c, k, d, H)
         fits = _fits(c, k, indptr, indices)
         for b in range(4):
             if c.base[k, b] < 0:
@@ -130,7 +132,8 @@ def add_hessian(
                     for j in range(wide):
                         M[i, j] = A[0, i] * HB[0, j] + A[1, i] * HB[1, j] + A[2, i] * HB[2, j]
                 between = not fits and c.lump[k, a] * c.lump[k, b] < 0.0
-                if between or _find(indptr, indices, row, column) < 0:
+                at = -1 if between else _find(indptr, indices, row, column)
+                if at < 0:
                     if found < outside.shape[0]:
                         outside[found, :tall, :wide] = M[:tall, :wide]
                         places[found, 0], places[found, 1], places[found, 2], places[found, 3] = (
@@ -138,10 +141,11 @@ def add_hessian(
                         )  # fmt: skip
                     found += 1
                     continue
+                at -= indptr[column]  # the same in all columns of a block: blocks above each other are full
                 for j in range(wide):
-                    at = _find(indptr, indices, row, column + j)
+                    first = indptr[column + j] + at
                     for i in range(min(tall, j + 1) if row == column else tall):
-                        data[at + i] += M[i, j]
+                        data[first + i] += M[i, j]
     return found
 
 

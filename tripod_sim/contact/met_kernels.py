@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.contact.ccd_kernels import time_of_approach
+from tripod_sim.contact.ccd_kernels import relative_speed, time_of_approach
 from tripod_sim.contact.contact_set import Contacts
 from tripod_sim.contact.distance_kernels import point_triangle, segment_segment
 from tripod_sim.contact.narrow_kernels import NOWHERE, ball_ball, edge_edge, point_face
@@ -36,24 +36,29 @@ def times(
         earliest: Of each vertex, lowered to the earliest of its times, shape (n,).
     """
     y, d, z = np.empty((4, 3)), np.empty((4, 3)), np.empty((4, 3))
-    v = np.empty(4, dtype=np.int64)
+    v, round_ones = np.empty(4, dtype=np.int64), top.radius
+    triangles, edges, body, itself = top.triangles, top.edges, top.body, top.touches_itself
+    shape, count = max(1, first), 2 if first == BALLS else 4
     for k in range(pairs.shape[0]):
         out[k] = 1.0
         i, j = ones[pairs[k, 1 if flipped else 0]], others[pairs[k, 0 if flipped else 1]]
-        if not _vertices(top, first, i, j, v):
+        if not _vertices(triangles, edges, body, itself, first, i, j, v):
             continue
         for m in range(4):
-            y[m], d[m] = x[v[m]], move[v[m]]
-        radius = top.radius[v[0]] if first < 2 else 0.0
+            for c in range(3):
+                y[m, c], d[m, c] = x[v[m], c], move[v[m], c]
+        radius = round_ones[v[0]] if first < 2 else 0.0
         if first == BALLS:
-            radius += top.radius[v[1]]
+            radius += round_ones[v[1]]
             now = np.sqrt((y[0, 0] - y[1, 0]) ** 2 + (y[0, 1] - y[1, 1]) ** 2 + (y[0, 2] - y[1, 2]) ** 2)
         elif first == 1:
             now = np.sqrt(point_triangle(y[0], y[1], y[2], y[3])[3])
         else:
             now = np.sqrt(segment_segment(y[0], y[1], y[2], y[3])[2])
         keep = radius + min(least, 0.5 * (now - radius)) if now > radius else 0.5 * now
-        out[k] = time_of_approach(y, d, max(1, first), 2 if first == BALLS else 4, keep, z)
+        if now - keep > relative_speed(d, shape, count):  # of most pairs: they cannot get there
+            continue
+        out[k] = time_of_approach(y, d, shape, count, keep, z)
         if out[k] < 1.0 and now > NOWHERE * least:
             for m in range(4):
                 earliest[v[m]] = min(earliest[v[m]], out[k])
@@ -61,17 +66,21 @@ def times(
             out[k] = 1.0
 
 
-@njit(cache=True, error_model="numpy")
-def _vertices(top: Topology, first: int, i: int, j: int, v: Array) -> bool:
+@njit(cache=True, error_model="numpy", inline="always")
+def _vertices(
+    triangles: Array, edges: Array, body: Array, itself: Array, first: int, i: int, j: int, v: Array
+) -> bool:
     """Write the four vertices of a pair, of balls one repeated; return whether it can touch."""
     if first == BALLS:
         v[0], v[1], v[2], v[3] = i, j, j, j
-        return i != j and may_touch(top, i, j)
-    if first == 1:
-        v[0], v[1], v[2], v[3] = i, top.triangles[j, 0], top.triangles[j, 1], top.triangles[j, 2]
-        return i not in (v[1], v[2], v[3]) and may_touch(top, i, v[1])
-    v[0], v[1], v[2], v[3] = top.edges[i, 0], top.edges[i, 1], top.edges[j, 0], top.edges[j, 1]
-    return v[0] not in (v[2], v[3]) and v[1] not in (v[2], v[3]) and may_touch(top, v[0], v[2])
+        apart = i != j
+    elif first == 1:
+        v[0], v[1], v[2], v[3] = i, triangles[j, 0], triangles[j, 1], triangles[j, 2]
+        apart = i != v[1] and i != v[2] and i != v[3]
+    else:
+        v[0], v[1], v[2], v[3] = edges[i, 0], edges[i, 1], edges[j, 0], edges[j, 1]
+        apart = v[0] != v[2] and v[0] != v[3] and v[1] != v[2] and v[1] != v[3]
+    return apart and may_touch(body, itself, v[0], v[2])
 
 
 @njit(cache=True, error_model="numpy")
@@ -94,7 +103,7 @@ def met_contacts(
         if when[k] >= 1.0:
             continue
         i, j = ones[pairs[k, 1 if flipped else 0]], others[pairs[k, 0 if flipped else 1]]
-        _vertices(top, first, i, j, v)
+        _vertices(top.triangles, top.edges, top.body, top.touches_itself, first, i, j, v)
         late = False
         for m in range(4):
             late |= moving[v[m]] and when[k] > earliest[v[m]] + 1e-3 * (1.0 - earliest[v[m]])
@@ -106,7 +115,9 @@ def met_contacts(
         if first == BALLS:
             at = ball_ball(top, y, i, j, distance, np.inf, n, out, at)
         elif first == 1:
-            at = point_face(top, x, y, i, j, flipped, distance, np.inf, choice, n, out, at)
+            closest = point_triangle(y[0], y[1], y[2], y[3])
+            at = point_face(top, x, y, i, j, flipped, closest, distance, choice, n, out, at)
         else:
-            at = edge_edge(top, x, y, i, j, distance, np.inf, choice, v[:0], n, out, at)
+            pair = segment_segment(y[0], y[1], y[2], y[3])
+            at = edge_edge(top, x, y, i, j, pair, distance, choice, v[:0], n, out, at)
     return at

@@ -38,50 +38,48 @@ NOWHERE = 1e-9
 """A distance below this fraction of the contact distance has no direction."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _snapped(weight: float) -> float:
     """Return a weight, zero if it is that but for rounding."""
     return weight if weight > 1e-9 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _key(kind: int, a: int, b: int) -> int:
     return (kind << KIND) | (a << FIRST) | b
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _put(
     out: Contacts, at: int, v: tuple[int, int, int, int], w: tuple[float, float, float, float], key: int,
     offset: float, distance: float, normal: Array,
 ) -> int:  # fmt: skip
     """Write a contact if there is room; return the next place."""
     if at < out.key.shape[0]:
-        for k in range(4):
-            out.vertex[at, k], out.weight[at, k] = v[k], w[k]
+        out.vertex[at, 0], out.vertex[at, 1], out.vertex[at, 2], out.vertex[at, 3] = v
+        out.weight[at, 0], out.weight[at, 1], out.weight[at, 2], out.weight[at, 3] = w
         for i in range(3):
             out.normal[at, i] = normal[i]
+            out.friction[at, i] = 0.0
         out.key[at], out.offset[at] = key, offset
         out.pressure[at] = 0.0
-        out.friction[at] = 0.0
         out.gain[at] = 1.0
     return at + 1
 
 
-@njit(cache=True, error_model="numpy")
-def point_face(  # noqa: PLR0911 - every kind of feature has its reason to be left out
-    top: Topology, x: Array, y: Array, p: int, t: int, face_only: bool, distance: float, reach: float,
-    choice: int, n: Array, out: Contacts, at: int,
+@njit(cache=True, error_model="numpy", inline="always")
+def point_face(
+    top: Topology, x: Array, y: Array, p: int, t: int, face_only: bool, closest: tuple[float, float, float, float],
+    distance: float, choice: int, n: Array, out: Contacts, at: int,
 ) -> int:  # fmt: skip
-    """Write the contact of vertex p with triangle t if they are closer than `reach`; return the next place.
+    """Write the contact of vertex p with triangle t unless another makes it; return the next place.
 
-    `y` holds where the point and the corners are, shape (4, 3); `x` all vertices, for the regions of features;
-    `choice` is NEAR, MET or ANY.
+    `y` holds where the point and the corners are, shape (4, 3), `closest` what `point_triangle` says of them; `x` all
+    vertices, for the regions of features; `choice` is NEAR, MET or ANY.
     """
     a, b, c = top.triangles[t, 0], top.triangles[t, 1], top.triangles[t, 2]
-    wa, wb, wc, square = point_triangle(y[0], y[1], y[2], y[3])
+    wa, wb, wc, square = closest
     offset = distance + top.radius[p]
-    if square >= (reach + top.radius[p]) ** 2:
-        return at
     for i in range(3):
         n[i] = y[0, i] - wa * y[1, i] - wb * y[2, i] - wc * y[3, i]
     gone = np.sqrt(square)
@@ -126,18 +124,13 @@ def point_face(  # noqa: PLR0911 - every kind of feature has its reason to be le
     return _put(out, at, (p, a, b, c), (1.0, -wa, -wb, -wc), key, offset, gone, n)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def edge_edge(
-    top: Topology, x: Array, y: Array, e: int, f: int, distance: float, reach: float, choice: int, held: Array,
-    n: Array, out: Contacts, at: int,
+    top: Topology, x: Array, y: Array, e: int, f: int, closest: tuple[float, float, float], distance: float,
+    choice: int, held: Array, n: Array, out: Contacts, at: int,
 ) -> int:  # fmt: skip
-    """Write the contact of edges e and f if their closest points lie inside both, closer than `reach`."""
-    s, t, square = segment_segment(y[0], y[1], y[2], y[3])
-    if square >= reach * reach:
-        return at
-    inside = 0.0 < s < 1.0 and 0.0 < t < 1.0
-    if not inside and choice == NEAR:
-        return at  # a vertex of one: seen with the other's triangles, or as vertex and edge there
+    """Write the contact of edges e and f, of which `segment_segment` says `closest`, unless it is no minimum."""
+    s, t, square = closest
     for i in range(3):
         n[i] = (1.0 - s) * y[0, i] + s * y[1, i] - (1.0 - t) * y[2, i] - t * y[3, i]
     gone = np.sqrt(square)
@@ -163,7 +156,7 @@ def edge_edge(
     return _put(out, at, (a, b, c, d), (1.0 - s, s, t - 1.0, -t), _key(EDGE_EDGE, e, f), distance, gone, n)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def ball_ball(
     top: Topology, y: Array, p: int, q: int, distance: float, reach: float, n: Array, out: Contacts, at: int
 ) -> int:
@@ -207,14 +200,18 @@ def near_point_faces(
     Returns:
         The place after the last, beyond the room if it does not suffice.
     """
+    triangles, radius, body, itself = top.triangles, top.radius, top.body, top.touches_itself
     y, n = np.empty((4, 3)), np.empty(3)
     for k in range(pairs.shape[0]):
         p, t = points[pairs[k, 1 if flipped else 0]], faces[pairs[k, 0 if flipped else 1]]
-        a, b, c = top.triangles[t, 0], top.triangles[t, 1], top.triangles[t, 2]
-        if p in (a, b, c) or not may_touch(top, p, a):
+        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        if p in (a, b, c) or not may_touch(body, itself, p, a):
             continue
-        y[0], y[1], y[2], y[3] = x[p], x[a], x[b], x[c]
-        at = point_face(top, x, y, p, t, flipped, distance, reach, NEAR, n, out, at)
+        for i in range(3):
+            y[0, i], y[1, i], y[2, i], y[3, i] = x[p, i], x[a, i], x[b, i], x[c, i]
+        closest = point_triangle(y[0], y[1], y[2], y[3])
+        if closest[3] < (reach + radius[p]) ** 2:
+            at = point_face(top, x, y, p, t, flipped, closest, distance, NEAR, n, out, at)
     return at
 
 
@@ -227,14 +224,21 @@ def near_edges(
 
     `held`: keys of contacts that carried a force in the step before, ascending; they are let go of later.
     """
+    ends, body, itself = top.edges, top.body, top.touches_itself
     y, n = np.empty((4, 3)), np.empty(3)
     for k in range(pairs.shape[0]):
         e, f = edges[pairs[k, 0]], others[pairs[k, 1]]
-        a, b, c, d = top.edges[e, 0], top.edges[e, 1], top.edges[f, 0], top.edges[f, 1]
-        if a in (c, d) or b in (c, d) or not may_touch(top, a, c):
+        a, b, c, d = ends[e, 0], ends[e, 1], ends[f, 0], ends[f, 1]
+        if a in (c, d) or b in (c, d) or not may_touch(body, itself, a, c):
             continue
-        y[0], y[1], y[2], y[3] = x[a], x[b], x[c], x[d]
-        at = edge_edge(top, x, y, e, f, distance, reach, NEAR, held, n, out, at)
+        for i in range(3):
+            y[0, i], y[1, i], y[2, i], y[3, i] = x[a, i], x[b, i], x[c, i], x[d, i]
+        closest = segment_segment(y[0], y[1], y[2], y[3])
+        inside = 0.0 < closest[0] < 1.0 and 0.0 < closest[1] < 1.0
+        if (
+            inside and closest[2] < reach * reach
+        ):  # else a vertex of one, seen with the other's triangles or edges
+            at = edge_edge(top, x, y, e, f, closest, distance, NEAR, held, n, out, at)
     return at
 
 
@@ -244,10 +248,11 @@ def near_balls(
     at: int,
 ) -> int:  # fmt: skip
     """Write contacts of two balls closer than `reach`, besides their radii, as `near_point_faces` does."""
+    body, itself = top.body, top.touches_itself
     y, n = np.empty((2, 3)), np.empty(3)
     for k in range(pairs.shape[0]):
         p, q = balls[pairs[k, 0]], others[pairs[k, 1]]
-        if p == q or not may_touch(top, p, q):
+        if p == q or not may_touch(body, itself, p, q):
             continue
         y[0], y[1] = x[p], x[q]
         at = ball_ball(top, y, p, q, distance, reach, n, out, at)

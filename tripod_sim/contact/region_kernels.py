@@ -35,13 +35,13 @@ class Topology(NamedTuple):
     edge_list: Array
 
 
-@njit(cache=True, error_model="numpy")
-def may_touch(top: Topology, a: int, b: int) -> bool:
-    """Return whether the bodies of vertices a and b can touch."""
-    return top.body[a] != top.body[b] or top.touches_itself[top.body[a]]
+@njit(cache=True, error_model="numpy", inline="always")
+def may_touch(body: Array, itself: Array, a: int, b: int) -> bool:
+    """Return whether the bodies of vertices a and b can touch; `body` and `itself` are those of `Topology`."""
+    return body[a] != body[b] or itself[body[a]]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def in_edge_region(top: Topology, x: Array, e: int, w: Array, room: float) -> bool:
     """Return whether direction `w`, from edge e outward, points into none of the triangles at e, but for a cosine."""
     a, b = top.edges[e, 0], top.edges[e, 1]
@@ -64,7 +64,7 @@ def in_edge_region(top: Topology, x: Array, e: int, w: Array, room: float) -> bo
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def in_vertex_region(top: Topology, x: Array, v: int, w: Array, room: float) -> bool:
     """Return whether direction `w`, from vertex v outward, points along none of the edges at v, but for a cosine."""
     size = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
@@ -78,7 +78,7 @@ def in_vertex_region(top: Topology, x: Array, v: int, w: Array, room: float) -> 
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def is_closest(top: Topology, x: Array, p: int, n: Array) -> bool:
     """Return whether vertex p is about the point of its own body closest to what lies in direction -n."""
     for i in range(3):
@@ -89,7 +89,7 @@ def is_closest(top: Topology, x: Array, p: int, n: Array) -> bool:
     return own
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def parallel(y: Array) -> bool:
     """Return whether two edges, shape (4, 3), are nearly parallel."""
     u0, u1, u2 = y[1, 0] - y[0, 0], y[1, 1] - y[0, 1], y[1, 2] - y[0, 2]

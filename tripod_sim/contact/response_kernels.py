@@ -90,63 +90,73 @@ def set_stiffness(c: Contacts, count: int, give: Array, normal: float, tangentia
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def relative(c: Contacts, k: int, u: Array) -> tuple[float, float, float]:
-    """Return J u of contact k."""
+def relative(
+    base: Array, lump: Array, moment: Array, width: Array, k: int, u: Array
+) -> tuple[float, float, float]:
+    """Return J u of contact k; the arrays are those of `Contacts`, taken out of it before the loop: that is faster."""
     d0 = d1 = d2 = 0.0
     for m in range(4):
-        b = c.base[k, m]
+        b = base[k, m]
         if b < 0:
             break
-        w = c.lump[k, m]
+        w = lump[k, m]
         d0 += w * u[b]
         d1 += w * u[b + 1]
         d2 += w * u[b + 2]
-        if c.width[k, m] == 6:
-            r, t0, t1, t2 = c.moment[k, m], u[b + 3], u[b + 4], u[b + 5]
-            d0 += t1 * r[2] - t2 * r[1]
-            d1 += t2 * r[0] - t0 * r[2]
-            d2 += t0 * r[1] - t1 * r[0]
+        if width[k, m] == 6:
+            r0, r1, r2 = moment[k, m, 0], moment[k, m, 1], moment[k, m, 2]
+            t0, t1, t2 = u[b + 3], u[b + 4], u[b + 5]
+            d0 += t1 * r2 - t2 * r1
+            d1 += t2 * r0 - t0 * r2
+            d2 += t0 * r1 - t1 * r0
     return d0, d1, d2
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def add_force(c: Contacts, k: int, f0: float, f1: float, f2: float, out: Array) -> None:
+def add_force(
+    base: Array, lump: Array, moment: Array, width: Array, k: int, f: tuple[float, float, float], out: Array
+) -> None:
     """Add J^T f of contact k to `out`."""
+    f0, f1, f2 = f
     for m in range(4):
-        b = c.base[k, m]
+        b = base[k, m]
         if b < 0:
             break
-        w = c.lump[k, m]
+        w = lump[k, m]
         out[b] += w * f0
         out[b + 1] += w * f1
         out[b + 2] += w * f2
-        if c.width[k, m] == 6:
-            r = c.moment[k, m]
-            out[b + 3] += r[1] * f2 - r[2] * f1
-            out[b + 4] += r[2] * f0 - r[0] * f2
-            out[b + 5] += r[0] * f1 - r[1] * f0
+        if width[k, m] == 6:
+            r0, r1, r2 = moment[k, m, 0], moment[k, m, 1], moment[k, m, 2]
+            out[b + 3] += r1 * f2 - r2 * f1
+            out[b + 4] += r2 * f0 - r0 * f2
+            out[b + 5] += r0 * f1 - r1 * f0
 
 
 @njit(cache=True, error_model="numpy")
 def add_gradient(c: Contacts, count: int, u: Array, out: Array, state: Array) -> float:
     """Add the gradient of sum of P to `out` [N, N m], write each contact's state and return the sum of P [J]."""
+    base, lump, moment, width, normal = c.base, c.lump, c.moment, c.width, c.normal
+    pressure, friction, limits, stiffness, gaps = c.pressure, c.friction, c.limit, c.stiffness, c.gap
     total = 0.0
     for k in range(count):
         state[k] = OPEN
-        d0, d1, d2 = relative(c, k, u)
-        n0, n1, n2 = c.normal[k, 0], c.normal[k, 1], c.normal[k, 2]
+        d0, d1, d2 = relative(base, lump, moment, width, k, u)
+        n0, n1, n2 = normal[k, 0], normal[k, 1], normal[k, 2]
         along = n0 * d0 + n1 * d1 + n2 * d2
-        rho, sigma, limit = c.stiffness[k, 0], c.stiffness[k, 1], c.limit[k]
-        s = c.pressure[k] - rho * (c.gap[k] + along)
+        rho, sigma, limit = stiffness[k, 0], stiffness[k, 1], limits[k]
+        s = pressure[k] - rho * (gaps[k] + along)
+        if s <= 0.0 and limit <= 0.0:
+            continue  # most of them: near, but not pressed
         f0 = f1 = f2 = 0.0
         if s > 0.0:
             state[k] = SLIDES
             total += 0.5 * s * s / rho
             f0, f1, f2 = s * n0, s * n1, s * n2
         if limit > 0.0:
-            t0 = c.friction[k, 0] - sigma * (d0 - along * n0)
-            t1 = c.friction[k, 1] - sigma * (d1 - along * n1)
-            t2 = c.friction[k, 2] - sigma * (d2 - along * n2)
+            t0 = friction[k, 0] - sigma * (d0 - along * n0)
+            t1 = friction[k, 1] - sigma * (d1 - along * n1)
+            t2 = friction[k, 2] - sigma * (d2 - along * n2)
             size = np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
             share = 1.0
             if size <= limit:
@@ -156,7 +166,7 @@ def add_gradient(c: Contacts, count: int, u: Array, out: Array, state: Array) ->
                 total += (limit * size - 0.5 * limit * limit) / sigma
                 share = limit / size
             f0, f1, f2 = f0 + share * t0, f1 + share * t1, f2 + share * t2
-        add_force(c, k, -f0, -f1, -f2, out)
+        add_force(base, lump, moment, width, k, (-f0, -f1, -f2), out)
     return total
 
 
@@ -178,17 +188,22 @@ def forces(
     Returns:
         The largest error of a gap or complementarity [m], of a slip [m], and the smallest gap [m].
     """
+    base, lump, moment, width, normal = c.base, c.lump, c.moment, c.width, c.normal
     gap_error = slip_error = 0.0
     smallest = np.inf
     for k in range(count):
-        d0, d1, d2 = relative(c, k, u)
-        n = c.normal[k]
+        d0, d1, d2 = relative(base, lump, moment, width, k, u)
+        n = normal[k]
         along = n[0] * d0 + n[1] * d1 + n[2] * d2
         gap = c.gap[k] + along
         smallest = min(smallest, gap)
         rho, sigma = c.stiffness[k, 0], c.stiffness[k, 1]
-        pressure[k] = max(0.0, c.pressure[k] - rho * gap)
-        gap_error = max(gap_error, abs(pressure[k] - c.pressure[k]) / rho)
+        before = c.pressure[k]
+        pressure[k] = max(0.0, before - rho * gap)
+        if before == 0.0 and pressure[k] == 0.0:  # and so no friction either, before or now
+            friction[k] = 0.0
+            continue
+        gap_error = max(gap_error, abs(pressure[k] - before) / rho)
         limit = mu * pressure[k]
         size = 0.0
         d = (d0, d1, d2)
@@ -210,7 +225,7 @@ def stiffen(c: Contacts, count: int, u: Array, deepest: float, factor: float) ->
     """Multiply rho of contacts deeper than `deepest` [m]; return how many there are."""
     found = 0
     for k in range(count):
-        d0, d1, d2 = relative(c, k, u)
+        d0, d1, d2 = relative(c.base, c.lump, c.moment, c.width, k, u)
         n = c.normal[k]
         if c.gap[k] + n[0] * d0 + n[1] * d1 + n[2] * d2 < -deepest:
             c.stiffness[k, 0] *= factor

@@ -32,6 +32,7 @@ def restitute(
     Returns:
         The largest normal impulse [N s].
     """
+    base, lump, moment, width = c.base, c.lump, c.moment, c.width
     largest = 0.0
     impulse[:count] = 0.0
     for _ in range(rounds):
@@ -39,11 +40,11 @@ def restitute(
             if not c.pressure[k] > 0.0:
                 continue
             n = c.normal[k]
-            d0, d1, d2 = relative(c, k, before)
+            d0, d1, d2 = relative(base, lump, moment, width, k, before)
             met = n[0] * d0 + n[1] * d1 + n[2] * d2
             if met > -slowest:
                 continue
-            d0, d1, d2 = relative(c, k, v)
+            d0, d1, d2 = relative(base, lump, moment, width, k, v)
             now = n[0] * d0 + n[1] * d1 + n[2] * d2
             total = 0.0
             for m in range(4):
