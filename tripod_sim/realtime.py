@@ -215,6 +215,7 @@ class RealTime(threading.Thread):
                 self._on_snapshot(self.latest)
             if report.instability:
                 raise StepError(report.instability)
+            self._simulation.renew()
         except Ended:
             with self._requests:
                 self.activity, self.ended = Activity.PAUSED, True

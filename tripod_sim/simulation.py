@@ -94,6 +94,7 @@ class Simulation:
             parts.system,
             parts.stepper,
         )
+        self._renew = getattr(self._stepper, "renew", None)
         count = len(self._system.groups.driven)
         joints = np.array([*scene.servos.angles, scene.servos.slide]) if scene.servos else np.zeros(count + 1)
         self.state = self._system.start_state(np.zeros(count + 1))
@@ -220,6 +221,7 @@ class Simulation:
             StepError: the step could not be saved; the state is the last good one.
         """
         goal = self.command if joints is None else self._checked(joints)
+        self.renew()
         ball = self.state.ball
         if self._ball and ball:
             self._ball.load(self.state, ball)
@@ -231,6 +233,15 @@ class Simulation:
         if self._ball and ball:
             self._ball.follow(self.state, ball, self.scene.dt)
         return self.report
+
+    def renew(self) -> None:
+        """Do now what the next step would begin with, such as a new factorisation where the old one serves no longer.
+
+        Whoever has time between steps, as who waits for the next period, calls it there: the longest steps are then
+        shorter, with the same bits. Else the step itself does it.
+        """
+        if self._renew:
+            self._renew(self.state, self.scene.dt)
 
     def advance(self, steps: int) -> StepReport:
         """Make `steps` steps with the joints as they are asked last: the same bits as one by one, and for a body of

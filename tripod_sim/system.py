@@ -215,10 +215,15 @@ class System:
         self._evaluate_elastic(state)
         return self._forces
 
+    def knows(self, state: State) -> bool:
+        """Return whether the elastic forces at hand are those at `state`."""
+        positions, modes = self._last
+        return self._known and same(positions, state.positions) and same(modes, state.modes)
+
     def _evaluate_elastic(self, state: State) -> float:
         """Write dE/dx to `_forces` and return E [J]."""
-        positions, modes = self._last
-        if not (self._known and same(positions, state.positions) and same(modes, state.modes)):
+        if not self.knows(state):
+            positions, modes = self._last
             self._known = False
             self._forces[:] = 0.0
             self._elastic_energy = self.elastic.add_gradient(state.positions, state.modes, self._forces)

@@ -1,5 +1,7 @@
 """One-solve mode: one evaluation of the elements a step where its end is near enough, else Newton's method."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -221,3 +223,45 @@ def test_the_first_step_finds_its_factorisation_made(scheme: str) -> None:
         simulation.reset()
     for name in ("positions", "velocities", "modes"):
         np.testing.assert_array_equal(getattr(ends[0], name), getattr(ends[1], name))
+
+
+@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2"])
+def test_what_a_step_would_begin_with_can_be_done_before_it_with_the_same_bits(scheme: str) -> None:
+    ways = []
+    for ahead in (False, True):
+        simulation = Simulation(load_scene("tripod", [*WORKING, f"inertia.scheme={scheme}"]))
+        factor, inside, counts = simulation._system.factor, [0], []
+
+        def counted(*given: float, inside: list[int] = inside, factor: Any = factor) -> bool:
+            inside[0] += 1
+            return bool(factor(*given))
+
+        simulation._system.factor = counted  # type: ignore[method-assign]
+        found, reported = [], 0
+        for k in range(600):
+            before = inside[0]
+            reported += simulation.step(swing(1.5 * (k + 1) * simulation.scene.dt)).factorisations
+            counts.append(inside[0] - before)
+            found.append(simulation.state.positions.copy())
+            if ahead:
+                simulation.renew()
+        ways.append((np.array(found), reported, sum(counts), inside[0]))
+    (lazy, told, within, _), (early, told_early, within_early, all_early) = ways
+    assert np.array_equal(lazy, early)
+    assert told == told_early >= 3
+    assert within == told
+    assert within_early <= told - 2
+    assert all_early - told in (0, 1)  # what a step after the last would begin with
+
+
+def test_what_was_done_before_a_step_is_not_used_after_a_change_of_the_state() -> None:
+    simulations = [Simulation(load_scene("tripod", WORKING)) for _ in range(2)]
+    for simulation in simulations:
+        for k in range(40):
+            simulation.step(swing(6 * (k + 1) * simulation.scene.dt))
+        simulation._stepper.forget()
+    simulations[1].renew()
+    for simulation in simulations:
+        simulation.reset()
+        simulation.step(swing(0.1))
+    assert np.array_equal(simulations[0].state.positions, simulations[1].state.positions)

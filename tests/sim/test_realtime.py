@@ -29,6 +29,7 @@ class FakeSimulation:
         self.torques = np.zeros(3)
         self.state = SimpleNamespace(positions=np.zeros((3, 3)), joints=np.zeros(4), step=0, time=0.0)
         self.singular = False
+        self.renewed = 0
 
     @property
     def positions(self) -> np.ndarray:
@@ -42,6 +43,9 @@ class FakeSimulation:
         self.state.time += self.scene.dt
         self.report = StepReport(iterations=self.state.step)
         return self.report
+
+    def renew(self) -> None:
+        self.renewed += 1
 
     def reset(self) -> None:
         self.state.positions[:] = 0
@@ -470,3 +474,14 @@ def test_requests_from_many_threads_all_count(start) -> None:
     for asker in askers:
         asker.join(DEADLINE)
     assert physics.latest.step == first + 200
+
+
+def test_the_time_between_steps_is_used_for_what_the_next_one_would_begin_with(
+    start: Callable[..., RealTime],
+) -> None:
+    seen: list[tuple[int, int]] = []
+    simulation = FakeSimulation(during=lambda step: seen.append((step, simulation.renewed)))
+    physics = start(simulation)
+    wait(lambda: len(seen) > 20, "steps")
+    physics.pause(True)
+    assert all(renewed == step - 1 for step, renewed in seen)

@@ -26,6 +26,12 @@ class ImplicitEuler(Substeps):
         super().__init__(stage.newton, max_halvings)
         self._stage = stage
 
+    def renew(self, state: State, dt: float) -> None:
+        """Factor for the next step now, if it would begin so."""
+        if self._stage.newton.renews(dt):
+            self._stage.read(state, self._stage.known)
+            self._stage.renew(state, dt)
+
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
         stage = self._stage
         stage.read(state, stage.known)
@@ -55,10 +61,22 @@ class Bdf2(Substeps):
         """Take back what the last part has changed in the history."""
         self._now, self._before, self._h_before = self._kept  # a step writes only what it swaps
 
-    def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+    def renew(self, state: State, dt: float) -> None:
+        """Factor for the next step now, if it would begin so."""
+        s = self._length(dt)
+        if self._stage.newton.renews(s):
+            self._read(state, dt)
+            self._stage.renew(state, s)
+
+    def _length(self, h: float) -> float:
+        """Return h / a."""
+        r = h / self._h_before if self._h_before else 0.0
+        return h / ((1 + 2 * r) / (1 + r))
+
+    def _read(self, state: State, h: float) -> None:
+        """Write what is known at `state` to the stage."""
         stage, now = self._stage, self._now
         stage.read(state, now)
-        a = 1.0
         if self._h_before is None:
             stage.known[:] = now
         else:
@@ -66,7 +84,11 @@ class Bdf2(Substeps):
             a, b, c = (1 + 2 * r) / (1 + r), 1 + r, r * r / (1 + r)
             np.multiply(now, b / a, out=stage.known)
             stage.known -= (c / a) * self._before
-        report = stage.solve(state, joints, h / a)
+
+    def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        stage, now = self._stage, self._now
+        self._read(state, h)
+        report = stage.solve(state, joints, self._length(h))
         if self.errors and state.errors:
             if self._h_before is None:
                 self.errors.euler(state.errors, now[1], state.velocities, h)

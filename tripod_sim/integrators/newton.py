@@ -76,15 +76,29 @@ class Newton:
         self._dx = np.zeros_like(system.rest)
         self._trial: State | None = None
         self._kept: float | None = None
+        self._ahead: float | None = None
         self.store: FactorStore | None = None
         self.near, self._moved = 0.0, 0.0
 
     def forget(self) -> None:
         """Drop the factorisation kept from earlier solves, so that the next one depends on its state alone."""
-        self._kept = None
+        self._kept = self._ahead = None
         if self.store:
             self.store.forget()
         self.system.forget()
+
+    def renews(self, keep: float) -> bool:
+        """Return whether the next solve, of the time step `keep` [s], would begin with a factorisation."""
+        return not self.store and keep not in (self._kept, self._ahead)
+
+    def renew(self, state: State, keep: float) -> None:
+        """Factor now as a solve from `state` would begin, of the time step `keep` [s] that the system is aimed at."""
+        self._kept = None
+        try:
+            self._renew(state, NewtonReport(), start=True)
+        except NewtonError:
+            return  # the solve itself will say so
+        self._ahead = keep
 
     def solve(self, state: State, joints: FloatArray, *, keep: float | None = None) -> NewtonReport:
         """Move `state` to equilibrium with its driven frames at `joints`, in place.
@@ -108,8 +122,10 @@ class Newton:
         state.copy_to(trial)
         self._dx[:] = 0.0
         kept = self.store.use(keep) if self.store and keep else keep is not None and keep == self._kept
-        self._kept = None
-        phi = self.system.evaluate(state) if kept else self._renew(state, report, start=True)
+        ahead = not kept and keep is not None and keep == self._ahead and self.system.knows(state)
+        self._kept = self._ahead = None
+        phi = self.system.evaluate(state) if kept or ahead else self._renew(state, report, start=True)
+        report.factorisations += ahead
         driven = not same(joints, state.joints)
         if driven:
             self.system.drive(trial, joints)

@@ -11,8 +11,9 @@ part q of what it was to take away, known where a solve and what it left both ar
 about q |m|, and the step ends there if that is below `near`. The forces there are not evaluated but taken to be in
 balance (`System.settle`); what that leaves out is of the order of q² and is seen by the evaluation of the next step.
 Where x2 is not near enough it is evaluated and corrected in turn, as in Newton's method. The tangent is renewed in a
-step where it does not halve the residual, and else where such further evaluations, beyond those that a new tangent
-needs, have cost as much as it does.
+step where it does not halve the residual; before a step, where that is foreseen from what the last two missed, or where
+further evaluations, beyond those that a new tangent needs, have cost as much as it does. What is renewed before a step
+can be renewed between steps (`Newton.renew`).
 """
 
 import numpy as np
@@ -30,6 +31,12 @@ class OneSolve(Newton):
     WORTH = 5
     """Further evaluations that cost as much as a new tangent."""
 
+    SOON, LEAST, SETTLED = 0.6, 0.03, 20
+    """What a corrected step misses, over `near`, grows geometrically as the pose leaves that of the tangent. A next
+    value above SOON lets the next step begin with a new tangent, which can be made ahead of time: else it would need
+    that after an evaluation for nothing. LEAST stands for the value where x1 was near enough. A tangent that has served
+    fewer than SETTLED steps is kept: in motions so fast another one would soon be as bad."""
+
     TRUSTED = 0.5
     """Largest q with which a correction is one."""
 
@@ -46,6 +53,7 @@ class OneSolve(Newton):
         self._correction: FloatArray | None = None  # m, until it is used
         self._missed = np.zeros_like(system.rest)
         self._steps = self._needed = self._spent = 0
+        self._missing, self._tired, self._age = self.LEAST, False, 0
 
     def forget(self) -> None:
         """As `Newton.forget`."""
@@ -55,7 +63,7 @@ class OneSolve(Newton):
 
     def _begin(self, length: float | None) -> None:
         self._forecast, self._correction = self._left_over.forecast(length), None
-        self._steps = 0
+        self._steps, self._tired = 0, False
         if length and not self.store:  # who keeps several lengths says for each how near
             self.near = self._asked * min(1.0, length / self.SWING)
 
@@ -68,10 +76,11 @@ class OneSolve(Newton):
         if not self._steps:
             self._left_over.drop()
         if report.factorisations:
-            self._needed, self._spent = max(1, self._steps), 0
+            self._needed, self._spent, self._age = max(1, self._steps), 0, 0
         else:
             self._spent += max(0, self._steps - self._needed)
-        return self._spent < self.WORTH
+            self._age += 1
+        return self._spent < self.WORTH and not self._tired
 
     def _proposed(self) -> FloatArray:
         self._steps += 1
@@ -94,6 +103,7 @@ class OneSolve(Newton):
         if size < self.TRUSTED * before and far <= self.near:
             if self._forecast is not None:
                 self._left_over.note(correction)
+            self._missing = self.LEAST
             return True
         left = 0.0
         if self._forecast is not None:
@@ -106,6 +116,9 @@ class OneSolve(Newton):
         trusted = size < self.TRUSTED * before and left < self.TRUSTED * self._moved
         if not (trusted and left * far <= self.near * self._moved):
             return False
+        missing = max(left * far / (self.near * self._moved), self.LEAST)
+        self._tired = self._age >= self.SETTLED and missing**2 > self.SOON * self._missing
+        self._missing = missing
         report.iterations += 1
         np.negative(correction, out=correction)
         np.negative(missed, out=missed)

@@ -121,6 +121,11 @@ class Sleeping:
         else:
             self._stepper.forget()
 
+    def renew(self, state: State, dt: float) -> None:
+        """Do now what the next step would begin with, if it is to be solved for."""
+        if not self.asleep and (renew := getattr(self._stepper, "renew", None)):
+            renew(state, dt)
+
     def _wake(self) -> None:
         self.asleep = False
         self._now.clear()

@@ -62,6 +62,11 @@ class ImplicitStage:
         state.velocities /= s
         return report
 
+    def renew(self, state: State, s: float) -> None:
+        """Factor now as the stage of `s` [s] from `state` with what is `known` would begin."""
+        self.aim(s)
+        self.newton.renew(state, s)
+
     def aim(self, s: float) -> None:
         """Make the system's potential that of a stage of `s` [s] with what is `known`."""
         system, inertia, (z, u) = self.newton.system, self._inertia, self.known[:2]

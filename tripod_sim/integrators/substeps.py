@@ -112,6 +112,9 @@ class Substeps(ABC):
             return  # the step itself will say so
         self._drop_history()
 
+    def renew(self, state: State, dt: float) -> None:  # noqa: B027 - not every scheme can
+        """Do now what the next step, of `dt` [s] from `state`, would begin with, where that takes long."""
+
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance `state` by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.
 
