@@ -136,8 +136,6 @@ def check_time_error(scene: "Scene") -> None:
         )
     chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.scheme == "auto"
     explicit = scene.springs is not None and chosen
-    if scene.springs and scene.solver.linear == "cg" and not explicit:
-        raise SceneError("solver.linear is 'cg'; time_error of springs needs auto or ldl, a factorisation")
     if wanted.estimate == "local" and wanted.steps == "fixed":
         raise SceneError(
             "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "

@@ -176,14 +176,8 @@ def _estimated(
         return AutomaticSprings(system, wanted.tolerance, wanted.shortest, drag=drag, rayleigh=rayleigh)
     from tripod_sim.springs.estimated import EstimatedSprings  # noqa: PLC0415 - an effect that is absent
 
-    options = _options(scene, system)
-    if not options.direct:
-        raise SceneError(
-            f"time_error needs a factorisation, and solver.linear = 'auto' iterates above {LARGE} unknowns; the body "
-            f"has {system.unknowns}: choose solver.linear = 'ldl'"
-        )
     return EstimatedSprings(
-        system, _implicit(scene.inertia), options, wanted, drag=drag, rayleigh=rayleigh,
+        system, _implicit(scene.inertia), _options(scene, system), wanted, drag=drag, rayleigh=rayleigh,
         max_halvings=scene.solver.max_halvings,
     )  # fmt: skip
 

@@ -21,6 +21,7 @@ import numpy as np
 from numba import njit
 
 from tripod_sim.integrators.time_error_kernels import differences, furthest, rates
+from tripod_sim.springs.cg_kernels import conjugate_gradients
 from tripod_sim.springs.implicit_kernels import (
     BDF2,
     IMPLICIT_EULER,
@@ -119,13 +120,30 @@ def _damping_blocks(x: Array, body: Problem, work: Work, out: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _solve(most: int, body: Problem, A: Factor, work: Work, scratch: ErrorWork) -> None:
-    """Write -H^-1 `scratch.force` to `scratch.move`, H the Hessian with `work.blocks`, by A, which may lag behind.
+def _solve_as_prepared(
+    load: Array, body: Problem, A: Factor, options: Options, work: Work, out: Array
+) -> None:
+    """Write -H^-1 `load` of free nodes, H as `renew` prepared it last; NaN where conjugate gradients fail.
+
+    At the end of a stage, where its potential is least, they do not: H is definite there.
+    """
+    if options.direct:
+        solve_direct(A, load, body.free, out)
+        return
+    out[:] = 0.0
+    limit = 1000 + 12 * body.free.shape[0]
+    if conjugate_gradients(work.sweep, load, body.free, options.linear_tolerance, limit, out) < 0:
+        out[:] = np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def _solve(most: int, body: Problem, A: Factor, options: Options, work: Work, scratch: ErrorWork) -> None:
+    """Write -H^-1 `scratch.force` to `scratch.move`, H with `work.blocks`, by what is prepared, which may lag behind.
 
     most: Refinements.
     """
     load, residual, move, part = scratch.force, scratch.residual, scratch.move, scratch.part
-    solve_direct(A, load, body.free, move)
+    _solve_as_prepared(load, body, A, options, work, move)
     before, enough = np.inf, REFINED**2 * _square(load, body)
     for _ in range(most):
         for n in range(load.shape[0]):
@@ -136,7 +154,7 @@ def _solve(most: int, body: Problem, A: Factor, work: Work, scratch: ErrorWork) 
         if not enough < square < before:
             break
         before = square
-        solve_direct(A, residual, body.free, part)
+        _solve_as_prepared(residual, body, A, options, work, part)
         for k in range(body.free.shape[0]):
             n = body.free[k]
             for i in range(3):
@@ -165,6 +183,7 @@ def _stage(
     most: int,
     body: Problem,
     A: Factor,
+    options: Options,
     work: Work,
     scratch: ErrorWork,
     out: Array,
@@ -189,7 +208,7 @@ def _stage(
     add_products(ends, work.blocks, far, 1.0, force)
     if body.damped or body.rayleigh > 0.0:
         add_products(ends, scratch.damping, y, -1.0 / s, force)
-    _solve(most, body, A, work, scratch)
+    _solve(most, body, A, options, work, scratch)
     for n in range(y.shape[0]):
         for i in range(3):
             out[0, n, i] = far[n, i] + scratch.move[n, i]
@@ -206,6 +225,7 @@ def _carry(
     s: float,
     body: Problem,
     A: Factor,
+    options: Options,
     work: Work,
     errors: Errors,
     scratch: ErrorWork,
@@ -222,25 +242,27 @@ def _carry(
             number[MISSING] = h
         factor = -0.5 * h * h
         errors.before[:] = e
-        _stage(e, 1.0, e, 0.0, 0, factor, s, True, most, body, A, work, scratch, e)
+        _stage(e, 1.0, e, 0.0, 0, factor, s, True, most, body, A, options, work, scratch, e)
         if scheme == TR_BDF2:
             rates(e, scratch.known, d[0], d[1], factor, s, errors.before)
     elif scheme == BDF2:
         factor = -(h**3) * (1.0 + ratio) / (6.0 * lead * ratio)
         scratch.middle[:] = e
         b, c = (1.0 + ratio) / lead, ratio * ratio / (1.0 + ratio) / lead
-        _stage(e, b, errors.before, -c, 1, factor, s, True, most, body, A, work, scratch, e)
+        _stage(e, b, errors.before, -c, 1, factor, s, True, most, body, A, options, work, scratch, e)
         errors.before[:] = scratch.middle
     else:
         first, second = -((G * h) ** 3) / 12.0, -((1.0 - G) ** 2) / (6.0 * (2.0 - G)) * h**3
         middle = scratch.middle
-        _stage(e, 1.0, errors.before, s, 1, first, s, False, most, body, A, work, scratch, middle)
-        _stage(middle, P, e, -Q, 1, second, s, True, most, body, A, work, scratch, e)
+        _stage(e, 1.0, errors.before, s, 1, first, s, False, most, body, A, options, work, scratch, middle)
+        _stage(middle, P, e, -Q, 1, second, s, True, most, body, A, options, work, scratch, e)
         rates(e, scratch.known, d[1], d[2], second, s, errors.before)
 
 
 @njit(cache=True, error_model="numpy")
-def _added(derivative: int, factor: float, s: float, body: Problem, A: Factor, scratch: ErrorWork) -> float:
+def _added(
+    derivative: int, factor: float, s: float, body: Problem, A: Factor, options: Options, work: Work, scratch: ErrorWork
+) -> float:  # fmt: skip
     """Return the largest distance of a node that a step with these defects (see `_stage`) adds [m], by one solve."""
     p, q = scratch.derivatives[derivative], scratch.derivatives[derivative + 1]
     y, force = scratch.y, scratch.force
@@ -253,7 +275,7 @@ def _added(derivative: int, factor: float, s: float, body: Problem, A: Factor, s
     if body.damped or body.rayleigh > 0.0:
         add_products(body.links.ends, scratch.damping, y, 1.0 / s, force)
     scratch.alone[:] = 0.0
-    solve_direct(A, force, body.free, scratch.alone)
+    _solve_as_prepared(force, body, A, options, work, scratch.alone)
     most, _ = furthest(scratch.alone)
     return most
 
@@ -297,7 +319,8 @@ def carry_errors(
         for attempt in range(2):
             if renew(motion.x, s, attempt == 1, body, A, options, work):
                 break
-        work.kept[0] = s if local else 0.0  # where steps have a fixed length the estimate leaves no trace
+        keep = local and options.direct  # where steps have a fixed length the estimate leaves no trace
+        work.kept[0] = s if keep else 0.0
     if body.damped or body.rayleigh > 0.0:
         _damping_blocks(motion.x, body, work, scratch.damping)
     differences(
@@ -306,7 +329,7 @@ def carry_errors(
     )  # fmt: skip
     if carried:
         _tangent_blocks(motion.x, s, body, work)
-        _carry(scheme, euler, h, ratio, lead, s, body, A, work, errors, scratch)
+        _carry(scheme, euler, h, ratio, lead, s, body, A, options, work, errors, scratch)
     number[LENGTH], number[KNOWN] = h, min(number[KNOWN] + 1.0, 2.0)
     added = 0.0
     if local:
@@ -315,7 +338,7 @@ def carry_errors(
             derivative, factor = 0, -0.5 * h * h
         elif scheme == BDF2:
             factor = -(h**3) * (1.0 + ratio) / (6.0 * lead * ratio)
-        added = _added(derivative, factor, s, body, A, scratch)
+        added = _added(derivative, factor, s, body, A, options, work, scratch)
     return 1 if euler else 2, added
 
 

@@ -36,7 +36,7 @@ class EstimatedSprings:
         rayleigh: float,
         max_halvings: int,
     ) -> None:
-        """`wanted`: the scene's table; the others as for `ImplicitSprings`, `options` of the direct solver."""
+        """`wanted`: the scene's table; the others as for `ImplicitSprings`."""
         self._solver = SpringSolver(system, options, drag=drag, rayleigh=rayleigh, moving=True)
         self._scheme, self._halvings, self._wanted = SCHEMES[scheme], max_halvings, wanted
         self._carried = wanted.carries
