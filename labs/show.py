@@ -31,7 +31,7 @@ def body(simulation: Simulation, title: str = "", *, axes: Any = None, size: flo
     axes = axes or plt.figure(figsize=(4.4, 3.6)).add_subplot(projection="3d", computed_zorder=False)
     moved = np.linalg.norm(x - skin.nodes, axis=1)[skin.surface].mean(axis=1)
     _surface(axes, x, skin.surface, plt.get_cmap("viridis")(0.35 + 0.65 * moved / max(moved.max(), 1e-9)))
-    for box in simulation.scene.fixed:
+    for box in (held for held in simulation.scene.fixed if held.low and held.high):
         low, high = np.maximum(box.low, x.min(axis=0) - 2e-3), np.minimum(box.high, x.max(axis=0) + 2e-3)
         corners = 1e3 * np.array(list(product(*zip(low, high, strict=True))))
         edges = [(a, b) for a, b in product(corners, corners) if 0 < (a != b).sum() < 2]

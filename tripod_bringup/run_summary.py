@@ -4,6 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+HELD = 5e-5
+"""Force or moment below which a set is not held [N, N m]: its last digit shown."""
+
 
 def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return name and text of each row of a result of `tripod_sim.run.run`."""
@@ -17,6 +20,7 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if ball := result.get("ball"):
         event = f"; {ball['event']}" if ball["event"] else ""
         rows.append(("ball", f"{_numbers(ball['position'], 1e3, 3)} mm{event}"))
+    rows += _marker_rows(result)
     rows += _contact_rows(result)
     if len(result["angles"]):
         rows.append(("angles", f"{_numbers(result['angles'], math.degrees(1), 2)} degrees"))
@@ -50,6 +54,17 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
             f"{times['median']:.3f} ms median, {times['p99']:.3f} ms p99; {factor:.3g} times real time",
         )
     )
+    return rows
+
+
+def _marker_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return how far markers have moved, and what holds those that are held."""
+    rows = []
+    for marker in result.get("markers", ()):
+        rows.append((f"set {marker['set']}", f"moved by {_numbers(marker['moved'], 1e3, 4)} mm"))
+        if max(map(abs, (*marker.get("force", ()), *marker.get("moment", ()))), default=0.0) > HELD:
+            held = f"{_numbers(marker['force'], 1, 4)} N, {_numbers(marker['moment'], 1, 4)} N m about the origin"
+            rows.append((f"set {marker['set']} held by", held))
     return rows
 
 

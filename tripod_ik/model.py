@@ -103,7 +103,7 @@ class StaticModel:
         self.simulation = Simulation(replace(at_rest(scene), solver=solver))
         self.slide = slide
         self._state: LinearState | None = None
-        start, end = self.simulation.state.joints.copy(), np.append(wanted, slide)
+        start, end = self.simulation.command, np.append(wanted, slide)
         for part in np.linspace(0.0, 1.0, 11)[
             1:
         ]:  # angles and slide in proportion: the strips stay stretched
@@ -113,7 +113,7 @@ class StaticModel:
     @property
     def angles(self) -> FloatArray:
         """Of the servos [rad], shape (s,), a copy."""
-        return self.simulation.state.joints[:-1].copy()
+        return self.simulation.command[:-1]
 
     def move(self, angles: FloatArray) -> LinearState:
         """Bring the servos to `angles` [rad], shape (s,), and return the state there.
@@ -123,7 +123,7 @@ class StaticModel:
             StepError: no equilibrium on the way, or none that has a compliance; the model stays where it was.
         """
         goal = np.append(angles, self.slide)
-        if not np.array_equal(goal, self.simulation.state.joints):
+        if not np.array_equal(goal, self.simulation.command):
             before = self.simulation.save()
             try:
                 self.simulation.step(goal)
@@ -186,7 +186,7 @@ class StaticModel:
     @property
     def home(self) -> FloatArray:
         """Angles that the model was built at [rad], shape (s,)."""
-        return self._home[0][0].joints[:-1]
+        return self._home[0][0].joints[: len(self.simulation.torques)]
 
     def go_home(self) -> LinearState:
         """Return to the pose that the model was built in, without moving there, and return the state."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import DrivenFrame, Groups, Kind
+from tripod_sim.constraints.held import free_motion, held_groups
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
@@ -18,10 +19,11 @@ from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
 from tripod_sim.mesh.suited import suited, width_note
+from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.state import State
 from tripod_sim.system import System
-from tripod_sim.tables.bodies import FixedBox, Mesh
+from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.motion import EXPLICIT
 
 if TYPE_CHECKING:
@@ -71,6 +73,8 @@ class Parts:
         rigid: The rigid bodies, which `mesh` shows behind the soft one; None without any.
         check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None: they do not.
         notes: What users should know of them, one sentence each.
+        velocities: Of nodes at the start [m/s], shape (n, 3); None: at rest.
+        watched: Nodes of each marker.
     """
 
     mesh: "SolidMesh | SpringBody | JoinedMesh"
@@ -85,6 +89,8 @@ class Parts:
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
     notes: tuple[str, ...] = ()
+    velocities: FloatArray | None = None
+    watched: tuple[IndexArray, ...] = ()
 
 
 def build(scene: Scene) -> Parts:
@@ -104,7 +110,10 @@ def _built(scene: Scene) -> Parts:
     if scene.springs:
         from tripod_sim.springs.build import build_springs
 
-        return build_springs(scene, scene.springs)
+        parts = build_springs(scene, scene.springs)
+        nodes, held = parts.mesh.nodes[: parts.system.groups.size], parts.system.groups.held()
+        sets = NodeSets(scene.set, nodes, {})
+        return replace(parts, velocities=_velocities(scene, sets, nodes, held), watched=_watched(scene, sets))
     if scene.rigid and not scene.mesh:
         from tripod_sim.contact.rigid_build import build_rigid
 
@@ -115,14 +124,14 @@ def _built(scene: Scene) -> Parts:
     assert scene.material
     mesh, notes = suited(_mesh(scene.mesh))
     notes = (*width_note(scene.mesh.source, mesh.nodes), *notes)
+    sets = NodeSets(scene.set, mesh.nodes, mesh.groups)
     if scene.contact:
         from tripod_sim.contact.solid_build import placed_solid
 
         mesh = placed_solid(mesh, scene, scene.contact)
-    groups = _groups(scene, mesh.nodes)
+    groups = _groups(scene, mesh.nodes, sets)
     if not scene.inertia:
-        held = np.concatenate([groups.fixed, *(frame.nodes for frame in groups.driven)])
-        check_held(mesh, groups.rigid, held, f"mesh.source {scene.mesh.source!r}")
+        _check_held(scene.mesh.source, mesh, groups)
     rest, foundation = mesh.nodes, None
     if scene.clamp:
         from tripod_sim.robot.clamp import bed_clamps
@@ -133,13 +142,15 @@ def _built(scene: Scene) -> Parts:
     load, inert = _node_masses(mesh, scene.material.mass, len(rest))
     if plate:
         load[plate.nodes], inert[plate.nodes] = plate.mass, plate.mass
+    dead = _dead_loads(scene, sets, mesh, load, inert)
     lam, mu = lame_constants(scene.material.young, scene.material.poisson)
     solid = Solid(rest, _strained(mesh.elements, groups), mesh.kind, scene.material.law, lam, mu)
     gravity = inertia = None
-    if scene.gravity:
+    if scene.gravity or dead is not None:
         from tripod_sim.forces.gravity import GravityForce
 
-        gravity = GravityForce(load, scene.gravity.acceleration, rest)
+        gravity = GravityForce(load, scene.gravity.acceleration if scene.gravity else (0, 0, 0), rest, dead)
+    velocities, watched = _velocities(scene, sets, rest, groups.held()), _watched(scene, sets)
     loads, ball = _ball(scene, rest, groups, mesh.surface, plate)
     explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
     if scene.inertia and not explicit:
@@ -156,11 +167,30 @@ def _built(scene: Scene) -> Parts:
         from tripod_sim.contact.solid_build import solid_parts
 
         parts = solid_parts(mesh, system, inertia, inert, scene, scene.contact, plate)
-        return replace(parts, servos=_servos(scene, groups), notes=notes)
+        return replace(
+            parts, servos=_servos(scene, groups), notes=notes, velocities=velocities, watched=watched
+        )
     stepper = _stepper(scene, system, inertia, inert)
     servos = _servos(scene, groups)
     errors = stepper.errors if isinstance(stepper, Substeps) else None
-    return Parts(mesh, inert, system, stepper, servos, plate=plate, ball=ball, errors=errors, notes=notes)
+    return Parts(
+        mesh, inert, system, stepper, servos, plate=plate, ball=ball, errors=errors, notes=notes,
+        velocities=velocities, watched=watched,
+    )  # fmt: skip
+
+
+def _dead_loads(
+    scene: Scene, sets: NodeSets, mesh: SolidMesh, weighing: FloatArray, inert: FloatArray
+) -> FloatArray | None:
+    """Return the dead loads on nodes [N], shape (n, 3); add their masses to what nodes weigh and resist with [kg]."""
+    if not scene.load:
+        return None
+    from tripod_sim.forces.set_loads import set_loads
+
+    loads = set_loads(scene.load, sets, mesh, len(weighing))
+    weighing += loads.weighing
+    inert += loads.inert
+    return loads.force
 
 
 def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":
@@ -175,8 +205,11 @@ def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":
 def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray) -> Stepper:
     """Return the time integrator or the static solver; `inertia` is None where that needs no such term."""
     solver = scene.solver
-    held = scene.servos or scene.fixed  # in a body that nothing holds errors of the momentum would add up
-    if scene.inertia and held and solver.mode == "one_solve":  # statics goes to the tolerance, too
+    one_solve = scene.inertia and solver.mode == "one_solve"  # statics goes to the tolerance
+    if one_solve and not scene.servos:  # where nothing holds a body errors of the momentum would add up
+        groups = system.groups
+        one_solve = not free_motion([*system.reduction.blocks, *groups.rigid], system.rest, groups.held())
+    if one_solve:
         from tripod_sim.integrators.one_solve import OneSolve
 
         newton: Newton = OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)
@@ -270,23 +303,37 @@ def _mesh(description: Mesh) -> SolidMesh:
             from tripod_sim.mesh.convert import convert_hexahedra
 
             mesh = convert_hexahedra(y_piece(level), kind.name)
+    elif description.source == "block":
+        from tripod_sim.mesh.block import block
+
+        mesh = block(description.corners, description.cells)
+        if description.element != mesh.kind.name:
+            from tripod_sim.mesh.convert import convert_hexahedra
+
+            mesh = convert_hexahedra(mesh, description.element)
+        mesh = _refined(mesh, description.refine)
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid
 
         mesh = read_solid(Path(description.source), description.scale, description.element)
-        for _ in range(description.refine):
-            from tripod_sim.mesh.refine import refine
-
-            mesh = refine(mesh)
+        mesh = _refined(mesh, description.refine)
     else:
         raise SceneError(
-            f"mesh.source is {description.source!r}; allowed: y_piece, or the path of a mesh file"
+            f"mesh.source is {description.source!r}; allowed: y_piece, block, or the path of a mesh file"
         )
     check_mesh(mesh, f"mesh.source {description.source!r}")
     return mesh
 
 
-def _groups(scene: Scene, nodes: FloatArray) -> Groups:
+def _refined(mesh: SolidMesh, times: int) -> SolidMesh:
+    for _ in range(times):
+        from tripod_sim.mesh.refine import refine
+
+        mesh = refine(mesh)
+    return mesh
+
+
+def _groups(scene: Scene, nodes: FloatArray, sets: NodeSets) -> Groups:
     rigid: tuple[IndexArray, ...] = ()
     driven: tuple[DrivenFrame, ...] = ()
     if scene.effector:
@@ -297,24 +344,29 @@ def _groups(scene: Scene, nodes: FloatArray) -> Groups:
         from tripod_sim.robot.arms import servo_arms
 
         driven = servo_arms(nodes, scene.servos)
-    boxes = [_inside(nodes, box, i) for i, box in enumerate(scene.fixed)]
-    fixed = np.unique(np.concatenate(boxes)) if boxes else np.zeros(0, dtype=np.int64)
-    return Groups(len(nodes), rigid, driven, fixed)
+    return held_groups(scene, sets, nodes, rigid, driven)
 
 
-def _inside(nodes: FloatArray, box: FixedBox, i: int) -> IndexArray:
-    held = np.flatnonzero(
-        ((nodes >= np.array(box.low) - 1e-9) & (nodes <= np.array(box.high) + 1e-9)).all(axis=1)
-    )
-    if held.size < 3:
-        low, high = nodes.min(axis=0).round(4).tolist(), nodes.max(axis=0).round(4).tolist()
-        raise SceneError(
-            f"fixed.{i} holds {held.size} nodes; it needs at least 3, not in a line. "
-            f"The box is {box.low} to {box.high} m, the body {low} to {high} m"
-        )
-    if np.linalg.matrix_rank(nodes[held] - nodes[held[0]], tol=1e-9) < 2:
-        raise SceneError(f"fixed.{i} holds nodes in one line only; the body's rotation about it is free")
-    return held
+def _check_held(source: str, mesh: SolidMesh, groups: Groups) -> None:
+    """Refuse a body that can move as a whole in a scene without inertia. Raises SceneError, which says how."""
+    held = groups.held()
+    check_held(mesh, groups.rigid, np.flatnonzero(held.any(axis=1)), f"mesh.source {source!r}")
+    if free := free_motion([mesh.elements, *groups.rigid], mesh.nodes, held):
+        raise SceneError(f"mesh.source {source!r}: {free}; without inertia it must be held against that, too")
+
+
+def _velocities(scene: Scene, sets: NodeSets, rest: FloatArray, held: NDArray[np.bool_]) -> FloatArray | None:
+    """Return the velocities of nodes at the start [m/s]; None: at rest."""
+    if not scene.initial_velocity:
+        return None
+    from tripod_sim.start_velocities import start_velocities
+
+    return start_velocities(scene.initial_velocity, sets, rest, held)
+
+
+def _watched(scene: Scene, sets: NodeSets) -> tuple[IndexArray, ...]:
+    """Return the nodes of each marker."""
+    return tuple(sets.nodes(table.set, f"marker.{i}.set") for i, table in enumerate(scene.marker))
 
 
 def _strained(elements: IndexArray, groups: Groups) -> IndexArray:

@@ -183,7 +183,7 @@ def compliance(
         fall[:3] = at.centres[0] - state.centres[0]
         fall[3:] = rotation_vector(at.rotations[0] @ state.rotations[0].T)
     return Compliance(
-        w, state.joints[:-1].copy(), float(state.joints[-1]), torques, state.centres[0].copy(),
+        w, state.joints[:s].copy(), float(state.joints[s]), torques, state.centres[0].copy(),
         quaternion(state.rotations[0]), fall, soft,
     )  # fmt: skip
 

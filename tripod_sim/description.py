@@ -67,7 +67,7 @@ def urdf(scene: Scene) -> str:
 
 def arm_frames(servos: Servos, joints: FloatArray) -> Iterator[Frame]:
     """Yield carriages and arms at `joints`: angles [rad] and the slide [m], shape (4,)."""
-    radius = servos.axis_radius - float(joints[-1])
+    radius = servos.axis_radius - float(joints[len(azimuths())])
     for i, azimuth in enumerate(azimuths()):
         position = np.array([radius * np.cos(azimuth), radius * np.sin(azimuth), -servos.axis_depth])
         yield BASE, f"carriage_{i}", position, np.array([0, 0, np.sin(azimuth / 2), np.cos(azimuth / 2)])

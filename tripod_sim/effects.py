@@ -43,7 +43,17 @@ TABLE: dict[str, Effect] = {
         ("inertia", "stability limit", "explicit parts"),
     ),
     "damping": Effect(("forces.rayleigh",), ("damping",)),
-    "fixed": Effect(),  # nodes of a box: one more group of nodes, no code of its own
+    "fixed": Effect(),  # nodes of a box or set: one more group of nodes, no code of its own
+    "prescribed": Effect(
+        ("constraints.prescribed",),
+        words=('prescribed=[{set="all", axes="x", move="0: 0,0,0; 1: 0.001,0,0"}]',),
+    ),
+    "load": Effect(
+        ("forces.set_loads",), words=('load=[{set="all", force=[0.01, 0.0, 0.0], share="even"}]',)
+    ),
+    "initial_velocity": Effect(
+        ("start_velocities",), words=("initial_velocity=[{velocity=[0.01, 0.0, 0.0]}]",)
+    ),
     "servos": Effect(("robot.arms",), ("servo arms",)),
     "servo_dynamics": Effect(("robot.servo",), ("servo dynamics",)),
     "clamp": Effect(("robot.clamp", "forces.foundation"), ("clamp",)),

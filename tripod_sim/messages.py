@@ -75,7 +75,7 @@ class JointTeller:
     def message(self, snapshot: Snapshot) -> JointState:
         """Return angles, slide and torques; the slide has no effort of its own. Good until the next call."""
         set_stamp(self._message.header, snapshot.stamp)
-        self._message.position = array.array("d", snapshot.joints.tolist())
+        self._message.position = array.array("d", snapshot.joints[: len(self._message.name)].tolist())
         self._message.effort = array.array("d", [*snapshot.torques.tolist(), 0.0])
         return self._message
 

@@ -143,7 +143,9 @@ class SimNode(Node):
         plate, ball = simulation.plate, simulation.scene.ball
         self._maze_mesh = board_mesh(plate.board, plate.offset) if plate else None
         self._ball_radius = ball.radius if ball else None
-        self._scene_markers = SceneMarkers(simulation.skin, self._maze_mesh, self._ball_radius)
+        self._scene_markers = SceneMarkers(
+            simulation.skin, self._maze_mesh, self._ball_radius, simulation.watched
+        )
         self._lock = threading.Lock()
         self._simulated = SimulatedClock(self, scene.dt) if values["publish_clock"] else None
         self._clock_of_motion = MotionClock(self)

@@ -108,7 +108,8 @@ class Recording:
         a["time"][k] = state.time
         positions = a["positions"][k] = simulation.positions
         a["energies"][k] = energies.kinetic, energies.strain, energies.gravity
-        a["angles"][k], a["slide"][k] = state.joints[:-1], state.joints[-1]
+        servos = len(simulation.torques)
+        a["angles"][k], a["slide"][k] = state.joints[:servos], state.joints[servos]
         a["torques"][k] = simulation.torques
         if "vertices" in a:
             a["vertices"][k] = simulation.shown(positions)

@@ -116,7 +116,7 @@ class Rerun:
 
     def _play(self) -> Iterator[FloatArray | None]:
         simulation, servos = self.simulation, bool(self.simulation.scene.servos)
-        width = HEAD + (simulation.state.joints.size if servos else 0)
+        width = HEAD + (simulation.command.size if servos else 0)
         here = None  # epoch and step, where the body is the recorded one
         for row in self._rows(width):
             epoch, first, last = (int(number) for number in row[:3])

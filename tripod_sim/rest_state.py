@@ -63,7 +63,7 @@ class RestState:
             self._dx[:] = 0.0
             self._system.drive(trial, moving.joints)
             write_moves(self._system.driven, rest.positions, trial.positions, self._dx)
-            self._move(turning @ turn[:-1])
+            self._move(turning @ turn[: turning.shape[1]])
         return rest
 
     def misses(self, fall: FloatArray) -> bool:
@@ -101,11 +101,10 @@ class RestState:
         self._system.move(rest, solution, self._dx, 1.0, trial)
         trial.copy_to(rest)
 
-    @staticmethod
-    def _left_by(moving: State, rest: State) -> bool:
+    def _left_by(self, moving: State, rest: State) -> bool:
         """Return whether the body is not where it is said to rest, and no longer on its way there."""
-        turn = np.abs(moving.joints - rest.joints)
-        if turn[:-1].max(initial=0.0) > FAR or turn[-1] > SLID:
+        turn, s = np.abs(moving.joints - rest.joints), len(self._system.groups.driven)
+        if turn[:s].max(initial=0.0) > FAR or turn[s] > SLID or turn[s + 1 :].any():
             return True
         slow = np.abs(moving.velocities).max() < CALM
         return bool(slow and np.abs(moving.centres - rest.centres).max() > APART)

@@ -70,8 +70,9 @@ def run(
         for what is not estimated, with a ball its position [m] and
         event (words), with contact what it took in the last step (contacts, those pressed, force [N], rounds of the
         response, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m], cut) and with rigid
-        bodies their poses, notes on the scene if there are any, and step_ms, the wall time of a step [ms],
-        median and 99th percentile.
+        bodies their poses, markers (set, position and moved [m], force [N] and moment about the origin [N m] of what
+        holds or moves them, of a solid), notes on the scene if there are any, and step_ms, the wall time of a step
+        [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
@@ -115,7 +116,7 @@ def run(
                 worst["worst_effector"] = float(np.fmax(worst["worst_effector"], estimate.effector))
                 worst["worst"] = float(np.fmax(worst["worst"], estimate.largest))
                 worst["worst_added"] = float(np.fmax(worst["worst_added"], estimate.added))
-            if joints is not None:  # what works on the body
+            if joints is not None or description.prescribed:  # what works on the body
                 books.add(
                     simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time
                 )
@@ -136,8 +137,8 @@ def run(
         "effector": {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
         if pose
         else None,
-        "angles": simulation.state.joints[:-1].tolist(),
-        "slide": float(simulation.state.joints[-1]),
+        "angles": simulation.state.joints[: len(simulation.torques)].tolist(),
+        "slide": float(simulation.state.joints[len(simulation.torques)]),
         "torques": simulation.torques.tolist(),
         "energies": asdict(simulation.energies()),
         "time": simulation.state.time,
@@ -161,10 +162,22 @@ def run(
         "stalled_time": [count * description.dt for count in stalled_steps],
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},
         **({"time_error": asdict(estimate) | worst} if (estimate := simulation.report.time_error) else {}),
+        **({"markers": _markers(simulation)} if description.marker else {}),
         **({"notes": list(simulation.notes)} if simulation.notes else {}),
         **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
         **_contact_summary(simulation),
     }
+
+
+def _markers(simulation: Simulation) -> list[dict[str, Any]]:
+    """Return for each marker where it is, how far it has moved [m], and what holds or moves it with [N, N m]."""
+    found = []
+    for i, (table, here) in enumerate(zip(simulation.scene.marker, simulation.markers, strict=True)):
+        numbers = {"position": here, "moved": here - simulation.undeformed(i)}
+        if simulation.scene.mesh:
+            numbers["force"], numbers["moment"] = simulation.reactions(i)
+        found.append({"set": table.set} | {name: values.tolist() for name, values in numbers.items()})
+    return found
 
 
 def _contact_summary(simulation: Simulation) -> dict[str, Any]:

@@ -6,11 +6,12 @@ A table that is absent is an effect that is off: it is not imported, allocates n
 from dataclasses import dataclass, field, fields, replace
 
 from tripod_sim.scene_checks import CHECKS
-from tripod_sim.tables.bodies import FixedBox, Material, Mesh, Obstacle, Rigid, Springs
+from tripod_sim.tables.bodies import Material, Mesh, Obstacle, Rigid, Springs
 from tripod_sim.tables.fields import check_fields, number
 from tripod_sim.tables.method import Solver, TimeError
 from tripod_sim.tables.motion import Contact, Damping, Gravity, Inertia, Sleep, StrainLimit
 from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, Motion, ServoDynamics, Servos
+from tripod_sim.tables.sets import Fixed, InitialVelocity, Load, Marker, NodeSet, Prescribed
 
 
 @dataclass(frozen=True)
@@ -24,8 +25,10 @@ class Scene:
         duration: How long `tripod run` simulates unless told [s].
         mesh, material: The solid; None where the body is of springs.
         springs: The body of springs; None where it is a solid.
-        gravity, inertia, damping, fixed, servos, servo_dynamics, clamp, effector, strain_limit, maze, ball, contact,
-            obstacles: Effects; None or empty is off.
+        set: Nodes of the body to which others refer.
+        gravity, inertia, damping, fixed, prescribed, load, initial_velocity, servos, servo_dynamics, clamp, effector,
+            strain_limit, maze, ball, contact, obstacles: Effects; None or empty is off.
+        marker: Sets that are watched.
         rigid: Effect: rigid bodies, beside the soft body or instead of it; empty is none.
         time_error: Effect: estimate of the error of the time steps; None is off.
         sleep: Effect: a body at rest is left alone; None is off.
@@ -43,7 +46,12 @@ class Scene:
     gravity: Gravity | None = None
     inertia: Inertia | None = None
     damping: Damping | None = None
-    fixed: tuple[FixedBox, ...] = ()
+    set: tuple[NodeSet, ...] = ()
+    fixed: tuple[Fixed, ...] = ()
+    prescribed: tuple[Prescribed, ...] = ()
+    load: tuple[Load, ...] = ()
+    initial_velocity: tuple[InitialVelocity, ...] = ()
+    marker: tuple[Marker, ...] = ()
     servos: Servos | None = None
     servo_dynamics: ServoDynamics | None = None
     clamp: Clamp | None = None
@@ -77,6 +85,9 @@ EFFECTS = (
     "inertia",
     "damping",
     "fixed",
+    "prescribed",
+    "load",
+    "initial_velocity",
     "servos",
     "servo_dynamics",
     "clamp",
@@ -92,7 +103,7 @@ EFFECTS = (
 )
 """Tables of a scene that may be absent."""
 
-OPTIONAL = (*EFFECTS, "motion")
+OPTIONAL = (*EFFECTS, "set", "marker", "motion")
 """The same, with what is no effect."""
 
 
@@ -100,5 +111,5 @@ def at_rest(scene: Scene) -> Scene:
     """Return the static scene: without what only a body in motion has, or other bodies."""
     return replace(
         scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, sleep=None, contact=None,
-        obstacles=(), rigid=(),
+        obstacles=(), rigid=(), initial_velocity=(),
     )  # fmt: skip

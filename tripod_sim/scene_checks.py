@@ -4,9 +4,11 @@ from typing import TYPE_CHECKING
 
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.tables.motion import EXPLICIT
+from tripod_sim.timeline import parse_timeline
 
 if TYPE_CHECKING:
     from tripod_sim.scene import Scene
+    from tripod_sim.tables.sets import Vector
 
 
 def check_body(scene: "Scene") -> None:
@@ -38,6 +40,7 @@ NEEDS = (
     ("servo_dynamics", "servos", "without them there is nothing that turns"),
     ("maze", "effector", "it is fastened to the disc"),
     ("ball", "gravity", "without it the ball would never touch anything"),
+    ("initial_velocity", "inertia", "without it nothing has a velocity"),
     ("sleep", "inertia", "without velocity every step is at rest"),
 )
 """An effect, the one that it needs, and why."""
@@ -51,15 +54,97 @@ def check_needs(scene: "Scene") -> None:
 
 
 def check_holds(scene: "Scene") -> None:
-    """Raise SceneError if nothing holds a body at rest, or a box that holds it has its bounds swapped."""
-    if not (scene.inertia or scene.servos or scene.fixed or (scene.springs and scene.springs.holds)):
+    """Raise SceneError if nothing holds a body at rest."""
+    held = scene.servos or scene.fixed or scene.prescribed or (scene.springs and scene.springs.holds)
+    if not (scene.inertia or held):
         raise SceneError(
-            "nothing holds the body (no servos, no fixed box), so its translation and rotation are free and it has "
+            "nothing holds the body (no servos, nothing fixed), so its translation and rotation are free and it has "
             "no static equilibrium; add [inertia] or hold it"
         )
-    for i, box in enumerate(scene.fixed):
-        if not all(a <= b for a, b in zip(box.low, box.high, strict=True)):
-            raise SceneError(f"fixed.{i}: low {box.low} must not exceed high {box.high} [m]")
+
+
+def check_sets(scene: "Scene") -> None:
+    """Raise SceneError if sets are described wrongly."""
+    names = [table.name for table in scene.set]
+    for i, table in enumerate(scene.set):
+        if not table.name or table.name == "all" or table.name in names[:i]:
+            raise SceneError(
+                f"set.{i}.name is {shown(table.name)}; it must be a name of its own, other than 'all', the set of all "
+                "nodes"
+            )
+        _check_box(f"set.{i}", table.low, table.high)
+        places = [name for name in ("at", "beyond", "below") if getattr(table, name) is not None]
+        if (table.along is None) != (not places):
+            raise SceneError(f"set.{i}: along goes with at, beyond or below, and these with along")
+        if table.axis is not None and table.radius is None:
+            raise SceneError(f"set.{i}: axis goes with radius: the nodes within it of the axis")
+        for name in ("axis", "along"):
+            if (direction := getattr(table, name)) is not None and not any(direction):
+                raise SceneError(f"set.{i}.{name} is {direction}; a direction is not zero")
+
+
+def check_held(scene: "Scene") -> None:
+    """Raise SceneError if fixed regions or prescribed motions are described wrongly."""
+    for i, fixed in enumerate(scene.fixed):
+        box = fixed.low is not None and fixed.high is not None
+        if (fixed.low is not None or fixed.high is not None) if fixed.set else not box:
+            raise SceneError(f"fixed.{i}: give either set or low and high, the corners of a box")
+        _check_box(f"fixed.{i}", fixed.low, fixed.high)
+        _check_axes(f"fixed.{i}", fixed.axes)
+    for i, moved in enumerate(scene.prescribed):
+        _check_axes(f"prescribed.{i}", moved.axes)
+        if not (moved.move or moved.turn):
+            raise SceneError(f"prescribed.{i}: give move or turn; what never moves is [[fixed]]")
+        for name in ("move", "turn"):
+            if text := getattr(moved, name):
+                line = parse_timeline(text, 3, f"prescribed.{i}.{name}")
+                if line.at(0.0).any():
+                    raise SceneError(
+                        f"prescribed.{i}.{name} is {line.at(0.0).tolist()} at 0 s; the body starts undeformed: begin "
+                        "with '0: 0,0,0;'"
+                    )
+
+
+def check_loads(scene: "Scene") -> None:
+    """Raise SceneError if loads are described wrongly."""
+    for i, load in enumerate(scene.load):
+        given = [name for name in ("force", "pressure", "mass") if getattr(load, name) is not None]
+        if len(given) != 1:
+            raise SceneError(
+                f"load.{i} has {' and '.join(given) or 'none of them'}; give one of force, pressure, mass"
+            )
+        if load.mass is not None and not (scene.gravity or scene.inertia):
+            raise SceneError(f"load.{i}.mass needs gravity or inertia: without them it does nothing")
+
+
+def _check_box(where: str, low: "Vector | None", high: "Vector | None") -> None:
+    if low is not None and high is not None and not all(a <= b for a, b in zip(low, high, strict=True)):
+        raise SceneError(f"{where}: low {low} must not exceed high {high} [m]")
+
+
+def _check_axes(where: str, axes: str) -> None:
+    if not axes or sorted(set(axes) & set("xyz")) != sorted(axes):
+        raise SceneError(f"{where}.axes is {shown(axes)}; allowed: one or more of x, y, z")
+
+
+def check_solid(scene: "Scene") -> None:
+    """Raise SceneError if what only solids have is asked of springs or rigid bodies, or with what it cannot go with."""
+    for name in ("prescribed", "load"):
+        if getattr(scene, name) and not scene.mesh:
+            raise SceneError(f"{name} needs a solid (mesh and material)")
+    single = [f"fixed.{i}" for i, fixed in enumerate(scene.fixed) if len(fixed.axes) < len("xyz")]
+    if single and not scene.mesh:
+        raise SceneError(f"{single[0]}.axes: springs are held along all axes; leave it out")
+    if scene.contact and (single or scene.prescribed):
+        what = f"{single[0]}.axes" if single else "prescribed"
+        raise SceneError(
+            f"contact and {what} exclude each other: contact knows nodes that are free or held along all axes"
+        )
+    for name in ("set", "initial_velocity", "marker"):
+        if getattr(scene, name) and not (scene.mesh or scene.springs):
+            raise SceneError(
+                f"{name} needs a soft body (mesh and material, or springs): rigid bodies have no nodes"
+            )
 
 
 def check_rigid(scene: "Scene") -> None:
@@ -175,6 +260,10 @@ CHECKS = (
     check_body,
     check_needs,
     check_holds,
+    check_sets,
+    check_held,
+    check_loads,
+    check_solid,
     check_start,
     check_rigid,
     check_contact,

@@ -86,8 +86,8 @@ class Simulation:
         """
         self.scene = scene
         parts = self._parts = build(scene)
-        held = bool(scene.servos or scene.fixed)
-        self._static = build(at_rest(scene)) if scene.inertia and held and scene.mesh else parts
+        posed = bool(scene.servos or (scene.fixed and scene.effector))
+        self._static = build(at_rest(scene)) if scene.inertia and posed and scene.mesh else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
             parts.mass,
@@ -97,7 +97,8 @@ class Simulation:
         self._renew = getattr(self._stepper, "renew", None)
         count = len(self._system.groups.driven)
         joints = np.array([*scene.servos.angles, scene.servos.slide]) if scene.servos else np.zeros(count + 1)
-        self.state = self._system.start_state(np.zeros(count + 1))
+        self._prescribed = self._system.groups.prescribed
+        self.state = self._system.start_state(np.zeros(count + 1 + bool(self._prescribed)))
         if parts.errors:
             self.state.errors = parts.errors.start(self.state.velocities)
         if parts.rigid:
@@ -116,14 +117,14 @@ class Simulation:
 
             self._reference = reference_stiffness(static, self.state)
         if scene.servos:
-            self._pose(joints)
+            self._pose(self._goal(joints, 0.0))
         if parts.check_start:
             parts.check_start(self.state.positions)
         self._warm_up()
         if self._servos:
             self._measure_reactions(self._servos, undeformed)
             self._measure_reactions(self._servos, self.state.copy())
-            self.state.servos = self._servos.start(self.state.joints[:-1])
+            self.state.servos = self._servos.start(self.state.joints[:count])
             self._next = self.state.servos.copy()
         if self._ball:
             self._add_rest_load()
@@ -131,6 +132,8 @@ class Simulation:
             trial = self.state.ball.copy()  # compiles what moves it
             self._ball.load(self.state, trial)
             self._ball.follow(self.state, trial, scene.dt)
+        if parts.velocities is not None:
+            self.state.velocities[:] = parts.velocities
         self._rest = self._state_of_rest()
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
@@ -168,8 +171,10 @@ class Simulation:
         keep = self.state.copy()
         try:
             self._stepper.step(self.state, self.state.joints.copy(), self.scene.dt)
-            if len(self._system.groups.driven):
-                turned = self.state.joints + np.array([1e-4] * len(self.torques) + [0.0])
+            if len(self._system.groups.driven) or self._prescribed:
+                turned = self._goal(
+                    self.command + np.array([1e-4] * len(self.torques) + [0.0]), self.scene.dt
+                )
                 self._stepper.step(self.state, turned, self.scene.dt)
         except StepError:
             if not (self.scene.inertia and self.scene.inertia.scheme in EXPLICIT):
@@ -228,7 +233,8 @@ class Simulation:
         if self._servos and self.state.servos:
             self._step_servos(self._servos, self.state.servos, goal)
         else:
-            self.report = self._stepper.step(self.state, goal, self.scene.dt)
+            until = self.state.time + self.scene.dt
+            self.report = self._stepper.step(self.state, self._goal(goal, until), self.scene.dt)
             self.torques[:] = self._system.torques
         if self._ball and ball:
             self._ball.follow(self.state, ball, self.scene.dt)
@@ -279,18 +285,22 @@ class Simulation:
     def _step_servos(self, motion: "ServoMotion", servos: "ServoState", goal: FloatArray) -> None:
         """Advance with `goal` as the command of the servos; a step that fails leaves them as they were."""
         servos.copy_to(self._next)
-        angles, dt = self.state.joints[:-1], self.scene.dt
+        angles, dt = self.state.joints[: len(self.torques)], self.scene.dt
         goal[:-1] = motion.advance(self._next, angles, goal[:-1], self.torques, dt)
-        report = self._stepper.step(self.state, goal, dt)
+        report = self._stepper.step(self.state, self._goal(goal, self.state.time + dt), dt)
         self._next.copy_to(servos)
         self.torques[:] = self._system.torques
-        report.stalled = motion.stalled(servos, self.state.joints[:-1], self.torques)
+        report.stalled = motion.stalled(servos, self.state.joints[: len(self.torques)], self.torques)
         self.report = report
+
+    def _goal(self, joints: FloatArray, time: float) -> FloatArray:
+        """Return `joints`, shape (s + 1,), and where there are prescribed motions how far these are at `time` [s]."""
+        return np.append(joints, min(time, self._prescribed.end)) if self._prescribed else joints
 
     def _checked(self, joints: FloatArray) -> FloatArray:
         goal = np.array(joints, dtype=float)
-        if goal.shape != self.state.joints.shape:
-            raise SceneError(f"joints have shape {goal.shape}; the scene needs {self.state.joints.shape}")
+        if goal.shape != (len(self.torques) + 1,):
+            raise SceneError(f"joints have shape {goal.shape}; the scene needs {(len(self.torques) + 1,)}")
         *angles, slide = goal.tolist()
         if not (math.isfinite(slide) and all(map(math.isfinite, angles))):
             raise SceneError(f"joints {goal.tolist()} are not finite")
@@ -358,7 +368,7 @@ class Simulation:
     @property
     def command(self) -> FloatArray:
         """What was asked last: angles [rad] and slide [m], shape (s + 1,), a copy; the joints if servos are ideal."""
-        joints = self.state.joints.copy()
+        joints = self.state.joints[: len(self.torques) + 1].copy()
         if self.state.servos:
             joints[:-1] = self.state.servos.command
         return joints
@@ -367,6 +377,11 @@ class Simulation:
     def driven_frames(self) -> tuple[DrivenFrame, ...]:
         """The servo arms."""
         return self._system.groups.driven
+
+    @property
+    def fixed(self) -> NDArray[np.int64]:
+        """Nodes that are fixed, or prescribed, along all axes."""
+        return self._system.groups.fixed
 
     @property
     def positions(self) -> FloatArray:
@@ -421,6 +436,32 @@ class Simulation:
         if not self._system.groups.rigid:
             return None
         return Pose(self.state.centres[0].copy(), quaternion(self.state.rotations[0]))
+
+    @property
+    def watched(self) -> dict[str, NDArray[np.int64]]:
+        """Nodes of each marker of the scene, by the name of its set."""
+        return {t.set: nodes for t, nodes in zip(self.scene.marker, self._parts.watched, strict=True)}
+
+    @property
+    def markers(self) -> tuple[FloatArray, ...]:
+        """Mean position of the nodes of each marker of the scene [m], shape (3,)."""
+        return tuple(self.state.positions[nodes].mean(axis=0) for nodes in self._parts.watched)
+
+    def undeformed(self, marker: int) -> FloatArray:
+        """Return the mean position of the nodes of a marker in the undeformed body [m], shape (3,)."""
+        return np.asarray(self.mesh.nodes[self._parts.watched[marker]].mean(axis=0))
+
+    def reactions(self, marker: int) -> tuple[FloatArray, FloatArray]:
+        """Return the force [N] on the nodes of a marker from what holds or moves them, and its moment about the origin.
+
+        That is the gradient of the last step's potential there, about zero where nodes are free: in implicit schemes
+        with the inertia of the nodes themselves. Raises SceneError for a body of springs.
+        """
+        nodes = self._parts.watched[marker]
+        if not isinstance(self._system, System):
+            raise SceneError("springs do not tell what holds them")
+        forces = self._system.gradient[nodes]
+        return forces.sum(axis=0), np.cross(self.state.positions[nodes], forces).sum(axis=0)
 
     @property
     def ball(self) -> Pose | None:

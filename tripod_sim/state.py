@@ -25,7 +25,8 @@ class State:
         modes: Amplitudes of the elements' incompatible modes [m], shape (m, 3, 3).
         centres: Of the rigid bodies [m], shape (b, 3).
         rotations: Of the rigid bodies, matrices, shape (b, 3, 3).
-        joints: Angle of each driven frame [rad] and then their common slide [m], shape (s + 1,).
+        joints: Angle of each driven frame [rad] and then their common slide [m], shape (s + 1,); where motions are
+            prescribed then the time of these [s], too, shape (s + 2,).
         time: Since the last reset [s].
         step: Completed steps since the last reset.
         servos: What the servos remember; None where their angles are ideal.

@@ -43,7 +43,7 @@ class System:
         residual: Reduced gradient of the last `evaluate` [N, N m], shape (unknowns,).
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
         lever: r_i of nodes of bodies and frames [m], shape (n, 3).
-        driven: Nodes of all driven frames.
+        driven: Nodes of all driven frames, and those of prescribed motions.
         linear: Solves with the Hessian of the last `factor`.
         factored: Whether `linear` can solve after the last `factor`, be the matrix definite or not.
         strain_energy, gravity_energy: Of the last `evaluate` [J]; the foundation's energy counts as strain.
@@ -79,7 +79,10 @@ class System:
         self.gravity, self.inertia, self.dampers = gravity, inertia, dampers
         self.foundation, self.loads = foundation, loads
         frames = groups.driven
-        self.driven = np.concatenate([f.nodes for f in frames] or [np.zeros(0, dtype=np.int64)])
+        self._arms = np.concatenate([f.nodes for f in frames] or [np.zeros(0, dtype=np.int64)])
+        self._prescribed = groups.prescribed
+        others = [self._prescribed.nodes] if self._prescribed else []
+        self.driven = np.concatenate([self._arms, *others])
         self.elastic = Elastic(terms, self.driven)
         self.damping = self._damping(damping)
         self._further = [t for t in (foundation, dampers) if t]
@@ -148,7 +151,7 @@ class System:
         return strain, self.gravity.energy(state.positions) if self.gravity else 0.0
 
     def start_state(self, joints: FloatArray) -> State:
-        """Return the undeformed state at the joint values `joints`, shape (s + 1,); no node is moved."""
+        """Return the undeformed state at the joint values `joints`, as `State.joints`; no node is moved."""
         n, b = len(self.rest), len(self.groups.rigid)
         rotations = np.tile(np.eye(3), (b, 1, 1))
         return State(
@@ -161,8 +164,11 @@ class System:
         )
 
     def drive(self, state: State, joints: FloatArray) -> None:
-        """Put the driven frames at `joints`, shape (s + 1,): angles [rad], then the slide [m]."""
-        swing_nodes(self.driven, self._frame_of, *self._swing, joints, state.positions)
+        """Put what is driven at `joints`, as `State.joints`."""
+        slide = joints[len(self._hubs)]
+        swing_nodes(self._arms, self._frame_of, *self._swing, slide, joints, state.positions)
+        if self._prescribed:
+            self._prescribed.place(joints[-1], state.positions)
         state.joints[:] = joints
 
     def update_levers(self, state: State) -> None:
@@ -173,7 +179,7 @@ class System:
             state.centres,
             self._hubs,
             self._inward,
-            state.joints[-1],
+            state.joints[len(self._hubs)],
             r.kind,
             r.number,
             self.lever,

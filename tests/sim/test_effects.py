@@ -25,11 +25,17 @@ CLOTH = (
     "sleep=off",
 )
 
+MOVED = (
+    'set=[{name="end", along=[1.0, 0.0, 0.0], below=-0.02}]',
+    'prescribed=[{set="end", move="0: 0,0,0; 0.1: 0,0,0.01", axes="xz"}]',
+)
+
 SCENES = {
     "bare solid": (*SOLID, "gravity=off", "inertia=off", "damping=off"),
     "free solid": ("silicone_free", "mesh.level=1", "gravity=off"),
     "robot": (*ROBOT, "servo_dynamics={}", "clamp={}", "maze={}", "ball={}"),
     "held solid": SOLID,
+    "moved solid": (*SOLID, *MOVED, *words("load"), *words("initial_velocity")),
     "bare springs": ("pendulum", "gravity=off", "inertia=off"),
     "limited springs": ("pendulum", "inertia.scheme=implicit_euler", "strain_limit={}"),
     "cloth on a sphere": CLOTH,
@@ -69,6 +75,11 @@ ROWS = {
         ("free solid", "robot"), "held solid", ("silicone_free", "mesh.level=1"),
         "len(simulation._system.groups.fixed)", ("fixed=[{low=[0.045, -0.02, -0.01], high=[0.06, 0.02, 0.01]}]",),
     ),
+    "prescribed": Row(("free solid", "robot"), "moved solid", (*SOLID, MOVED[0]), add=MOVED[1:]),
+    "load": Row(("free solid", "robot"), "moved solid", SOLID,
+        "simulation._system.gravity is not None and (simulation._system.gravity.force[:, 0] > 0).sum()",
+    ),
+    "initial_velocity": Row(("free solid", "robot"), "moved solid", SOLID, "simulation._parts.velocities is not None"),
     "servos": Row(
         ("bare solid", "free solid"), "robot", ("silicone_free", "mesh.level=1"),
         "sum(len(f.nodes) for f in simulation._system.groups.driven) + simulation._system.driven.size",

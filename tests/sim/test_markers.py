@@ -55,3 +55,19 @@ def test_maze_and_ball_stand_where_effector_and_ball_are() -> None:
         assert (ball.scale.x, ball.scale.y, ball.scale.z) == (0.004, 0.004, 0.004)
         points = np.array([(p.x, p.y, p.z) for p in body.points])
         np.testing.assert_array_equal(points, snapshot.positions[simulation.mesh.surface.ravel()])
+
+
+def test_a_dot_stands_in_the_middle_of_each_watched_set() -> None:
+    simulation = Simulation(
+        load_scene("column", ["mesh.cells=[1, 1, 2]", 'marker=[{set="head"}, {set="foot"}]'])
+    )
+    markers = SceneMarkers(simulation.skin, sets=simulation.watched)
+    for _ in range(20):
+        simulation.step()
+    snapshot = RealTime(simulation, lambda _: None).latest
+    _, *dots = deserialize_message(markers.serialised(snapshot), MarkerArray).markers
+    assert [dot.ns for dot in dots] == ["set head", "set foot"]
+    for dot, place in zip(dots, simulation.markers, strict=True):
+        p = dot.pose.position
+        assert [p.x, p.y, p.z] == place.tolist()
+        assert dot.scale.x == 0.02 * 0.1

@@ -16,9 +16,10 @@ from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh, elemen
 from tripod_sim.mesh.topology import MOST_NEIGHBOURS, coincident, edge_uses, parts
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.scene import Scene
-from tripod_sim.tables.bodies import FixedBox, Material
+from tripod_sim.tables.bodies import Material
 from tripod_sim.tables.bodies import Mesh as SceneMesh
 from tripod_sim.tables.motion import Inertia
+from tripod_sim.tables.sets import Fixed
 
 BRICK = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float
@@ -177,8 +178,8 @@ def test_every_part_must_be_held_or_tied_to_one_that_is() -> None:
 def test_a_static_scene_with_a_loose_part_is_refused_and_one_in_motion_is_not(tmp_path: Path) -> None:
     meshio.write(tmp_path / "two.vtu", meshio.Mesh(TWO.nodes, [("hexahedron", TWO.elements)]))
     source = SceneMesh(str(tmp_path / "two.vtu"))
-    left = FixedBox((0.0, 0.0, 0.0), (0.0, 1.0, 1.0))
-    right = FixedBox((6.0, 0.0, 0.0), (6.0, 1.0, 1.0))
+    left = Fixed(low=(0.0, 0.0, 0.0), high=(0.0, 1.0, 1.0))
+    right = Fixed(low=(6.0, 0.0, 0.0), high=(6.0, 1.0, 1.0))
     with pytest.raises(
         SceneError, match="the mesh has 2 parts, and nothing holds the one with nodes 12, 13, 14, 15"
     ):

@@ -324,7 +324,7 @@ def test_a_static_run_counts_the_increments_of_its_load() -> None:
     assert run("tripod", duration=0.01, overrides=COARSE)["increments"] == 0
 
 
-STILL = {"stack": "it stands"}
+STILL = {"stack": "it stands", "cook": "it rises by a thousandth of a millimetre"}
 """Scenes whose point is that nothing moves."""
 
 

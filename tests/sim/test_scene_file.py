@@ -18,14 +18,15 @@ import tripod_sim
 from tripod_sim import SceneError, load_scene, scene_names
 from tripod_sim.scene import EFFECTS, Scene
 from tripod_sim.scene_file import MAX_BYTES, scene_to_toml
-from tripod_sim.tables.bodies import FixedBox, Material, Mesh
+from tripod_sim.tables.bodies import Material, Mesh
 from tripod_sim.tables.method import Solver
 from tripod_sim.tables.motion import Damping, Gravity, Inertia
 from tripod_sim.tables.robot import Effector, Servos
+from tripod_sim.tables.sets import Fixed, InitialVelocity, Load, Marker, NodeSet, Prescribed
 
 FUZZ = settings(max_examples=300, deadline=None, derandomize=True, database=None)
 
-BOX = FixedBox((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+BOX = Fixed(low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 1.0))
 
 EVERYTHING = Scene(
     name='quotes " and \\ backslashes',
@@ -37,7 +38,15 @@ EVERYTHING = Scene(
     gravity=Gravity((5e-324, -1e6, -0.0)),
     inertia=Inertia(),
     damping=Damping(mass=2.5, stiffness=0.0),
-    fixed=(FixedBox((-1.0, -2.0, -3.0), (1.0, 2.0, 3.0)), BOX),
+    fixed=(Fixed(low=(-1.0, -2.0, -3.0), high=(1.0, 2.0, 3.0)), BOX),
+    set=(
+        NodeSet("a", low=(0.0, 1 / 3, -1.0)),
+        NodeSet("b", along=(1.0, 2.0, 3.0), at=0.1, tolerance=1e-3, group="g"),
+    ),
+    prescribed=(Prescribed("a", move="0: 0,0,0; 1: 1,2,3", axes="xz"),),
+    load=(Load("b", force=(1.0, 2.0, -3.0)), Load("all", pressure=-1e5), Load("a", mass=0.1, share="even")),
+    initial_velocity=(InitialVelocity("a", spin=(0.0, 0.0, 1.0)),),
+    marker=(Marker("b"),),
     servos=Servos(axis_radius=0.07, angle_min=-1.5, angle_max=0.25, angles=(-1.5, 0.25, 0.1), slide=0.01),
     effector=Effector(radius=0.01),
     solver=Solver(tolerance=1e-9, max_iterations=7, max_halvings=0),
@@ -49,7 +58,7 @@ for _effect in OF_SOLIDS:
 
 NEEDED_BY = {
     "gravity": ["ball"],
-    "inertia": ["damping", "time_error", "sleep"],
+    "inertia": ["damping", "time_error", "sleep", "initial_velocity"],
     "servos": ["servo_dynamics", "clamp"],
     "effector": ["maze"],
 }
@@ -171,7 +180,7 @@ def test_the_last_override_of_a_field_counts() -> None:
         ("silicone", "fixed.-1.low=[0, 0, 0]", "fixed.-1: there is no entry '-1'; it has entries 0 to 0"),
         ("silicone", f"fixed.{'9' * 5000}=1", "is not of the form dotted.path=value"),
         ("silicone", "fixed=[];fixed.0.low=1", "fixed.0: there is no entry '0'; it is empty"),
-        ("silicone", "fixed=[{low=[0, 0, 0]}]", "field fixed.0.high is missing"),
+        ("silicone", "fixed=[{low=[0, 0, 0]}]", "fixed.0: give either set or low and high"),
         ("silicone", "fixed.0.low=[1, 0, 0]", "fixed.0: low (1.0, 0.0, 0.0) must not exceed high (0.06, "),
         ("tripod", "material.young.x=3", "override 'material.young.x=3': material.young is a value, not a table"),
         ("tripod", "material.young.x.y=3", "material.young.x: material.young is a value, not a table"),
@@ -180,7 +189,7 @@ def test_the_last_override_of_a_field_counts() -> None:
         ("tripod", "material..young=3", "is not of the form dotted.path=value"),
         ("tripod", f"{'a.' * 5000}a=3", "is not of the form dotted.path=value"),
         ("tripod", "material.a\nb=3", r"field material.'a\nb' is unknown"),
-        ("tripod", "material=off", "only an effect can be off; effects: gravity, inertia, damping, fixed, servos, "),
+        ("tripod", "material=off", "only an effect can be off; effects: gravity, inertia, damping, fixed, prescr"),
         ("tripod", "gravity.acceleration=off", "gravity.acceleration=off: only an effect can be off"),
         ("silicone", "fixed.1=off", "fixed.1: there is no entry '1'"),
         ("tripod", "inertia=off", "damping needs inertia"),
@@ -199,7 +208,7 @@ def test_an_effect_goes_with_off_and_returns_as_it_was(effect: str) -> None:
     before = load_scene("tripod", present + missing)
     assert getattr(before, effect) == getattr(EVERYTHING, effect)
     off = load_scene("tripod", [*present, *missing, f"{effect}=off"])
-    assert off == replace(before, **{effect: () if effect == "fixed" else None})
+    assert off == replace(before, **{effect: () if isinstance(getattr(EVERYTHING, effect), tuple) else None})
     assert off != before
     again = load_scene("tripod", [*present, *missing, f"{effect}=off", f"{effect}={inline(table[effect])}"])
     assert again == before
@@ -207,7 +216,7 @@ def test_an_effect_goes_with_off_and_returns_as_it_was(effect: str) -> None:
 
 def test_one_entry_of_a_list_goes_with_off() -> None:
     boxes = "fixed=[{low=[0,0,0], high=[1,1,1]}, {low=[2,2,2], high=[3,3,3]}]"
-    assert load_scene("tripod", [boxes, "fixed.0=off"]).fixed == (FixedBox((2, 2, 2), (3, 3, 3)),)
+    assert load_scene("tripod", [boxes, "fixed.0=off"]).fixed == (Fixed(low=(2, 2, 2), high=(3, 3, 3)),)
 
 
 def test_an_effect_that_is_not_there_can_be_off() -> None:
@@ -274,7 +283,7 @@ def test_what_is_not_a_file_is_refused(tmp_path: Path) -> None:
 
 
 PARTS = {"mesh": Mesh, "material": Material, "solver": Solver, "gravity": Gravity, "inertia": Inertia} | {
-    "damping": Damping, "servos": Servos, "effector": Effector, "fixed.0": FixedBox
+    "damping": Damping, "servos": Servos, "effector": Effector, "fixed.0": Fixed
 }  # fmt: skip
 PATHS = [
     *Scene.__dataclass_fields__,

@@ -85,6 +85,7 @@ class BodyBall:
         n = len(loads.force)
         boxes = [_box(frame) for frame in frames]
         self._servos = np.concatenate([*boxes, np.zeros((0, 3))])
+        self._slide = len(frames)  # its number among the joints
         self._inward = np.concatenate([*(np.tile(f.inward, (8, 1)) for f in frames), np.zeros((0, 3))])
         tops = [
             [8 * i + n + a, 8 * i + n + b, 8 * i + n + c]
@@ -102,7 +103,7 @@ class BodyBall:
     def _corners(self, state: State, out: FloatArray) -> None:
         n = len(state.positions)
         out[:n] = state.positions
-        out[n:] = self._servos + state.joints[-1] * self._inward
+        out[n:] = self._servos + state.joints[self._slide] * self._inward
 
     def start(self, state: State) -> BallState:
         """Return the ball at rest where the scene puts it. Raises SceneError if it overlaps something."""

@@ -1,11 +1,13 @@
 """Node groups that constraints tie together exactly: no springs, no multipliers, fewer unknowns.
 
 A node is free, belongs to a rigid body (six unknowns), to a driven frame (moved by the caller; its angle is the only
-coordinate that matters for torque and compliance), or is fixed.
+coordinate that matters for torque and compliance), or is fixed; a free one may be held along some axes. What is held
+may move as time says (`prescribed`).
 """
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,9 @@ from numpy.typing import NDArray
 from tripod_sim.constraints.rotation_kernels import write_rotation
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.constraints.prescribed import Prescribed
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -62,13 +67,17 @@ class Groups:
         size: Number of nodes.
         rigid: Node indices of each rigid body.
         driven: The driven frames.
-        fixed: Fixed nodes.
+        fixed: Nodes held along all axes.
+        pinned: Free nodes that are held along some axes: node and axis, a row for each, shape (k, 2).
+        prescribed: How some of what is held moves; None: none of it does.
     """
 
     size: int
     rigid: tuple[IndexArray, ...] = ()
     driven: tuple[DrivenFrame, ...] = ()
     fixed: IndexArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    pinned: IndexArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+    prescribed: "Prescribed | None" = None
 
     def __post_init__(self) -> None:
         owner: dict[int, str] = {}
@@ -84,6 +93,15 @@ class Groups:
             owner.update(dict.fromkeys(nodes.tolist(), name))
         if len(owner) == self.size:
             raise SceneError("the groups hold every node of the mesh; nothing is free to deform")
+
+    def held(self) -> NDArray[np.bool_]:
+        """Return which nodes are fixed, driven or prescribed along which axes, shape (size, 3)."""
+        held = np.zeros((self.size, 3), dtype=bool)
+        held[self.fixed] = True
+        held[tuple(self.pinned.T)] = True
+        for frame in self.driven:
+            held[frame.nodes] = True
+        return held
 
     def kinds(self) -> tuple[IndexArray, IndexArray]:
         """Return the kind of each node and the number of its body or frame, both of shape (size,)."""

@@ -7,6 +7,9 @@ and the reduced Hessian J^T H J plus, for a body, the second-order term of the r
     sum_i sym(g_i r_i^T) - (g_i . r_i) I,
 
 and for a driven frame with axis a through the lever r_i: d²x_i/d angle² = a x (a x r_i).
+
+A free node that is held along some axes keeps three unknowns, so that nothing else has to tell it from other nodes: the
+gradient is zero there, and the Hessian `PINNED` on the diagonal and zero beside it.
 """
 
 import math
@@ -29,6 +32,10 @@ IndexArray = NDArray[np.int64]
 FREE, RIGID, DRIVEN, FIXED = int(Kind.FREE), int(Kind.RIGID), int(Kind.DRIVEN), int(Kind.FIXED)
 
 
+PINNED = 1e18
+"""Stiffness of what is held along an axis [N/m]: no force that a body bears moves it by an atom."""
+
+
 class Reduction:
     """Maps between nodes and unknowns for one mesh and one set of groups.
 
@@ -36,6 +43,7 @@ class Reduction:
         unknowns: Number of unknowns n.
         pattern: Upper triangle of the reduced Hessian, scipy CSC; its `data` is what `hessian` writes.
         drive: Mixed derivatives with respect to unknowns and driven angles, shape (n, s).
+        pinned: Unknowns of free nodes along axes along which they are held, shape (k,).
         drive_drive: Second derivatives with respect to driven angles, shape (s, s).
     """
 
@@ -61,6 +69,12 @@ class Reduction:
         self.drive = np.zeros((self.unknowns, self.driven))
         self.drive_drive = np.zeros((self.driven, self.driven))
         self._body = np.zeros((max(self.bodies, 1), 6, 6))
+        self.pinned = self.base[groups.pinned[:, 0]] + groups.pinned[:, 1]
+        self._pinned = tuple(groups.pinned.T) if len(groups.pinned) else None
+        column = np.repeat(np.arange(self.unknowns), np.diff(self.pattern.indptr))
+        beside = np.isin(self.pattern.indices, self.pinned) | np.isin(column, self.pinned)
+        self._beside = np.flatnonzero(beside)
+        self._held = self._beside[self.pattern.indices[self._beside] == column[self._beside]]
 
     def _symbolic(self) -> tuple[sparse.csc_matrix, list[IndexArray], IndexArray, IndexArray]:
         """Return the pattern and where in its data stand: blocks of element pairs, bodies, diagonals of free nodes."""
@@ -110,6 +124,8 @@ class Reduction:
             torque: Derivative with respect to each driven angle [N m], shape (s,).
         """
         _gradient(g, lever, axes, self.kind, self.number, self.base, out, torque)
+        if self._pinned:
+            out[self.pinned] = 0.0
 
     def relieve(
         self, residual: FloatArray, share: float, weight: FloatArray, dx: FloatArray, change: FloatArray,
@@ -118,7 +134,7 @@ class Reduction:
         """Take off forces what is unbalanced after a move; return the work that they resist with on the way [J].
 
         Free nodes and those of bodies lose `share` of the residual and of weight dx; of a body's residual F, T each of
-        its n nodes has F / n + t x r, where t makes T = sum r x (t x r). Driven nodes gain `change`.
+        its n nodes has F / n + t x r, where t makes T = sum r x (t x r). Driven and fixed nodes gain `change`.
 
         Args:
             residual: Reduced gradient [N, N m], shape (unknowns,).
@@ -165,10 +181,17 @@ class Reduction:
             mass, g, lever, axes, self.kind, self.number, self._body_slots, self._node_slots, self.free,
             self.pattern.data, self.drive_drive, self._body,
         )  # fmt: skip
+        if self._pinned:
+            self.pattern.data[self._beside] = 0.0
+            self.pattern.data[self._held] = PINNED
+            self.drive[self.pinned] = 0.0
 
     def moves(self, solution: FloatArray, lever: FloatArray, out: FloatArray) -> None:
-        """Write the first-order move of free and rigid nodes for a step of the unknowns; others stay."""
+        """Write the first-order move of free and rigid nodes for a step of the unknowns; of what is held it stays."""
+        held = out[self._pinned] if self._pinned else None
         _moves(solution, lever, self.kind, self.base, out)
+        if self._pinned:
+            out[self._pinned] = held
 
     def unknown_name(self, index: int) -> str:
         """Return in words what the unknown `index` belongs to."""
@@ -252,7 +275,7 @@ def _relieve(
             for i in range(3):
                 j, k = (i + 1) % 3, (i + 2) % 3
                 part[i] -= share * (residual[first + 6 * b + i] / sizes[b] + t[j] * r[k] - t[k] * r[j])
-        elif kind[n] == DRIVEN:
+        else:
             for i in range(3):
                 part[i] = change[n, i]
         for i in range(3):
@@ -312,6 +335,7 @@ def swing_nodes(
     along: Array,
     across: Array,
     inward: Array,
+    slide: float,
     joints: Array,
     x: Array,
 ) -> None:
@@ -322,10 +346,10 @@ def swing_nodes(
         frame: Of each of these nodes, shape (k,).
         centre, along, across: c, u and w of each [m], shape (k, 3).
         inward: Direction of the slide, shape (k, 3).
-        joints: Angle of each frame [rad], then the slide [m], shape (s + 1,).
+        slide: How far all frames have slid [m].
+        joints: Angle of each frame first [rad].
         x: Positions of all nodes [m], shape (n, 3), written for `nodes`.
     """
-    slide = joints[joints.shape[0] - 1]
     for k in range(nodes.shape[0]):
         cosine, sine = math.cos(joints[frame[k]]), math.sin(joints[frame[k]])
         for i in range(3):

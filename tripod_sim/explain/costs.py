@@ -78,10 +78,14 @@ def cost(effect: str, source: str | Path, overrides: Sequence[str], base: Sample
 
 def switched_on(effect: str, simulation: Simulation) -> tuple[str, ...]:
     """Return the overrides that switch `effect` on with defaults in the scene of `simulation`."""
-    if effect != "fixed":
+    if effect not in ("fixed", "prescribed"):
         return words(effect)
     nodes = np.array(simulation.mesh.nodes)
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     high[0] = low[0] + HELD * (high[0] - low[0])
     corners = [", ".join(f"{v:.6g}" for v in corner) for corner in (low - 1e-6, high + 1e-6)]
-    return (f"fixed=[{{low=[{corners[0]}], high=[{corners[1]}]}}]",)
+    box = f"low=[{corners[0]}], high=[{corners[1]}]"
+    if effect == "fixed":
+        return (f"fixed=[{{{box}}}]",)
+    move = 'prescribed=[{set="moved", move="0: 0,0,0; 1: 0,0,1e-4"}]'
+    return (f'set=[{{name="moved", {box}}}]', move)

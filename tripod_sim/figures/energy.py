@@ -69,13 +69,16 @@ class EnergyBooks:
         balance is that of the earlier step; books that would have to be opened wait for them.
         """
         unknown = energies is self._energies
-        if abs(joints[-1] - self._joints[-1]) > STILL or (self._unknown and not unknown):
+        s = len(torques)
+        if np.abs(joints[s:] - self._joints[s:]).max() > STILL or (self._unknown and not unknown):
             self._open(energies, joints, torques, time)
             self._unknown = unknown
             return
-        self._work += float(0.5 * (torques + self._torques) @ (joints[:-1] - self._joints[:-1]))
+        self._work += float(0.5 * (torques + self._torques) @ (joints[:s] - self._joints[:s]))
         self._torques = torques.copy()
-        self._joints[:-1] = joints[:-1]  # the slide is compared with where it was when the books were opened
+        self._joints[:s] = joints[
+            :s
+        ]  # the slide, and the time of prescribed motions, is compared with where it was when the books were opened
         if unknown:
             return
         self._energies, self._known_work = energies, self._work

@@ -79,14 +79,7 @@ def _obstacles(simulation: Simulation) -> tuple[list[dict[str, Any]], str]:
 
 def _held(simulation: Simulation) -> list[list[float]]:
     """Return the undeformed places of some of the nodes that never move."""
-    scene, nodes = simulation.scene, np.asarray(simulation.mesh.nodes)
-    if scene.springs:
-        body: Any = getattr(simulation.mesh, "soft", simulation.mesh)
-        return np.asarray(body.nodes)[body.fixed][:MOST_POINTS].tolist()
-    inside = np.zeros(len(nodes), dtype=bool)
-    for box in scene.fixed:
-        inside |= ((nodes >= np.array(box.low)) & (nodes <= np.array(box.high))).all(axis=1)
-    return nodes[inside][:MOST_POINTS].tolist()
+    return np.asarray(simulation.mesh.nodes)[simulation.fixed][:MOST_POINTS].tolist()
 
 
 def _servos(simulation: Simulation) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""Weight of the nodes."""
+"""Weight of the nodes, and dead loads beside it."""
 
 import numpy as np
 from numba import njit
@@ -8,16 +8,24 @@ FloatArray = NDArray[np.float64]
 
 
 class GravityForce:
-    """Potential V(x) = -sum_i m_i a . (x_i - X_i), zero in the undeformed shape X; dV/dx_i = -m_i a."""
+    """Potential V(x) = -sum_i (m_i a + f_i) . (x_i - X_i), zero in the undeformed shape X; dV/dx_i = -(m_i a + f_i)."""
 
-    def __init__(self, mass: FloatArray, acceleration: tuple[float, float, float], rest: FloatArray) -> None:
-        """`mass` [kg], shape (n,); `acceleration` [m/s²]; `rest` [m], shape (n, 3)."""
+    def __init__(
+        self,
+        mass: FloatArray,
+        acceleration: tuple[float, float, float],
+        rest: FloatArray,
+        load: FloatArray | None = None,
+    ) -> None:
+        """`mass` [kg], shape (n,); `acceleration` [m/s²]; `rest` [m] and `load` f [N], shape (n, 3)."""
         self._gradient = -mass[:, None] * np.array(acceleration)
+        if load is not None:
+            self._gradient -= load
         self._offset = float(np.vdot(self._gradient, rest))
 
     @property
     def force(self) -> FloatArray:
-        """The weight of each node [N], shape (n, 3)."""
+        """Weight and dead load of each node [N], shape (n, 3)."""
         return -self._gradient
 
     def energy(self, x: FloatArray) -> float:

@@ -13,6 +13,7 @@ Constraints are exact, as for the implicit schemes:
   S' = sum_i (x_i - C) x f_i (see `rigid_kernels`).
 - Driven nodes are, at each instant, where the joints put them, which move evenly from the start of a step to its end;
   they have the velocity of that motion. Ghosts of a compliant clamp are driven, so their lack of mass does not matter.
+- What is held along axes of its own or prescribed moves evenly over a step, too, to where its timeline has it.
 - The torque of a servo is what holds its frame at the end of the step against all forces on it, and what changed its
   speed from that of the step before, I (w - w_before) / dt: in all steps together the whole angular impulse.
 """
@@ -88,8 +89,9 @@ class ExplicitSolid:
         turns = [np.zeros((b, 3)), np.zeros((b, 3, 3)), *np.zeros((3, b, 3)), np.zeros((4, b, 3))]
         self._begin = kernels.Start._make([*np.zeros((4, n, 3)), *turns])
         self._jerked, self._reduced = np.zeros(s), np.zeros(system.unknowns)
-        self._moving = mass.copy()  # of nodes whose motion is not prescribed
-        self._moving[system.driven] = 0.0
+        self._moving = np.where(
+            system.groups.held(), 0.0, mass[:, None]
+        )  # of nodes whose motion is not prescribed
         self._fall = 0.0
         if system.gravity:
             weight = (system.gravity.force**2).sum(axis=1)
@@ -196,9 +198,15 @@ class ExplicitSolid:
         system, bodies, frames, load = self._system, self._bodies, self._frames, self._load
         bodies.turn[:] = state.rotations
         bodies.centre[:] = state.centres + np.einsum("bij,bj->bi", state.rotations, self._offset)
-        frames.joints[:] = state.joints
-        np.subtract(joints, state.joints, out=frames.rates)
-        frames.rates[:] /= dt
+        s = len(frames.joints)
+        np.subtract(joints[:s], state.joints[:s], out=frames.rates)
+        frames.joints[:], frames.rates[:] = state.joints[:s], frames.rates / dt
+        if len(frames.held):
+            held = tuple(frames.held.T)
+            frames.begin[:], goal = state.positions[held], state.positions.copy()
+            if prescribed := system.groups.prescribed:
+                prescribed.place(joints[-1], goal)
+            frames.speed[:] = (goal[held] - frames.begin) / dt
         load.constant[:] = 0.0
         if system.gravity:
             load.constant[:] -= system.gravity.force
@@ -219,6 +227,7 @@ class ExplicitSolid:
         system = self._system
         system.drive(state, joints)
         system.update_levers(state)
+        system.gradient[:] = self._scratch.gradient
         system.reduction.gradient(
             self._scratch.gradient, system.lever, system.axes, self._reduced, system.torques
         )
@@ -240,7 +249,7 @@ class ExplicitSolid:
 
     def _energy(self, state: State, strain: float) -> tuple[float, float]:
         """Return the whole energy and that of motion and strain [J]; nodes of driven frames have no part in motion."""
-        kinetic = 0.5 * float(self._moving @ (state.velocities**2).sum(axis=1))
+        kinetic = 0.5 * float((self._moving * state.velocities**2).sum())
         gravity = self._system.gravity.energy(state.positions) if self._system.gravity else 0.0
         return kinetic + strain + gravity, kinetic + strain
 
@@ -291,11 +300,18 @@ def _bodies(system: System, mass: FloatArray) -> tuple[Bodies, FloatArray]:
 
 
 def _frames(system: System) -> kernels.Frames:
-    """Return the driven frames."""
+    """Return the driven frames, and what else is held and would move or is to move."""
     driven = system.groups.driven
     s = len(driven)
     nodes = np.concatenate([*(f.nodes for f in driven), np.zeros(0, dtype=np.int64)])
     frame = np.repeat(np.arange(s), [len(f.nodes) for f in driven])
     swings = [(*f.swing(system.rest[f.nodes]), np.tile(f.inward, (len(f.nodes), 1))) for f in driven]
     swing = [np.concatenate([*(part[k] for part in swings), np.zeros((0, 3))]) for k in range(4)]
-    return kernels.Frames._make([nodes, frame, *swing, np.zeros(s + 1), np.zeros(s + 1)])
+    groups = system.groups
+    moved = groups.prescribed.nodes if groups.prescribed else np.zeros(0, dtype=np.int64)
+    whole = np.intersect1d(moved, groups.fixed)  # other fixed nodes have no mass to move by
+    held = np.concatenate([groups.pinned, np.argwhere(np.ones((len(whole), 3)))])
+    held[len(groups.pinned) :, 0] = whole[held[len(groups.pinned) :, 0]]
+    return kernels.Frames._make(
+        [nodes, frame, *swing, *np.zeros((2, s + 1)), held, *np.zeros((2, len(held)))]
+    )

@@ -31,10 +31,11 @@ FEW = 3
 
 
 class Frames(NamedTuple):
-    """Driven frames: x = centre + cos(angle) cosine + sin(angle) sine + slide inward.
+    """Driven frames: x = centre + cos(angle) cosine + sin(angle) sine + slide inward; and nodes held along axes.
 
     nodes (k,): driven nodes; frame (k,): whose; centre, cosine, sine, inward (k, 3) [m]; joints (s + 1,): angles [rad]
-    and slide [m] at the start of the step; rates (s + 1,): theirs over the step [rad/s, m/s].
+    and slide [m] at the start of the step; rates (s + 1,): theirs over the step [rad/s, m/s]; held (h, 2): node
+    and axis; begin, speed (h,): where it stands at the start of the step [m] and how fast it moves over it [m/s].
     """
 
     nodes: Array
@@ -45,6 +46,9 @@ class Frames(NamedTuple):
     inward: Array
     joints: Array
     rates: Array
+    held: Array
+    begin: Array
+    speed: Array
 
 
 class Start(NamedTuple):
@@ -68,7 +72,7 @@ class Start(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def drive(frames: Frames, time: float, x: Array, v: Array) -> None:
-    """Write positions and velocities (n, 3) of the driven nodes `time` [s] after the start of the step."""
+    """Write positions and velocities (n, 3) of driven and held nodes `time` [s] after the start of the step."""
     slide, slide_rate = frames.joints[-1] + time * frames.rates[-1], frames.rates[-1]
     for k in range(frames.nodes.shape[0]):
         n, s = frames.nodes[k], frames.frame[k]
@@ -78,6 +82,19 @@ def drive(frames: Frames, time: float, x: Array, v: Array) -> None:
             u, w, inward = frames.cosine[k, i], frames.sine[k, i], frames.inward[k, i]
             x[n, i] = frames.centre[k, i] + c * u + d * w + slide * inward
             v[n, i] = rate * (c * w - d * u) + slide_rate * inward
+    for k in range(frames.held.shape[0]):
+        n, i = frames.held[k]
+        x[n, i], v[n, i] = frames.begin[k] + time * frames.speed[k], frames.speed[k]
+
+
+@njit(cache=True, error_model="numpy")
+def _given(g: Array, v: Array, frames: Frames) -> float:
+    """Return what drives and holds the nodes against the forces -g does to the body [W]."""
+    total = power(g, v, frames.nodes)
+    for k in range(frames.held.shape[0]):
+        n, i = frames.held[k]
+        total += g[n, i] * v[n, i]
+    return total
 
 
 @njit(cache=True, error_model="numpy")
@@ -147,7 +164,7 @@ def _runge_kutta(
         if stage < 4:
             if not np.isfinite(evaluate(x, v, modes, solid, load, scratch)):
                 return np.inf
-            work += h / 6.0 * weight * power(g, v, frames.nodes)
+            work += h / 6.0 * weight * _given(g, v, frames)
             add_up(g, x, bodies)
         for n in range(x.shape[0]):
             inverse = load.inverse[n]
@@ -213,7 +230,7 @@ def explicit_parts(
         if scheme == RK4:
             work += _runge_kutta(h, time + part * h, x, v, modes, solid, load, frames, bodies, scratch, start)
         elif np.isfinite(evaluate(x, v, modes, solid, load, scratch)):
-            work += 0.5 * ((h if part else h_before) + h) * power(g, v, frames.nodes)
+            work += 0.5 * ((h if part else h_before) + h) * _given(g, v, frames)
             _euler(scheme == SEMI_IMPLICIT_EULER, h, time + (part + 1) * h, x, v, load, frames, bodies, g)
         else:
             work = np.inf
@@ -233,4 +250,4 @@ def finish_step(
         Strain energy [J], infinite where there is none; the half of the work that `explicit_parts` left out [J].
     """
     strain = evaluate(x, v, modes, solid, load, scratch)
-    return strain, 0.0 if scheme == RK4 else 0.5 * h * power(scratch.gradient, v, frames.nodes)
+    return strain, 0.0 if scheme == RK4 else 0.5 * h * _given(scratch.gradient, v, frames)

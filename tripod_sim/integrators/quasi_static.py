@@ -21,7 +21,8 @@ class QuasiStatic(Substeps):
         self._load = LoadSteps(newton.system, newton.tolerance)
 
     def _largest_part(self, move: FloatArray) -> float:
-        turn = max(float(np.abs(move[:-1]).max(initial=0.0)), abs(float(move[-1])) / self._reach)
+        s = len(self._newton.system.groups.driven)
+        turn = max(float(np.abs(move[:s]).max(initial=0.0)), abs(float(move[s])) / self._reach)
         return 1.0 / max(1, int(np.ceil(turn / self._max_turn)))
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:

@@ -24,8 +24,10 @@ class Cells:
         volumes: Cells by kind, only those of `SIZES`: indices of points, shape (m, nodes of a cell), corners first in
             VTK order.
         kinds: Names of all kinds of cells in the file, also those left out.
+        groups: Points of each group of the file, by its name.
     """
 
     points: FloatArray
     volumes: dict[str, IndexArray] = field(default_factory=dict)
     kinds: tuple[str, ...] = ()
+    groups: dict[str, IndexArray] = field(default_factory=dict)

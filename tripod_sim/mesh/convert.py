@@ -25,7 +25,7 @@ def convert_hexahedra(mesh: SolidMesh, name: str) -> SolidMesh:
         SceneError: tetrahedra are asked for and local axes of neighbouring cells do not point alike.
     """
     kind = ELEMENTS[name]
-    nodes, elements = mesh.nodes, np.asarray(mesh.elements)
+    nodes, elements, groups = mesh.nodes, np.asarray(mesh.elements), dict(mesh.groups)
     if kind.corners == 4:
         elements = elements[:, _kuhn()].reshape(-1, 4)
         if len(SolidMesh(nodes, elements, ELEMENTS["t4"]).boundary) != 2 * len(mesh.boundary):
@@ -35,19 +35,20 @@ def convert_hexahedra(mesh: SolidMesh, name: str) -> SolidMesh:
             )
     if kind.size in (10, 20, 27):
         quadratic = tetrahedron if kind.corners == 4 else quadratic_hexahedron
-        nodes, elements = _add_centres(nodes, elements, quadratic.EDGES)
+        nodes, elements = _add_centres(nodes, elements, quadratic.EDGES, groups)
         if kind.size == 27:
-            nodes, elements = _add_centres(nodes, elements, quadratic_hexahedron.FACE_CENTRES)
-            nodes, elements = _add_centres(nodes, elements, (tuple(range(8)),))
-    return SolidMesh(nodes, elements, kind)
+            nodes, elements = _add_centres(nodes, elements, quadratic_hexahedron.FACE_CENTRES, groups)
+            nodes, elements = _add_centres(nodes, elements, (tuple(range(8)),), groups)
+    return SolidMesh(nodes, elements, kind, groups)
 
 
 def convert_tetrahedra(mesh: SolidMesh, name: str) -> SolidMesh:
     """Return a mesh of the element `name`, `t4` or `t10`, on the cells of a mesh of four-node tetrahedra."""
     kind, nodes, elements = ELEMENTS[name], mesh.nodes, np.asarray(mesh.elements)
+    groups = dict(mesh.groups)
     if kind.size == 10:
-        nodes, elements = _add_centres(nodes, elements, tetrahedron.EDGES)
-    return SolidMesh(nodes, elements, kind)
+        nodes, elements = _add_centres(nodes, elements, tetrahedron.EDGES, groups)
+    return SolidMesh(nodes, elements, kind, groups)
 
 
 def _kuhn() -> IndexArray:
@@ -67,11 +68,20 @@ def _kuhn() -> IndexArray:
 
 
 def _add_centres(
-    nodes: FloatArray, elements: IndexArray, groups: tuple[tuple[int, ...], ...]
+    nodes: FloatArray,
+    elements: IndexArray,
+    parts: tuple[tuple[int, ...], ...],
+    groups: dict[str, IndexArray],
 ) -> tuple[FloatArray, IndexArray]:
-    """Add one node at the centre of each group of an element's nodes; elements share those of equal groups."""
-    members = elements[:, np.array(groups)]  # (m, g, k)
+    """Add one node at the centre of each of some parts of an element's nodes; elements share those of equal parts.
+
+    To `groups`, nodes by name, those nodes are added whose part is in the group.
+    """
+    members = elements[:, np.array(parts)]  # (m, g, k)
     keys = np.sort(members.reshape(-1, members.shape[2]), axis=1)
     unique, inverse = np.unique(keys, axis=0, return_inverse=True)
-    added = len(nodes) + inverse.reshape(len(elements), len(groups))
+    added = len(nodes) + inverse.reshape(len(elements), len(parts))
+    for name, group in groups.items():
+        inside = np.flatnonzero(np.isin(unique, group).all(axis=1))
+        groups[name] = np.concatenate([group, len(nodes) + inside])
     return np.concatenate([nodes, nodes[unique].mean(axis=1)]), np.hstack([elements, added])

@@ -55,7 +55,8 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
     with np.errstate(over="ignore"):  # positions that overflow are named by check_mesh
         nodes = points[used] * scale
     kind = ELEMENTS[element if element in fitting else LINEAR[cell]]
-    mesh = SolidMesh(nodes, in_order(nodes, renumbered.reshape(elements.shape), kind), kind)
+    groups = {group: np.flatnonzero(np.isin(used, members)) for group, members in cells.groups.items()}
+    mesh = SolidMesh(nodes, in_order(nodes, renumbered.reshape(elements.shape), kind), kind, groups)
     if element in fitting:
         return mesh
     return convert_hexahedra(mesh, element) if cell == "hexahedron" else convert_tetrahedra(mesh, element)

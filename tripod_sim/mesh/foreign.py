@@ -2,7 +2,8 @@
 
 Parsers of mesh files print, exit, and loop for ever on files cut short; here they can do no harm. What was read leaves
 on standard output as an npz archive: `points` (n, 3), `kinds` (names of all cell types), and one array per kind of cell
-that the command line names with its size, (m, nodes of a cell). With exit code 1 standard output holds the reason
+that the command line names with its size, (m, nodes of a cell). Groups of the file leave as `groups` (names) and one
+array of points each, `group 0` and so on. With exit code 1 standard output holds the reason
 instead. Memory is bounded where the system can, and so is the processor time, by the second word [s]: beyond it the
 program is ended by SIGXCPU. Time that passes while others have the processor does not count.
 """
@@ -11,6 +12,7 @@ import contextlib
 import io
 import os
 import sys
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +21,10 @@ MAX_MEMORY = 4 << 30
 
 MAX_ANSWER = 1 << 30
 """Bytes of points and cells."""
+
+
+MOST_NUMBERS = 100
+"""Different numbers of an array that divides a mesh into groups."""
 
 
 def main() -> int:
@@ -55,11 +61,59 @@ def archive(path: str, wanted: list[str]) -> bytes:
         blocks = [np.asarray(b.data).reshape(-1, int(size)) for b in mesh.cells if b.type == kind]
         if blocks:
             found[kind] = np.concatenate(blocks).astype(np.int64)
+    groups = named_points(mesh)
+    found["groups"] = np.array(list(groups), dtype=str)
+    found |= {f"group {i}": points for i, points in enumerate(groups.values())}
     if (total := sum(a.nbytes for a in found.values())) > MAX_ANSWER:
         raise MemoryError(f"points and cells take {total} bytes; at most {MAX_ANSWER} are read")
     file = io.BytesIO()
     np.savez(file, allow_pickle=False, **found)
     return file.getvalue()
+
+
+def named_points(mesh: Any) -> dict[str, np.ndarray]:
+    """Return the points of each group of a mesh of meshio's, shape (k,).
+
+    Groups are the named sets of points and of cells of the file (gmsh's physical groups, Abaqus' NSET and ELSET), and
+    of arrays of whole numbers on cells or points, as VTK files have them, `NAME:NUMBER`.
+    """
+    found = {name: np.asarray(points) for name, points in mesh.point_sets.items()}
+    for name, blocks in mesh.cell_sets.items():
+        if not name.startswith("gmsh:"):  # of meshio's own
+            found[name] = _points(
+                [b.data[p] for b, p in zip(mesh.cells, blocks, strict=True) if p is not None]
+            )
+    for key, values in mesh.cell_data.items():
+        pairs = [
+            (block, np.asarray(v)) for block, v in zip(mesh.cells, values, strict=True) if np.ndim(v) == 1
+        ]
+        named = {}
+        if key == "gmsh:physical":
+            named = {(int(number), int(dim)): name for name, (number, dim) in mesh.field_data.items()}
+        elif key.startswith("gmsh:"):  # shapes of the geometry
+            continue
+        for number in _numbers(np.concatenate([v for _, v in pairs])) if pairs else ():
+            for dim in sorted({block.dim for block, _ in pairs}):
+                name = named.get((number, dim), f"{key}:{number}")
+                cells = [block.data[v == number] for block, v in pairs if block.dim == dim]
+                found[name] = np.concatenate([found.get(name, _points([])), _points(cells)])
+    for key, values in mesh.point_data.items():
+        for number in _numbers(np.asarray(values)) if np.ndim(values) == 1 else ():
+            found[f"{key}:{number}"] = np.flatnonzero(np.asarray(values) == number)
+    return {name: np.unique(points).astype(np.int64) for name, points in found.items() if len(points)}
+
+
+def _points(cells: list[Any]) -> np.ndarray:
+    """Return the points of some cells."""
+    return np.concatenate([np.zeros(0, dtype=np.int64), *(np.asarray(c).ravel() for c in cells)])
+
+
+def _numbers(values: np.ndarray) -> list[int]:
+    """Return the numbers by which an array divides a mesh, none if it is one of measurements."""
+    if values.dtype.kind not in "iu":
+        return []
+    numbers = np.unique(values)
+    return numbers.tolist() if len(numbers) <= MOST_NUMBERS else []
 
 
 if __name__ == "__main__":

@@ -84,4 +84,5 @@ def _read(path: Path) -> Cells:
         raise SceneError(f"mesh.source: {str(path)!r} cannot be read as a mesh: {why[:200]}")
     with np.load(io.BytesIO(run.stdout), allow_pickle=False) as found:
         volumes = {kind: found[kind] for kind in SIZES if kind in found}
-        return Cells(found["points"], volumes, tuple(found["kinds"].tolist()))
+        groups = {name: found[f"group {i}"] for i, name in enumerate(found["groups"].tolist())}
+        return Cells(found["points"], volumes, tuple(found["kinds"].tolist()), groups)

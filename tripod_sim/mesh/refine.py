@@ -23,13 +23,16 @@ def refine(mesh: SolidMesh) -> SolidMesh:
     kind = mesh.kind
     used, corners = np.unique(np.asarray(mesh.elements)[:, : kind.corners], return_inverse=True)
     nodes, corners = mesh.nodes[used], corners.reshape(-1, kind.corners)
+    groups = {name: np.flatnonzero(np.isin(used, group)) for name, group in mesh.groups.items()}
     if kind.corners == 4:
-        fine = convert_tetrahedra(SolidMesh(nodes, corners, ELEMENTS["t4"]), "t10")
+        fine = convert_tetrahedra(SolidMesh(nodes, corners, ELEMENTS["t4"], groups), "t10")
         parts = np.array([_right_handed(p, ELEMENTS["t10"].reference) for p in AT_CORNERS + INSIDE])
-        divided = SolidMesh(fine.nodes, np.asarray(fine.elements)[:, parts].reshape(-1, 4), ELEMENTS["t4"])
+        cells = np.asarray(fine.elements)[:, parts].reshape(-1, 4)
+        divided = SolidMesh(fine.nodes, cells, ELEMENTS["t4"], fine.groups)
         return convert_tetrahedra(divided, kind.name)
-    fine = convert_hexahedra(SolidMesh(nodes, corners, ELEMENTS["h8"]), "h27")
-    divided = SolidMesh(fine.nodes, np.asarray(fine.elements)[:, _octants()].reshape(-1, 8), ELEMENTS["h8"])
+    fine = convert_hexahedra(SolidMesh(nodes, corners, ELEMENTS["h8"], groups), "h27")
+    cells = np.asarray(fine.elements)[:, _octants()].reshape(-1, 8)
+    divided = SolidMesh(fine.nodes, cells, ELEMENTS["h8"], fine.groups)
     return convert_hexahedra(divided, kind.name)
 
 

@@ -1,8 +1,8 @@
 """A volume mesh, and the checks that name what is wrong with one."""
 
 import zlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -42,11 +42,13 @@ class SolidMesh:
         nodes: Undeformed positions [m], shape (n, 3).
         elements: Node indices, shape (m, nodes of an element), in VTK order.
         kind: The element.
+        groups: Nodes of each group of its file, by the group's name; a node made between nodes of a group is one of it.
     """
 
     nodes: FloatArray
     elements: IndexArray
     kind: Element = H8_MODES
+    groups: Mapping[str, IndexArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, kind in (("nodes", np.float64), ("elements", np.int64)):

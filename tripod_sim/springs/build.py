@@ -10,6 +10,7 @@ from tripod_sim.build import Parts, Stepper
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
+from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
 from tripod_sim.springs.generate import Net, chain, grid, net_of_surface
@@ -119,15 +120,8 @@ def _fixed(scene: Scene, description: Springs, net: Net, nodes: FloatArray) -> I
             f"springs.fixed_corners: {names_of(bad)} do not exist; {description.source} has {have}"
         )
     found = [named, net.corners[corners]]
-    for i, box in enumerate(scene.fixed):
-        inside = (nodes >= np.array(box.low) - 1e-9) & (nodes <= np.array(box.high) + 1e-9)
-        held = np.flatnonzero(inside.all(axis=1))
-        if not held.size:
-            low, high = nodes.min(axis=0).round(4).tolist(), nodes.max(axis=0).round(4).tolist()
-            raise SceneError(
-                f"fixed.{i} holds no node. The box is {box.low} to {box.high} m, the body {low} to {high} m"
-            )
-        found.append(held)
+    sets = NodeSets(scene.set, nodes, {})
+    found += [sets.held(table, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
     fixed = np.unique(np.concatenate(found))
     if len(fixed) == len(nodes):
         raise SceneError("springs: every node is fixed; nothing is free to move")

@@ -10,8 +10,9 @@ class Mesh:
     """Where the solid's mesh comes from.
 
     Attributes:
-        source: The generator `y_piece`, or the path of a file with tetrahedra or hexahedra (relative to the scene's
-            file): GiD text, gmsh, VTK, Abaqus and what else meshio reads.
+        source: The generators `y_piece` and `block` (a brick, or what it becomes with other corners), or the path of a
+            file with tetrahedra or hexahedra (relative to the scene's file): GiD text, gmsh, VTK, Abaqus and what else
+            meshio reads.
         level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes;
             8 to 11 for compliant clamps, whose bedded ends they divide, too.
         element: Kind of element: `h8_modes` (with incompatible modes), `h8_mean` (with mean dilatation), `h8`,
@@ -19,6 +20,8 @@ class Mesh:
             tetrahedra `t4` and `t10`).
         scale: Length unit of a file [m]: 0.001 for millimetres.
         refine: How many times every edge is halved, so that each element becomes eight.
+        corners: Of a block, eight in VTK order: four below, counter-clockwise seen from above, and those over them [m].
+        cells: Of a block along its three edges, the first from corner 0 to 1, then to 3 and to 4.
     """
 
     source: str = "y_piece"
@@ -28,6 +31,8 @@ class Mesh:
     )
     scale: float = number(1.0, unit="m", above=0, high=1e3)
     refine: int = number(0, low=0, high=3)
+    corners: tuple[tuple[float, float, float], ...] = number((), unit="m", low=-1e3, high=1e3)
+    cells: tuple[int, int, int] = number((1, 1, 1), low=1, high=1000)
 
 
 @dataclass(frozen=True)
@@ -90,19 +95,6 @@ class Springs:
     def holds(self) -> bool:
         """Whether it has nodes that never move."""
         return bool(self.fixed_nodes or self.fixed_corners)
-
-
-@dataclass(frozen=True)
-class FixedBox:
-    """Nodes that never move: those whose undeformed position lies in a box.
-
-    Attributes:
-        low: Smallest corner [m].
-        high: Largest corner [m].
-    """
-
-    low: tuple[float, float, float] = number(unit="m")
-    high: tuple[float, float, float] = number(unit="m")
 
 
 @dataclass(frozen=True)

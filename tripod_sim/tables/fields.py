@@ -1,7 +1,7 @@
 """How the tables of a scene declare their fields: units, ranges, choices."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, field, fields
 from functools import partial
 from typing import Any
@@ -35,12 +35,21 @@ def check_fields(table: Any, path: str) -> None:
             if value not in choices:
                 raise SceneError(f"{where} is {shown(value)}; allowed: {', '.join(choices)}")
             continue
-        if "unit" not in meta:
+        if "unit" not in meta or value is None:
             continue
-        for v in value if isinstance(value, tuple) else (value,):
+        for v in _numbers(value):
             if not _within(meta, v):
                 fits = partial(_within, meta)
                 raise SceneError(f"{where} is {value}; {allowed(meta)}{other_unit(v, meta['unit'], fits)}")
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    """Yield the numbers of a field: one, or a list of numbers or lists."""
+    if isinstance(value, tuple):
+        for part in value:
+            yield from _numbers(part)
+    else:
+        yield value
 
 
 def _within(meta: Any, v: float) -> bool:

@@ -1,0 +1,124 @@
+"""What fixed regions and prescribed motions hold, and which motions of a body as a whole they leave free."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.groups import DrivenFrame, Groups
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import names_of
+from tripod_sim.mesh.topology import parts
+from tripod_sim.node_sets import NodeSets
+from tripod_sim.scene import Scene
+
+if TYPE_CHECKING:
+    from tripod_sim.constraints.prescribed import Prescribed
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+AXES = "xyz"
+
+LOOSE = 1e-12
+"""Square of how firmly a motion as a whole is held, as a share of the firmest, below which it is free."""
+
+
+def held_groups(
+    scene: Scene,
+    sets: NodeSets,
+    nodes: FloatArray,
+    rigid: tuple[IndexArray, ...],
+    driven: tuple[DrivenFrame, ...],
+) -> Groups:
+    """Return all groups of a body.
+
+    Args:
+        scene: What holds it.
+        sets: Of the body.
+        nodes: Undeformed [m], shape (n, 3).
+        rigid, driven: Its rigid bodies and driven frames.
+
+    Raises:
+        SceneError: there is no such set, or it is empty; two hold one node.
+    """
+    owner, names = np.full(nodes.shape, -1), []
+    groups = [(f"rigid body {i}", body, AXES) for i, body in enumerate(rigid)]
+    groups += [(f"servo {i}", frame.nodes, AXES) for i, frame in enumerate(driven)]
+    fixed = [
+        (f"fixed.{i}", sets.held(table, f"fixed.{i}"), table.axes) for i, table in enumerate(scene.fixed)
+    ]
+    moved = [
+        (f"prescribed.{i}", sets.nodes(table.set, f"prescribed.{i}.set"), table.axes)
+        for i, table in enumerate(scene.prescribed)
+    ]
+    for name, held, axes in (*groups, *fixed, *moved):
+        names.append(name)
+        for axis in map(AXES.index, axes):
+            before = owner[held, axis]
+            last = len(groups) if name.startswith("fixed") else len(names)  # what is fixed twice is fixed
+            both = np.flatnonzero((before >= 0) & (before < last))
+            if both.size:
+                raise SceneError(
+                    f"{name} and {names[before[both][0]]} both hold nodes {names_of(held[both])} along {AXES[axis]}; "
+                    "leave them out of one of the two"
+                )
+            owner[held, axis] = len(names) - 1
+    own = owner >= len(groups)
+    whole = np.flatnonzero(own.all(axis=1))
+    single = own.copy()
+    single[whole] = False
+    prescribed = _prescribed(scene, nodes, [held for _, held, _ in moved]) if moved else None
+    return Groups(len(nodes), rigid, driven, whole, np.argwhere(single), prescribed)
+
+
+def _prescribed(scene: Scene, nodes: FloatArray, sets: Sequence[IndexArray]) -> "Prescribed":
+    from tripod_sim.constraints.prescribed import Motion, Prescribed  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.timeline import parse_timeline  # noqa: PLC0415
+
+    motions = []
+    for i, (table, held) in enumerate(zip(scene.prescribed, sets, strict=True)):
+        lines = [
+            parse_timeline(text or "0: 0,0,0", 3, f"prescribed.{i}.{name}")
+            for name, text in (("move", table.move), ("turn", table.turn))
+        ]
+        axes = tuple(map(AXES.index, table.axes))
+        motions.append(Motion(held, axes, nodes[held], np.array(table.centre), *lines))
+    return Prescribed(motions)
+
+
+def free_motion(joined: Sequence[IndexArray], nodes: FloatArray, held: BoolArray) -> str:
+    """Return in words how a part of a body can move as a whole; empty if no part can.
+
+    Args:
+        joined: Nodes that belong together: of elements, shape (m, k), and of each rigid body, shape (k,).
+        nodes: Undeformed [m], shape (n, 3).
+        held: Which nodes are held along which axes, shape (n, 3).
+    """
+    label = parts([np.atleast_2d(rows) for rows in joined], len(nodes))
+    size = float(np.ptp(nodes, axis=0).max())
+    for part in np.unique(label):
+        mine = label == part
+        centre = nodes[mine].mean(axis=0)
+        node, axis = np.nonzero(held & mine[:, None])
+        ways = np.eye(3)[axis]  # rows: what a displacement and a small rotation move there along the axis
+        turns = np.cross((nodes[node] - centre) / size, ways)
+        rows = np.hstack([ways, turns])
+        values, vectors = np.linalg.eigh(rows.T @ rows)
+        if values[0] > LOOSE * max(values[-1], 1.0):
+            continue
+        move, turn = vectors[:3, 0], vectors[3:, 0] / size
+        where = names_of(np.flatnonzero(mine), 4)
+        if np.linalg.norm(turn) * size < 1e-6:
+            return f"the part with nodes {where} can move along {_text(move)}"
+        about = centre + np.cross(turn, move) / (turn @ turn)
+        return f"the part with nodes {where} can turn about {_text(turn)} through {_text(about, 1.0)} m"
+    return ""
+
+
+def _text(vector: FloatArray, size: float = 0.0) -> str:
+    """Return a vector for a message, divided by its length or by `size`."""
+    scaled = vector / (size or np.linalg.norm(vector))
+    return f"({', '.join(f'{c:.3g}' for c in np.where(np.abs(scaled) < 1e-9, 0.0, scaled))})"

@@ -1,0 +1,59 @@
+"""Sets of nodes that move along a timeline, whatever acts on them: a node X stands at c + R(turn) (X - c) + move."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.constraints.rotation_kernels import write_rotation
+from tripod_sim.timeline import Timeline
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One set in motion.
+
+    Attributes:
+        nodes: Of the set, shape (k,).
+        axes: Along which it is moved, of 0, 1, 2.
+        rest: Undeformed places [m], shape (k, 3).
+        centre: c [m], shape (3,).
+        move: Displacement over time [m].
+        turn: Rotation vector over time [rad].
+    """
+
+    nodes: IndexArray
+    axes: tuple[int, ...]
+    rest: FloatArray
+    centre: FloatArray
+    move: Timeline
+    turn: Timeline
+
+    def places(self, time: float) -> FloatArray:
+        """Return where the nodes stand at `time` [s], shape (k, 3) [m]."""
+        rotation = np.empty((3, 3))
+        write_rotation(*self.turn.at(time).tolist(), rotation)
+        return (self.rest - self.centre) @ rotation.T + (self.centre + self.move.at(time))
+
+
+class Prescribed:
+    """All sets in motion.
+
+    Attributes:
+        nodes: Of all of them, shape (k,).
+        end: Time after which nothing moves any more [s].
+    """
+
+    def __init__(self, motions: Sequence[Motion]) -> None:
+        self._motions = [(m, np.ix_(m.nodes, np.array(m.axes))) for m in motions]
+        self.nodes = np.unique(np.concatenate([m.nodes for m in motions]))
+        self.end = max(float(t.times[-1]) for m in motions for t in (m.move, m.turn))
+
+    def place(self, time: float, x: FloatArray) -> None:
+        """Write to `x` [m], shape (n, 3), where the sets are at `time` [s], along their axes."""
+        for motion, where in self._motions:
+            x[where] = motion.places(time)[:, motion.axes]

@@ -1,0 +1,102 @@
+"""Sets of nodes: which nodes of a body the names of a scene mean."""
+
+import difflib
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.errors import SceneError, shown
+from tripod_sim.tables.sets import Fixed, NodeSet
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+ALL = "all"
+"""The set of all nodes, which no table has to define."""
+
+
+class NodeSets:
+    """The sets of one body."""
+
+    def __init__(
+        self, tables: tuple[NodeSet, ...], nodes: FloatArray, groups: Mapping[str, IndexArray]
+    ) -> None:
+        """`tables`: of the scene; `nodes`: undeformed [m], shape (n, 3); `groups`: of the mesh file, by name."""
+        self._nodes, self._groups = nodes, groups
+        self._found = {ALL: np.arange(len(nodes))} | {
+            name: np.asarray(group) for name, group in groups.items()
+        }
+        for i, table in enumerate(tables):
+            self._found[table.name] = self._inside(table, f"set.{i} ({table.name!r})")
+
+    def nodes(self, name: str, field: str) -> IndexArray:
+        """Return the nodes of a set, ascending.
+
+        Args:
+            name: Of the set.
+            field: Who asks, such as `load.0.set`, for messages.
+
+        Raises:
+            SceneError: there is no such set or group.
+        """
+        if name not in self._found:
+            near = difflib.get_close_matches(name, self._found, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            known = ", ".join(sorted(self._found))
+            raise SceneError(f"{field} is {shown(name)}; sets and groups of the mesh: {known}{hint}")
+        return self._found[name]
+
+    def held(self, table: Fixed, field: str) -> IndexArray:
+        """Return the nodes of a fixed region: of its set, or in its box. Raises SceneError, which names `field`."""
+        if table.set:
+            return self.nodes(table.set, f"{field}.set")
+        return self._inside(NodeSet(field, low=table.low, high=table.high), field)
+
+    def _inside(self, table: NodeSet, where: str) -> IndexArray:
+        """Return the nodes of a table. Raises SceneError where there are none."""
+        far = _distance(table, self._nodes)
+        if table.group:
+            if table.group not in self._groups:
+                known = ", ".join(sorted(self._groups)) or "none"
+                raise SceneError(f"{where}: group is {shown(table.group)}; groups of the mesh: {known}")
+            far[np.setdiff1d(np.arange(len(far)), self._groups[table.group])] = np.inf
+        found = np.flatnonzero(far <= table.tolerance)
+        if not found.size:
+            low, high = (np.round(e, 4).tolist() for e in (self._nodes.min(axis=0), self._nodes.max(axis=0)))
+            near = int(np.argmin(far))
+            place = ", ".join(f"{c:.4g}" for c in self._nodes[near])
+            raise SceneError(
+                f"{where} holds no node; the nearest is node {near} at ({place}) m, {far[near]:.3g} m away; the body "
+                f"reaches from {low} to {high} m"
+            )
+        return found
+
+
+def _distance(table: NodeSet, nodes: FloatArray) -> FloatArray:
+    """Return how far each node is from meeting the table's places [m], shape (n,); 0 where it does."""
+    far = np.zeros(len(nodes))
+    if table.low is not None:
+        far = np.maximum(far, np.linalg.norm(np.maximum(np.array(table.low) - nodes, 0.0), axis=1))
+    if table.high is not None:
+        far = np.maximum(far, np.linalg.norm(np.maximum(nodes - np.array(table.high), 0.0), axis=1))
+    if table.radius is not None:
+        arm = nodes - np.array(table.centre)
+        if table.axis is not None:
+            axis = _unit(table.axis)
+            arm = arm - np.outer(arm @ axis, axis)
+        far = np.maximum(far, np.sqrt((arm**2).sum(axis=1)) - table.radius)
+    if table.along is not None:
+        distance = nodes @ _unit(table.along)
+        if table.at is not None:
+            far = np.maximum(far, np.abs(distance - table.at))
+        if table.beyond is not None:
+            far = np.maximum(far, table.beyond - distance)
+        if table.below is not None:
+            far = np.maximum(far, distance - table.below)
+    return far
+
+
+def _unit(direction: tuple[float, float, float]) -> FloatArray:
+    vector = np.array(direction)
+    return vector / np.linalg.norm(vector)
