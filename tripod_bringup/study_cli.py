@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup.options import Json
+from tripod_bringup.accuracy_option import Accuracy, Study
+from tripod_bringup.options import Json, Overrides, ServoScript, SlideScript, some_scenes
 from tripod_bringup.study_plans import PLANS
 
 HELP = (
@@ -15,8 +16,12 @@ HELP = (
     "5, 1 and 0.1 %, and how far the reference itself can be trusted. Writes <study>.json, .csv and .png into --out. "
     "Points that are done are kept there: a study that was stopped, by Ctrl-C or worse, goes on where it was. What "
     "other code than this measured is measured again.\n\n"
-    f"Scenes: {', '.join(PLANS)}; tripod stands for both of its studies. For pendulum and drape the tables of the "
-    "course report (what is stable, what tunnels) come first, unless --part or --quick leaves them out.\n\n"
+    f"Studies with questions of their own: {', '.join(PLANS)}; tripod stands for both of its. For pendulum and drape "
+    "the tables of the course report (what is stable, what tunnels) come first, unless --part or --quick leaves them "
+    "out.\n\n"
+    "Any other scene, your own too, and any that --set, --servo, --slide, --duration or --accuracy change, is studied "
+    "as it is: its steps, schemes, elements and refined meshes against the finest that ten minutes allow; name its "
+    ".json by --study and --accuracy picks from it.\n\n"
     "Exit codes: 0 done, 1 no reference, 2 bad arguments, 130 interrupted."
 )
 EXAMPLES = (
@@ -24,6 +29,8 @@ EXAMPLES = (
     "tripod study pendulum --part report",
     "tripod study tripod_dynamic --knobs scheme,dt",
     "tripod study cloth --quick --json",
+    "tripod study my_scene.toml --set material.young=1e5 --quick",
+    'tripod study tripod --servo "0:0,0,0; 0.5:-0.5,0,0" --duration 0.6',
     "tripod study --all --jobs 4 --out studies",
     "tripod study silicone --scheduler tcp://127.0.0.1:8786",
 )
@@ -36,9 +43,29 @@ def default_jobs() -> int:
     return os.cpu_count() or 1
 
 
+def some_studies(incomplete: str) -> list[str]:
+    """Return the studies and scenes that begin so: for the completion of shells."""
+    return sorted({*(name for name in PLANS if name.startswith(incomplete)), *some_scenes(incomplete)})
+
+
 def study(
-    scene: Annotated[str, typer.Argument(help="Name of a study.", show_default=False)] = "",
+    scene: Annotated[
+        str,
+        typer.Argument(
+            help="Name of a study or scene, or path of a scene file.",
+            show_default=False,
+            autocompletion=some_studies,
+        ),
+    ] = "",
     *,
+    set_: Overrides = None,
+    servo: ServoScript = None,
+    slide: SlideScript = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Of the motion \\[s]; the scene's own by default.")
+    ] = None,
+    accuracy: Accuracy = None,
+    study_: Study = None,
     every: Annotated[bool, typer.Option("--all", help="All studies of accuracy.")] = False,
     part: Annotated[str, typer.Option(help="accuracy, report (the course report's table) or both.")] = "both",
     knobs: Annotated[
@@ -63,11 +90,12 @@ def study(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar.")] = False,
 ) -> None:
     """Run studies; the help is `HELP`."""
-    from tripod_bringup.study_command import study_command  # noqa: PLC0415
+    from tripod_bringup.study_command import Changes, study_command  # noqa: PLC0415
 
     raise typer.Exit(
         study_command(
             scene,
+            changes=Changes(set_ or [], servo, slide, duration, accuracy, study_),
             every=every,
             part=part,
             knobs=[word.strip() for word in knobs.split(",") if word.strip()],

@@ -5,7 +5,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,9 +22,28 @@ INTERRUPTED = "tripod study: interrupted; what is done is kept in {out}, the sam
 PARTS = ("both", "accuracy", "report")
 
 
+@dataclass(frozen=True)
+class Changes:
+    """What the options of a run change of a scene that is studied: see `run`."""
+
+    overrides: Sequence[str] = ()
+    servo: str | None = None
+    slide: str | None = None
+    duration: float | None = None
+    accuracy: str | None = None
+    study: Path | None = None
+
+    def first(self) -> str:
+        """Return the first option that is given; empty for none."""
+        names = ("--set", "--servo", "--slide", "--duration", "--accuracy", "--study")
+        values = (self.overrides or None, self.servo, self.slide, self.duration, self.accuracy, self.study)
+        return next((name for name, value in zip(names, values, strict=True) if value is not None), "")
+
+
 def study_command(
     scene: str,
     *,
+    changes: Changes = Changes(),
     every: bool,
     part: str,
     knobs: Sequence[str],
@@ -49,7 +68,7 @@ def study_command(
     shown = not quiet and sys.stderr.isatty()
     printed: dict[str, Any] = {}
     try:
-        reports, plans = _chosen(scene, every=every, part=part, knobs=knobs, quick=quick)
+        reports, plans = _chosen(scene, changes, every=every, part=part, knobs=knobs, quick=quick)
         out.mkdir(parents=True, exist_ok=True)
         with first(lambda: print(INTERRUPTED.format(out=out), file=sys.stderr)):
             for name in reports:
@@ -84,17 +103,25 @@ def study_command(
 
 
 def _chosen(
-    scene: str, *, every: bool, part: str, knobs: Sequence[str], quick: bool
+    scene: str, changes: Changes, *, every: bool, part: str, knobs: Sequence[str], quick: bool
 ) -> tuple[list[str], list["Plan"]]:
     """Return the reports and the studies that are asked for. Raises SceneError."""
     from tripod_sim.errors import SceneError  # noqa: PLC0415
+    from tripod_sim.scene_file import scene_names  # noqa: PLC0415
 
     if part not in PARTS:
         raise SceneError(f"--part is {part!r}; allowed: {', '.join(PARTS)}")
     if every == bool(scene):
         raise SceneError(f"give one scene or --all; scenes: {', '.join(PLANS)}, tripod")
-    if scene and not names(scene):
-        raise SceneError(f"study {scene!r} is unknown; studies: {', '.join(PLANS)}, tripod")
+    changed = changes.first()
+    if changed and (every or part == "report" or scene in PLANS.keys() - scene_names()):
+        what = "--all" if every else "--part report" if part == "report" else f"study {scene}"
+        raise SceneError(
+            f"{changed} changes a scene, and {what} has motions of its own: name the scene, or leave it out"
+        )
+    if scene and (changed or not names(scene)):
+        made = plan_of_scene(scene, changes, quick=quick)
+        return [], [replace(made, points=made.only(knobs))] if knobs else [made]
     if part == "report" and not every and scene not in REPORTS:
         raise SceneError(f"there is no report of {scene!r}; reports: {', '.join(REPORTS)}")
     reports = [scene] if scene in REPORTS and (part == "report" or (part == "both" and not quick)) else []
@@ -108,6 +135,27 @@ def _chosen(
         return reports, []
     plans = [plan(name, quick=quick) for name in (PLANS if every else names(scene))]
     return reports, [_limited(made, plans, knobs) for made in plans] if knobs else plans
+
+
+def plan_of_scene(scene: str, changes: Changes, *, quick: bool) -> "Plan":
+    """Return the study of any scene, with what the options change. Raises SceneError."""
+    from tripod_bringup.accuracy_option import chosen  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.errors import SceneError  # noqa: PLC0415
+    from tripod_sim.scene_file import scene_names  # noqa: PLC0415
+    from tripod_sim.study.plans import any_scene  # noqa: PLC0415 - heavy
+
+    if not scene.endswith(".toml") and scene not in scene_names():
+        known = ", ".join([*PLANS, "tripod"])
+        raise SceneError(
+            f"study {scene!r} is unknown; studies: {known}; any other scene: {', '.join(scene_names())}, or the path "
+            "of a .toml file"
+        )
+    choice = chosen(scene, changes.accuracy, changes.overrides, changes.study)
+    overrides = choice.overrides if choice else changes.overrides
+    if choice:
+        print(f"tripod study: {choice.sentence}", file=sys.stderr)
+    subject = any_scene.Subject(scene, overrides, changes.servo, changes.slide, changes.duration)
+    return any_scene.plan(subject, quick=quick)
 
 
 def _limited(made: "Plan", plans: Sequence["Plan"], knobs: Sequence[str]) -> "Plan":

@@ -107,7 +107,7 @@ def _tail(result: Result) -> list[str]:
     for family in result["orders"]:
         shown = {k: v for k, v in family["settings"].items() if _varies(result, k)}
         lines.append(f"order in {result['order_knob']}: {family['order']:.2f}  {_words(shown)}")
-    return [*lines, *result["advice"]]
+    return [*lines, *([f"note: {result['note']}"] if result["note"] else []), *result["advice"]]
 
 
 def _varies(result: Result, field: str) -> bool:

@@ -58,7 +58,7 @@ def run_plan(
     here = fingerprint(plan.module)
     rungs, others = plan.runs()
     random.Random(seed).shuffle(others)
-    jobs = {plan.key(s): (plan.key(s), plan.module, s, plan.limit) for s in [*rungs, *others]}
+    jobs = {plan.key(s): (plan.key(s), plan.module, plan.told(s), plan.limit) for s in [*rungs, *others]}
     work = [job for key, job in jobs.items() if not _stands(plan, store.records.get(key, LOST), here)]
     done = len(jobs) - len(work)
     if progress:

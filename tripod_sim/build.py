@@ -122,7 +122,7 @@ def _built(scene: Scene) -> Parts:
 
     assert scene.mesh
     assert scene.material
-    mesh, notes = suited(_mesh(scene.mesh))
+    mesh, notes = suited(body_mesh(scene.mesh))
     notes = (*width_note(scene.mesh.source, mesh.nodes), *notes)
     sets = NodeSets(scene.set, mesh.nodes, mesh.groups)
     if scene.contact:
@@ -290,7 +290,8 @@ def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, 
     return found[0], found[1]
 
 
-def _mesh(description: Mesh) -> SolidMesh:
+def body_mesh(description: Mesh) -> SolidMesh:
+    """Return the mesh that a scene describes. Raises SceneError."""
     if description.source == "y_piece":
         from tripod_sim.mesh.y_piece import LEVELS, divided, y_piece
 

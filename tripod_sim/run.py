@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_host import stop
 from tripod_sim.errors import SceneError
@@ -18,12 +17,9 @@ from tripod_sim.figures.effects import effect_figures
 from tripod_sim.figures.energy import EnergyBooks
 from tripod_sim.figures.stability import stability
 from tripod_sim.recording import Recording, check_out
-from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
+from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
-from tripod_sim.timeline import Timeline, joint_timelines
-
-FloatArray = NDArray[np.float64]
 
 SETTLING = 1.0
 """Simulated after the last time of a servo timeline, unless a duration is given [s]."""
@@ -79,19 +75,18 @@ def run(
         StepError: the simulation could not go on.
     """
     description = load_scene(scene, overrides)
+    script = script_of(description, servo, slide)
     if servo is not None or slide is not None:
         description = replace(description, motion=None)  # the user's own takes its place
-    servos, slides = _timelines(description, servo, slide)
     if duration is None:
-        last = max([t.times[-1] for t in (servos, slides) if t is not None], default=0.0)
-        duration = float(last) + SETTLING if last > 0 else description.duration
+        duration = script.end + SETTLING if script.end > 0 else description.duration
     longest = MOST_STEPS * description.dt
     if not 0 < duration <= longest:
         raise SceneError(
             f"the duration is {duration:g} s; it must be positive and at most {longest:g} s, {MOST_STEPS} steps of dt"
         )
     steps = max(1, round(duration / description.dt))
-    description = _starting(description, servos, slides)
+    description = script.started(description)
     check_out("--out", out, (".npz",))
     simulation = Simulation(description)
     recording = Recording(simulation, steps) if out or recorded else None
@@ -106,7 +101,7 @@ def run(
     stop.before(kept)  # also a run that is interrupted keeps what it has
     try:
         for k in range(steps):
-            joints = _joints(simulation, servos, slides, (k + 1) * description.dt)
+            joints = script.joints(simulation.command, (k + 1) * description.dt) if script else None
             start = clock.perf_counter()
             report = simulation.step(joints)
             taken.append(clock.perf_counter() - start)
@@ -202,42 +197,3 @@ def _contact_summary(simulation: Simulation) -> dict[str, Any]:
             {"position": p.position.tolist(), "quaternion": p.quaternion.tolist()} for p in poses
         ]
     return found
-
-
-def _timelines(scene: Scene, servo: str | None, slide: str | None) -> tuple[Timeline | None, Timeline | None]:
-    for option, text in (("--servo", servo), ("--slide", slide)):
-        if text is not None and not scene.servos:
-            raise SceneError(f"{option}: scene {scene.name!r} has no servos")
-    if not scene.servos:
-        return None, None
-    if scene.motion:
-        try:
-            return joint_timelines(
-                scene.servos, scene.motion.servo, scene.motion.slide or None, ("motion.servo", "motion.slide")
-            )
-        except SceneError as error:
-            raise SceneError(f"{error}; give --servo, or --set motion=off") from None
-    return joint_timelines(scene.servos, servo, slide)
-
-
-def _starting(scene: Scene, servos: Timeline | None, slides: Timeline | None) -> Scene:
-    """Return the scene with its servos where the timelines begin."""
-    if not scene.servos:
-        return scene
-    angles = servos.at(0.0) if servos else np.array(scene.servos.angles)
-    slide = float(slides.at(0.0)[0]) if slides else scene.servos.slide
-    a = angles.tolist()
-    return replace(scene, servos=replace(scene.servos, angles=(a[0], a[1], a[2]), slide=slide))
-
-
-def _joints(
-    simulation: Simulation, servos: Timeline | None, slides: Timeline | None, time: float
-) -> FloatArray | None:
-    if servos is None and slides is None:
-        return None
-    joints = simulation.command
-    if servos:
-        joints[:-1] = servos.at(time)
-    if slides:
-        joints[-1] = slides.at(time)[0]
-    return joints

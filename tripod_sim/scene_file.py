@@ -159,9 +159,9 @@ def override(table: dict[str, Any], word: str) -> None:
     if text == "off" and not _is_word(keys, text):
         _remove(node, last, keys)
     elif isinstance(node, list):
-        node[_index(node, last, path)] = _value(text)
+        node[_index(node, last, path)] = value_of(text)
     elif isinstance(node, dict):
-        node[last] = _value(text)
+        node[last] = value_of(text)
     else:
         raise SceneError(f"override {shown(word)}: {'.'.join(keys[:-1])} is a value, not a table")
 
@@ -176,7 +176,7 @@ def _is_word(keys: list[str], word: str) -> bool:
     )
 
 
-def _value(text: str) -> Any:
+def value_of(text: str) -> Any:
     """Return the TOML value that `text` writes, or `text` itself: a bare word is a string."""
     try:
         table = _parse(f"v = {text}")

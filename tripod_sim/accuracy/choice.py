@@ -36,8 +36,8 @@ LOAD = 0.5
 WORDS = ("draft", "real-time", "reference")
 """The cheapest within `DRAFT`; the most exact within `LOAD`; the most exact."""
 
-INSIDE = ("servos.angles", "servos.slide", "duration", "name", "description")
-"""Fields that are free: what is promised is promised for any start and any length of a run."""
+INSIDE = ("servos.angles", "servos.slide", "duration", "name", "description", "motion.servo", "motion.slide")
+"""Fields that are free: what is promised is promised for any start, any motion and any length of a run."""
 
 PERCENT = re.compile(r"(\d{1,3}(?:\.\d{1,9})?|\.\d{1,9}) ?%", re.ASCII)
 

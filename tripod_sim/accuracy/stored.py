@@ -24,6 +24,9 @@ FORMAT = 1
 FIELD = re.compile(r"[a-z_]+(\.[a-z_]+)?")
 """A field of a scene: a study sets no entries of lists."""
 
+ENTRY = re.compile(r"[a-z_]+(\.[a-z_0-9]+){0,3}")
+"""The same, or an entry of a list, which all points of a study may share."""
+
 WORD = re.compile(r"[A-Za-z0-9_+-]{1,40}")
 """A word among the settings; it names no file."""
 
@@ -173,11 +176,12 @@ def _number(value: Any, path: str, *, positive: bool = False) -> float:
 
 def _settings(value: Any, path: str) -> dict[str, Value]:
     """Return values by field; no field is a list or names a file, so that a study changes nothing but settings."""
-    table = _table(value, path)
+    table, base = _table(value, path), path == "base"
     for field in table:
-        if not FIELD.fullmatch(field) or field.rpartition(".")[2] in FORBIDDEN:
+        form = ENTRY if base else FIELD
+        if not form.fullmatch(field) or (not base and field.rpartition(".")[2] in FORBIDDEN):
             raise SceneError(f"{path}: {shown(field)} is not a field that a study may set")
-    return {field: _value(v, f"{path}.{field}", applied=path != "base") for field, v in table.items()}
+    return {field: _value(v, f"{path}.{field}", applied=not base) for field, v in table.items()}
 
 
 def _value(value: Any, path: str, *, applied: bool) -> Value:

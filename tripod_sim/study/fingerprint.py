@@ -15,8 +15,8 @@ PASSIVE = ("accuracy", "explain", "figures", "studies", "study")
 """Folders of tripod_sim that simulate nothing."""
 
 CARRYING = (
-    "description.py", "markers.py", "messages.py", "node.py", "realtime.py", "recording.py", "run.py", "timeline.py",
-    "transforms.py",
+    "description.py", "markers.py", "messages.py", "node.py", "realtime.py", "recording.py", "run.py", "script.py",
+    "timeline.py", "transforms.py",
 )  # fmt: skip
 """Files of tripod_sim that carry a simulation to people, files and ROS."""
 

@@ -7,7 +7,7 @@ its errors are those of its rows against a reference's rows, so points and refer
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 from tripod_sim.errors import SceneError
@@ -122,6 +122,7 @@ class Plan:
         order_quantity: Quantity of which it is fitted.
         limit: CPU or wall time after which a point is given up [s].
         note: What a reader must know.
+        given: What `task` is told besides, which is no field of a scene.
     """
 
     name: str
@@ -142,14 +143,19 @@ class Plan:
     order_quantity: str = ""
     limit: float = 300.0
     note: str = ""
+    given: Settings = field(default_factory=dict)
 
     def full(self, settings: Settings) -> dict[str, Value]:
         """Return all that is set at a point, the base too."""
         return {**self.base, **settings}
 
+    def told(self, settings: Settings) -> dict[str, Value]:
+        """Return what `task` is told of a point."""
+        return {**self.given, **self.full(settings)}
+
     def key(self, settings: Settings) -> str:
-        """Return what tells measured points apart: a digest of settings, study and its version."""
-        text = json.dumps([self.name, self.version, self.full(settings)], sort_keys=True)
+        """Return what tells measured points apart: a digest of what is told, study and its version."""
+        text = json.dumps([self.name, self.version, self.told(settings)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:20]
 
     def runs(self) -> tuple[list[Settings], list[Settings]]:

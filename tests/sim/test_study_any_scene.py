@@ -1,0 +1,124 @@
+"""Studies of scenes as users describe them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, load_scene
+from tripod_sim.accuracy.choice import choose
+from tripod_sim.study.plan import Plan
+from tripod_sim.study.plans.any_scene import Subject, plan, task
+from tripod_sim.study.result import assemble
+from tripod_sim.study.task import outcome
+
+STRIP = """
+name = "{name}"
+dt = 0.01
+duration = 0.1
+[mesh]
+level = 1
+element = "h8"
+[material]
+[gravity]
+[inertia]
+[[fixed]]
+low = [0.04, -0.02, -0.01]
+high = [0.06, 0.02, 0.01]
+"""
+
+
+def strip(folder: Path, name: str = "strip") -> str:
+    path = folder / "scene.toml"
+    path.write_text(STRIP.format(name=name))
+    return str(path)
+
+
+def made(study: Plan) -> dict[str, object]:
+    runs = [s for some in study.runs() for s in some]
+    records = {study.key(s): {**outcome(task, study.told(s)), "code": "here"} for s in runs}
+    return assemble(study, records, "test")
+
+
+def test_a_scene_of_a_user_is_studied_and_picked_from(tmp_path: Path) -> None:
+    scene = strip(tmp_path)
+    study = plan(Subject(scene, ["material.young=1e5"]), quick=True)
+    result = made(study)
+    rows = {(r["settings"]["inertia.scheme"], r["settings"]["dt"]): r for r in result["points"]}  # type: ignore[attr-defined, index]
+    assert all(row["status"] == "ok" for row in rows.values())
+    first, second = rows["implicit_euler", 0.01], rows["tr_bdf2", 0.005]
+    assert first["error"] > second["error"] > 0
+    assert 0 < result["reference"]["own_error"] < first["error"]  # type: ignore[index]
+    path = tmp_path / "study.json"
+    path.write_text(json.dumps(result))
+    choice = choose(scene, "reference", ["material.young=1e5"], study=path, speed=lambda: 0.04)
+    best = min(rows.values(), key=lambda row: row["error"])
+    assert choice.settings == best["settings"]
+    assert choice.error == pytest.approx(3 * best["error"] + best["own_error"])
+    assert not choice.outside
+    assert "material.young" in str(choose(scene, "reference", study=path, speed=lambda: 0.04).outside)
+
+
+def test_points_are_compared_at_the_same_places_however_the_mesh_is_refined(tmp_path: Path) -> None:
+    study = plan(Subject(strip(tmp_path)), quick=True)
+    seen = [
+        np.array(task(study.told({**study.default, "mesh.refine": refine, "dt": 0.01})).observed["body"])
+        for refine in (0, 1)
+    ]
+    assert seen[0].shape == seen[1].shape
+    fall = np.abs(seen[0][-1] - seen[0][0]).max()
+    assert 0 < np.abs(seen[0] - seen[1]).max() < 0.3 * fall
+
+
+def test_servos_move_as_the_user_says() -> None:
+    study = plan(Subject("tripod", ["mesh.level=1"], servo="0:0,0,0; 0.05:-0.2,0,0"), quick=True)
+    assert [q.name for q in study.quantities] == ["effector", "body"]
+    rows = np.array(task(study.told(study.default)).observed["effector"])
+    still = plan(Subject("tripod", ["mesh.level=1"], servo="0:0,0,0; 0.05:-1e-9,0,0"), quick=True)
+    rest = np.array(task(still.told(still.default)).observed["effector"])
+    assert np.abs(rows[-1] - rest[-1]).max() > 1e-4
+    assert study.key(study.default) != still.key(still.default)
+
+
+def test_settings_that_the_scene_refuses_are_no_points() -> None:
+    study = plan(Subject("pendulum", ["solver.linear=cg", "springs.node_mass=0.1"]), quick=False)
+    assert study.name.startswith("pendulum_")
+    for point in study.points:
+        load_scene("pendulum", [f"{k}={v}" for k, v in study.full(point.settings).items()])
+    assert {p.settings["inertia.scheme"] for p in study.points} >= {"rk4", "implicit_euler"}
+
+
+def test_another_mesh_file_or_scene_is_another_study(tmp_path: Path) -> None:
+    keys = []
+    for text in (STRIP, STRIP.replace("-0.01]", "-0.02]")):
+        path = tmp_path / "scene.toml"
+        path.write_text(text.format(name="strip"))
+        study = plan(Subject(str(path)), quick=True)
+        keys.append(study.key(study.default))
+    assert keys[0] != keys[1]
+
+
+def test_a_name_cannot_lead_the_files_elsewhere(tmp_path: Path) -> None:
+    study = plan(Subject(strip(tmp_path, "../../etc/x y")), quick=True)
+    assert study.name == "_etc_x_y"
+
+
+@pytest.mark.parametrize(
+    ("subject", "message"),
+    [
+        (Subject("tripod", ["motion=off"]), "starts at rest and no servo moves: say what does by --servo"),
+        (Subject("tripod", ["motion=off", "inertia=off", "damping=off"]), "is static and no servo moves"),
+        (Subject("silicone", servo="0:0,0,0"), "has no servos"),
+        (Subject("silicone", slide="0.01"), "has no servos"),
+        (Subject("silicone", duration=-1.0), "the duration is -1 s; allowed is"),
+        (Subject("silicone", duration=float("nan")), "the duration is nan s; allowed is"),
+        (Subject("silicone", ["material.yung=1"]), "did you mean 'young'?"),
+        (Subject("tripod_sofa", ["mesh.level=7"], duration=5000.0), "would take"),
+    ],
+)
+def test_what_cannot_be_studied_is_told_in_one_line(subject: Subject, message: str) -> None:
+    with pytest.raises(SceneError) as error:
+        plan(subject, quick=True)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,70 @@
+"""What the servos of a scene do over time: as the user says, or else the motion that the scene brings along."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_sim.errors import SceneError
+from tripod_sim.scene import Scene
+from tripod_sim.timeline import Timeline, joint_timelines
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Script:
+    """Joint values over time.
+
+    Attributes:
+        angles: Of the servos [rad]; None where they stay.
+        slides: Of the slide [m]; None where it stays.
+    """
+
+    angles: Timeline | None = None
+    slides: Timeline | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.angles or self.slides)
+
+    @property
+    def end(self) -> float:
+        """The last time at which something changes [s]; 0 where nothing does."""
+        return max((float(t.times[-1]) for t in (self.angles, self.slides) if t), default=0.0)
+
+    def started(self, scene: Scene) -> Scene:
+        """Return the scene with its servos where the script begins."""
+        if not scene.servos:
+            return scene
+        a = self.angles.at(0.0).tolist() if self.angles else scene.servos.angles
+        slide = float(self.slides.at(0.0)[0]) if self.slides else scene.servos.slide
+        return replace(scene, servos=replace(scene.servos, angles=(a[0], a[1], a[2]), slide=slide))
+
+    def joints(self, before: FloatArray, time: float) -> FloatArray:
+        """Return angles [rad] and slide [m] at a time [s], shape (s + 1,); `before` where it is silent."""
+        joints = before.copy()
+        if self.angles:
+            joints[:-1] = self.angles.at(time)
+        if self.slides:
+            joints[-1] = self.slides.at(time)[0]
+        return joints
+
+
+def script_of(scene: Scene, servo: str | None = None, slide: str | None = None) -> Script:
+    """Return what `servo` and `slide` ask for (see `timeline.joint_timelines`), or the motion of the scene.
+
+    Raises:
+        SceneError: they cannot be read, go beyond the limits of the scene, or it has no servos.
+    """
+    for option, text in (("--servo", servo), ("--slide", slide)):
+        if text is not None and not scene.servos:
+            raise SceneError(f"{option}: scene {scene.name!r} has no servos")
+    if not scene.servos:
+        return Script()
+    if servo is not None or slide is not None or not scene.motion:
+        return Script(*joint_timelines(scene.servos, servo, slide))
+    names = ("motion.servo", "motion.slide")
+    try:
+        return Script(*joint_timelines(scene.servos, scene.motion.servo, scene.motion.slide or None, names))
+    except SceneError as error:
+        raise SceneError(f"{error}; give --servo, or --set motion=off") from None
