@@ -81,6 +81,14 @@ SPECIAL: dict[str, Thing] = {
         ("fixed=[{low=[0.02, -0.02, -0.01], high=[0.04, 0.02, 0.002]}]",),
         on={"springs": ("fixed=[{low=[-0.04, -0.06, 0.0], high=[-0.033, -0.03, 0.01]}]",)},
     ),
+    "prescribed": Thing(
+        (
+            "set=[{name='moved', along=[-0.5, -0.866, 0.0], beyond=0.02, below=0.04}]",
+            "prescribed=[{set='moved', axes='xz', move='0: 0,0,0; 1: 0.01,0,0.01'}]",
+        ),
+        ("solid",),
+    ),
+    "load": Thing(words("load"), ("solid",)),
     "servos": Thing(("servos={}",), ("solid",)),
     "servo_dynamics": Thing(("servo_dynamics={}",), ("servos",)),
     "clamp": Thing(("clamp={}",), ("servos",)),
@@ -151,6 +159,8 @@ WHY: tuple[tuple[str, str, str], ...] = (
         LATER,
         "two soft bodies in a scene",
     ),
+    ("initial_velocity needs inertia", PHYSICS, "at rest nothing has a velocity"),
+    ("contact and .* exclude each other: contact knows nodes", LATER, "contact of nodes held along some axes"),
     (r"\w+ needs a solid", LATER, "servos and disc hold nodes of a solid's mesh only"),
     ("contact needs inertia.scheme", LATER, "contact in every stage"),
     ("contact and time_error exclude", LATER, "an estimate that knows of contacts"),
