@@ -65,6 +65,7 @@ TABLE: dict[str, Effect] = {
     "obstacles": Effect(),  # surfaces among those that contact is built of, no code of their own
     "rigid": Effect(
         (
+            "contact.rigid_bodies",
             "contact.rigid_build",
             "contact.rigid_set",
             "contact.rigid_shapes",

@@ -187,9 +187,13 @@ def check_contact(scene: "Scene") -> None:
         if scene.obstacles:
             raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
         return
-    if not (scene.inertia and scene.inertia.scheme in ("implicit_euler", "auto")):
-        has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is no inertia"
-        raise SceneError(f"contact needs inertia.scheme = 'implicit_euler'; {has}")
+    if not scene.inertia:
+        raise SceneError("contact needs inertia; there is none")
+    if scene.inertia.scheme in EXPLICIT:
+        raise SceneError(
+            f"inertia.scheme is {scene.inertia.scheme!r}, whose steps solve nothing, while contact forces follow from "
+            "where a step ends; allowed with contact: implicit_euler, bdf2, tr_bdf2"
+        )
     for name, why in (
         ("ball", "the ball touches nothing but the soft body; make it a [[rigid]] with shape = 'ball'"),
         ("time_error", "the estimate knows nothing of contacts"),

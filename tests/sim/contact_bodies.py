@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tripod_sim.contact.bodies import RigidBodies
 from tripod_sim.contact.response import Law
+from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 
@@ -22,20 +22,34 @@ def plate(size: float = 5.0) -> Part:
     return Part(corners, np.array([[0, 1, 2], [0, 2, 3]]), fixed=True)
 
 
-def boxes_on_plate(law: Law, centres: list[list[float]], gravity: np.ndarray, mass: float = 0.3) -> World:
+def boxes_on_plate(
+    law: Law,
+    centres: list[list[float]],
+    gravity: np.ndarray,
+    mass: float = 0.3,
+    scheme: str = "implicit_euler",
+) -> World:
     """Cubes of 0.1 m on a plate in z = 0."""
     n = len(centres)
     inertia = np.tile(mass * 0.01 / 6 * np.eye(3), (n, 1, 1))
     bodies = RigidBodies(np.full(n, mass), inertia, np.array(centres), gravity)
     parts = [box([0.1, 0.1, 0.1]) for _ in range(n)]
-    return World(law, 3 * law.distance, obstacles=[plate()], rigid=(bodies, parts))
+    return World(law, 3 * law.distance, scheme, obstacles=[plate()], rigid=(bodies, parts))
 
 
-def ball_on(obstacle: Part, law: Law, centre: list[float], radius: float = 0.05, mass: float = 0.2) -> World:
+def ball_on(
+    obstacle: Part,
+    law: Law,
+    centre: list[float],
+    radius: float = 0.05,
+    mass: float = 0.2,
+    scheme: str = "implicit_euler",
+    gravity: list[float] | None = None,
+) -> World:
     inertia = 0.4 * mass * radius**2 * np.eye(3)[None]
-    bodies = RigidBodies(np.array([mass]), inertia, np.array([centre]), np.array([0, 0, -G]))
+    bodies = RigidBodies(np.array([mass]), inertia, np.array([centre]), np.array(gravity or [0, 0, -G]))
     ball = Part(np.zeros((1, 3)), rigid=True, radius=radius)
-    return World(law, 5 * law.distance, obstacles=[obstacle], rigid=(bodies, [ball]))
+    return World(law, 5 * law.distance, scheme, obstacles=[obstacle], rigid=(bodies, [ball]))
 
 
 def balls(

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.sim.contact_bodies import G, ball_on, box, boxes_on_plate, plate
-from tripod_sim.contact.bodies import RigidBodies
 from tripod_sim.contact.response import Law
+from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 

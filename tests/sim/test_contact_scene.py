@@ -179,7 +179,7 @@ def test_bad_contact_is_named() -> None:
     assert "contact.response is 'glue'; allowed: lagrange, penalty" in refused("contact.response=glue")
     assert "obstacles need contact" in refused("contact=off")
     assert "nothing to touch" in refused("obstacles=off")
-    assert "implicit_euler" in refused("inertia.scheme=bdf2")
+    assert "implicit_euler, bdf2, tr_bdf2" in refused("inertia.scheme=semi_implicit_euler")
 
 
 def test_bad_obstacles_are_named(tmp_path: Path) -> None:

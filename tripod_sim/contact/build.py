@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_sim.build import Parts
-from tripod_sim.contact.bodies import Nodes, SpringNodes
+from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rotations import turned_by
+from tripod_sim.contact.spring_nodes import SpringNodes
 from tripod_sim.contact.start import check_itself, check_start, lift
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
@@ -86,7 +87,10 @@ def contact_stepper(
         contact.tolerance, max_solves=contact.max_solves,
     )  # fmt: skip
     bodies = (rigid.bodies(), rigid.parts) if rigid else None
-    world = World(law, contact.alarm_distance, obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies)
+    world = World(
+        law, contact.alarm_distance, scene.inertia.scheme if scene.inertia else "statics",
+        obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies,
+    )  # fmt: skip
     return ContactStepper(world)
 
 

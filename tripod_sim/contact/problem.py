@@ -9,6 +9,7 @@ from scipy import sparse
 from tripod_sim.contact import hessian_kernels, response_kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.integrators.looking_back import Stage
 from tripod_sim.linear.ldl import Ldl
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
@@ -82,10 +83,10 @@ class StepProblem:
         """Return where the unknowns of each body are."""
         return [slice(int(a), int(b)) for a, b in zip(self.first, self.first[1:], strict=False)]
 
-    def begin(self, h: float, u: FloatArray) -> None:
-        """Prepare a step of `h` [s] and write the moves without forces to `u`."""
+    def begin(self, stage: Stage, u: FloatArray) -> None:
+        """Prepare a stage and write the moves without forces to `u`."""
         for body, part in zip(self._bodies, self.slices(), strict=True):
-            body.begin(h)
+            body.begin(stage)
             body.guess(u[part])
         self._assemble(u, project=True)
         np.divide(1.0, self._pattern.data[self._diagonal], out=self.give)

@@ -1,7 +1,8 @@
-"""Restitution: impulses on the masses after a step."""
+"""Hits, and restitution: impulses on the masses after a step."""
 
 from typing import Any
 
+import numpy as np
 from numba import njit
 
 from tripod_sim.contact.contact_set import Contacts
@@ -76,3 +77,29 @@ def restitute(
                     v[b + 4] += (r[2] * n[0] - r[0] * n[2]) * add * give[b + 3]
                     v[b + 5] += (r[0] * n[1] - r[1] * n[0]) * add * give[b + 3]
     return largest
+
+
+@njit(cache=True, error_model="numpy")
+def hits(c: Contacts, count: int, before: Array, after: Array, slowest: float) -> bool:
+    """Return whether sides that press meet or part faster than `slowest` [m/s] before or after a stage.
+
+    Or move so in the direction in which friction pushes: then it has stopped them within the stage.
+
+    Args:
+        c, count: Contacts.
+        before, after: Velocities of unknowns [m/s, rad/s], shape (u,).
+        slowest: See above.
+    """
+    for k in range(count):
+        f, n = c.friction[k], c.normal[k]
+        if not c.pressure[k] > 0.0:
+            continue
+        size = np.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+        for v in (before, after):
+            d0, d1, d2 = relative(c.base, c.lump, c.moment, c.width, k, v)
+            speed = abs(n[0] * d0 + n[1] * d1 + n[2] * d2)
+            if size > 0.0:
+                speed = max(speed, (f[0] * d0 + f[1] * d1 + f[2] * d2) / size)
+            if speed > slowest:
+                return True
+    return False

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tripod_sim.contact.bodies import RigidBodies
+from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.rigid_shapes import Shape
 from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.contact.surfaces import Part

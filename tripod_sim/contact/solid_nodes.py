@@ -1,4 +1,4 @@
-"""A finite-element solid among bodies in contact: the potential of an implicit step in the moves of its unknowns.
+"""A finite-element solid among bodies in contact: the potential of an implicit stage in the moves of its unknowns.
 
 The potential is that of `ImplicitStage`, with all that the scene fastens to the solid. Its unknowns are those of
 `Reduction` (free nodes, then rigid groups such as the disc, each with a rotation vector theta over the step) and, last,
@@ -15,6 +15,7 @@ from scipy import sparse
 
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact.rotations import left_jacobian
+from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.state import State
@@ -40,6 +41,7 @@ class SolidNodes:
         held: Which of them do not yield: driven and fixed ones, shape (k,).
         yielding: Unknowns that are not driven.
         bounded: Whether strains are: no.
+        looked_back: Whether the next stage may look back on the last.
     """
 
     bounded = False
@@ -59,7 +61,7 @@ class SolidNodes:
         kind = r.kind[nodes]
         self._driven = np.flatnonzero(kind == Kind.DRIVEN)
         self.base, self.width = r.base[nodes].copy(), np.where(kind == Kind.RIGID, 6, 3)
-        self.yielding = r.unknowns
+        self.yielding, self.looked_back = r.unknowns, False
         self.base[self._driven] = r.unknowns + 3 * np.arange(len(self._driven))
         self.unknowns = r.unknowns + 3 * len(self._driven)
         self.held = (kind == Kind.DRIVEN) | (kind == Kind.FIXED)
@@ -78,7 +80,10 @@ class SolidNodes:
         self._trial: State | None = None
         self._at, self._phi, self._given = np.full(self.unknowns, np.nan), 0.0, False
         self._goal = self._rate = np.zeros(0)
-        self._left = self._h = 1.0
+        self._left, self._now_at = 1.0, Stage(1.0, 1.0)
+        self._memory: Memory | None = None
+        self._read = np.zeros((0, 0, 3))  # what of the start of a stage may be looked back on
+        self._kept: tuple[State, float] | None = None
         self._projected = self._hold = False
         self._free = r.free
 
@@ -120,21 +125,38 @@ class SolidNodes:
         group = self._system.reduction.number[self.nodes[self._rigid]]
         arm[self._rigid] = positions[self._rigid] - start.centres[group]
 
-    def begin(self, h: float) -> None:
-        """Prepare a step of `h` [s] from the present state."""
+    def keep(self) -> None:
+        """Remember the present state."""
+        self._kept = self._now().copy(), self._left
+
+    def recall(self) -> None:
+        """Return to it."""
+        assert self._kept
+        state, self._left = self._kept
+        state.copy_to(self._now())
+        self._at[:] = np.nan
+
+    def begin(self, stage: Stage) -> None:
+        """Prepare a stage from the present state."""
         start, trial, system = self._now(), self._trial, self._system
         assert trial is not None
-        self._h, self._given = h, False
+        self._now_at, self._given = stage, False
         self._hold, self._projected = self._projected, False
         system.assemble(start, project=True)  # the condensation of the modes is that of the start
         if system.damping:
             system.damping.held = False
             if self._hold:
                 system.damping.hold()
-        self._stage.read(start, self._stage.known)
-        self._stage.aim(h)
-        left = self._left - h
-        joints = self._goal if left < 1e-9 * h else start.joints + h * self._rate
+        known = self._stage.known
+        self._stage.read(start, known)
+        if self.looked_back:
+            if self._memory is None:
+                self._memory, self._read = Memory(known.shape), np.zeros_like(known)
+            self._read[:] = known
+            self._memory.known(self._read, stage, known)
+        self._stage.aim(stage.s)
+        left = self._left - stage.length
+        joints = self._goal if left < 1e-9 * stage.length else start.joints + stage.length * self._rate
         start.copy_to(trial)
         system.drive(trial, joints)
         self._remember(start)
@@ -145,8 +167,8 @@ class SolidNodes:
 
         Where driven nodes move, the others go along as the linearised system answers.
         """
-        self.velocity(u)
-        u *= self._h
+        self.rate_at_start(u)
+        u *= self._now_at.length
         if u[self.yielding :].any():
             self._go_along(u)
         for part in (0.5, 0.5, 0.5, 0.0):
@@ -198,14 +220,35 @@ class SolidNodes:
             self._at[:] = np.nan
         out[:] = self._trial.positions[self.nodes]
 
-    def velocity(self, out: FloatArray) -> None:
-        """Write the velocities of the unknowns at the start of the step [m/s, rad/s]."""
-        start, trial, system = self._now(), self._trial, self._system
+    def rate_at_start(self, out: FloatArray) -> None:
+        """Write the velocities of the unknowns at the start of the stage, of driven nodes those over it."""
+        self._fit(self._now().velocities, out)
+        self._add_driven(out)
+
+    def rate_at_end(self, u: FloatArray, out: FloatArray) -> None:
+        """Write the velocities of the unknowns after the moves `u`, of driven nodes those over the stage."""
+        start, stage = self._now(), self._now_at
+        out[:] = 0.0
+        if not stage.begins:
+            self._fit(start.positions - self._stage.known[0], out)
+        out += u
+        out /= stage.s
+        self._add_driven(out)
+
+    def _add_driven(self, out: FloatArray) -> None:
+        """Write the velocities of driven nodes over the stage."""
+        start, trial, driven = self._now(), self._trial, self.nodes[self._driven]
         assert trial is not None
+        moves = trial.positions[driven] - start.positions[driven]
+        out[self.yielding :] = (moves / self._now_at.length).ravel()
+
+    def _fit(self, field: FloatArray, out: FloatArray) -> None:
+        """Write the unknowns' share of a linear field on the nodes, shape (n, 3), in the present pose."""
+        start, system = self._now(), self._system
         first = 3 * system.reduction.free_count
-        out[:first] = start.velocities[self._free].ravel()
+        out[:first] = field[self._free].ravel()
         for b, nodes in enumerate(system.groups.rigid):
-            r, v = start.positions[nodes] - start.centres[b], start.velocities[nodes]
+            r, v = start.positions[nodes] - start.centres[b], field[nodes]
             spread = (r**2).sum() * np.eye(3) - r.T @ r
             arm, mean = r.mean(axis=0), v.mean(axis=0)
             k = first + 6 * b
@@ -214,8 +257,6 @@ class SolidNodes:
                 np.cross(r - arm, v - mean).sum(axis=0), rcond=1e-9,
             )[0]  # fmt: skip
             out[k : k + 3], out[k + 3 : k + 6] = mean - np.cross(spin, arm), spin
-        driven = self.nodes[self._driven]
-        out[self.yielding :] = ((trial.positions[driven] - start.positions[driven]) / self._h).ravel()
 
     def give(self, out: FloatArray) -> None:
         """Write 1 / mass of each unknown [1/kg, 1/(kg m²)]; 0 of driven nodes."""
@@ -233,6 +274,10 @@ class SolidNodes:
         """Strains of a solid have no bound."""
         return False
 
+    def taut(self) -> bool:
+        """Strains of a solid have no bound."""
+        return False
+
     def tighten(self) -> None:
         """There is nothing that bounds strains."""
 
@@ -240,20 +285,23 @@ class SolidNodes:
         """There is nothing that bounds strains."""
         return 0.0
 
-    def finish(self, u: FloatArray, v: FloatArray, h: float, ends: FloatArray) -> None:
-        """Let the moves `u` be made, with the velocities `v` of the unknowns, which restitution may have changed."""
-        start, trial, system = self._now(), self._trial, self._system
+    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
+        """Let the moves `u` be made; `kick`: what impulses add to the velocities of the unknowns afterwards."""
+        start, trial, system, stage = self._now(), self._trial, self._system, self._now_at
         assert trial is not None
         self._place(u)
-        np.subtract(trial.positions, start.positions, out=trial.velocities)
-        trial.velocities /= h
-        changed = v - u / h
-        if changed.any():
+        np.subtract(trial.positions, self._stage.known[0], out=trial.velocities)
+        trial.velocities /= stage.s
+        if kick is not None:
             self._dx[:] = 0.0
-            system.reduction.moves(np.ascontiguousarray(changed[: self.yielding]), system.lever, self._dx)
+            system.reduction.moves(np.ascontiguousarray(kick[: self.yielding]), system.lever, self._dx)
             trial.velocities += self._dx
+        if self.looked_back and self._memory:
+            after = np.empty_like(self._read)
+            self._stage.read(trial, after)
+            self._memory.note(self._read, self._stage.known, after, stage)
         trial.copy_to(start)
-        self._left -= h
+        self._left -= stage.length
         self._at[:] = np.nan
 
     # ------------------------------------------------------------------------------------------------------------------

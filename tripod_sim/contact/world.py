@@ -1,4 +1,4 @@
-"""Bodies that touch: one step by implicit Euler with contact.
+"""Bodies that touch: one step of an implicit scheme with contact, stage by stage.
 
 1. Contacts: what is nearer than the alarm distance and, in fast steps, what would come nearer than the contact
    distance without forces.
@@ -6,21 +6,30 @@
 3. Continuous detection over the moves found: what comes too close on the way is added and the response repeated, so
    that nothing passes through anything, at last to its tolerance. Where that does not end the step is halved, at last
    cut short before the hit.
+
+A hit is a jump of the velocity, over which no scheme may look back: bodies would bounce off by what it remembers. So a
+step of BDF2 or TR-BDF2 in which something hits is made anew by implicit Euler, as is the next one, which has nothing to
+look back on. Parts of a step are steps of implicit Euler, too.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_sim.contact import response_kernels as kernels
-from tripod_sim.contact.bodies import Body, Nodes, RigidBodies
+from tripod_sim.contact.bodies import Body, Nodes
 from tripod_sim.contact.contact_set import ContactSet, inherit
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Outcome, Response
-from tripod_sim.contact.restitution_kernels import restitute
+from tripod_sim.contact.restitution_kernels import hits, restitute
 from tripod_sim.contact.surfaces import Part, join
+from tripod_sim.integrators.looking_back import Stage, implicit_euler, stages
 from tripod_sim.mesh.solid_mesh import FloatArray
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.contact.rigid_bodies import RigidBodies
 
 
 @dataclass
@@ -39,6 +48,8 @@ class ContactReport:
         met: Pairs that continuous detection added.
         cut: Fraction of the step that was given up to let nothing pass; 0 unless the response failed.
         parts: Parts that the step was divided into.
+        restarted: Whether the step was one of implicit Euler although the scheme is another: something hit, or the next
+            to last step did not end smoothly.
     """
 
     contacts: int = 0
@@ -51,6 +62,7 @@ class ContactReport:
     met: int = 0
     cut: float = 0.0
     parts: int = 0
+    restarted: bool = False
 
 
 class World:
@@ -69,20 +81,26 @@ class World:
     PART_SPEED = 0.5
     """At which bodies that begin too close are parted [m/s]."""
 
+    HIT, NOISE = 0.05, 4.0
+    """Way within a step, in contact distances, by which what touches may approach without hitting, unless that is
+    faster than `rest_speed`; the least such way, in tolerances."""
+
     def __init__(
         self,
         law: Law,
         alarm: float,
+        scheme: str = "implicit_euler",
         *,
         obstacles: list[Part],
         nodes: tuple[Nodes, Part] | None = None,
-        rigid: tuple[RigidBodies, list[Part]] | None = None,
+        rigid: "tuple[RigidBodies, list[Part]] | None" = None,
     ) -> None:
         """Join the surfaces.
 
         Args:
             law: What contacts do.
             alarm: Distance below which contacts are made [m], larger than the contact distance.
+            scheme: `implicit_euler`, which `auto` is with a fixed dt, `bdf2` or `tr_bdf2`.
             obstacles: Fixed bodies.
             nodes: The deformable body and its surface, in the order of its vertices.
             rigid: The rigid bodies and their surfaces, vertices about the centre.
@@ -117,6 +135,10 @@ class World:
         self._some_held = bool(nodes and nodes[0].held.any())
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
+        self._bodies, self._scheme, self._before = bodies, scheme, 0.0
+        self._looks_back, self._solved = scheme in ("bdf2", "tr_bdf2"), True
+        for body in bodies:
+            body.looked_back = self._looks_back
         self._bounded = nodes[0] if nodes and nodes[0].bounded else None
         self.response = Response(law, self.problem, self.contacts, self._bounded)
         self._ends = np.zeros_like(self.positions)
@@ -124,12 +146,15 @@ class World:
         self._place()
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, self._held)
         self._impulse = np.zeros(64)
+        self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
         self.detector.warm_up(self.positions)
+        none = np.zeros_like(self._u)
         if law.restitution > 0:
-            none = np.zeros_like(self._u)
             restitute(
                 self.contacts.arrays, 0, none, none, none, law.restitution, law.rest_speed, 0, self._impulse
             )
+        if self._looks_back:
+            hits(self.contacts.arrays, 0, none, none, 0.0)
 
     def positions_now(self) -> FloatArray:
         """Return where all surface vertices are now [m], shape (n, 3): a view that the next step overwrites."""
@@ -137,8 +162,8 @@ class World:
         return self.positions
 
     def forget(self) -> None:
-        """Drop the forces kept from the last step."""
-        self.contacts.count = 0
+        """Drop the forces kept from the last step, and what the next may look back on."""
+        self.contacts.count, self._before = 0, 0.0
 
     def _place(self) -> None:
         """Write `positions` of moving vertices, from nodes and rigid bodies."""
@@ -184,34 +209,79 @@ class World:
     def step(self, h: float) -> ContactReport:
         """Advance all bodies by `h` [s]. Raises DescentError and leaves them."""
         report = ContactReport()
-        self._advance(h, report, 0)
+        smooth = self._before > 0.0 and self._look_back(h, report)
+        if not smooth:
+            report.restarted = self._looks_back
+            smooth = self._advance(h, report, 0)
+        self._before = h if smooth else 0.0
         c = self.contacts
         pressure = c.arrays.pressure[: c.count]
         report.contacts, report.pressed = c.count, int((pressure > 0).sum())
         report.force = float(pressure.sum())
         return report
 
-    def _advance(self, h: float, report: ContactReport, depth: int) -> None:
+    def _look_back(self, h: float, report: ContactReport) -> bool:
+        """Advance by the scheme's own stages; return False, the bodies where they were, where that is not smooth."""
         u = self._u
-        self._place()
-        self.problem.begin(h, u)
-        self._detect(u)
-        share = 1.0
-        try:
-            share = self._respond(u, h, report, depth)
-        except DescentError:
-            if depth >= self.MOST_HALVINGS:
-                raise
-            share = -1.0
+        for body in self._bodies:
+            body.keep()
+        for stage in stages(self._scheme, h, self._before):
+            if self._move(stage, report, 0) < 1.0 or self._hits(u, h):
+                for body in self._bodies:
+                    body.recall()
+                return False
+            self._finish(u, bounce=False)
+        report.parts += 1
+        return True
+
+    def _advance(self, h: float, report: ContactReport, depth: int) -> bool:
+        """Advance by implicit Euler, halved where needed; return whether the scheme may look back on that."""
+        u = self._u
+        share = self._move(implicit_euler(h), report, depth)
         if share < 1.0 and depth < self.MOST_HALVINGS:
             self._advance(h / 2, report, depth + 1)
             self._advance(h / 2, report, depth + 1)
-            return
+            return False
         if share < 1.0:
             self._cut(u, share)
             report.cut = max(report.cut, 1.0 - share)
         report.parts += 1
-        self._finish(u, h)
+        smooth = self._looks_back and share >= 1.0 and not self._hits(u, h)
+        self._finish(u, bounce=True)
+        return smooth
+
+    def _move(self, stage: Stage, report: ContactReport, depth: int) -> float:
+        """Write the moves of a stage to `_u`; return 1, or the share until which nothing is passed, -1 for none."""
+        u = self._u
+        self._place()
+        self.problem.begin(stage, u)
+        self._detect(u)
+        try:
+            return self._respond(u, stage.length, report, depth)
+        except DescentError:
+            if depth >= self.MOST_HALVINGS:
+                raise
+            return -1.0
+
+    def _hits(self, u: FloatArray, h: float) -> bool:
+        """Return whether a scheme may not look back on the moves `u` in a step of `h` [s].
+
+        Something hits; or the forces are not found; or a bound of strains pulls, or a spring of penalty presses, which
+        have no damping but that of implicit Euler.
+        """
+        if not self._solved or (self.nodes and self.nodes.taut()):
+            return True
+        c, law = self.contacts, self.law
+        if not (c.arrays.pressure[: c.count] > 0.0).any():
+            return False
+        if law.response == "penalty":
+            return True
+        for body, part in zip(self._bodies, self.problem.slices(), strict=True):
+            body.rate_at_start(self._start_rate[part])
+            body.rate_at_end(u[part], self._end_rate[part])
+        slowest = min(law.rest_speed, self.HIT * law.distance / h)
+        slowest = max(slowest, self.NOISE * law.tolerance * law.distance / h)
+        return bool(hits(c.arrays, c.count, self._start_rate, self._end_rate, slowest))
 
     def _detect(self, u: FloatArray) -> None:
         """Fill `contacts` for a step that without forces makes the moves `u`."""
@@ -264,6 +334,7 @@ class World:
             report.passes += 1
             report.rounds += outcome.rounds
             report.residual, report.smallest_gap = outcome.residual, outcome.smallest
+            self._solved = outcome.solved
             if not (bounded and outcome.done and bounded.exceeds(u[: bounded.unknowns])):
                 return outcome
             why = f"gaps, slips or lengths are still {outcome.residual:.2g} m off"
@@ -284,33 +355,22 @@ class World:
                 return
             scale = 0.9 * share if share > 1e-3 else 0.0
 
-    def _finish(self, u: FloatArray, h: float) -> None:
-        """Move the bodies by `u` and give them their velocities."""
-        c, law, v = self.contacts, self.law, u / h
-        parts = self.problem.slices()
-        if law.restitution > 0 and c.count:
-            self._bounce(v, parts)
-        if self.nodes:
-            self.nodes.finish(u[parts[0]], v[parts[0]], h, self._ends[self._node_range])
-        if self.rigid:
-            self.rigid.centre, self.rigid.rotation = self.rigid.moved(u[parts[-1]])
-            moves = v[parts[-1]].reshape(-1, 6)
-            self.rigid.velocity[:], self.rigid.spin[:] = moves[:, :3], moves[:, 3:]
+    def _finish(self, u: FloatArray, *, bounce: bool) -> None:
+        """Move the bodies by `u` and give them their velocities, with restitution if hits may `bounce`."""
+        kick = self._kick(u) if bounce and self.law.restitution > 0 and self.contacts.count else None
+        for body, part in zip(self._bodies, self.problem.slices(), strict=True):
+            body.finish(u[part], None if kick is None else kick[part])
 
-    def _bounce(self, v: FloatArray, parts: list[slice]) -> None:
-        """Add restitution to the velocities `v` after the step."""
-        before, give = np.zeros_like(v), np.zeros_like(v)
-        if self.nodes:
-            self.nodes.velocity(before[parts[0]])
-            self.nodes.give(give[parts[0]])
-        if self.rigid:
-            before[parts[-1]] = np.hstack([self.rigid.velocity, self.rigid.spin]).ravel()
-            inverse = np.linalg.inv(self.rigid.inertia)
-            turning = np.trace(inverse, axis1=1, axis2=2) / 3
-            give[parts[-1]] = np.repeat(np.stack([1 / self.rigid.mass, turning], axis=1), 3, axis=1).ravel()
-        c = self.contacts
+    def _kick(self, u: FloatArray) -> FloatArray:
+        """Return what restitution adds to the velocities after the moves `u`."""
+        before, after, give = self._start_rate, self._end_rate, np.zeros_like(u)
+        for body, part in zip(self._bodies, self.problem.slices(), strict=True):
+            body.rate_at_start(before[part])
+            body.rate_at_end(u[part], after[part])
+            body.give(give[part])
+        c, law = self.contacts, self.law
         if len(self._impulse) < c.count:
             self._impulse = np.zeros(2 * c.count)
-        restitute(
-            c.arrays, c.count, before, v, give, self.law.restitution, self.law.rest_speed, 50, self._impulse
-        )
+        v = after.copy()
+        restitute(c.arrays, c.count, before, v, give, law.restitution, law.rest_speed, 50, self._impulse)
+        return v - after

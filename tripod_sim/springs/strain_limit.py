@@ -9,7 +9,7 @@ internal and central, the momentum stays. Of a body that nothing holds, a rotati
 back the angular momentum that moving the nodes took [GoldenthalEtAl2007].
 
 With contact a move afterwards would press bodies into each other: there a term of the potential that the step minimises
-(`contact.bodies.SpringNodes`) is, with multipliers t, the tensions [N], that are set after each minimisation to what it
+(see `contact.spring_nodes`) is, with multipliers t, the tensions [N], that are set after each minimisation to what it
 asks for [NocedalWright2006, chapter 17],
 
     sum of max(0, t + K (l(x) - (1 - s) l_max))² / 2 K:   springs of rest length (1 - s) l_max - t / K that do not push.
@@ -75,6 +75,11 @@ class Bound:
         """Return whether a spring is longer than its bound at `x` [m], shape (n, 3)."""
         lengths(x, self._springs, self._length)
         return bool((self._length > self.longest).any())
+
+    @property
+    def pulls(self) -> bool:
+        """Whether a spring has a tension at its bound."""
+        return bool((self.links.rest < (1 - MARGIN) * self.longest).any())
 
     @property
     def worst(self) -> float:

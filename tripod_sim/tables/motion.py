@@ -72,7 +72,7 @@ class StrainLimit:
 
 @dataclass(frozen=True)
 class Contact:
-    """Bodies do not pass through obstacles and each other, nor through themselves if asked. Needs implicit Euler.
+    """Bodies do not pass through obstacles and each other, nor through themselves if asked. Not for explicit schemes.
 
     Attributes:
         response: `lagrange`: multipliers, which hold the contact distance and Coulomb's law; `penalty`: springs, faster

@@ -1,0 +1,170 @@
+"""Rigid bodies in contact: the potential of an implicit stage in their moves."""
+
+import numpy as np
+from scipy import sparse
+
+from tripod_sim.constraints.groups import rotation_matrix
+from tripod_sim.contact.rigid_state import RigidState
+from tripod_sim.integrators.looking_back import Memory, Stage
+from tripod_sim.mesh.solid_mesh import FloatArray
+
+
+class RigidBodies:
+    """Rigid bodies under gravity: translation u_c and rotation vector u_r of each, in world.
+
+        m |u_c - w_c - s (v_0 + s g)|² / (2 s²) + |u_r - t|²_I / (2 s²)
+
+    with w = z - x and v_0 as the stage looks back (see `integrators.looking_back`). What a scheme does to velocities it
+    does to the angular momentum, of which it knows L_0: t = w_r + s I'^-1 L_0, with I' that of the body turned by t.
+    Without a torque it stays what it is, however fast the body tumbles. Rotation vectors are about the pose at the
+    start of the stage; that the spin is not quite their derivative there is an error of the second order over a motion.
+    I is I', too; but in a stage that looks back on nothing, and may be a hit, it is that at its start, as the arms of
+    contacts are, and the spin that of the turn, as the contacts ask for.
+
+    Attributes:
+        mass: [kg], shape (b,).
+        inertia: About the centre in the body's frame [kg m²], shape (b, 3, 3).
+        centre, velocity, spin: [m], [m/s], [rad/s], in world, shape (b, 3).
+        rotation: From the body's frame to world, shape (b, 3, 3).
+        yielding, looked_back: See `Body`.
+    """
+
+    MOST_TURNS, SAME = 20, 1e-12
+    """Iterations for t, and its change, as a share, at which they end."""
+
+    def __init__(
+        self, mass: FloatArray, inertia: FloatArray, centre: FloatArray, gravity: FloatArray
+    ) -> None:
+        """At rest, not turned; `gravity` [m/s²], shape (3,)."""
+        b = len(mass)
+        self.mass, self.inertia = np.array(mass, dtype=float), np.array(inertia, dtype=float).reshape(b, 3, 3)
+        self.centre, self._gravity = (
+            np.array(centre, dtype=float).reshape(b, 3),
+            np.array(gravity, dtype=float),
+        )
+        self.velocity, self.spin = np.zeros((2, b, 3))
+        self.rotation = np.tile(np.eye(3), (b, 1, 1))
+        self.unknowns = self.yielding = 6 * b
+        self.looked_back, self._stage = False, Stage(1.0, 1.0)
+        self._inverse = np.linalg.inv(self.inertia)
+        self._world, self._aim, self._way, self._known = np.zeros((b, 3, 3)), *np.zeros((3, b, 6))
+        self._momentum, self._moved = np.zeros((2, b, 6))  # velocity and L; moves of the last stage
+        self._memory = Memory((b, 6))
+        self._untouched = np.zeros((b, 3))  # spin after the stage of a body that nothing touches
+        self._kept: RigidState | None = None
+        rows = np.concatenate([np.arange(6 * k, 6 * k + j + 1) for k in range(b) for j in range(6)])
+        indptr = np.concatenate([[0], np.cumsum(np.tile(np.arange(1, 7), b))])
+        self.pattern = sparse.csc_matrix((np.ones(len(rows)), rows, indptr), shape=(6 * b, 6 * b))
+        self._upper = np.array([(i, j) for j in range(6) for i in range(j + 1)]).T
+
+    def load(self, state: RigidState) -> None:
+        """Begin a step from `state`."""
+        self.centre[:], self.rotation[:] = state.centres, state.rotations
+        self.velocity[:], self.spin[:] = state.velocities, state.spins
+
+    def store(self, state: RigidState) -> None:
+        """Write where the bodies are now to `state`."""
+        state.centres[:], state.rotations[:] = self.centre, self.rotation
+        state.velocities[:], state.spins[:] = self.velocity, self.spin
+
+    def keep(self) -> None:
+        """Remember poses and velocities."""
+        self._kept = RigidState(*(a.copy() for a in (self.centre, self.rotation, self.velocity, self.spin)))
+
+    def recall(self) -> None:
+        """Return to them."""
+        assert self._kept
+        self.load(self._kept)
+
+    def begin(self, stage: Stage) -> None:
+        """Prepare a stage from the present poses and velocities."""
+        self._stage, s = stage, stage.s
+        now, way = self._momentum, self._way
+        now[:, :3] = self.velocity
+        for k, (R, w) in enumerate(zip(self.rotation, self.spin, strict=True)):
+            now[k, 3:] = R @ (self.inertia[k] @ (R.T @ w))
+        way[:] = 0.0
+        if not stage.begins:
+            way += stage.back * self._moved
+            way[:, :3] += stage.lead * self.velocity
+            way[:, 3:] += stage.lead * self.spin
+        self._memory.known(now, stage, self._known)
+        self._aim[:, :3] = way[:, :3] + s * self._known[:, :3] + s * s * self._gravity
+        for k, R in enumerate(self.rotation):
+            turn, L = way[k, 3:] + s * self.spin[k], self._known[k, 3:]
+            for _ in range(self.MOST_TURNS):
+                there = rotation_matrix(turn) @ R
+                before, turn = turn, way[k, 3:] + s * (there @ (self._inverse[k] @ (there.T @ L)))
+                if (
+                    np.abs(turn - before).max() <= self.SAME * np.abs(turn).max()
+                ):  # at once where all axes are alike
+                    break
+            self._aim[k, 3:] = turn
+            if stage.begins:
+                self._world[k] = R @ self.inertia[k] @ R.T
+                there = rotation_matrix(turn) @ R
+                self._untouched[k] = there @ (self._inverse[k] @ (there.T @ L))
+            else:
+                self._world[k] = there @ self.inertia[k] @ there.T
+
+    def guess(self, u: FloatArray) -> None:
+        """Write the moves of a stage without contact."""
+        u[:] = self._aim.ravel()
+
+    def add(self, u: FloatArray, out: FloatArray) -> float:
+        """Add the gradient at `u` to `out`; return the potential."""
+        s = self._stage.s
+        off = (u.reshape(-1, 6) - self._aim) / (s * s)
+        force = np.empty_like(off)
+        force[:, :3] = self.mass[:, None] * off[:, :3]
+        force[:, 3:] = np.einsum("kij,kj->ki", self._world, off[:, 3:])
+        out += force.ravel()
+        return 0.5 * s * s * float(np.vdot(off, force))
+
+    def hessian(self, u: FloatArray, *, project: bool) -> None:
+        """Write the Hessian, the same at any `u`, into `pattern.data`."""
+        block = np.zeros((6, 6))
+        for k in range(len(self.mass)):
+            block[:3, :3], block[3:, 3:] = self.mass[k] * np.eye(3), self._world[k]
+            self.pattern.data[21 * k : 21 * k + 21] = block[self._upper[0], self._upper[1]] / self._stage.s**2
+
+    def rate_at_start(self, out: FloatArray) -> None:
+        """Write velocities and spins."""
+        out[:] = np.hstack([self.velocity, self.spin]).ravel()
+
+    def rate_at_end(self, u: FloatArray, out: FloatArray) -> None:
+        """Write those after the moves `u`."""
+        out[:] = (u - self._way.ravel()) / self._stage.s
+
+    def give(self, out: FloatArray) -> None:
+        """Write 1 / mass and the mean of 1 / moment of inertia."""
+        turning = np.trace(self._inverse, axis1=1, axis2=2) / 3
+        out[:] = np.repeat(np.stack([1 / self.mass, turning], axis=1), 3, axis=1).ravel()
+
+    def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
+        """Let the moves `u` be made."""
+        after = np.empty_like(u)
+        self.rate_at_end(u, after)
+        momentum = after.reshape(-1, 6).copy()
+        momentum[:, 3:] = np.einsum("kij,kj->ki", self._world, momentum[:, 3:])
+        self.centre, self.rotation = self.moved(u)
+        self.velocity[:] = momentum[:, :3]
+        off = (u.reshape(-1, 6) - self._aim)[:, 3:] / self._stage.s
+        for k, R in enumerate(self.rotation):
+            if self._stage.begins:
+                self.spin[k] = self._untouched[k] + off[k]
+                momentum[k, 3:] = R @ (self.inertia[k] @ (R.T @ self.spin[k]))
+            else:
+                self.spin[k] = R @ (self._inverse[k] @ (R.T @ momentum[k, 3:]))
+        if kick is not None:
+            self.velocity += kick.reshape(-1, 6)[:, :3]
+            self.spin += kick.reshape(-1, 6)[:, 3:]
+        if self.looked_back:
+            self._moved[:] = u.reshape(-1, 6)
+            self._memory.note(self._momentum, self._known, momentum, self._stage)
+
+    def moved(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the centres (b, 3) and rotations (b, 3, 3) after the moves `u`."""
+        moves = u.reshape(-1, 6)
+        turned = [rotation_matrix(t) @ R for t, R in zip(moves[:, 3:], self.rotation, strict=True)]
+        return self.centre + moves[:, :3], np.array(turned).reshape(-1, 3, 3)
