@@ -162,7 +162,6 @@ WHY: tuple[tuple[str, str, str], ...] = (
     ("initial_velocity needs inertia", PHYSICS, "at rest nothing has a velocity"),
     ("contact and .* exclude each other: contact knows nodes", LATER, "contact of nodes held along some axes"),
     (r"\w+ needs a solid", LATER, "servos and disc hold nodes of a solid's mesh only"),
-    ("contact needs inertia.scheme", LATER, "contact in every stage"),
     ("contact and time_error exclude", LATER, "an estimate that knows of contacts"),
     ("contact and ball exclude", LATER, "the ball as a rigid body"),
     ("time_error and strain_limit exclude", LATER, "an estimate that knows of the bound"),

@@ -25,6 +25,7 @@ from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.motion import EXPLICIT
+from tripod_sim.tables.robot import Servos
 
 if TYPE_CHECKING:
     from tripod_sim.ball.body_ball import BodyBall
@@ -153,7 +154,7 @@ def _built(scene: Scene) -> Parts:
     velocities, watched = _velocities(scene, sets, rest, groups.held()), _watched(scene, sets)
     loads, ball = _ball(scene, rest, groups, mesh.surface, plate)
     explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
-    if scene.inertia and not explicit:
+    if (scene.inertia and not explicit) or scene.contact:
         from tripod_sim.forces.anchor import Anchor
 
         inertia = Anchor(len(rest))
@@ -218,8 +219,7 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
     if not scene.inertia:
         from tripod_sim.integrators.quasi_static import QuasiStatic
 
-        reach = max(scene.servos.axis_depth, 0.005) if scene.servos else 0.03
-        return QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach)
+        return QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach_of(scene.servos))
     drag = scene.damping.mass if scene.damping else 0.0
     if inertia:
         from tripod_sim.integrators.schemes import make_scheme
@@ -248,6 +248,11 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
     rayleigh = scene.damping.stiffness if scene.damping else 0.0
     divide = scene.inertia.substeps == "auto"
     return ExplicitSolid(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
+
+
+def reach_of(servos: "Servos | None") -> float:
+    """Return the length of the arms by which a slide counts as a turn [m]."""
+    return max(servos.axis_depth, 0.005) if servos else 0.03
 
 
 def _fastened(scene: Scene, rest: FloatArray, groups: Groups) -> "tuple[FloatArray, Groups, Plate | None]":

@@ -187,9 +187,7 @@ def check_contact(scene: "Scene") -> None:
         if scene.obstacles:
             raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
         return
-    if not scene.inertia:
-        raise SceneError("contact needs inertia; there is none")
-    if scene.inertia.scheme in EXPLICIT:
+    if scene.inertia and scene.inertia.scheme in EXPLICIT:
         raise SceneError(
             f"inertia.scheme is {scene.inertia.scheme!r}, whose steps solve nothing, while contact forces follow from "
             "where a step ends; allowed with contact: implicit_euler, bdf2, tr_bdf2"
@@ -200,6 +198,11 @@ def check_contact(scene: "Scene") -> None:
     ):
         if getattr(scene, name):
             raise SceneError(f"contact and {name} exclude each other: {why}")
+    if scene.rigid and not scene.inertia:
+        raise SceneError(
+            "rigid needs inertia: nothing holds the bodies but what they happen to lie on, so where they rest is not "
+            "determined; add [inertia], or make what stands still one of the [[obstacles]]"
+        )
     soft = bool(scene.mesh or scene.springs)
     if contact.self_contact and not soft:
         raise SceneError("contact.self_contact needs a soft body: a rigid one does not touch itself")

@@ -49,6 +49,9 @@ class Body(Protocol):
     def give(self, out: FloatArray) -> None:
         """Write 1 / mass of each unknown [1/kg, 1/(kg m²)], 0 of given ones."""
 
+    def stop(self) -> None:
+        """Take all velocities."""
+
     def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
         """Let the moves `u` be made; `kick`: what impulses add to the velocities of the unknowns afterwards."""
 

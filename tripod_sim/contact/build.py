@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tripod_sim.build import Parts
+from tripod_sim.build import Parts, reach_of
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rotations import turned_by
@@ -88,10 +88,15 @@ def contact_stepper(
     )  # fmt: skip
     bodies = (rigid.bodies(), rigid.parts) if rigid else None
     world = World(
-        law, contact.alarm_distance, scene.inertia.scheme if scene.inertia else "statics",
+        law, contact.alarm_distance, scene.inertia.scheme if scene.inertia else "implicit_euler",
         obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies,
     )  # fmt: skip
-    return ContactStepper(world)
+    if scene.inertia:
+        return ContactStepper(world)
+    from tripod_sim.contact.statics import ContactStatics  # noqa: PLC0415 - only where nothing moves
+
+    solver = scene.solver
+    return ContactStatics(world, solver.tolerance, solver.max_turn, reach_of(scene.servos))
 
 
 def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "ChainSkin | None") -> Parts:

@@ -76,6 +76,10 @@ class RigidBodies:
         assert self._kept
         self.load(self._kept)
 
+    def stop(self) -> None:
+        """Take all velocities and spins."""
+        self.velocity[:], self.spin[:] = 0.0, 0.0
+
     def begin(self, stage: Stage) -> None:
         """Prepare a stage from the present poses and velocities."""
         self._stage, s = stage, stage.s

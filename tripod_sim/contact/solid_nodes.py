@@ -136,6 +136,10 @@ class SolidNodes:
         state.copy_to(self._now())
         self._at[:] = np.nan
 
+    def stop(self) -> None:
+        """Take all velocities."""
+        self._now().velocities[:] = 0.0
+
     def begin(self, stage: Stage) -> None:
         """Prepare a stage from the present state."""
         start, trial, system = self._now(), self._trial, self._system
@@ -239,8 +243,8 @@ class SolidNodes:
         """Write the velocities of driven nodes over the stage."""
         start, trial, driven = self._now(), self._trial, self.nodes[self._driven]
         assert trial is not None
-        moves = trial.positions[driven] - start.positions[driven]
-        out[self.yielding :] = (moves / self._now_at.length).ravel()
+        moves, length = trial.positions[driven] - start.positions[driven], self._now_at.length
+        out[self.yielding :] = (moves / length).ravel() if length else 0.0
 
     def _fit(self, field: FloatArray, out: FloatArray) -> None:
         """Write the unknowns' share of a linear field on the nodes, shape (n, 3), in the present pose."""

@@ -139,6 +139,10 @@ class SpringNodes:
         assert self._kept
         self.x[:], self.v[:] = self._kept
 
+    def stop(self) -> None:
+        """Take all velocities."""
+        self.v[:] = 0.0
+
     def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
         """Let the moves be made."""
         after, free = u.copy(), self._free

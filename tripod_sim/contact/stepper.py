@@ -1,9 +1,9 @@
-"""Steps of bodies in contact, by implicit Euler."""
+"""Steps of bodies in contact."""
 
 import numpy as np
 
 from tripod_sim.contact.problem import DescentError
-from tripod_sim.contact.world import World
+from tripod_sim.contact.world import ContactReport, World
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.mesh.solid_mesh import FloatArray
@@ -30,13 +30,10 @@ class ContactStepper:
         """Advance `state` by `dt` [s], in place. Raises StepError and leaves it."""
         world = self.world
         nodes, rigid, effort = world.nodes, world.rigid, world.problem.effort
-        if nodes:
-            nodes.load(state, joints, dt)
-        if rigid and state.rigid:
-            rigid.load(state.rigid)
         effort.iterations = effort.factorisations = effort.linear_iterations = 0
         try:
-            contact = world.step(dt)
+            self._load(state, joints, dt)
+            contact = self._advance(dt)
         except DescentError as error:
             self.forget()
             raise StepError(
@@ -61,3 +58,14 @@ class ContactStepper:
             residual=world.problem.unbalanced,
             contact=contact,
         )
+
+    def _load(self, state: State, joints: FloatArray, dt: float) -> None:
+        """Put the bodies where `state` has them, to move within `dt` [s] with driven frames that go to `joints`."""
+        if self.world.nodes:
+            self.world.nodes.load(state, joints, dt)
+        if self.world.rigid and state.rigid:
+            self.world.rigid.load(state.rigid)
+
+    def _advance(self, dt: float) -> ContactReport:
+        """Advance the bodies by `dt` [s]. Raises DescentError."""
+        return self.world.step(dt)

@@ -74,6 +74,7 @@ class World:
         positions: Of all surface vertices at the start of the step [m].
         contacts: Of the last step.
         problem: Potential of the step.
+        solved: Whether the forces of the last stage are found to the tolerance.
     """
 
     MOST_PASSES, MOST_HALVINGS, MOST_RAISES = 8, 6, 4
@@ -100,7 +101,7 @@ class World:
         Args:
             law: What contacts do.
             alarm: Distance below which contacts are made [m], larger than the contact distance.
-            scheme: `implicit_euler`, which `auto` is with a fixed dt, `bdf2` or `tr_bdf2`.
+            scheme: `implicit_euler`, which `auto` is with a fixed dt, `bdf2` or `tr_bdf2`; in statics any.
             obstacles: Fixed bodies.
             nodes: The deformable body and its surface, in the order of its vertices.
             rigid: The rigid bodies and their surfaces, vertices about the centre.
@@ -136,7 +137,7 @@ class World:
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
         self._bodies, self._scheme, self._before = bodies, scheme, 0.0
-        self._looks_back, self._solved = scheme in ("bdf2", "tr_bdf2"), True
+        self._looks_back, self.solved = scheme in ("bdf2", "tr_bdf2"), True
         for body in bodies:
             body.looked_back = self._looks_back
         self._bounded = nodes[0] if nodes and nodes[0].bounded else None
@@ -214,11 +215,30 @@ class World:
             report.restarted = self._looks_back
             smooth = self._advance(h, report, 0)
         self._before = h if smooth else 0.0
+        self._tell(report)
+        return report
+
+    def creep(self, stage: Stage, report: ContactReport) -> float:
+        """Make a stage from rest to rest; return what it leaves to inertia [N], infinite where it cannot be made."""
+        u, give = self._u, self._end_rate
+        if self._move(stage, report, 0) < 1.0:
+            return np.inf
+        for body, part in zip(self._bodies, self.problem.slices(), strict=True):
+            body.give(give[part])
+        moved = give > 0.0
+        self._finish(u, bounce=False)
+        for body in self._bodies:
+            body.stop()
+        report.parts += 1
+        self._tell(report)
+        return float(np.linalg.norm(u[moved] / give[moved])) / stage.s**2
+
+    def _tell(self, report: ContactReport) -> None:
+        """Write the present contacts to `report`."""
         c = self.contacts
         pressure = c.arrays.pressure[: c.count]
         report.contacts, report.pressed = c.count, int((pressure > 0).sum())
         report.force = float(pressure.sum())
-        return report
 
     def _look_back(self, h: float, report: ContactReport) -> bool:
         """Advance by the scheme's own stages; return False, the bodies where they were, where that is not smooth."""
@@ -257,7 +277,7 @@ class World:
         self.problem.begin(stage, u)
         self._detect(u)
         try:
-            return self._respond(u, stage.length, report, depth)
+            return self._respond(u, max(stage.length, stage.s), report, depth)
         except DescentError:
             if depth >= self.MOST_HALVINGS:
                 raise
@@ -269,7 +289,7 @@ class World:
         Something hits; or the forces are not found; or a bound of strains pulls, or a spring of penalty presses, which
         have no damping but that of implicit Euler.
         """
-        if not self._solved or (self.nodes and self.nodes.taut()):
+        if not self.solved or (self.nodes and self.nodes.taut()):
             return True
         c, law = self.contacts, self.law
         if not (c.arrays.pressure[: c.count] > 0.0).any():
@@ -334,7 +354,7 @@ class World:
             report.passes += 1
             report.rounds += outcome.rounds
             report.residual, report.smallest_gap = outcome.residual, outcome.smallest
-            self._solved = outcome.solved
+            self.solved = outcome.solved
             if not (bounded and outcome.done and bounded.exceeds(u[: bounded.unknowns])):
                 return outcome
             why = f"gaps, slips or lengths are still {outcome.residual:.2g} m off"

@@ -72,7 +72,8 @@ class StrainLimit:
 
 @dataclass(frozen=True)
 class Contact:
-    """Bodies do not pass through obstacles and each other, nor through themselves if asked. Not for explicit schemes.
+    """Bodies do not pass through obstacles and each other, nor through themselves if asked, in motion by implicit
+    schemes and in statics.
 
     Attributes:
         response: `lagrange`: multipliers, which hold the contact distance and Coulomb's law; `penalty`: springs, faster
