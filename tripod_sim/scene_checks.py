@@ -194,7 +194,10 @@ def check_contact(scene: "Scene") -> None:
         )
     for name, why in (
         ("ball", "the ball touches nothing but the soft body; make it a [[rigid]] with shape = 'ball'"),
-        ("time_error", "the estimate knows nothing of contacts"),
+        (
+            "time_error",
+            "the error is carried on by a tangent without contacts, and that of the time of a hit is not estimated",
+        ),
     ):
         if getattr(scene, name):
             raise SceneError(f"contact and {name} exclude each other: {why}")

@@ -46,6 +46,26 @@ def test_the_servos_that_press_the_tripod_on_a_post_do_the_work_that_bends_it(re
     assert simulation.effector.position[2] == pytest.approx(-0.0055 + 5e-4 + 0.0025, abs=4e-4)
 
 
+@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
+def test_the_motion_of_every_scheme_comes_to_rest_in_the_equilibrium(scheme: str) -> None:
+    goal, words = (
+        np.array([0.03, 0.03, 0.03, 0.0]),
+        [touching(0.0), *POST[len(STILL) :]],
+    )
+    still = Simulation(load_scene("tripod", [*STILL, *words]))
+    still.step(goal)
+    damped = ["damping={mass=30.0, stiffness=2e-3}", "solver.mode=newton", f"inertia.scheme={scheme}"]
+    moving = Simulation(load_scene("tripod", [*words, *damped]))
+    for k in range(80):
+        report = moving.step(goal * min(1.0, (k + 1) / 20))
+        assert report.contact
+        assert report.contact.smallest_gap > -1e-6
+    assert not report.contact.restarted
+    assert report.contact.pressed
+    np.testing.assert_allclose(moving.positions, still.positions, atol=1e-6)
+    np.testing.assert_allclose(moving.torques, still.torques, rtol=1e-3)
+
+
 def test_without_friction_the_way_is_forgotten_and_with_it_it_is_not() -> None:
     def left(friction: float) -> float:
         simulation = Simulation(load_scene("tripod", [*POST, touching(friction)]))
@@ -81,6 +101,9 @@ def test_a_cloth_held_over_a_sphere_is_where_its_motion_comes_to_rest(response: 
     moving.state.positions[:] = still.positions
     for _ in range(60):
         moving.step()
+    rough = Simulation(load_scene("drape", [*words, *STILL]))
+    rough.step()
+    assert 1e-5 < np.abs(rough.positions - still.positions).max() < (1e-3 if response == "lagrange" else 2e-3)
     # by penalty how deep bodies sink in depends on the step
     assert np.abs(moving.positions - still.positions).max() < (1e-6 if response == "lagrange" else 2e-3)
     assert moving.report.contact
