@@ -13,12 +13,12 @@ import sys
 import time
 import tomllib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from tools import sourced_ros
 from tools.build_msgs import build_messages, interfaces_of_others, message_files, own_messages, site_packages
-from tools.command import Shell
+from tools.command import Job, Shell
 from tools.errors import MissingError, StepError
 from tools.prerequisites import missing_things
 from tools.ros_source import PATHS, RosSource, find_ros, used_packages
@@ -77,11 +77,22 @@ def _prepare(lock: int) -> None:
     print(f"setup: Python {sys.version.split()[0]}, {ros.description}")
     LOG.unlink(missing_ok=True)
     shell = Shell(_environ(), LOG, lock)
+    with ExitStack() as beside:
+        _do(keys, state, ros, shell, beside)
+    print(f"setup: ready after {time.monotonic() - began:.1f} s")
+
+
+def _do(keys: dict[str, str], state: SetupState, ros: RosSource, shell: Shell, beside: ExitStack) -> None:
+    """Do the steps that are not done; `beside` ends what runs beside them."""
+    loops: Job | None = None
     if not _is_sound(state, keys["environment"], ros):
         with _step(state, keys, "environment", "creating .venv"):
             _create_environment(ros, shell)
     if not state.is_done("packages", keys["packages"]):
         with _step(state, keys, "packages", "installing the pinned packages (about 1 GB on disk)"):
+            _install_libraries(shell)
+            loops = _start_loops(shell)  # which needs no more than these, while pip keeps one processor busy
+            beside.callback(loops.kill)
             _install_packages(ros, shell)
     if not state.is_done("interfaces", keys["interfaces"]):
         with _step(state, keys, "interfaces", "building interfaces that have no wheel"):
@@ -91,8 +102,9 @@ def _prepare(lock: int) -> None:
             _install_messages(ros, shell)
     if not state.is_done("loops", keys["loops"]):
         with _step(state, keys, "loops", "compiling the loops of the simulator for this machine"):
-            _compile_loops(shell)
-    print(f"setup: ready after {time.monotonic() - began:.1f} s")
+            loops = loops or _start_loops(shell)
+            beside.callback(loops.kill)
+            loops.end()
 
 
 def _keys(ros: RosSource) -> dict[str, str]:
@@ -207,8 +219,20 @@ def _create_environment(ros: RosSource, shell: Shell) -> None:
     shell.run(sys.executable, "-m", "venv", *(["--system-site-packages"] if ros.sourced else []), VENV)
 
 
+def _pip() -> list[str | Path]:
+    """The words that install; what is never imported is never compiled, which would take a third of the time."""
+    words = ("-m", "pip", "install", "--no-compile", "-c", ROOT / "constraints.txt")
+    return [VENV / "bin" / "python", *words]
+
+
+def _install_libraries(shell: Shell) -> None:
+    """Install what the simulator alone needs."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    shell.run(*_pip(), *project["dependencies"])
+
+
 def _install_packages(ros: RosSource, shell: Shell) -> None:
-    pip: list[str | Path] = [VENV / "bin" / "python", "-m", "pip", "install", "-c", ROOT / "constraints.txt"]
+    pip = _pip()
     shell.run(*pip, "setuptools")
     extras = EXTRAS_WITH_SOURCED_ROS if ros.sourced else EXTRAS_WITH_WHEELS
     # what has no wheel is built with the setuptools just installed, not with whichever is the newest
@@ -221,8 +245,8 @@ def _install_interfaces(ros: RosSource, shell: Shell) -> None:
     build_messages(interfaces_of_others(ROOT, ros), VENV, ros, shell)
 
 
-def _compile_loops(shell: Shell) -> None:
-    shell.run(VENV / "bin" / "python", "-m", "tools.compile_loops")
+def _start_loops(shell: Shell) -> Job:
+    return shell.start(VENV / "bin" / "python", "-m", "tools.compile_loops")
 
 
 def _install_messages(ros: RosSource, shell: Shell) -> None:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,18 @@ from tools.state import SetupState, key_of
 
 ROOT = Path(__file__).parents[2]
 ALL = ["environment", "packages", "interfaces", "messages", "loops"]
+
+
+class FakeJob:
+    """Stands for what compiles beside the other steps."""
+
+    killed = 0
+
+    def __init__(self, end: Callable[[], None]) -> None:
+        self.end = end
+
+    def kill(self) -> None:
+        FakeJob.killed += 1
 
 
 class Checkout:
@@ -42,7 +55,8 @@ class Checkout:
         monkeypatch.setattr(environment, "_install_packages", lambda *_: self._run("packages"))
         monkeypatch.setattr(environment, "_install_interfaces", lambda *_: self._run("interfaces"))
         monkeypatch.setattr(environment, "_install_messages", lambda *_: self._run("messages"))
-        monkeypatch.setattr(environment, "_compile_loops", lambda *_: self._run("loops"))
+        monkeypatch.setattr(environment, "_install_libraries", lambda *_: None)
+        monkeypatch.setattr(environment, "_start_loops", lambda *_: FakeJob(lambda: self._run("loops")))
 
     def _run(self, step: str) -> None:
         self.ran.append(step)
@@ -161,6 +175,36 @@ def test_a_download_that_fails_is_tried_again_in_the_same_environment(
     assert "no network" in capsys.readouterr().err
     checkout.trouble = {}
     assert checkout.set_up() == ALL[1:]
+
+
+def test_what_compiles_beside_ends_with_the_set_up(checkout: Checkout) -> None:
+    before = FakeJob.killed
+    checkout.trouble = {"packages": StepError("no network")}
+    checkout.set_up()
+    assert FakeJob.killed == before + 1
+    assert "loops" not in checkout.ran
+
+
+def test_a_job_beside_others_is_told_in_the_log_and_ends_with_all_it_started(tmp_path: Path) -> None:
+    shell = Shell(os.environ, tmp_path / "setup.log", os.open(tmp_path, os.O_RDONLY))
+    job = shell.start(sys.executable, "-c", "print('as told')")
+    job.end()
+    job.kill()
+    assert "as told" in shell.log.read_text(encoding="utf-8")
+    job = shell.start(sys.executable, "-c", "print('trouble'); raise SystemExit(3)")
+    with pytest.raises(StepError, match=r"failed with exit code 3:\n  \| trouble"):
+        job.end()
+    words = (
+        "import subprocess, sys; p = subprocess.Popen(['sleep', '1000']); print(p.pid, flush=True); p.wait()"
+    )
+    job = shell.start(sys.executable, "-c", words)
+    while not job.said.read_text(encoding="utf-8").strip():
+        time.sleep(0.01)
+    child = int(job.said.read_text(encoding="utf-8"))
+    job.kill()
+    while Path(f"/proc/{child}/stat").exists() and " Z " not in Path(f"/proc/{child}/stat").read_text():
+        time.sleep(0.01)
+    assert not job.said.exists()
 
 
 def test_an_environment_that_somebody_else_made_is_taken_over_if_it_works(checkout: Checkout) -> None:
