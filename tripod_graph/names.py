@@ -63,7 +63,13 @@ BASE_LINK: Final = "base_link"
 IMU_LINK: Final = "imu_link"
 
 SERVOS: Final = ("servo_0", "servo_1", "servo_2")
-"""Revolute joints [rad]; 0 is the flat piece, negative bends the strip down."""
+"""Revolute joints of the Tripod [rad]; 0 is the flat piece, negative bends the strip down."""
+
+
+def servo_names(count: int) -> tuple[str, ...]:
+    """Return the names of the servos' joints of a robot with `count` of them."""
+    return tuple(f"servo_{i}" for i in range(count))
+
 
 SLIDE: Final = "slide"
 """Prismatic joint [m] of the simulated assembly: all servo bodies move inward by it. The real robot has no

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tripod_graph.names import SERVOS, WORKING_POSE
+from tripod_graph.names import WORKING_POSE, servo_names
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
@@ -67,9 +67,14 @@ def linear_state(c: Compliance) -> LinearState:
     """Return the compliance of a simulation as inverse kinematics takes it; raise IkError if it cannot be used."""
     soft = c.softness
     return LinearState(
-        SERVOS[: len(c.angles)], c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w,
+        servo_names(len(c.angles)), c.angles, c.torques, c.position, c.quaternion, c.equilibrium_offset, c.w,
         soft.firmness if soft else 1.0, soft.slope if soft else np.zeros(0),
     )  # fmt: skip
+
+
+def working_angles(count: int) -> FloatArray:
+    """Return the angles of the working pose [rad], shape (count,): the same for all servos."""
+    return np.full(count, WORKING_POSE[0])
 
 
 class StaticModel:
@@ -92,9 +97,10 @@ class StaticModel:
         """
         if not (scene.servos and scene.effector):
             raise IkError(f"scene {scene.name!r} has no servos or no effector: there is nothing to solve for")
-        wanted = np.array(WORKING_POSE[:3]) if angles is None else frozen("angles", angles, (3,))
+        count = scene.servos.count
+        wanted = working_angles(count) if angles is None else frozen("angles", angles, (count,))
         least, most = scene.servos.angle_min, scene.servos.angle_max
-        for name, angle in zip(SERVOS, wanted.tolist(), strict=True):
+        for name, angle in zip(servo_names(count), wanted.tolist(), strict=True):
             if not least <= angle <= most:
                 raise IkError(f"{name} is to begin at {angle:g} rad; allowed is {least:g} to {most:g} rad")
         if not 0 <= slide <= scene.servos.slide_max:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from tripod_graph.names import SERVOS
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
 from tripod_ik.inverse import PASSED, InverseSolver, Outcome
@@ -68,7 +67,7 @@ def solve_once(
     """
     position = frozen("target", target, (3,))
     roll, pitch = frozen("tilt", tilt, (2,))
-    begin = frozen("start", start, (len(SERVOS),)) if start is not None else None
+    begin = None if start is None else frozen("start", start, (scene.servos.count if scene.servos else 0,))
     if np.isnan(torque_max) or torque_max <= 0:
         raise IkError(f"torque limit is {torque_max:g} N m; it must be positive")
     if not 0 < tolerance < np.inf:

@@ -11,7 +11,7 @@ from tripod_ik.arrays import FloatArray
 from tripod_ik.atlas import APART, CALM, SAME, SHORTEST, Atlas, Foretold
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
 from tripod_ik.limits import AngleLimit, Motion
-from tripod_ik.model import Saved, StaticModel
+from tripod_ik.model import Saved, StaticModel, working_angles
 from tripod_ik.row_limits import RowLimit
 from tripod_ik.snap import WITHIN
 from tripod_ik.state import LinearState
@@ -117,7 +117,8 @@ class Pathfinder:
         """
         solver = replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0)
         if home is None:
-            home = np.clip(np.array(WORKING_POSE[:3]) * slide / WORKING_POSE[3], angles.low, angles.high)
+            count = scene.servos.count if scene.servos else 0  # of none the model refuses the scene
+            home = np.clip(working_angles(count) * slide / WORKING_POSE[3], angles.low, angles.high)
         model = StaticModel(replace(scene, solver=solver), slide, home)
         return cls(model, angles, row_limits, tolerance=tolerance, progress=progress)
 

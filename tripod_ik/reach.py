@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripod_graph.names import WORKING_POSE
+from tripod_graph.names import SERVOS, WORKING_POSE
 from tripod_ik.arrays import FloatArray
 from tripod_ik.branch import branch
 from tripod_ik.errors import IkError
@@ -131,6 +131,10 @@ def reach(
     Raises:
         IkError: the limits or the count leave no grid, or the start is out of it.
     """
+    if len(model.angles) != len(SERVOS):
+        raise IkError(
+            f"the scene has {len(model.angles)} servos; the table of what is reached has {len(SERVOS)}"
+        )
     if not (low < high and count >= 2):
         raise IkError(f"angles from {low:g} to {high:g} rad in {count} steps are no grid")
     if not torque_max > 0:

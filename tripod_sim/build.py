@@ -298,17 +298,18 @@ def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, 
 def body_mesh(description: Mesh) -> SolidMesh:
     """Return the mesh that a scene describes. Raises SceneError."""
     if description.source == "y_piece":
-        from tripod_sim.mesh.y_piece import LEVELS, divided, y_piece
+        from tripod_sim.mesh.y_piece import LEVELS, YShape, divided, y_piece
 
         kind, level = ELEMENTS[description.element], LEVELS[description.level]
+        shape = YShape(legs=description.legs)
         if description.refine:
             level = divided(level, 2**description.refine)
         if kind.corners == 8:
-            mesh = y_piece(level, kind=kind)
+            mesh = y_piece(level, shape, kind)
         else:
             from tripod_sim.mesh.convert import convert_hexahedra
 
-            mesh = convert_hexahedra(y_piece(level), kind.name)
+            mesh = convert_hexahedra(y_piece(level, shape), kind.name)
     elif description.source == "block":
         from tripod_sim.mesh.block import block
 
@@ -347,9 +348,9 @@ def _groups(scene: Scene, nodes: FloatArray, sets: NodeSets) -> Groups:
 
         rigid = (effector_disc(nodes, scene.effector),)
     if scene.servos:
-        from tripod_sim.robot.arms import servo_arms
+        from tripod_sim.robot.arms import placed_arms, servo_arms
 
-        driven = servo_arms(nodes, scene.servos)
+        driven = placed_arms(scene.servo, sets) if scene.servo else servo_arms(nodes, scene.servos)
     return held_groups(scene, sets, nodes, rigid, driven)
 
 

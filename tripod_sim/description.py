@@ -3,8 +3,8 @@
 Links: base_link (the plane of the flat piece); carriage_i, the body of servo i, which slides inward along -x of its
 frame; arm_i, which turns about the servo's axis; effector; and, in a scene that has them, plate (fixed to the effector)
 and ball. The frame of a carriage lies on its servo's axis, x outward along the strip, z up. A negative angle of servo i
-tips its arm outward and down: the joint's axis is -y. The joint `slide` moves all carriages, two of them as its mimics.
-The silicone between the links is no rigid link; the joints of effector and ball are floating.
+tips its arm outward and down: the joint's axis is -y. The joint `slide` moves all carriages, all but the first as
+its mimics. The silicone between the links is no rigid link; the joints of effector and ball are floating.
 """
 
 import xml.etree.ElementTree as ET
@@ -41,7 +41,7 @@ def urdf(scene: Scene) -> str:
     servos = _servos(scene)
     robot = ET.Element("robot", name=scene.name)
     _link(robot, BASE)
-    for i, azimuth in enumerate(azimuths()):
+    for i, azimuth in enumerate(azimuths(servos)):
         _carriage(robot, i, azimuth, servos)
         _arm(robot, i, servos, scene.servo_dynamics or ServoDynamics())
     if scene.effector:
@@ -66,23 +66,27 @@ def urdf(scene: Scene) -> str:
 
 
 def arm_frames(servos: Servos, joints: FloatArray) -> Iterator[Frame]:
-    """Yield carriages and arms at `joints`: angles [rad] and the slide [m], shape (4,)."""
-    radius = servos.axis_radius - float(joints[len(azimuths())])
-    for i, azimuth in enumerate(azimuths()):
+    """Yield carriages and arms at `joints`: angles [rad] and the slide [m], shape (count + 1,)."""
+    radius = servos.axis_radius - float(joints[servos.count])
+    for i, azimuth in enumerate(azimuths(servos)):
         position = np.array([radius * np.cos(azimuth), radius * np.sin(azimuth), -servos.axis_depth])
         yield BASE, f"carriage_{i}", position, np.array([0, 0, np.sin(azimuth / 2), np.cos(azimuth / 2)])
         half = -0.5 * float(joints[i])
         yield f"carriage_{i}", f"arm_{i}", np.zeros(3), np.array([0, np.sin(half), 0, np.cos(half)])
 
 
-def azimuths() -> FloatArray:
-    """Return the azimuths of the strips from +X [rad], shape (3,)."""
-    return 2 * np.pi * np.arange(3) / 3
+def azimuths(servos: Servos) -> FloatArray:
+    """Return the azimuths of the strips from +X [rad], shape (count,)."""
+    return 2 * np.pi * np.arange(servos.count) / servos.count
 
 
 def _servos(scene: Scene) -> Servos:
     if not scene.servos:
         raise SceneError(f"scene {scene.name!r} has no servos: there is no robot to describe")
+    if scene.servo:
+        raise SceneError(
+            f"scene {scene.name!r} has [[servo]] tables: only servos evenly about Z are described"
+        )
     return scene.servos
 
 

@@ -11,7 +11,7 @@ from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout, UInt8MultiArray
 from tripod_msgs.msg import BodyState, Compliance
 
-from tripod_graph.names import SERVOS, SLIDE, WORLD
+from tripod_graph.names import SLIDE, WORLD, servo_names
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_sim.journal import HEAD
 from tripod_sim.maze.board_mesh import BoardMesh
@@ -69,8 +69,9 @@ class PoseTeller:
 class JointTeller:
     """Joint states as messages: one and the same message, as `PoseTeller`."""
 
-    def __init__(self) -> None:
-        self._message = JointState(header=header(0), name=[*SERVOS, SLIDE])
+    def __init__(self, servos: int) -> None:
+        """`servos`: how many there are."""
+        self._message = JointState(header=header(0), name=[*servo_names(servos), SLIDE])
 
     def message(self, snapshot: Snapshot) -> JointState:
         """Return angles, slide and torques; the slide has no effort of its own. Good until the next call."""
@@ -95,7 +96,7 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
         return None
     soft = c.softness
     return Compliance(
-        header=header(snapshot.stamp), joint_names=list(SERVOS[: len(c.angles)]), angles=flat(c.angles),
+        header=header(snapshot.stamp), joint_names=list(servo_names(len(c.angles))), angles=flat(c.angles),
         torques=flat(c.torques), effector=pose_message(Pose(c.position, c.quaternion)),
         equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide, firmness=soft.firmness if soft else 1.0,
         firmness_slope=flat(soft.slope) if soft else [],
@@ -105,12 +106,17 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
 def commands_message(rows: FloatArray) -> Float64MultiArray:
     """Return runs of a journal, shape (n, k); the labels tell rows and columns."""
     count, width = rows.shape
-    columns = " ".join(("epoch", "first", "last", "stamp_ns", *(*SERVOS, SLIDE)[: width - HEAD]))
+    columns = " ".join(("epoch", "first", "last", "stamp_ns", *_joint_names(width - HEAD)))
     layout = [
         MultiArrayDimension(label="runs", size=count, stride=count * width),
         MultiArrayDimension(label=columns, size=width, stride=width),
     ]
     return Float64MultiArray(layout=MultiArrayLayout(dim=layout), data=flat(rows))
+
+
+def _joint_names(count: int) -> tuple[str, ...]:
+    """Return the names of `count` joints: servos and the slide; none of a scene without servos."""
+    return (*servo_names(count - 1), SLIDE) if count else ()
 
 
 def checkpoint_message(checkpoint: Checkpoint) -> UInt8MultiArray:

@@ -159,7 +159,7 @@ class SimNode(Node):
             names.SIM_JOINT_STATES,
             *([names.JOINT_STATES] if values["joint_states"] else []),
         )
-        self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller()
+        self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(len(simulation.torques))
         self._join_graph()
         self._transforms = Transforms(self, scene, values["frame_prefix"]) if scene.servos else None
         self._physics = RealTime(
@@ -579,6 +579,16 @@ def _within_scene(limits: CommandLimits, scene: Scene) -> CommandLimits:
     """Return the limits narrowed to what the scene allows; raise ParameterError if nothing is left."""
     if not (s := scene.servos):
         return limits
+    if scene.servo:
+        raise ParameterError(
+            f"scene {scene.name!r} has [[servo]] tables; the nodes draw and name servos evenly about Z: "
+            "use `tripod run`, `tripod ik --target` or the library"
+        )
+    if s.count != len(names.SERVOS):
+        raise ParameterError(
+            f"scene {scene.name!r} has {s.count} servos; the nodes carry {len(names.SERVOS)}: "
+            f"{', '.join(names.SERVOS)}; use `tripod run`, `tripod ik --target` or the library"
+        )
     low, high = max(limits.angle_min, s.angle_min), min(limits.angle_max, s.angle_max)
     if not low < high:
         raise ParameterError(

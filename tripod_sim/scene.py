@@ -11,7 +11,7 @@ from tripod_sim.tables.fields import check_fields, number
 from tripod_sim.tables.method import Solver, TimeError
 from tripod_sim.tables.motion import Contact, Damping, Gravity, Inertia, Sleep, StrainLimit
 from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, Motion, ServoDynamics, Servos
-from tripod_sim.tables.sets import Fixed, InitialVelocity, Load, Marker, NodeSet, Prescribed
+from tripod_sim.tables.sets import Fixed, InitialVelocity, Load, Marker, NodeSet, Prescribed, Servo
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class Scene:
         set: Nodes of the body to which others refer.
         gravity, inertia, damping, fixed, prescribed, load, initial_velocity, servos, servo_dynamics, clamp, effector,
             strain_limit, maze, ball, contact, obstacles: Effects; None or empty is off.
+        servo: Where the servos stand; empty: evenly about Z.
         marker: Sets that are watched.
         rigid: Effect: rigid bodies, beside the soft body or instead of it; empty is none.
         time_error: Effect: estimate of the error of the time steps; None is off.
@@ -53,6 +54,7 @@ class Scene:
     initial_velocity: tuple[InitialVelocity, ...] = ()
     marker: tuple[Marker, ...] = ()
     servos: Servos | None = None
+    servo: tuple[Servo, ...] = ()
     servo_dynamics: ServoDynamics | None = None
     clamp: Clamp | None = None
     effector: Effector | None = None
@@ -103,7 +105,7 @@ EFFECTS = (
 )
 """Tables of a scene that may be absent."""
 
-OPTIONAL = (*EFFECTS, "set", "marker", "motion")
+OPTIONAL = (*EFFECTS, "set", "servo", "marker", "motion")
 """The same, with what is no effect."""
 
 

@@ -105,6 +105,19 @@ def check_held(scene: "Scene") -> None:
                     )
 
 
+def check_servo(scene: "Scene") -> None:
+    """Raise SceneError if the servos that have tables are others than those that the scene has."""
+    if not scene.servo:
+        return
+    if not scene.servos or scene.servos.count != len(scene.servo):
+        has = f"servos.count is {scene.servos.count}" if scene.servos else "there is no [servos]"
+        raise SceneError(f"there are {len(scene.servo)} [[servo]], but {has}; the two must agree")
+    for i, servo in enumerate(scene.servo):
+        for name in ("axis", "inward"):
+            if (direction := getattr(servo, name)) is not None and not any(direction):
+                raise SceneError(f"servo.{i}.{name} is {direction}; a direction is not zero")
+
+
 def check_loads(scene: "Scene") -> None:
     """Raise SceneError if loads are described wrongly."""
     for i, load in enumerate(scene.load):
@@ -257,6 +270,8 @@ def check_start(scene: "Scene") -> None:
     s = scene.servos
     if not s:
         return
+    if len(s.angles) != s.count:
+        raise SceneError(f"servos.angles has {len(s.angles)} values; it needs {s.count}, one for each servo")
     for i, angle in enumerate(s.angles):
         if not s.angle_min <= angle <= s.angle_max:
             raise SceneError(
@@ -273,6 +288,7 @@ CHECKS = (
     check_sets,
     check_held,
     check_loads,
+    check_servo,
     check_solid,
     check_start,
     check_rigid,

@@ -36,9 +36,9 @@ class Script:
         """Return the scene with its servos where the script begins."""
         if not scene.servos:
             return scene
-        a = self.angles.at(0.0).tolist() if self.angles else scene.servos.angles
+        angles = tuple(self.angles.at(0.0).tolist()) if self.angles else scene.servos.angles
         slide = float(self.slides.at(0.0)[0]) if self.slides else scene.servos.slide
-        return replace(scene, servos=replace(scene.servos, angles=(a[0], a[1], a[2]), slide=slide))
+        return replace(scene, servos=replace(scene.servos, angles=angles, slide=slide))
 
     def joints(self, before: FloatArray, time: float) -> FloatArray:
         """Return angles [rad] and slide [m] at a time [s], shape (s + 1,); `before` where it is silent."""

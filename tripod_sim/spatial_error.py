@@ -123,13 +123,13 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
 
 def _posed(scene: Scene, joints: FloatArray) -> Scene:
     """Return the scene with its servos at `joints`."""
-    count = 4 if scene.servos else 1
+    count = scene.servos.count + 1 if scene.servos else 1
     if joints.shape != (count,) or not np.isfinite(joints).all():
         raise SceneError(f"joints are {joints.tolist()}; the scene needs {count} finite values")
     if not scene.servos:
         return scene
-    a, b, c, slide = joints.tolist()
-    return replace(scene, servos=replace(scene.servos, angles=(a, b, c), slide=slide))
+    *angles, slide = joints.tolist()
+    return replace(scene, servos=replace(scene.servos, angles=tuple(angles), slide=slide))
 
 
 def _settled(scene: Scene) -> Simulation:

@@ -88,7 +88,7 @@ def joint_timelines(
     Raises:
         SceneError: they cannot be read, or go beyond the limits.
     """
-    angles = parse_timeline(servo, 3, names[0]) if servo is not None else None
+    angles = parse_timeline(servo, servos.count, names[0]) if servo is not None else None
     slides = parse_slide(slide, angles, names[1]) if slide is not None else None
     s = servos
     if angles and not ((angles.values >= s.angle_min) & (angles.values <= s.angle_max)).all():

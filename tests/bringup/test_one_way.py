@@ -69,7 +69,7 @@ def test_likely_units_are_named_where_they_would_fit(words: list[str], message: 
     [
         ("yung", "'material.young'"),
         ("dtt", "'dt'"),
-        ("servo", "'motion.servo'"),
+        ("clamp_radiu", "'servos.clamp_radius'"),
         ("angle_min", "'servos.angle_min'"),
     ],
 )

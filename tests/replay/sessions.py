@@ -81,9 +81,9 @@ def run_session(
         if not (servos := simulation.scene.servos):
             return None
         if made % 20 < 12:  # else they hold
-            joints[:] += rng.normal(size=4) * [0.01, 0.01, 0.01, 1e-4]
-            joints[:3] = np.clip(joints[:3], servos.angle_min, servos.angle_max)
-            joints[3] = np.clip(joints[3], 0.0, servos.slide_max)
+            joints[:] += rng.normal(size=len(joints)) * [*[0.01] * servos.count, 1e-4]
+            joints[:-1] = np.clip(joints[:-1], servos.angle_min, servos.angle_max)
+            joints[-1] = np.clip(joints[-1], 0.0, servos.slide_max)
         return joints.copy()
 
     def keep(snapshot: Snapshot) -> None:

@@ -151,7 +151,7 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
     summary = run(name, duration=0.02, overrides=coarse, out=out)
     assert summary["steps"] == round(0.02 / scene.dt)
     assert (summary["effector"] is None) == (scene.effector is None)
-    assert len(summary["angles"]) == len(summary["torques"]) == (3 if scene.servos else 0)
+    assert len(summary["angles"]) == len(summary["torques"]) == (scene.servos.count if scene.servos else 0)
     with np.load(out) as arrays:
         assert ("effector" in arrays) == (scene.effector is not None)
         assert all(np.isfinite(arrays[n]).all() for n in arrays if arrays[n].dtype.kind == "f")

@@ -131,6 +131,21 @@ def test_dead_mass_weighs_and_resists(block: str) -> None:
     assert moving.markers[0][0] - 0.02 == pytest.approx(2 * static, rel=1e-3)
 
 
+@pytest.mark.parametrize("element", ["h20", "h27", "t10"])
+def test_dead_mass_resists_at_every_node_of_its_faces(element: str, block: str) -> None:
+    """Its weight is shared as the element asks, negatively at corners of `h20`; inertia may not be negative."""
+    words = [f"mesh.element={element}", ALONG, "inertia={}", "gravity={}", "material.mass=1e-9"]
+    simulation = Simulation(load_scene(block, [*words, "load=[{set='end', mass=0.01}]"]))
+    mass, end = simulation._mass, simulation._parts.watched[0]
+    assert mass.sum() == pytest.approx(0.01)
+    assert mass[end].sum() == pytest.approx(0.01)
+    assert mass[end].min() > 1e-5
+    weight = simulation._system.gravity.force[:, 2]
+    assert weight.sum() == pytest.approx(-0.01 * 9.81)
+    moment = np.cross(simulation.mesh.nodes, np.outer(weight, [0, 0, 1])).sum(axis=0)
+    np.testing.assert_allclose(moment[:2], weight.sum() * np.array([0.005, -0.02]), rtol=1e-6)
+
+
 @pytest.mark.parametrize("scheme", [None, *SCHEMES])
 def test_rollers_leave_a_pulled_bar_to_get_thinner_in_every_scheme(scheme: str | None, block: str) -> None:
     """Pulled evenly and slowly by prescribed motion, the bar gets thinner by nu; its rollers and its end stay plane."""
@@ -314,6 +329,14 @@ def test_groups_of_a_file_are_sets_and_go_with_refined_and_quadratic_meshes(tmp_
         ([ALONG, 'prescribed=[{set="end", move="0: 0,0"}]'], "prescribed.0.move: '0: 0,0' is not 'time: value, ...'"),
         ([ALONG, 'initial_velocity=[{velocity=[1,0,0]}]'], "initial_velocity needs inertia"),
         ([ALONG, 'marker=[{set="x"}]'], "marker.0.set is 'x'"),
+        (["servos={count=2}", 'servo=[{set="end", hub=[0,0,0], axis=[0,1,0]}]'],
+         r"there are 1 \[\[servo\]\], but servos.count is 2"),
+        (['servo=[{set="end", hub=[0,0,0], axis=[0,1,0]}]', ALONG],
+         r"there are 1 \[\[servo\]\], but there is no \[servos\]"),
+        (["servos={count=2}", 'servo=[{set="end", hub=[0,0,0], axis=[0,0,0]}, {set="end", hub=[0,0,0], axis=[0,1,0]}]'],
+         "servo.0.axis is .*; a direction is not zero"),
+        (["servos={count=2}", 'servo=[{set="end", hub=[0,0,0], axis=[0,1,0]}, {set="end", hub=[0,0,0], axis=[0,1,0]}]'],
+         "servo 1 and servo 0 both hold nodes"),
         (['mesh.corners=[[0,0,0]]', ALONG], "mesh.corners has 1 corners; a block has 8"),
     ],
 )  # fmt: skip
@@ -342,3 +365,48 @@ def test_places_of_sets(block: str) -> None:
         expected = np.flatnonzero(rule(simulation.mesh.nodes))
         assert len(expected) > 0
         np.testing.assert_array_equal(simulation._parts.watched[0], expected, err_msg=text)
+
+
+def test_servo_tables_stand_for_the_short_form() -> None:
+    """The Tripod's three arms written out move as `[servos]` does, bit for bit."""
+    words, sets = [], []
+    for i in range(3):
+        c, s = float(np.cos(2 * np.pi * i / 3)), float(np.sin(2 * np.pi * i / 3))
+        sets.append(f'{{name="end {i}", along=[{c!r}, {s!r}, 0.0], beyond=0.045}}')
+        words.append(
+            f'{{set="end {i}", hub=[{0.06 * c!r}, {0.06 * s!r}, -0.02885], axis=[{s!r}, {-c!r}, 0.0], '
+            f"inward=[{-c!r}, {-s!r}, 0.0]}}"
+        )
+    tables = [f"set=[{', '.join(sets)}]", f"servo=[{', '.join(words)}]"]
+    ends = []
+    for extra in ([], tables):
+        simulation = Simulation(load_scene("tripod", ["mesh.level=1", *extra]))
+        for k in range(20):
+            simulation.step(np.array([-0.02, -0.01, 0.005, 0.0005]) * (k + 1))
+        ends.append(simulation)
+    np.testing.assert_allclose(ends[1].positions, ends[0].positions, atol=1e-12)
+    np.testing.assert_allclose(ends[1].torques, ends[0].torques, rtol=1e-8)
+
+
+def test_two_servos_bend_a_bar_by_equal_and_opposite_torques(block: str) -> None:
+    """Pure bending: M = E I 2 turn / L, for a bar of nu = 0 turned at both ends about their middles."""
+    words = [
+        "mesh.corners=[[0,0,0],[0.1,0,0],[0.1,0.01,0],[0,0.01,0],[0,0,0.01],[0.1,0,0.01],[0.1,0.01,0.01],[0,0.01,0.01]]",
+        "mesh.cells=[20,2,2]", "mesh.element=h20", "material.poisson=0.0", "solver.tolerance=1e-10",
+        'set=[{name="end", along=[1,0,0], at=0.1}, {name="foot", along=[1,0,0], at=0.0}]', "servos={count=2}",
+        'servo=[{set="foot", hub=[0,0,0.005], axis=[0,1,0]}, '
+        '{set="end", hub=[0.1,0,0.005], axis=[0,3,0], inward=[-1,0,0]}]',
+    ]  # fmt: skip
+    simulation = Simulation(load_scene(block, words))
+    turn = 1e-3
+    simulation.step(
+        np.array([turn, -turn, 0.1 * turn**2 / 6])
+    )  # the chord of the arc is shorter than the bar
+    expected = 1e5 * 0.01**4 / 12 * 2 * turn / 0.1
+    np.testing.assert_allclose(simulation.torques, [expected, -expected], rtol=2e-3)
+    before = simulation.torques.copy()
+    simulation.step(np.array([turn, -turn, 1e-4]))
+    assert simulation.state.positions[simulation._parts.watched[0], 0].mean() == pytest.approx(
+        0.1 - 1e-4, abs=1e-12
+    )
+    assert np.abs(simulation.torques - before).max() > 0

@@ -84,7 +84,7 @@ def test_body_state_carries_every_node() -> None:
 
 def test_joint_states_name_servos_and_slide() -> None:
     s = snapshot()
-    message = wired(messages.JointTeller().message(s))
+    message = wired(messages.JointTeller(3).message(s))
     assert_header(message.header)
     assert list(message.name) == ["servo_0", "servo_1", "servo_2", "slide"]
     assert message.position.tolist() == s.joints.tolist()

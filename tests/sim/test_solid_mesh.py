@@ -443,11 +443,13 @@ import os
 import types
 import numpy as np
 
+NAMED = ("point_sets", "cell_sets", "cell_data", "point_data", "field_data")
+
 def read(path):
     print("in Python")
     os.write(1, b"below Python")
     cube = types.SimpleNamespace(type="hexahedron", data=np.load(path + ".elements.npy"))
-    return types.SimpleNamespace(points=np.load(path + ".points.npy"), cells=[cube])
+    return types.SimpleNamespace(points=np.load(path + ".points.npy"), cells=[cube], **dict.fromkeys(NAMED, {}))
 """
 
 
@@ -484,6 +486,6 @@ def test_without_meshio_the_message_says_what_to_install(
 
 def test_a_name_that_is_neither_generator_nor_file_is_refused() -> None:
     with pytest.raises(
-        SceneError, match=r"mesh.source is 'x_piece'; allowed: y_piece, or the path of a mesh file"
+        SceneError, match=r"mesh.source is 'x_piece'; allowed: y_piece, block, or the path of a mesh file"
     ):
         build(load_scene("tripod", ["mesh.source=x_piece"]))

@@ -1,4 +1,4 @@
-"""Generator of the silicone Y: three strips, a centre hole, one layer of graded hexahedra.
+"""Generator of the silicone Y, and of stars of more strips: a centre hole, one layer of graded hexahedra.
 
 Each strip is one mapped grid. Its cross lines run from the arc of the hole over the arc of the effector disc and
 the straight line through the inner corners, where neighbouring strips meet, to the clamp edge and the tip. Lines lie
@@ -27,6 +27,7 @@ class YShape:
         clamp_radius: From the centre to the edge of the clamped end.
         disc_radius: Of the rigid effector disc.
         hole_radius: Of the centre hole.
+        legs: Number of strips, evenly about Z.
     """
 
     thickness: float = 0.005
@@ -35,14 +36,15 @@ class YShape:
     clamp_radius: float = 0.045
     disc_radius: float = 0.0075
     hole_radius: float = 0.005
+    legs: int = 3
 
     def __post_init__(self) -> None:
-        inner = self.width / 2 / np.tan(np.pi / 3)
+        inner = self.width / 2 / np.tan(np.pi / self.legs)
         chain = (0.0, self.hole_radius, self.disc_radius, inner, self.clamp_radius, self.tip_radius)
         if not (all(a < b for a, b in pairwise(chain)) and self.thickness > 0):
             raise SceneError(
-                "y_piece: need 0 < hole_radius < disc_radius < width / (2 sqrt 3) < clamp_radius < tip_radius and "
-                f"thickness > 0 [m], got {self}"
+                "y_piece: need 0 < hole_radius < disc_radius < width / (2 tan(pi / legs)) < clamp_radius < "
+                f"tip_radius and thickness > 0 [m], got {self}"
             )
 
 
@@ -102,7 +104,7 @@ def divided(level: YLevel, m: int) -> YLevel:
 
 
 def y_piece(level: YLevel, shape: YShape | None = None, kind: Element = H8_MODES) -> SolidMesh:
-    """Return the mesh of the piece, mid-plane at z = 0, strip i along azimuth 2 pi i / 3.
+    """Return the mesh of the piece, mid-plane at z = 0, strip i along azimuth 2 pi i / legs.
 
     Args:
         level: Resolution.
@@ -114,16 +116,16 @@ def y_piece(level: YLevel, shape: YShape | None = None, kind: Element = H8_MODES
     lines = _cross_lines(level, shape, order)  # (k, order across + 1, 2), strip 0
     n_lines, n_across = lines.shape[:2]
     plane: list[FloatArray] = []
-    index = np.empty((3, n_lines, n_across), dtype=np.int64)
+    index = np.empty((shape.legs, n_lines, n_across), dtype=np.int64)
     shared = order * (1 + level.inner) + 1  # lines whose ends lie on the seam with the neighbouring strip
-    for arm in range(3):
-        c, s = np.cos(2 * np.pi * arm / 3), np.sin(2 * np.pi * arm / 3)
+    for arm in range(shape.legs):
+        c, s = np.cos(2 * np.pi * arm / shape.legs), np.sin(2 * np.pi * arm / shape.legs)
         turned = lines @ np.array([[c, s], [-s, c]])
         for k in range(n_lines):
             for j in range(n_across):
                 if k < shared and j == 0 and arm > 0:
                     index[arm, k, j] = index[arm - 1, k, -1]
-                elif k < shared and j == n_across - 1 and arm == 2:
+                elif k < shared and j == n_across - 1 and arm == shape.legs - 1:
                     index[arm, k, j] = index[0, k, 0]
                 else:
                     index[arm, k, j] = len(plane)
@@ -148,10 +150,10 @@ def _cross_lines(level: YLevel, shape: YShape, order: int) -> FloatArray:
     """
     t = np.linspace(-1, 1, order * level.across + 1)
     half = shape.width / 2
-    corner = half / np.tan(np.pi / 3)  # x of the inner corners
+    corner = half / np.tan(np.pi / shape.legs)  # x of the inner corners
 
     def arc(radius: float) -> FloatArray:
-        return radius * np.column_stack([np.cos(t * np.pi / 3), np.sin(t * np.pi / 3)])
+        return radius * np.column_stack([np.cos(t * np.pi / shape.legs), np.sin(t * np.pi / shape.legs)])
 
     def cross(x: float) -> FloatArray:
         return np.column_stack([np.full_like(t, x), half * t])

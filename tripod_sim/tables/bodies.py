@@ -20,6 +20,7 @@ class Mesh:
             tetrahedra `t4` and `t10`).
         scale: Length unit of a file [m]: 0.001 for millimetres.
         refine: How many times every edge is halved, so that each element becomes eight.
+        legs: Strips of the piece, evenly about Z; the servos' `count` goes with it.
         corners: Of a block, eight in VTK order: four below, counter-clockwise seen from above, and those over them [m].
         cells: Of a block along its three edges, the first from corner 0 to 1, then to 3 and to 4.
     """
@@ -31,6 +32,7 @@ class Mesh:
     )
     scale: float = number(1.0, unit="m", above=0, high=1e3)
     refine: int = number(0, low=0, high=3)
+    legs: int = number(3, low=3, high=6)
     corners: tuple[tuple[float, float, float], ...] = number((), unit="m", low=-1e3, high=1e3)
     cells: tuple[int, int, int] = number((1, 1, 1), low=1, high=1000)
 

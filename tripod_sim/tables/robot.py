@@ -7,18 +7,21 @@ from tripod_sim.tables.fields import number
 
 @dataclass(frozen=True)
 class Servos:
-    """Three servo arms that hold the ends of the strips.
+    """Servo arms, evenly about Z, that hold the ends of the strips.
 
     Attributes:
+        count: How many; the first holds the strip along X.
         axis_radius: Of the servo axes from the centre, before sliding [m].
         axis_depth: Of the axes below the mid-plane [m].
         clamp_radius: Nodes beyond it, along each strip, are held [m].
         angle_min: Smallest angle [rad].
         angle_max: Largest angle [rad].
         slide_max: Largest inward slide [m].
-        angles: At the start [rad].
+        angles: At the start [rad], one for each; empty: 0.
         slide: At the start [m].
     """
+
+    count: int = number(3, low=2, high=12)
 
     axis_radius: float = number(0.060, unit="m", above=0, high=10.0)
     axis_depth: float = number(0.02885, unit="m", low=0, high=10.0)
@@ -26,8 +29,12 @@ class Servos:
     angle_min: float = number(-2.1, unit="rad", low=-3.2, high=0)
     angle_max: float = number(0.6, unit="rad", low=0, high=3.2)
     slide_max: float = number(0.04, unit="m", low=0, high=10.0)
-    angles: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="rad")
+    angles: tuple[float, ...] = number((), unit="rad")
     slide: float = number(0.0, unit="m")
+
+    def __post_init__(self) -> None:
+        if not self.angles:
+            object.__setattr__(self, "angles", (0.0,) * self.count)
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,24 @@ class Prescribed:
 
 
 @dataclass(frozen=True)
+class Servo:
+    """Where a servo stands and what it holds; without any they stand evenly about Z. `[servos]` has what all share:
+    their number, range, slide and start.
+
+    Attributes:
+        set: Name of the set that its arm holds.
+        hub: A point on its axis, before sliding [m].
+        axis: Direction of the axis, of any length; the angle grows counter-clockwise about it, from 0 as meshed.
+        inward: Direction of a positive slide, of any length; without it the servo does not slide.
+    """
+
+    set: str
+    hub: Vector = number(unit="m")
+    axis: Vector = number()
+    inward: Vector | None = number(None)
+
+
+@dataclass(frozen=True)
 class Load:
     """A dead load on a set, constant in size and direction: a force, a pressure or a mass; one of the three.
 

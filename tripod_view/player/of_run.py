@@ -108,7 +108,7 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
 def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Piece]:
     """Return robot, maze, ball and obstacles, as far as there are any."""
     found: list[Piece] = []
-    if servos := scene.get("servos"):
+    if (servos := scene.get("servos")) and not scene.get("servo"):  # these stand evenly about Z
         radius = scene.get("effector", {}).get("radius", 0.0075)
         geometry = ArmGeometry(
             axis_radius=servos["axis_radius"],
@@ -139,7 +139,7 @@ def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
     """Return what is drawn over time: of a robot its joints, torques and effector, of all others the energies."""
     found = []
     if scene.get("servos"):
-        servos = ("servo 0", "servo 1", "servo 2")
+        servos = tuple(f"servo {i}" for i in range(arrays["angles"].shape[1]))
         found.append(Curve("servo angles", "degrees", servos, np.degrees(arrays["angles"][steps])))
         stall = scene.get("servo_dynamics", {}).get("stall_torque")
         limits = (stall, -stall) if stall else ()

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_view.arm import ARMS, ArmGeometry, azimuth, clamp_corners
+from tripod_view.arm import ArmGeometry, clamp_corners
 from tripod_view.player.film import Piece, Rgb
 from tripod_view.player.shapes import box, disc, joined
 
@@ -22,13 +22,14 @@ BRACKET = 0.003
 
 
 def robot_pieces(angles: FloatArray, slide: FloatArray, geometry: ArmGeometry) -> tuple[Piece, ...]:
-    """Return base, servo bodies and arms at `angles` [rad], shape (k, 3), and `slide` [m], shape (k,).
+    """Return base, servo bodies and arms at `angles` [rad], shape (k, servos), and `slide` [m], shape (k,).
 
     A negative angle tips an arm outward and down: it turns about +y of its servo's frame, x pointing outward.
     """
     pieces = []
-    for i in range(ARMS):
-        phi = azimuth(i)
+    count = angles.shape[1]
+    for i in range(count):
+        phi = 2 * np.pi * i / count
         upright = np.array([0.0, 0.0, np.sin(phi / 2), np.cos(phi / 2)])
         radius = geometry.axis_radius - slide
         where = np.stack(
@@ -42,7 +43,7 @@ def robot_pieces(angles: FloatArray, slide: FloatArray, geometry: ArmGeometry) -
         pieces += [
             _piece(f"rail {i}", _rail(phi, geometry), BASE, None),
             _piece(f"servo {i}", box(BODY_SIZE), SERVO_BODY, carriage),
-            _piece(f"arm {i}", _bracket(geometry), SERVO_COLOURS[i], arm),
+            _piece(f"arm {i}", _bracket(geometry), SERVO_COLOURS[i % len(SERVO_COLOURS)], arm),
         ]
     return tuple(pieces)
 
