@@ -122,3 +122,14 @@ def test_what_cannot_be_studied_is_told_in_one_line(subject: Subject, message: s
         plan(subject, quick=True)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_a_marker_is_what_the_errors_are_of(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    words = '\n[[set]]\nname = "tip"\nlow = [-1, -1, -1]\nhigh = [-0.02, 1, 1]\n[[marker]]\nset = "tip"\n'
+    path.write_text(STRIP.format(name="strip") + words)
+    study = plan(Subject(str(path)), quick=True)
+    assert [q.name for q in study.quantities] == ["marker tip", "body"]
+    rows = np.array(task(study.told(study.default)).observed["marker tip"])
+    assert rows.shape == (5, 3)
+    assert rows[-1, 2] < rows[0, 2] - 1e-4

@@ -175,7 +175,10 @@ def task(settings: Settings) -> Measured:
 
 def _quantities(scene: Scene) -> tuple[Quantity, ...]:
     """Return what is compared, what matters most first."""
-    found = []
+    found = [
+        Quantity(f"marker {m.set}", "m", f"mean position of the set {m.set!r}, the worst instant")
+        for m in scene.marker
+    ]
     if scene.effector:
         found.append(Quantity("effector", "m", "position of the effector, the worst instant"))
     if scene.ball:
@@ -191,7 +194,9 @@ def _quantities(scene: Scene) -> tuple[Quantity, ...]:
 
 def _seen(simulation: Simulation, probes: NDArray[np.int64]) -> dict[str, list[float]]:
     """Return what `_quantities` compares."""
-    scene, found = simulation.scene, dict[str, list[float]]()
+    scene = simulation.scene
+    places = zip(scene.marker, simulation.markers, strict=True)
+    found: dict[str, list[float]] = {f"marker {m.set}": place.tolist() for m, place in places}
     if simulation.effector:
         found["effector"] = simulation.effector.position.tolist()
     if scene.ball and simulation.ball:
@@ -326,7 +331,7 @@ def _points(tries: _Tries, default: Settings, finest: Settings, *, quick: bool) 
 
 def _check_moves(scene: Scene, *, moved: bool) -> None:
     """Raise SceneError if nothing in a scene moves, so that there is nothing to compare."""
-    if moved:
+    if moved or scene.prescribed or scene.load:
         return
     if not scene.inertia:
         raise SceneError(f"scene {scene.name!r} is static and no servo moves: say what does by --servo")
