@@ -8,19 +8,28 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.constraints.groups import DrivenFrame, Groups, Kind
+from tripod_sim.bodies.assembly import Assembly, SoftBody
+from tripod_sim.bodies.build import (
+    assembled,
+    elastic_terms,
+    masses,
+    sets_of,
+    shown,
+    spring_dampers,
+    spring_sides,
+    with_held,
+)
+from tripod_sim.constraints.groups import DrivenFrame, Groups
 from tripod_sim.constraints.held import free_motion, held_groups
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.linear.choice import linear_factory
-from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
-from tripod_sim.mesh.suited import suited, width_note
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import soft_bodies, springs_alone
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
@@ -29,9 +38,11 @@ from tripod_sim.tables.robot import Servos
 
 if TYPE_CHECKING:
     from tripod_sim.ball.body_ball import BodyBall
+    from tripod_sim.bodies.assembly import AssemblySkin
     from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
     from tripod_sim.contact.rigid_system import RigidSystem
     from tripod_sim.forces.anchor import Anchor
+    from tripod_sim.forces.gravity import GravityForce
     from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.integrators.time_error import ErrorTransport
     from tripod_sim.maze.plate import Plate
@@ -62,7 +73,7 @@ class Parts:
     """What `build` made of a scene.
 
     Attributes:
-        mesh: The solid's mesh, or the body of springs.
+        mesh: The solid's mesh, the body of springs, or several bodies.
         mass: Of nodes [kg], shape (n,); zero for ghosts of a compliant clamp, which follow the mesh's nodes.
         system: The potential.
         stepper: The time integrator or the static solver.
@@ -74,22 +85,24 @@ class Parts:
         rigid: The rigid bodies, which `mesh` shows behind the soft one; None without any.
         check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None: they do not.
         notes: What users should know of them, one sentence each.
+        soft: How many of the nodes that show the simulation belong to each soft body; empty: all that are not rigid.
         velocities: Of nodes at the start [m/s], shape (n, 3); None: at rest.
         watched: Nodes of each marker.
     """
 
-    mesh: "SolidMesh | SpringBody | JoinedMesh"
+    mesh: "SolidMesh | SpringBody | Assembly | JoinedMesh"
     mass: FloatArray
     system: "System | SpringSystem | RigidSystem"
     stepper: Stepper
     servos: "ServoMotion | None" = None
-    skin: "ChainSkin | JoinedSkin | None" = None
+    skin: "ChainSkin | AssemblySkin | JoinedSkin | None" = None
     plate: "Plate | None" = None
     ball: "MazeBall | BodyBall | None" = None
     errors: "ErrorTransport | EstimatedSprings | AutomaticSprings | None" = None
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
     notes: tuple[str, ...] = ()
+    soft: tuple[int, ...] = ()
     velocities: FloatArray | None = None
     watched: tuple[IndexArray, ...] = ()
 
@@ -108,51 +121,39 @@ def build(scene: Scene) -> Parts:
 
 def _built(scene: Scene) -> Parts:
     """Return the parts of a simulation whose body is solved for in every step."""
-    if scene.springs:
+    if scene.springs and springs_alone(scene):  # a loop of its own, faster than that of any terms
         from tripod_sim.springs.build import build_springs
 
         parts = build_springs(scene, scene.springs)
         nodes, held = parts.mesh.nodes[: parts.system.groups.size], parts.system.groups.held()
         sets = NodeSets(scene.set, nodes, {})
         return replace(parts, velocities=_velocities(scene, sets, nodes, held), watched=_watched(scene, sets))
-    if scene.rigid and not scene.mesh:
+    if scene.rigid and not soft_bodies(scene):
         from tripod_sim.contact.rigid_build import build_rigid
 
         return build_rigid(scene)
-    from tripod_sim.forces.solid import Solid
-
-    assert scene.mesh
-    assert scene.material
-    mesh, notes = suited(body_mesh(scene.mesh))
-    notes = (*width_note(scene.mesh.source, mesh.nodes), *notes)
-    sets = NodeSets(scene.set, mesh.nodes, mesh.groups)
+    static = not scene.inertia
+    assembly, notes = assembled(scene, body_mesh)
+    sets = sets_of(scene, assembly)
     if scene.contact:
-        from tripod_sim.contact.solid_build import placed_solid
+        from tripod_sim.contact.solid_build import placed_bodies
 
-        mesh = placed_solid(mesh, scene, scene.contact)
-    groups = _groups(scene, mesh.nodes, sets)
-    if not scene.inertia:
-        _check_held(scene.mesh.source, mesh, groups)
-    rest, foundation = mesh.nodes, None
+        assembly = placed_bodies(assembly, sets, scene, scene.contact)
+    first, rest = assembly.bodies[0], assembly.nodes
+    groups, said = with_held(_groups(scene, assembly, sets), assembly, static=static)
+    if static:
+        _check_held(assembly, groups)
+    foundation = None
     if scene.clamp:
         from tripod_sim.robot.clamp import bed_clamps
 
-        rest, frames, foundation = bed_clamps(mesh, groups.driven, scene.clamp.stiffness)
+        rest, frames, foundation = bed_clamps(_in_all(first, rest), groups.driven, scene.clamp.stiffness)
         groups = replace(groups, size=len(rest), driven=frames)
     rest, groups, plate = _fastened(scene, rest, groups)
-    load, inert = _node_masses(mesh, scene.material.mass, len(rest))
-    if plate:
-        load[plate.nodes], inert[plate.nodes] = plate.mass, plate.mass
-    dead = _dead_loads(scene, sets, mesh, load, inert)
-    lam, mu = lame_constants(scene.material.young, scene.material.poisson)
-    solid = Solid(rest, _strained(mesh.elements, groups), mesh.kind, scene.material.law, lam, mu)
-    gravity = inertia = None
-    if scene.gravity or dead is not None:
-        from tripod_sim.forces.gravity import GravityForce
-
-        gravity = GravityForce(load, scene.gravity.acceleration if scene.gravity else (0, 0, 0), rest, dead)
+    inert, gravity = _weights(scene, assembly, sets, rest, plate)
+    inertia = None
     velocities, watched = _velocities(scene, sets, rest, groups.held()), _watched(scene, sets)
-    loads, ball = _ball(scene, rest, groups, mesh.surface, plate)
+    loads, ball = _ball(scene, rest, groups, first, plate)
     explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
     if (scene.inertia and not explicit) or scene.contact:
         from tripod_sim.forces.anchor import Anchor
@@ -160,38 +161,52 @@ def _built(scene: Scene) -> Parts:
         inertia = Anchor(len(rest))
     damping = scene.damping.stiffness if scene.damping and not explicit else 0.0
     system = System(
-        rest, [solid], groups, gravity=gravity, inertia=inertia, damping=damping, foundation=foundation,
-        loads=loads,
+        rest, elastic_terms(assembly, sets, rest, groups), groups, gravity=gravity, inertia=inertia, damping=damping,
+        dampers=spring_dampers(assembly) if scene.inertia else None, foundation=foundation, loads=loads,
+        joined=spring_sides(assembly) if scene.contact else (),
         linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
     )  # fmt: skip
+    mesh, skin, counts = shown(assembly)
     if scene.contact and inertia:
         from tripod_sim.contact.solid_build import solid_parts
 
-        parts = solid_parts(mesh, system, inertia, inert, scene, scene.contact, plate)
-        return replace(
-            parts, servos=_servos(scene, groups), notes=notes, velocities=velocities, watched=watched
-        )
-    stepper = _stepper(scene, system, inertia, inert)
+        parts = solid_parts(assembly, mesh, skin, system, inertia, inert, scene, scene.contact, plate)
+    else:
+        stepper = _stepper(scene, system, inertia, inert)
+        errors = stepper.errors if isinstance(stepper, Substeps) else None
+        parts = Parts(mesh, inert, system, stepper, skin=skin, plate=plate, ball=ball, errors=errors)
     servos = _servos(scene, groups)
-    errors = stepper.errors if isinstance(stepper, Substeps) else None
-    return Parts(
-        mesh, inert, system, stepper, servos, plate=plate, ball=ball, errors=errors, notes=notes,
-        velocities=velocities, watched=watched,
-    )  # fmt: skip
+    return replace(
+        parts, servos=servos, notes=(*notes, *said), soft=counts, velocities=velocities, watched=watched
+    )
 
 
-def _dead_loads(
-    scene: Scene, sets: NodeSets, mesh: SolidMesh, weighing: FloatArray, inert: FloatArray
-) -> FloatArray | None:
-    """Return the dead loads on nodes [N], shape (n, 3); add their masses to what nodes weigh and resist with [kg]."""
-    if not scene.load:
-        return None
-    from tripod_sim.forces.set_loads import set_loads
+def _weights(
+    scene: Scene, assembly: Assembly, sets: NodeSets, rest: FloatArray, plate: "Plate | None"
+) -> "tuple[FloatArray, GravityForce | None]":
+    """Return the inertia of nodes [kg], and weight and dead loads, None where there are none."""
+    load, inert = masses(assembly, sets, len(rest))
+    if plate:
+        load[plate.nodes], inert[plate.nodes] = plate.mass, plate.mass
+    dead = None
+    if scene.load:
+        from tripod_sim.forces.set_loads import set_loads
 
-    loads = set_loads(scene.load, sets, mesh, len(weighing))
-    weighing += loads.weighing
-    inert += loads.inert
-    return loads.force
+        solids = [_in_all(body, assembly.nodes) for body in assembly.bodies if body.solid]
+        dead, weighing, lumped = set_loads(scene.load, sets, solids, len(rest))
+        load, inert = load + weighing, inert + lumped
+    if not scene.gravity and dead is None:
+        return inert, None
+    from tripod_sim.forces.gravity import GravityForce
+
+    acceleration = scene.gravity.acceleration if scene.gravity else (0.0, 0.0, 0.0)
+    return inert, GravityForce(load, acceleration, rest, dead)
+
+
+def _in_all(body: SoftBody, nodes: FloatArray) -> SolidMesh:
+    """Return a solid in the numbering of all bodies, whose nodes are `nodes` [m]."""
+    assert body.solid
+    return replace(body.solid, nodes=nodes, elements=body.blocks, groups={})
 
 
 def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":
@@ -265,10 +280,11 @@ def _fastened(scene: Scene, rest: FloatArray, groups: Groups) -> "tuple[FloatArr
 
 
 def _ball(
-    scene: Scene, rest: FloatArray, groups: Groups, surface: IndexArray, plate: "Plate | None"
+    scene: Scene, rest: FloatArray, groups: Groups, body: SoftBody, plate: "Plate | None"
 ) -> "tuple[NodalLoads | None, MazeBall | BodyBall | None]":
     """Return the loads of the ball on the nodes, and how it moves."""
-    if not (scene.ball and scene.gravity and scene.material):
+    material = body.table.material
+    if not (scene.ball and scene.gravity and material and body.solid):
         return None, None
     from tripod_sim.forces.loads import NodalLoads
 
@@ -279,20 +295,10 @@ def _ball(
         return loads, MazeBall(scene.ball, plate, gravity, loads, quasi_static=static)
     from tripod_sim.ball.body_ball import BodyBall
 
-    mass, disc = scene.material.mass, groups.rigid[0] if groups.rigid else None
+    mass, disc = material.mass, groups.rigid[0] if groups.rigid else None
     return loads, BodyBall(
-        scene.ball, surface, groups.driven, mass, gravity, loads, quasi_static=static, disc=disc
+        scene.ball, body.solid.surface, groups.driven, mass, gravity, loads, quasi_static=static, disc=disc
     )
-
-
-def _node_masses(mesh: SolidMesh, total: float, size: int) -> tuple[FloatArray, FloatArray]:
-    """Return what nodes weigh and what inertia they have [kg], each of shape (size,) and of sum `total` [kg]."""
-    found = []
-    for volumes in node_volumes(mesh.kind, mesh.nodes[mesh.elements]):
-        mass = np.zeros(size)
-        np.add.at(mass, mesh.elements, volumes)
-        found.append(mass * (total / mass.sum()))
-    return found[0], found[1]
 
 
 def body_mesh(description: Mesh) -> SolidMesh:
@@ -340,7 +346,9 @@ def _refined(mesh: SolidMesh, times: int) -> SolidMesh:
     return mesh
 
 
-def _groups(scene: Scene, nodes: FloatArray, sets: NodeSets) -> Groups:
+def _groups(scene: Scene, assembly: Assembly, sets: NodeSets) -> Groups:
+    """Return what holds and moves nodes; disc and arms are those of the first body, whose nodes come first."""
+    nodes = assembly.nodes[assembly.bodies[0].nodes]
     rigid: tuple[IndexArray, ...] = ()
     driven: tuple[DrivenFrame, ...] = ()
     if scene.effector:
@@ -351,15 +359,18 @@ def _groups(scene: Scene, nodes: FloatArray, sets: NodeSets) -> Groups:
         from tripod_sim.robot.arms import placed_arms, servo_arms
 
         driven = placed_arms(scene.servo, sets) if scene.servo else servo_arms(nodes, scene.servos)
-    return held_groups(scene, sets, nodes, rigid, driven)
+    return held_groups(scene, sets, assembly.nodes, rigid, driven)
 
 
-def _check_held(source: str, mesh: SolidMesh, groups: Groups) -> None:
-    """Refuse a body that can move as a whole in a scene without inertia. Raises SceneError, which says how."""
-    held = groups.held()
-    check_held(mesh, groups.rigid, np.flatnonzero(held.any(axis=1)), f"mesh.source {source!r}")
-    if free := free_motion([mesh.elements, *groups.rigid], mesh.nodes, held):
-        raise SceneError(f"mesh.source {source!r}: {free}; without inertia it must be held against that, too")
+def _check_held(assembly: Assembly, groups: Groups) -> None:
+    """Refuse bodies that can move as a whole in a scene without inertia. Raises SceneError, which says how."""
+    first, held = assembly.bodies[0], groups.held()
+    source = f"mesh.source {first.table.mesh.source!r}" if first.table.mesh else f"body {first.table.name!r}"
+    if first.solid and len(assembly.bodies) == 1:
+        check_held(first.solid, groups.rigid, np.flatnonzero(held.any(axis=1)), source)
+    blocks = [body.blocks for body in assembly.bodies]
+    if free := free_motion([*blocks, *groups.rigid], assembly.nodes, held):
+        raise SceneError(f"{source}: {free}; without inertia it must be held against that, too")
 
 
 def _velocities(scene: Scene, sets: NodeSets, rest: FloatArray, held: NDArray[np.bool_]) -> FloatArray | None:
@@ -374,10 +385,3 @@ def _velocities(scene: Scene, sets: NodeSets, rest: FloatArray, held: NDArray[np
 def _watched(scene: Scene, sets: NodeSets) -> tuple[IndexArray, ...]:
     """Return the nodes of each marker."""
     return tuple(sets.nodes(table.set, f"marker.{i}.set") for i, table in enumerate(scene.marker))
-
-
-def _strained(elements: IndexArray, groups: Groups) -> IndexArray:
-    """Return the elements that can deform: not all nodes in one group."""
-    kind, number = groups.kinds()
-    key = np.where(kind == Kind.FREE, -1 - np.arange(groups.size), 1000 * kind + number)[elements]
-    return np.ascontiguousarray(elements[~(key == key[:, :1]).all(axis=1)])

@@ -1,4 +1,4 @@
-"""Sets of nodes: which nodes of a body the names of a scene mean."""
+"""Sets of nodes: which nodes of the bodies the names of a scene mean."""
 
 import difflib
 from collections.abc import Mapping
@@ -17,16 +17,28 @@ ALL = "all"
 
 
 class NodeSets:
-    """The sets of one body."""
+    """The sets of all bodies."""
 
     def __init__(
-        self, tables: tuple[NodeSet, ...], nodes: FloatArray, groups: Mapping[str, IndexArray]
+        self,
+        tables: tuple[NodeSet, ...],
+        nodes: FloatArray,
+        groups: Mapping[str, IndexArray],
+        bodies: Mapping[str, IndexArray] | None = None,
     ) -> None:
-        """`tables`: of the scene; `nodes`: undeformed [m], shape (n, 3); `groups`: of the mesh file, by name."""
-        self._nodes, self._groups = nodes, groups
+        """Find the nodes of each table.
+
+        Args:
+            tables: Of the scene.
+            nodes: Undeformed [m], shape (n, 3).
+            groups: Of the mesh files, by name.
+            bodies: Nodes of each body, by name; None where there is only one.
+        """
+        self._nodes, self._groups, self._bodies = nodes, groups, bodies or {}
         self._found = {ALL: np.arange(len(nodes))} | {
             name: np.asarray(group) for name, group in groups.items()
         }
+        self._found |= self._bodies
         for i, table in enumerate(tables):
             self._found[table.name] = self._inside(table, f"set.{i} ({table.name!r})")
 
@@ -56,6 +68,11 @@ class NodeSets:
     def _inside(self, table: NodeSet, where: str) -> IndexArray:
         """Return the nodes of a table. Raises SceneError where there are none."""
         far = _distance(table, self._nodes)
+        if table.body:
+            if table.body not in self._bodies:
+                known = ", ".join(self._bodies) or "one, which needs no name"
+                raise SceneError(f"{where}: body is {shown(table.body)}; bodies: {known}")
+            far[np.setdiff1d(np.arange(len(far)), self._bodies[table.body])] = np.inf
         if table.group:
             if table.group not in self._groups:
                 known = ", ".join(sorted(self._groups)) or "none"

@@ -3,10 +3,10 @@
 A table that is absent is an effect that is off: it is not imported, allocates nothing and takes no time.
 """
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 from tripod_sim.scene_checks import CHECKS
-from tripod_sim.tables.bodies import Material, Mesh, Obstacle, Rigid, Springs
+from tripod_sim.tables.bodies import Body, Material, Mesh, Obstacle, Region, Rigid, Springs, Tie
 from tripod_sim.tables.fields import check_fields, number
 from tripod_sim.tables.method import Solver, TimeError
 from tripod_sim.tables.motion import Contact, Damping, Gravity, Inertia, Sleep, StrainLimit
@@ -25,6 +25,9 @@ class Scene:
         duration: How long `tripod run` simulates unless told [s].
         mesh, material: The solid; None where the body is of springs.
         springs: The body of springs; None where it is a solid.
+        region: Parts of the solid that are of other materials.
+        body: Soft bodies beside it, or instead of it.
+        tie: Which of their nodes are one.
         set: Nodes of the body to which others refer.
         gravity, inertia, damping, fixed, prescribed, load, initial_velocity, servos, servo_dynamics, clamp, effector,
             strain_limit, maze, ball, contact, obstacles: Effects; None or empty is off.
@@ -41,6 +44,9 @@ class Scene:
     mesh: Mesh | None = None
     material: Material | None = None
     springs: Springs | None = None
+    region: tuple[Region, ...] = ()
+    body: tuple[Body, ...] = ()
+    tie: tuple[Tie, ...] = ()
     description: str = ""
     dt: float = number(0.005, unit="s", low=1e-9, high=1.0)
     duration: float = number(1.0, unit="s", above=0, high=1e9)
@@ -73,11 +79,6 @@ class Scene:
 
     def __post_init__(self) -> None:
         check_fields(self, "")
-        for f in fields(self):
-            value = getattr(self, f.name)
-            for i, part in enumerate(value) if isinstance(value, tuple) else ((None, value),):
-                if hasattr(part, "__dataclass_fields__"):
-                    check_fields(part, f.name if i is None else f"{f.name}.{i}")
         for check in CHECKS:
             check(self)
 
@@ -105,7 +106,7 @@ EFFECTS = (
 )
 """Tables of a scene that may be absent."""
 
-OPTIONAL = (*EFFECTS, "set", "servo", "marker", "motion")
+OPTIONAL = (*EFFECTS, "body", "tie", "region", "set", "servo", "marker", "motion")
 """The same, with what is no effect."""
 
 

@@ -3,35 +3,61 @@
 from typing import TYPE_CHECKING
 
 from tripod_sim.errors import SceneError, shown
+from tripod_sim.scene_short import field_of, soft_bodies, springs_alone
 from tripod_sim.tables.motion import EXPLICIT
 from tripod_sim.timeline import parse_timeline
 
 if TYPE_CHECKING:
     from tripod_sim.scene import Scene
+    from tripod_sim.tables.bodies import Body
     from tripod_sim.tables.sets import Vector
 
 
 def check_body(scene: "Scene") -> None:
-    """Raise SceneError if the body is neither a solid nor of springs, or names what its kind has not."""
-    for name in ("mesh", "material"):
-        given = getattr(scene, name)
-        if not scene.springs and given is None and not (scene.rigid and not (scene.mesh or scene.material)):
+    """Raise SceneError if a body is neither a solid nor of springs, or if one lacks a name of its own."""
+    bodies = soft_bodies(scene)
+    if not (bodies or scene.rigid):
+        raise SceneError(
+            "field mesh is missing: a scene has mesh and material, or springs, or bodies, or rigid bodies"
+        )
+    names = [body.name for body in bodies]
+    for k, body in enumerate(bodies):
+        field = field_of(scene, k)
+        if field and (not body.name or body.name == "all" or body.name in names[:k]):
             raise SceneError(
-                f"field {name} is missing: a scene has mesh and material, or springs, or rigid bodies"
+                f"{field}name is {shown(body.name)}; it must be a name of its own: not 'all', nor that of another body"
             )
-        if scene.springs and given is not None:
-            raise SceneError(
-                f"{name} and springs exclude each other: a scene has mesh and material, or springs"
-            )
-    if scene.strain_limit and not (scene.springs and scene.inertia):
+        _check_kind(body, field)
+    if scene.region and not scene.mesh:
+        raise SceneError("region needs mesh: it is a part of a solid")
+    if scene.tie and len(bodies) < 2:
+        raise SceneError("tie needs two soft bodies: it makes nodes of one those of another")
+    if scene.strain_limit and not (scene.inertia and any(body.springs for body in bodies)):
         raise SceneError(
             "strain_limit needs springs and inertia: it bounds how far springs stretch in motion"
         )
-    for name in ("servos", "effector"):
-        if scene.springs and getattr(scene, name):
+    if scene.strain_limit and not springs_alone(scene):
+        raise SceneError(
+            "strain_limit is of one body of springs alone; leave it out, or the other soft bodies"
+        )
+    for name in ("servos", "effector", "ball"):
+        if getattr(scene, name) and bodies and not bodies[0].mesh:
             raise SceneError(
-                f"{name} needs a solid: springs are held by fixed_nodes, fixed_corners or fixed boxes"
+                f"{name} needs a solid as the first body: springs are held by fixed_nodes, fixed_corners or fixed boxes"
             )
+
+
+def _check_kind(body: "Body", field: str) -> None:
+    """Raise SceneError if a body is not either a solid or of springs; `field` is what its fields begin with."""
+    for name, other in (("mesh", "material"), ("material", "mesh")):
+        if getattr(body, other) and not getattr(body, name):
+            raise SceneError(f"field {field}{name} is missing: a solid has mesh and material")
+    if not (body.mesh or body.springs):
+        raise SceneError(f"field {field}mesh is missing: a body has mesh and material, or springs")
+    if body.mesh and body.springs:
+        raise SceneError(f"{field}mesh and {field}springs exclude each other: they are two bodies")
+    if body.region and not body.mesh:
+        raise SceneError(f"{field}region needs {field}mesh: it is a part of a solid")
 
 
 NEEDS = (
@@ -55,7 +81,8 @@ def check_needs(scene: "Scene") -> None:
 
 def check_holds(scene: "Scene") -> None:
     """Raise SceneError if nothing holds a body at rest."""
-    held = scene.servos or scene.fixed or scene.prescribed or (scene.springs and scene.springs.holds)
+    nets = any(body.springs and body.springs.holds for body in soft_bodies(scene))
+    held = scene.servos or scene.fixed or scene.prescribed or nets
     if not (scene.inertia or held):
         raise SceneError(
             "nothing holds the body (no servos, nothing fixed), so its translation and rotation are free and it has "
@@ -143,10 +170,10 @@ def _check_axes(where: str, axes: str) -> None:
 def check_solid(scene: "Scene") -> None:
     """Raise SceneError if what only solids have is asked of springs or rigid bodies, or with what it cannot go with."""
     for name in ("prescribed", "load"):
-        if getattr(scene, name) and not scene.mesh:
+        if getattr(scene, name) and (springs_alone(scene) or not soft_bodies(scene)):
             raise SceneError(f"{name} needs a solid (mesh and material)")
     single = [f"fixed.{i}" for i, fixed in enumerate(scene.fixed) if len(fixed.axes) < len("xyz")]
-    if single and not scene.mesh:
+    if single and springs_alone(scene):
         raise SceneError(f"{single[0]}.axes: springs are held along all axes; leave it out")
     if scene.contact and (single or scene.prescribed):
         what = f"{single[0]}.axes" if single else "prescribed"
@@ -154,7 +181,7 @@ def check_solid(scene: "Scene") -> None:
             f"contact and {what} exclude each other: contact knows nodes that are free or held along all axes"
         )
     for name in ("set", "initial_velocity", "marker"):
-        if getattr(scene, name) and not (scene.mesh or scene.springs):
+        if getattr(scene, name) and not soft_bodies(scene):
             raise SceneError(
                 f"{name} needs a soft body (mesh and material, or springs): rigid bodies have no nodes"
             )
@@ -175,6 +202,7 @@ def check_rigid(scene: "Scene") -> None:
             )
     turned = [("rigid", i, body.orientation) for i, body in enumerate(scene.rigid)]
     turned += [("obstacles", i, obstacle.orientation) for i, obstacle in enumerate(scene.obstacles)]
+    turned += [("body", i, body.orientation) for i, body in enumerate(scene.body)]
     for name, i, orientation in turned:
         size = sum(c * c for c in orientation) ** 0.5
         if not abs(size - 1) <= 0.01:
@@ -184,7 +212,7 @@ def check_rigid(scene: "Scene") -> None:
             )
     if scene.rigid and not scene.contact:
         raise SceneError("rigid needs contact: without it nothing touches the bodies; add [contact]")
-    if scene.mesh or scene.springs:
+    if soft_bodies(scene):
         return
     for name in ("damping", "fixed", "servos", "effector"):
         if getattr(scene, name):
@@ -219,7 +247,7 @@ def check_contact(scene: "Scene") -> None:
             "rigid needs inertia: nothing holds the bodies but what they happen to lie on, so where they rest is not "
             "determined; add [inertia], or make what stands still one of the [[obstacles]]"
         )
-    soft = bool(scene.mesh or scene.springs)
+    soft = len(soft_bodies(scene))
     if contact.self_contact and not soft:
         raise SceneError("contact.self_contact needs a soft body: a rigid one does not touch itself")
     if not (scene.obstacles or contact.self_contact or len(scene.rigid) + soft > 1):
@@ -243,7 +271,7 @@ def check_time_error(scene: "Scene") -> None:
             "time_error and strain_limit exclude each other: the estimate knows nothing of the bound"
         )
     chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.scheme == "auto"
-    explicit = scene.springs is not None and chosen
+    explicit = springs_alone(scene) and chosen
     if wanted.estimate == "local" and wanted.steps == "fixed":
         raise SceneError(
             "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "

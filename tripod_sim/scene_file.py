@@ -70,12 +70,10 @@ def _scene(text: str, folder: Path | None, what: str, overrides: Iterable[str]) 
         named |= word.partition("=")[0].strip() in ("inertia", "inertia.scheme")
     if table.get("dt") == AUTO:
         _choose_steps(table, interval, keep_scheme=named)
-    lists = [part for part in (table.get("obstacles"), table.get("rigid")) if isinstance(part, list)]
-    for part in (
-        table.get("mesh"),
-        table.get("springs"),
-        *(part for parts in lists for part in parts),
-    ):
+    lists = [table[key] for key in ("obstacles", "rigid", "body") if isinstance(table.get(key), list)]
+    several = [part for parts in lists for part in parts if isinstance(part, dict)]
+    nested = [part.get(key) for part in (table, *several) for key in ("mesh", "springs")]
+    for part in (*nested, *several):
         if isinstance(part, dict) and isinstance(part.get("source"), str) and "." in part["source"]:
             part["source"] = _located(part["source"], folder)
     scene = _build(Scene, table, "")
@@ -223,7 +221,7 @@ def _build(cls: Any, table: Any, path: str) -> Any:
         if key not in hints:
             meant = _elsewhere(key, hints) if cls is Scene else difflib.get_close_matches(key, hints, 1)
             hint = f"; did you mean {' or '.join(map(repr, meant))}?" if meant else ""
-            name = key if key.isidentifier() and len(key) < LONGEST else shown(key)
+            name = key if key.isidentifier() and len(key) < LONGEST else shown(key[: LONGEST // 2])
             where = f"{path}.{name}" if path else name
             raise SceneError(f"field {where} is unknown; fields: {', '.join(hints)}{hint}")
     values = {}

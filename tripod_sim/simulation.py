@@ -87,7 +87,7 @@ class Simulation:
         self.scene = scene
         parts = self._parts = build(scene)
         posed = bool(scene.servos or (scene.fixed and scene.effector))
-        self._static = build(at_rest(scene)) if scene.inertia and posed and scene.mesh else parts
+        self._static = build(at_rest(scene)) if scene.inertia and posed else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
             parts.mass,
@@ -416,9 +416,9 @@ class Simulation:
 
     @property
     def bodies(self) -> tuple[int, ...]:
-        """How many nodes of `skin` belong to the soft body, 0 where there is none, and to each rigid one."""
-        rigid = [len(shape.vertices) for shape in self._parts.rigid.shapes] if self._parts.rigid else []
-        return (len(self.skin.nodes) - sum(rigid), *rigid)
+        """How many nodes of `skin` belong to each soft body, 0 where there is none, and to each rigid one."""
+        rigid = self.rigid_counts
+        return (*(self._parts.soft or (len(self.skin.nodes) - sum(rigid),)), *rigid)
 
     def shown(self, positions: FloatArray) -> FloatArray:
         """Return where the nodes of `skin` are [m], shape (k, 3), for `positions` of the mesh's nodes [m], (n, 3)."""

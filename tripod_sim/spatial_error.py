@@ -83,8 +83,10 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
         StepError: one of the two meshes has no equilibrium there.
     """
     mesh = scene.mesh
-    if scene.springs:
-        raise SceneError("springs have no mesh that could be finer: a scene of springs has no spatial error")
+    if scene.springs or scene.body:
+        raise SceneError(
+            "springs have no mesh that could be finer, and of several bodies only one would be: no spatial error"
+        )
     if not mesh:
         raise SceneError("there is no mesh that could be finer: a scene of rigid bodies has no spatial error")
     if not (scene.servos or scene.fixed):

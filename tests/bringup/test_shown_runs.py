@@ -43,7 +43,7 @@ def test_each_shipped_scene_is_shown_with_all_that_is_in_it(name: str) -> None:
         recording.add(simulation)
     film = film_of(recording.arrays())
     assert film.title == name
-    assert len(film.bodies) == bool(scene.mesh or scene.springs) + len(scene.rigid)
+    assert len(film.bodies) == bool(scene.mesh or scene.springs) + len(scene.body) + len(scene.rigid)
     assert all(len(body.triangles) for body in film.bodies)
     names = [piece.name for piece in film.pieces]
     assert ("arm 2" in names) == bool(scene.servos)

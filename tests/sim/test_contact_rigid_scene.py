@@ -230,8 +230,9 @@ def test_bad_rigid_bodies_are_named(tmp_path: Path) -> None:
     inward.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n")
     assert "faces inward" in refused("stack", "rigid.0.shape=surface", f"rigid.0.source={inward}")
     assert "rigid needs contact" in refused("stack", "contact=off", "obstacles=off")
-    assert "field mesh is missing: a scene has mesh and material, or springs, or rigid bodies" in refused(
-        "stack", "rigid=off"
+    assert (
+        "field mesh is missing: a scene has mesh and material, or springs, or bodies, or rigid bodies"
+        in refused("stack", "rigid=off")
     )
     assert "servos needs a soft body" in refused("stack", "servos={}")
     assert "contact has nothing to touch" in refused("bounce", "obstacles=off")

@@ -14,6 +14,7 @@ import pytest
 from tripod_sim import SceneError, StepError, load_scene, scene_names
 from tripod_sim import run as run_module
 from tripod_sim.run import run
+from tripod_sim.scene_short import soft_bodies
 
 COARSE = ["mesh.level=1"]
 BEND = "0:0,0,0; 0.2:-0.4,-0.3,0.1"
@@ -157,8 +158,8 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
         assert all(np.isfinite(arrays[n]).all() for n in arrays if arrays[n].dtype.kind == "f")
         corners = arrays["vertices" if "vertices" in arrays else "positions"].shape[1]
         assert sum(arrays["bodies"]) == corners > arrays["triangles"].max()
-        assert len(arrays["bodies"]) == 1 + len(scene.rigid)
-        assert (arrays["bodies"][0] > 0) == bool(scene.mesh or scene.springs)
+        assert len(arrays["bodies"]) == max(1, len(soft_bodies(scene))) + len(scene.rigid)
+        assert (arrays["bodies"][0] > 0) == bool(soft_bodies(scene))
         assert ("ball" in arrays) == (scene.ball is not None)
         assert ("maze_vertices" in arrays) == (scene.maze is not None)
         assert ("still_vertices" in arrays) == bool(scene.obstacles)

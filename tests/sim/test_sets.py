@@ -297,7 +297,7 @@ def test_groups_of_a_file_are_sets_and_go_with_refined_and_quadratic_meshes(tmp_
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (['fixed=[{set="ned"}]'], "fixed.0.set is 'ned'; sets and groups of the mesh: all, end; did you mean 'end'?"),
+        (['fixed=[{set="ned"}]'], "fixed.0.set is 'ned'; sets and groups of the mesh: all, body, end; did you"),
         ([ALONG, 'set.0.at=0.021'], r"set.0 \('end'\) holds no node; the nearest is node \d+ at \(0.02, .*\) m, 0.001 "
          r"m away; the body reaches from \[0.0, 0.0, 0.0\] to \[0.02, 0.01, 0.01\] m"),
         (['fixed=[{low=[1,1,1], high=[2,2,2]}]'],

@@ -109,7 +109,7 @@ def test_what_is_wrong_with_a_file_is_named(tmp_path: Path, text: str, message: 
         ("cloth", ["springs.source=no.obj"], "springs.source"),
         ("cloth", ["springs.compressed=soft"], "springs.compressed is 'soft'; allowed: push, slack"),
         ("cloth", ["springs.nodes=100000"], "springs.nodes is 100000: a grid of at most 250000 nodes is possible"),
-        ("cloth", ["mesh={}"], "mesh and springs exclude each other"),
+        ("cloth", ["mesh={}"], "field material is missing: a solid has mesh and material"),
         ("cloth", ["effector={}"], "effector needs a solid"),
         ("cloth", ["solver.linear=cholmod"], "solver.linear is 'cholmod'; of springs allowed: auto, ldl, cg"),
         ("cloth", ["inertia=off", "springs.fixed_corners=[]"], "nothing holds the body"),

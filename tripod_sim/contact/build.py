@@ -68,20 +68,18 @@ def placed(body: SpringBody, scene: Scene, contact: Contact) -> SpringBody:
     return replace(body, nodes=body.nodes + move) if move.any() else body
 
 
-def place_rigid(rigid: "RigidSet", scene: Scene, contact: Contact, soft: Part | None) -> None:
-    """Refuse or lift rigid bodies that pass through obstacles, the soft body or each other. Raises SceneError."""
+def place_rigid(rigid: "RigidSet", scene: Scene, contact: Contact, soft: list[tuple[str, Part]]) -> None:
+    """Refuse or lift rigid bodies that pass through obstacles, soft ones or each other. Raises SceneError."""
     from tripod_sim.contact.rigid_start import place_bodies  # noqa: PLC0415 - an effect that is absent
 
-    others = [(f"obstacles.{i}", part) for i, part in enumerate(obstacle_parts(scene))]
-    if soft:
-        others.append(("the soft body", soft))
+    others = [(f"obstacles.{i}", part) for i, part in enumerate(obstacle_parts(scene))] + soft
     place_bodies(rigid, others, upward(scene), contact.contact_distance, lifts=contact.start == "lift")
 
 
 def contact_stepper(
-    scene: Scene, contact: Contact, soft: tuple[Nodes, Part] | None, rigid: "RigidSet | None" = None
+    scene: Scene, contact: Contact, soft: tuple[Nodes, list[Part]] | None, rigid: "RigidSet | None" = None
 ) -> ContactStepper:
-    """Return what advances a soft body and rigid bodies, as far as there are any, among the obstacles of `scene`."""
+    """Return what advances soft bodies and rigid ones, as far as there are any, among the obstacles of `scene`."""
     law = Law(
         contact.response, contact.friction, contact.restitution, contact.rest_speed, contact.contact_distance,
         contact.tolerance, max_solves=contact.max_solves,
@@ -110,11 +108,11 @@ def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "Ch
     nodes = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound)
     part = body_part(body, contact)
     if not scene.rigid:
-        return Parts(body, system.mass, system, contact_stepper(scene, contact, (nodes, part)), skin=skin)
+        return Parts(body, system.mass, system, contact_stepper(scene, contact, (nodes, [part])), skin=skin)
     from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
 
     rigid = rigid_set(scene)
-    place_rigid(rigid, scene, contact, part)
-    stepper = contact_stepper(scene, contact, (nodes, part), rigid)
+    place_rigid(rigid, scene, contact, [("the soft body", part)])
+    stepper = contact_stepper(scene, contact, (nodes, [part]), rigid)
     mesh, both = shown_with(rigid, body, skin)
     return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact.rest_bodies import Touching, loose
 from tripod_sim.contact.rest_rows import Points, Rest
 from tripod_sim.contact.solid_nodes import SolidNodes
@@ -53,24 +54,28 @@ def rest_of(
     if not isinstance(stepper, ContactStepper) or not isinstance(stepper.world.nodes, SolidNodes):
         return None, ()
     world, nodes = stepper.world, stepper.world.nodes.nodes
+    giving = (system.reduction.kind[nodes] == Kind.FIXED) & ~stepper.world.nodes.held
     touching = Touching(world, len(nodes), rigid)
     linked = touching.linked()
     carried = linked.copy()
     system.update_levers(state)
     while True:
-        found = _rest(world, nodes, len(system.rest), touching, carried)
+        found = _rest(world, nodes, giving, len(system.rest), touching, carried)
         falls = loose(found.holding(system)) if found and carried.any() else carried[:0]
         if not falls.any():
             return found, tuple(np.flatnonzero(linked & ~carried).tolist())
         carried[np.flatnonzero(carried)[falls]] = False
 
 
-def _rest(world: World, nodes: IndexArray, count: int, touching: Touching, carried: BoolArray) -> Rest | None:
+def _rest(
+    world: World, nodes: IndexArray, giving: BoolArray, count: int, touching: Touching, carried: BoolArray
+) -> Rest | None:
     """Return what presses the solid; None if nothing does.
 
     Args:
         world: Of a simulation with a solid.
         nodes: Of the mesh, for the first vertices of the world, shape (k,).
+        giving: Which of them are of soft bodies that nothing holds at rest: they press, and yield to any move.
         count: Of nodes of the mesh.
         touching: What presses.
         carried: Which rigid bodies count, shape (b,); contacts with others are left out.
@@ -91,7 +96,8 @@ def _rest(world: World, nodes: IndexArray, count: int, touching: Touching, carri
     arms = touching.arms[of]
     levers = arms - (np.sign(weights) * touching.radius[of])[:, :, None] * normal[:, None]
 
-    holds = pressure > PRESSES * pressure.max()
+    yields = (soft & giving[np.where(soft, vertex, 0)]).any(axis=1)
+    holds = (pressure > PRESSES * pressure.max()) & ~yields
     sticks = holds & (np.linalg.norm(friction, axis=1) < STICKS * world.law.friction * pressure)
     one, two = _across(normal[sticks])
     rows = np.concatenate([np.flatnonzero(holds), np.flatnonzero(sticks), np.flatnonzero(sticks)])

@@ -44,7 +44,7 @@ class Touching:
         vertex, counts = c.vertex[self.contacts], c.weight[self.contacts] != 0.0
         self.soft = (vertex < count) & counts
         self._weights = rigid.mass[:, None] * rigid.gravity if rigid else np.zeros((0, 3))
-        part = world.surfaces.body[vertex] - 1
+        part = world.surfaces.body[vertex] - world.soft
         self.bodies = np.where(counts & (part >= 0) & (part < len(self._weights)), part, -1)
         self.arms, self.radius = np.zeros((*vertex.shape, 3)), np.zeros(vertex.shape)
         if world.rigid:

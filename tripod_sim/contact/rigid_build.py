@@ -47,7 +47,7 @@ def build_rigid(scene: Scene) -> "Parts":
 
     assert scene.contact
     rigid = rigid_set(scene)
-    place_rigid(rigid, scene, scene.contact, None)
+    place_rigid(rigid, scene, scene.contact, [])
     stepper = contact_stepper(scene, scene.contact, None, rigid)
     return Parts(JoinedMesh(None, rigid), np.zeros(0), RigidSystem(rigid), stepper, rigid=rigid)
 

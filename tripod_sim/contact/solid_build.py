@@ -1,56 +1,110 @@
-"""Scene to a finite-element solid in contact."""
+"""Scene to soft bodies in contact, finite-element solids and springs."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.build import Parts
 from tripod_sim.contact.build import contact_stepper, obstacle_parts, place_rigid, upward
 from tripod_sim.contact.solid_nodes import SolidNodes
-from tripod_sim.contact.start import check_itself, check_start, lift
+from tripod_sim.contact.start import check_apart, check_itself, check_start, lift, passing
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
+from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.system import System
 from tripod_sim.tables.motion import Contact
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.bodies.assembly import AssemblySkin
     from tripod_sim.maze.plate import Plate
 
 MODES = 1e-3
 """Unbalanced force that incompatible modes may keep, as a share of the solver's tolerance."""
 
 
-def solid_part(mesh: SolidMesh, contact: Contact) -> tuple[Part, IndexArray]:
-    """Return the surface of a solid, and the nodes of the mesh that are its vertices, ascending."""
-    nodes, triangles = np.unique(mesh.surface, return_inverse=True)
-    surface = triangles.reshape(-1, 3)
-    return Part(mesh.nodes[nodes], surface, self_contact=contact.self_contact), nodes
+class Surface(NamedTuple):
+    """The surface of bodies that are tied, or of one.
+
+    Attributes:
+        name: For messages.
+        part: What touches.
+        nodes: Its vertices among the nodes of all bodies, ascending, shape (k,).
+        first: Number of its first body.
+    """
+
+    name: str
+    part: Part
+    nodes: IndexArray
+    first: int
 
 
-def placed_solid(mesh: SolidMesh, scene: Scene, contact: Contact) -> SolidMesh:
-    """Return the solid where it can start: as it is, or lifted. Raises SceneError if it passes through an obstacle."""
-    part, obstacles = solid_part(mesh, contact)[0], obstacle_parts(scene)
-    check_itself(part, contact.contact_distance)
-    if scene.servos or contact.start == "refuse" or not obstacles:
-        if not scene.servos:  # else where the servos bring it
-            check_start(part, obstacles)
-        return mesh
-    if scene.fixed:
-        raise SceneError(
-            "contact.start is 'lift', but fixed boxes hold the solid where it is; move the obstacles"
+def surfaces(assembly: Assembly, contact: Contact) -> list[Surface]:
+    """Return what touches: bodies that are tied are one part, which does not touch itself unless all do."""
+    found = []
+    for k, body in enumerate(assembly.bodies):
+        if body.tied != k:
+            continue
+        together = [b for b in assembly.bodies if b.tied == k]
+        faces = np.concatenate([b.nodes[b.mesh.surface] for b in together])
+        chains = [b.blocks for b in together if b.net and not len(b.net.triangles)]
+        edges = np.concatenate([np.zeros((0, 2), dtype=np.int64), *chains])
+        nodes = np.unique(np.concatenate([faces.ravel(), edges.ravel()]))
+        part = Part(
+            assembly.nodes[nodes],
+            np.searchsorted(nodes, faces),
+            np.searchsorted(nodes, edges),
+            self_contact=contact.self_contact,
         )
-    move = lift(part, obstacles, upward(scene), contact.contact_distance)
-    return replace(mesh, nodes=mesh.nodes + move) if move.any() else mesh
+        names = " and ".join(repr(b.table.name) for b in together)
+        name = "the body" if len(assembly.bodies) == 1 else f"body {names}"
+        found.append(Surface(name, part, nodes, k))
+    return found
+
+
+def placed_bodies(assembly: Assembly, sets: NodeSets, scene: Scene, contact: Contact) -> Assembly:
+    """Return the bodies where they can start: as they are, or lifted one after the other.
+
+    Raises SceneError if one passes through an obstacle or another body, and may or can not be lifted.
+    """
+    obstacles, moves = obstacle_parts(scene), dict[int, FloatArray]()
+    fixed = [sets.held(table, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
+    fixed += [b.nodes[b.net.fixed] for b in assembly.bodies if b.net]
+    held = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *fixed]))
+    placed = list[tuple[str, Part]]()
+    for name, part, _, first in surfaces(assembly, contact):
+        here = part
+        check_itself(part, contact.contact_distance)
+        if scene.servos and first == 0:  # it begins where the servos bring it
+            continue
+        others = [*obstacles, *(other for _, other in placed)]
+        if contact.start == "refuse" or not others:
+            check_start(part, obstacles, name)
+            check_apart(name, part, placed)
+        elif np.isin(assembly.bodies[first].nodes, held).any():
+            if passing(part, others).size:
+                raise SceneError(
+                    f"contact.start is 'lift', but {name} is held where it is, in what it passes through; move that"
+                )
+        else:
+            move = lift(part, others, upward(scene), contact.contact_distance, name)
+            here, moves[first] = replace(part, vertices=part.vertices + move), move
+        placed.append((name, here))
+    if not any(move.any() for move in moves.values()):
+        return assembly
+    return assembly.moved(lambda body: moves.get(body.tied, np.zeros(3)))
 
 
 def solid_parts(
-    mesh: SolidMesh,
+    assembly: Assembly,
+    mesh: "SolidMesh | Assembly",
+    skin: "AssemblySkin | None",
     system: System,
     inertia: Anchor,
     mass: FloatArray,
@@ -58,11 +112,12 @@ def solid_parts(
     contact: Contact,
     plate: "Plate | None",
 ) -> Parts:
-    """Return the parts of a simulation of a solid, and rigid bodies if there are any, among obstacles.
+    """Return the parts of a simulation of soft bodies, and rigid ones if there are any, among obstacles.
 
     Args:
-        mesh: The solid.
-        system: Its potential.
+        assembly: The soft bodies.
+        mesh, skin: What is shown of them.
+        system: Their potential.
         inertia: The system's inertia term.
         mass: Of the system's nodes [kg].
         scene, contact: What is described.
@@ -71,30 +126,36 @@ def solid_parts(
     Raises:
         SceneError: a body passes through something at the start.
     """
-    part, nodes = solid_part(mesh, contact)
+    found = surfaces(assembly, contact)
+    vertices = np.concatenate([s.nodes for s in found])
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stage = ImplicitStage(newton, inertia, mass, scene.damping.mass if scene.damping else 0.0)
-    soft = (SolidNodes(stage, mass, nodes, MODES * scene.solver.tolerance), part)
+    nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance)
     rigid = None
     if scene.rigid:
         from tripod_sim.contact.rigid_build import rigid_set  # noqa: PLC0415 - an effect that is absent
 
         rigid = rigid_set(scene)
-        place_rigid(rigid, scene, contact, None if scene.servos else part)
-    stepper = contact_stepper(scene, contact, soft, rigid)
+        there = [s for s in found if not (scene.servos and s.first == 0)]
+        alone = len(assembly.bodies) == 1
+        soft = [("the soft body" if alone else s.name, s.part) for s in there]
+        place_rigid(rigid, scene, contact, soft)
+    stepper = contact_stepper(scene, contact, (nodes, [s.part for s in found]), rigid)
 
     def check_start_of(positions: FloatArray) -> None:
-        """Name what passes through what where the servos have brought the solid."""
-        body = replace(part, vertices=positions[nodes])
-        check_start(body, obstacle_parts(scene))
+        """Name what passes through what where the servos have brought the first body."""
+        name, part, own, _ = found[0]
+        body = replace(part, vertices=positions[own])
+        check_start(body, obstacle_parts(scene), name)
+        check_apart(name, body, [(s.name, s.part) for s in found[1:]])
         if rigid:
             check_beside(rigid, body)
 
     check = check_start_of if scene.servos else None
     if not rigid:
-        return Parts(mesh, mass, system, stepper, plate=plate, check_start=check)
+        return Parts(mesh, mass, system, stepper, skin=skin, plate=plate, check_start=check)
     from tripod_sim.contact.rigid_build import shown_with  # noqa: PLC0415 - an effect that is absent
     from tripod_sim.contact.rigid_start import check_beside  # noqa: PLC0415
 
-    shown = shown_with(rigid, mesh, None)[0]
-    return Parts(shown, mass, system, stepper, plate=plate, rigid=rigid, check_start=check)
+    both, both_skin = shown_with(rigid, mesh, skin)
+    return Parts(both, mass, system, stepper, skin=both_skin, plate=plate, rigid=rigid, check_start=check)

@@ -74,33 +74,49 @@ def check_itself(body: Part, distance: float) -> None:
         )
 
 
-def check_start(body: Part, obstacles: list[Part]) -> None:
-    """Raise SceneError that names the vertices of `body` that pass through an obstacle."""
+def check_start(body: Part, obstacles: list[Part], name: str = "the body") -> None:
+    """Raise SceneError that names the vertices of `body`, called `name`, that pass through an obstacle."""
     for i, obstacle in enumerate(obstacles):
         bad = passing(body, [obstacle])
         if bad.size:
             raise SceneError(
-                f"nodes {names_of(bad)} of the body pass through obstacles.{i} or lie inside of it at the start; move "
+                f"nodes {names_of(bad)} of {name} pass through obstacles.{i} or lie inside of it at the start; move "
                 "one of them, or set contact.start = 'lift'"
             )
 
 
-def lift(body: Part, obstacles: list[Part], up: FloatArray, distance: float) -> FloatArray:
+def check_apart(name: str, body: Part, others: list[tuple[str, Part]]) -> None:
+    """Raise SceneError where `body`, called `name`, passes through another soft body, each given with its name."""
+    for other_name, other in others:
+        bad = passing(body, [other])
+        if bad.size or passing(other, [body]).size:
+            where = f"nodes {names_of(bad)} of " if bad.size else ""
+            raise SceneError(
+                f"{where}{name} and {other_name} pass through each other at the start; move one of them, tie them, or "
+                "set contact.start = 'lift'"
+            )
+
+
+def lift(
+    body: Part, obstacles: list[Part], up: FloatArray, distance: float, name: str = "the body"
+) -> FloatArray:
     """Return a move along `up` [m], shape (3,), after which `body` passes through no obstacle; zero if it does not now.
 
     Args:
         body, obstacles: Surfaces.
         up: Unit vector.
         distance: Contact distance [m]: the move exceeds what is needed by at most so much.
+        name: Of the body, for messages.
 
     Raises:
         SceneError: no lift suffices: the body is inside of what holds it on all sides.
     """
 
     def clear(height: float) -> bool:
-        return not passing(Part(body.vertices + height * up, body.triangles, body.segments), obstacles).size
+        here = Part(body.vertices + height * up, body.triangles, body.segments)
+        return not passing(here, obstacles).size
 
-    return height_that_frees(clear, distance, "the body from the obstacles") * up
+    return height_that_frees(clear, distance, f"{name} from what it passes through") * up
 
 
 def height_that_frees(clear: Callable[[float], bool], distance: float, whom: str) -> float:

@@ -66,10 +66,11 @@ class ContactReport:
 
 
 class World:
-    """A deformable body, rigid bodies and fixed obstacles, and the contacts among them.
+    """Deformable bodies, rigid bodies and fixed obstacles, and the contacts among them.
 
     Attributes:
-        nodes: The deformable body; None for none.
+        nodes: The deformable bodies; None for none.
+        soft: How many surfaces these have, the first ones.
         rigid: The rigid bodies; None for none.
         positions: Of all surface vertices at the start of the step [m].
         contacts: Of the last step.
@@ -93,7 +94,7 @@ class World:
         scheme: str = "implicit_euler",
         *,
         obstacles: list[Part],
-        nodes: tuple[Nodes, Part] | None = None,
+        nodes: tuple[Nodes, list[Part]] | None = None,
         rigid: "tuple[RigidBodies, list[Part]] | None" = None,
     ) -> None:
         """Join the surfaces.
@@ -103,12 +104,13 @@ class World:
             alarm: Distance below which contacts are made [m], larger than the contact distance.
             scheme: `implicit_euler`, which `auto` is with a fixed dt, `bdf2` or `tr_bdf2`; in statics any.
             obstacles: Fixed bodies.
-            nodes: The deformable body and its surface, in the order of its vertices.
+            nodes: The deformable bodies and their surfaces, in the order of the vertices.
             rigid: The rigid bodies and their surfaces, vertices about the centre.
         """
         self.law, self._slow = law, min(0.5 * alarm, alarm - law.distance)
         self.nodes, self.rigid = nodes[0] if nodes else None, rigid[0] if rigid else None
-        parts = ([nodes[1]] if nodes else []) + (rigid[1] if rigid else []) + obstacles
+        parts = (nodes[1] if nodes else []) + (rigid[1] if rigid else []) + obstacles
+        self.soft = len(nodes[1]) if nodes else 0
         self.surfaces, self.positions = join(parts)
         first = np.concatenate([[0], np.cumsum([len(p.vertices) for p in parts])]).astype(np.int64)
         n = int(first[-1])
@@ -116,23 +118,22 @@ class World:
         self._arm, at, bodies = np.zeros((n, 3)), 0, list[Body]()
         self._node_range, self._rigid_ranges = slice(0, 0), list[slice]()
         if nodes:
-            self._node_range = slice(0, int(first[1]))
-            base[: first[1]], width[: first[1]] = nodes[0].base, nodes[0].width
+            self._node_range = slice(0, int(first[self.soft]))
+            base[self._node_range], width[self._node_range] = nodes[0].base, nodes[0].width
             at = nodes[0].unknowns
             bodies.append(nodes[0])
         if rigid:
-            offset = 1 if nodes else 0
-            for k, part in enumerate(rigid[1]):
-                own = slice(int(first[offset + k]), int(first[offset + k + 1]))
+            for k, part in enumerate(rigid[1], self.soft):
+                own = slice(int(first[k]), int(first[k + 1]))
                 self._rigid_ranges.append(own)
-                base[own], width[own] = at + 6 * k, 6
+                base[own], width[own] = at + 6 * (k - self.soft), 6
                 self._arm[own] = part.vertices
             bodies.append(rigid[0])
         self._shape_arm = self._arm.copy()
         self._free = kernels.Freedom(base, width, self._arm, self.surfaces.radius)
         self._held = base < 0
         if nodes:
-            self._held[: first[1]] |= nodes[0].held
+            self._held[self._node_range] |= nodes[0].held
         self._some_held = bool(nodes and nodes[0].held.any())
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)

@@ -16,6 +16,7 @@ PARTS = {
     "forces.elastic": "solid",
     "forces.spring_force": "springs",
     "elements": "solid",
+    "bodies": "mesh",
     "constraints": "constraints and reduction",
     "linear": "linear solver",
     "integrators": "time scheme and Newton",

@@ -29,6 +29,7 @@ STAGES: dict[str, dict[str, str]] = {
     "forces.gravity.GravityForce": {"add_gradient": "gravity"},
     "forces.anchor.Anchor": {"add_gradient": "inertia"},
     "forces.rayleigh.StiffnessDamping": {"add_gradient": "damping", "hold": "damping"},
+    "forces.spring_force.SpringDampers": {"add_gradient": "dampers", "stiffness": ASSEMBLY},
     "forces.foundation.Foundation": {"add_gradient": "clamp"},
     "forces.loads.NodalLoads": {"add_gradient": BALL},
     "linear.ldl.Ldl": {"factor": FACTORISATION, "is_positive": FACTORISATION, "solve": SOLUTION},

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.description import DISC_HEIGHT
+from tripod_sim.scene_short import soft_bodies
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.robot import ServoDynamics
 
@@ -43,18 +44,14 @@ def picture(simulation: Simulation) -> dict[str, Any]:
 
 
 def _parts(simulation: Simulation) -> list[dict[str, Any]]:
-    """Return which nodes of the skin belong to the soft body, and which to each rigid one."""
-    scene, count = simulation.scene, len(simulation.skin.nodes)
-    solids = simulation.rigid_counts
-    soft = count - sum(solids)
-    parts: list[dict[str, Any]] = []
-    if soft:
-        kind = "springs" if scene.springs else "solid"
-        parts.append({"name": "body", "kind": kind, "first": 0, "count": soft})
-    first = soft
-    for i, number in enumerate(solids):
-        parts.append({"name": f"rigid.{i}", "kind": "rigid", "first": first, "count": number})
-        first += number
+    """Return which nodes of the skin belong to each soft body, and which to each rigid one."""
+    named = [(b.name, "springs" if b.springs else "solid") for b in soft_bodies(simulation.scene)]
+    counts = simulation.bodies[0 if named else 1 :]
+    named += [(f"rigid.{i}", "rigid") for i in range(len(simulation.rigid_counts))]
+    parts, first = list[dict[str, Any]](), 0
+    for (name, kind), count in zip(named, counts, strict=True):
+        parts.append({"name": name, "kind": kind, "first": first, "count": count})
+        first += count
     return parts
 
 

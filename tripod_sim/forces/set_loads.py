@@ -5,6 +5,7 @@ outer normal of the undeformed surface: constant, so they have a potential. A ma
 by int N_a² dA, which is nowhere negative (as `element.node_volumes`).
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,8 @@ class SetLoads(NamedTuple):
     inert: FloatArray
 
 
-def set_loads(tables: tuple[Load, ...], sets: NodeSets, mesh: SolidMesh, size: int) -> SetLoads:
-    """Return what the loads of a scene do to `size` nodes, of which the mesh's are the first.
+def set_loads(tables: tuple[Load, ...], sets: NodeSets, solids: Sequence[SolidMesh], size: int) -> SetLoads:
+    """Return what the loads of a scene do to `size` nodes, of which those of `solids`, in one numbering, come first.
 
     Raises:
         SceneError: there is no such set, or it holds no face of the surface where an area is needed.
@@ -42,29 +43,26 @@ def set_loads(tables: tuple[Load, ...], sets: NodeSets, mesh: SolidMesh, size: i
             share[nodes] = 1.0 / len(nodes)
             lumped = share
         else:
-            faces = mesh.boundary[np.isin(mesh.boundary, nodes).all(axis=1)]
-            if not len(faces):
+            found = [(s, s.boundary[np.isin(s.boundary, nodes).all(axis=1)]) for s in solids]
+            if not any(len(faces) for _, faces in found):
                 why = "a pressure needs one" if table.pressure is not None else "share = 'even' needs none"
                 raise SceneError(
                     f"load.{i}.set is {table.set!r}: its {len(nodes)} nodes hold no face of the surface; {why}"
                 )
-            areas, squares, normals = _integrals(mesh.kind, mesh.nodes[faces])
-            if table.pressure is not None:
-                np.add.at(loads.force, faces, -table.pressure * normals)
-            share, lumped = _spread(faces, areas, size), _spread(faces, squares, size)
+            share, lumped = np.zeros(size), np.zeros(size)
+            for solid, faces in found:
+                areas, squares, normals = _integrals(solid.kind, solid.nodes[faces])
+                if table.pressure is not None:
+                    np.add.at(loads.force, faces, -table.pressure * normals)
+                np.add.at(share, faces, areas)
+                np.add.at(lumped, faces, squares)
+            share, lumped = share / share.sum(), lumped / lumped.sum()
         if table.force is not None:
             loads.force[:] += np.outer(share, table.force)
         if table.mass is not None:
             loads.weighing[:] += table.mass * share
             loads.inert[:] += table.mass * lumped
     return loads
-
-
-def _spread(faces: IndexArray, parts: FloatArray, size: int) -> FloatArray:
-    """Return parts of faces added up at their nodes, as shares of 1, shape (size,)."""
-    share = np.zeros(size)
-    np.add.at(share, faces, parts)
-    return share / share.sum()
 
 
 def _integrals(kind: Element, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,7 +1,6 @@
 """Scene to simulation for a body of springs."""
 
-from array import array
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +11,8 @@ from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
-from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
-from tripod_sim.springs.generate import Net, chain, grid, net_of_surface
+from tripod_sim.springs.body import SpringBody
+from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.tables.bodies import Springs
@@ -54,33 +53,17 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
 
 
 def spring_body(scene: Scene, description: Springs) -> SpringBody:
-    """Return the body that `description` and the fixed boxes of `scene` describe. Raises SceneError."""
-    net = _net(description)
-    nodes = net.nodes + np.array(description.position)
-    kinds = [
-        (net.structural, description.stiffness),
-        (net.shear, description.shear),
-        (net.bending, description.bending),
-    ]
-    kept = [kinds[0]] + [(pairs, k) for pairs, k in kinds[1:] if k > 0]
-    ends = np.sort(np.concatenate([pairs for pairs, _ in kept]), axis=1)
-    stiffness = np.concatenate([np.full(len(pairs), k) for pairs, k in kept])
-    order = np.lexsort((ends[:, 1], ends[:, 0]))  # neighbours in memory
-    ends, stiffness = ends[order], stiffness[order]
-    rest = np.sqrt(((nodes[ends[:, 1]] - nodes[ends[:, 0]]) ** 2).sum(axis=1))
-    body = SpringBody(
-        nodes,
-        ends,
-        rest,
-        stiffness,
-        np.full(len(ends), description.damping),
-        np.full(len(nodes), description.node_mass),
-        _fixed(scene, description, net, nodes),
-        description.compressed == "slack",
-        net.triangles,
-    )
+    """Return the body that `description` and the fixed regions of `scene` describe. Raises SceneError."""
+    body = spring_net(description)
+    sets = NodeSets(scene.set, body.nodes, {})
+    held = [sets.held(table, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
+    if held:
+        fixed = np.unique(np.concatenate([body.fixed, *held]))
+        if len(fixed) == len(body.nodes):
+            raise SceneError("springs: every node is fixed; nothing is free to move")
+        body = replace(body, fixed=fixed)
     if not scene.inertia:
-        label = connected_parts([ends], len(nodes))
+        label = connected_parts([body.ends], len(body.nodes))
         loose = np.setdiff1d(label, label[body.fixed])
         if loose.size:
             raise SceneError(
@@ -88,44 +71,6 @@ def spring_body(scene: Scene, description: Springs) -> SpringBody:
                 "translation is free and it has no static equilibrium; add [inertia] or hold it"
             )
     return body
-
-
-def _net(description: Springs) -> Net:
-    if description.source == "chain":
-        return chain(description.nodes, description.size)
-    if description.source == "grid":
-        return grid(description.nodes, description.size)
-    if "." in description.source:
-        from tripod_sim.mesh.read_surface import read_surface  # noqa: PLC0415 - only where a file is named
-
-        owner = array("q")
-        surface = read_surface(Path(description.source), description.scale, "springs.source", owner)
-        return net_of_surface(surface, np.array(owner, dtype=np.int64) if owner else None)
-    raise SceneError(
-        f"springs.source is {description.source!r}; allowed: chain, grid, or the path of an OBJ or STL file"
-    )
-
-
-def _fixed(scene: Scene, description: Springs, net: Net, nodes: FloatArray) -> IndexArray:
-    """Return the nodes that never move. Raises SceneError, naming those that do not exist."""
-    named = np.array(description.fixed_nodes, dtype=np.int64)
-    if (bad := named[named >= len(nodes)]).size:
-        raise SceneError(
-            f"springs.fixed_nodes: {names_of(bad)} do not exist; the body has nodes 0 to {len(nodes) - 1}"
-        )
-    corners = np.array(description.fixed_corners, dtype=np.int64)
-    if (bad := corners[corners >= len(net.corners)]).size:
-        have = f"corners 0 to {len(net.corners) - 1}" if len(net.corners) else "no corners; use fixed_nodes"
-        raise SceneError(
-            f"springs.fixed_corners: {names_of(bad)} do not exist; {description.source} has {have}"
-        )
-    found = [named, net.corners[corners]]
-    sets = NodeSets(scene.set, nodes, {})
-    found += [sets.held(table, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
-    fixed = np.unique(np.concatenate(found))
-    if len(fixed) == len(nodes):
-        raise SceneError("springs: every node is fixed; nothing is free to move")
-    return fixed
 
 
 def _stepper(scene: Scene, system: SpringSystem) -> Stepper:

@@ -46,6 +46,7 @@ class Material:
         young: E [Pa].
         poisson: nu.
         mass: Of the whole solid [kg], spread evenly over its volume.
+        density: [kg/m³]; where it is given the mass follows from it.
     """
 
     law: str = one_of(
@@ -54,6 +55,25 @@ class Material:
     young: float = number(250e3, unit="Pa", above=0, high=1e13)
     poisson: float = number(0.45, low=0, high=0.499)
     mass: float = number(0.032, unit="kg", above=0, high=1e6)
+    density: float | None = number(None, unit="kg/m³", above=0, high=1e6)
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of a solid that is of another material: the elements whose nodes are all in a set.
+
+    Attributes:
+        set: Name of the set; of elements in two regions the later one counts.
+        law, young, poisson, density: As of the material; without a density that of the rest.
+    """
+
+    set: str
+    law: str = one_of(
+        "neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff", default="neo_hooke"
+    )
+    young: float = number(250e3, unit="Pa", above=0, high=1e13)
+    poisson: float = number(0.45, low=0, high=0.499)
+    density: float | None = number(None, unit="kg/m³", above=0, high=1e6)
 
 
 @dataclass(frozen=True)
@@ -67,6 +87,7 @@ class Springs:
         size: Length of a chain, edge of a grid [m].
         scale: Length unit of a file [m]: 0.001 for millimetres.
         position: Where the origin of chain, grid or file lies [m].
+        rest: Rest length of each spring, as a share of its length in the net; below 1 the net is taut.
         node_mass: Of each node [kg].
         stiffness: k of the springs along lines and edges [N/m].
         shear: k of those across the cells of a grid, or the quadrangles of a file [N/m]; 0 leaves them out.
@@ -84,6 +105,7 @@ class Springs:
     size: float = number(1.0, unit="m", above=0, high=1e3)
     scale: float = number(1.0, unit="m", above=0, high=1e3)
     position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+    rest: float = number(1.0, low=0, high=100)
     node_mass: float = number(0.001, unit="kg", above=0, high=1e6)
     stiffness: float = number(1500.0, unit="N/m", low=0, high=1e9)
     shear: float = number(0.0, unit="N/m", low=0, high=1e9)
@@ -97,6 +119,46 @@ class Springs:
     def holds(self) -> bool:
         """Whether it has nodes that never move."""
         return bool(self.fixed_nodes or self.fixed_corners)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A soft body: a solid (`mesh` and `material`) or `springs`. Any number of them may be beside each other.
+
+    Tables of its own are written below it: `[body.mesh]`, `[body.material]`, `[[body.region]]`, `[body.springs]`. Its
+    nodes are a set of its name.
+
+    Attributes:
+        name: By which others refer to it; `body` is that of the short form, `[mesh]` or `[springs]`.
+        position: Where the origin of mesh or net lies [m].
+        orientation: Of its axes about that point: unit quaternion x, y, z, w.
+        mesh, material: The solid.
+        region: Parts of the solid that are of other materials.
+        springs: The net of springs.
+    """
+
+    name: str
+    position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
+    orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)
+    mesh: Mesh | None = None
+    material: Material | None = None
+    region: tuple[Region, ...] = ()
+    springs: Springs | None = None
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Nodes of one body that are nodes of another, too: they move as one.
+
+    Attributes:
+        set: Name of a set; each of its nodes is tied to the nearest one of the other.
+        to: Name of that other set.
+        within: Farthest that two nodes which become one may be apart [m]; the one of the later body is moved.
+    """
+
+    set: str
+    to: str
+    within: float = number(1e-6, unit="m", low=0, high=1.0)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING, field, fields
+from dataclasses import MISSING, field, fields, is_dataclass
 from functools import partial
 from typing import Any
 
@@ -27,10 +27,17 @@ def one_of(*choices: str, default: str) -> Any:
 
 
 def check_fields(table: Any, path: str) -> None:
-    """Raise SceneError if a field of a dataclass is out of the range that its declaration names."""
+    """Raise SceneError if a field of a dataclass, or of one in it, is out of the range that its declaration names."""
     for f in fields(table):
         value, meta = getattr(table, f.name), f.metadata
         where = f"{path}.{f.name}" if path else f.name
+        if is_dataclass(value):
+            check_fields(value, where)
+            continue
+        if isinstance(value, tuple) and value and is_dataclass(value[0]):
+            for i, part in enumerate(value):
+                check_fields(part, f"{where}.{i}")
+            continue
         if choices := meta.get("choices"):
             if value not in choices:
                 raise SceneError(f"{where} is {shown(value)}; allowed: {', '.join(choices)}")

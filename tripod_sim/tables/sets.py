@@ -9,11 +9,12 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class NodeSet:
-    """Nodes of the body, by their undeformed places: those that meet all that is named here; all if nothing is.
-    Without a table of its own there is the set `all`, and one for each group of a mesh file.
+    """Nodes of the bodies, by their undeformed places: those that meet all that is named here; all if nothing is.
+    Without a table of its own there is the set `all`, one for each body, and one for each group of a mesh file.
 
     Attributes:
         name: By which others refer to it.
+        body: Name of the body whose nodes alone are meant.
         low, high: Corners of a box [m]; each may stand alone.
         centre: Of a sphere, or a point on the axis of a cylinder [m].
         radius: Of sphere or cylinder, nodes on it included [m].
@@ -27,6 +28,7 @@ class NodeSet:
     """
 
     name: str
+    body: str = ""
     low: Vector | None = number(None, unit="m")
     high: Vector | None = number(None, unit="m")
     centre: Vector = number((0.0, 0.0, 0.0), unit="m")

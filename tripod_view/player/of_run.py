@@ -91,16 +91,18 @@ def film_of(arrays: Arrays, steps: NDArray[np.int64] | None = None, *, after: fl
 
 def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list[Deforming]:
     """Return soft and rigid bodies, each with the triangles that have corners of it."""
+    soft = [("silicone", SILICONE)] if "mesh" in scene else []
+    soft += [("springs", CLOTH)] if "springs" in scene else []
+    soft += [(str(b["name"]), SILICONE if "mesh" in b else CLOTH) for b in scene.get("body", [])]
+    rigid = max(1, len(soft))  # none is told as a soft body of 0 nodes
     triangles, found = np.asarray(arrays["triangles"]), []
     first = np.cumsum([0, *np.asarray(arrays["bodies"]).tolist()])
     for i, (low, high) in enumerate(pairwise(first.tolist())):
         if low == high:
             continue
         own = triangles[((triangles >= low) & (triangles < high)).all(axis=1)] - low
-        if i == 0:
-            name, colour = ("silicone", SILICONE) if "mesh" in scene else ("springs", CLOTH)
-        else:
-            name, colour = f"rigid.{i - 1}", RIGID[(i - 1) % len(RIGID)]
+        k = i - rigid
+        name, colour = soft[i] if k < 0 else (f"rigid.{k}", RIGID[k % len(RIGID)])
         found.append(Deforming(name, own, shown[:, low:high], colour))
     return found
 

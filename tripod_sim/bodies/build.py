@@ -1,0 +1,225 @@
+"""Scene to soft bodies: meshes and nets where they begin, and what they put into a system: mass, terms."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tripod_sim.bodies.assembly import Assembly, AssemblySkin, SoftBody
+from tripod_sim.constraints.groups import Groups, Kind
+from tripod_sim.elements.element import node_volumes
+from tripod_sim.errors import SceneError
+from tripod_sim.forces.elastic import ElasticTerm
+from tripod_sim.materials.lame import lame_constants
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
+from tripod_sim.mesh.suited import suited, width_note
+from tripod_sim.node_sets import NodeSets
+from tripod_sim.scene import Scene
+from tripod_sim.scene_short import field_of, soft_bodies
+from tripod_sim.tables.bodies import Body, Material, Mesh, Region
+
+if TYPE_CHECKING:
+    from tripod_sim.forces.spring_force import SpringDampers
+
+
+class Masses(NamedTuple):
+    """What nodes weigh and what inertia they have [kg], each of shape (n,)."""
+
+    load: FloatArray
+    inert: FloatArray
+
+
+def assembled(scene: Scene, read: Callable[[Mesh], SolidMesh]) -> tuple[Assembly, tuple[str, ...]]:
+    """Return the soft bodies of a scene where they are described to begin, and notes on them.
+
+    Args:
+        scene: What is described.
+        read: Makes a mesh.
+
+    Raises:
+        SceneError: a mesh or net cannot be made, or a tie misses.
+    """
+    bodies, notes, first = list[SoftBody](), list[str](), 0
+    tables = soft_bodies(scene)
+    for k, table in enumerate(tables):
+        body, said = _body(SoftBody(table, field_of(scene, k), np.zeros(0, dtype=np.int64), k), read)
+        notes += said if len(tables) == 1 else [f"body {table.name!r}: {note}" for note in said]
+        count = len(body.mesh.nodes)
+        bodies.append(replace(body, nodes=first + np.arange(count)))
+        first += count
+    assembly = Assembly(bodies)
+    if scene.tie:
+        from tripod_sim.bodies.ties import tied  # noqa: PLC0415 - an effect that is absent
+
+        assembly = tied(assembly, scene.tie, sets_of(scene, assembly))
+    return assembly, tuple(notes)
+
+
+def sets_of(scene: Scene, assembly: Assembly) -> NodeSets:
+    """Return the sets of the scene's nodes."""
+    return NodeSets(scene.set, assembly.nodes, assembly.groups, assembly.named)
+
+
+def _body(body: SoftBody, read: Callable[[Mesh], SolidMesh]) -> tuple[SoftBody, tuple[str, ...]]:
+    """Return a body with its mesh where it begins, and notes on it."""
+    table = body.table
+    notes: tuple[str, ...] = ()
+    try:
+        if table.springs:
+            from tripod_sim.springs.net import spring_net  # noqa: PLC0415 - only with springs
+
+            body = replace(body, net=spring_net(table.springs))
+        else:
+            assert table.mesh
+            solid, notes = suited(read(table.mesh))
+            body, notes = replace(body, solid=solid), (*width_note(table.mesh.source, solid.nodes), *notes)
+    except SceneError as error:
+        raise SceneError(f"{body.field}{error}") from None
+    if table.position == (0.0, 0.0, 0.0) and table.orientation == (0.0, 0.0, 0.0, 1.0):
+        return body, notes
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import
+
+    turned = body.mesh.nodes @ Rotation.from_quat(table.orientation).as_matrix().T
+    return body.placed(turned + np.array(table.position)), notes
+
+
+def shown(assembly: Assembly) -> "tuple[SolidMesh | Assembly, AssemblySkin | None, tuple[int, ...]]":
+    """Return what a simulation shows of the bodies: a mesh, a skin where bodies share nodes or a chain has no surface,
+    and how many of the nodes shown belong to each body.
+    """
+    counts = tuple(len(body.nodes) for body in assembly.bodies)
+    if len(counts) == 1 and (solid := assembly.bodies[0].solid):
+        return solid, None, counts
+    if sum(counts) == len(assembly.nodes) and all(len(body.mesh.surface) for body in assembly.bodies):
+        return assembly, None, counts
+    skin = AssemblySkin(assembly)
+    return assembly, skin, skin.counts
+
+
+def masses(assembly: Assembly, sets: NodeSets, size: int) -> Masses:
+    """Return the masses of `size` nodes, of which those of the bodies are the first."""
+    load, inert = np.zeros(size), np.zeros(size)
+    for body in assembly.bodies:
+        if body.net:
+            load[body.nodes] += body.net.mass
+            inert[body.nodes] += body.net.mass
+            continue
+        material, mesh = _material(body.table), body.solid
+        assert mesh
+        volumes = node_volumes(mesh.kind, mesh.nodes[mesh.elements])
+        volume = volumes[0].sum(axis=1)
+        density = np.full(len(volume), material.density or material.mass / volume.sum())
+        total = material.mass
+        for region, elements in _regions(body, sets):
+            if region.density:
+                density[elements] = region.density
+        if material.density or any(region.density for region, _ in _regions(body, sets)):
+            total = float(density @ volume)
+        for mass, parts in zip((load, inert), volumes, strict=True):
+            own = np.zeros(len(mesh.nodes))
+            np.add.at(own, mesh.elements, parts * (density / density[0])[:, None])
+            mass[body.nodes] += own * (total / own.sum())
+    return Masses(load, inert)
+
+
+def elastic_terms(assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: Groups) -> list[ElasticTerm]:
+    """Return the strain energy of the bodies: a solid for each material of each, springs.
+
+    Args:
+        assembly: The bodies.
+        sets: Of the scene.
+        rest: Undeformed positions of all nodes of the system [m], shape (n, 3).
+        groups: What ties nodes: elements that cannot deform are left out.
+    """
+    terms = list[ElasticTerm]()
+    alone = len(assembly.bodies) == 1
+    for body in assembly.bodies:
+        name, moving = body.table.name, strained(body.blocks, groups)
+        if net := body.net:
+            from tripod_sim.forces.spring_force import SpringForce  # noqa: PLC0415 - only with springs
+
+            length, stiffness = net.rest_length[moving], net.stiffness[moving]
+            terms.append(SpringForce(body.blocks[moving], length, stiffness, slack=net.slack, owner=name))
+            continue
+        from tripod_sim.forces.solid import Solid  # noqa: PLC0415 - only with solids
+
+        mesh = body.solid
+        assert mesh
+        of = np.zeros(len(mesh.elements), dtype=np.int64)
+        parts: list[Material | Region] = [_material(body.table)]
+        for region, elements in _regions(body, sets):
+            of[elements] = len(parts)
+            parts.append(region)
+        for k, part in enumerate(parts):
+            chosen = np.ascontiguousarray(body.blocks[moving & (of == k)])
+            if len(chosen):
+                lam, mu = lame_constants(part.young, part.poisson)
+                terms.append(Solid(rest, chosen, mesh.kind, part.law, lam, mu, "" if alone else name))
+    return terms
+
+
+def spring_dampers(assembly: Assembly) -> "SpringDampers | None":
+    """Return the dampers along springs; None where there are none."""
+    nets = [(b.blocks, b.net.damping) for b in assembly.bodies if b.net and b.net.damping.any()]
+    if not nets:
+        return None
+    from tripod_sim.forces.spring_force import SpringDampers  # noqa: PLC0415 - an effect that is absent
+
+    return SpringDampers(np.concatenate([e for e, _ in nets]), np.concatenate([c for _, c in nets]))
+
+
+def spring_sides(assembly: Assembly) -> list[IndexArray]:
+    """Return the triangles of nets: a contact joins their corners."""
+    return [b.nodes[b.net.triangles] for b in assembly.bodies if b.net and len(b.net.triangles)]
+
+
+def strained(blocks: IndexArray, groups: Groups) -> "np.ndarray":
+    """Return which blocks can deform: not all nodes in one group."""
+    kind, number = groups.kinds()
+    key = np.where(kind == Kind.FREE, -1 - np.arange(groups.size), 1000 * kind + number)[blocks]
+    return ~(key == key[:, :1]).all(axis=1)
+
+
+def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Groups, tuple[str, ...]]:
+    """Return the groups with what bodies hold by themselves, and notes on bodies that nothing holds.
+
+    Nodes of springs may be fixed by number. At rest a further body that nothing holds has no equilibrium, and stays
+    where it is.
+    """
+    from tripod_sim.constraints.held import free_motion  # noqa: PLC0415
+
+    fixed = [b.nodes[b.net.fixed] for b in assembly.bodies if b.net]
+    notes = []
+    groups = replace(groups, fixed=np.unique(np.concatenate([groups.fixed, *fixed])))
+    for k, first in enumerate(assembly.bodies):
+        together = [b for b in assembly.bodies if b.tied == k]
+        if not (static and k and first.tied == k):
+            continue
+        held = groups.held()
+        nodes = np.unique(np.concatenate([b.nodes for b in together]))
+        others = np.setdiff1d(np.arange(groups.size), nodes)
+        held[others] = True
+        if free_motion([b.blocks for b in together], assembly.nodes, held):
+            groups = replace(groups, fixed=np.union1d(groups.fixed, nodes))
+            notes.append(f"nothing holds body {first.table.name!r}: without inertia it stays where it is")
+    return groups, tuple(notes)
+
+
+def _material(table: Body) -> Material:
+    assert table.material
+    return table.material
+
+
+def _regions(body: SoftBody, sets: NodeSets) -> list[tuple[Region, IndexArray]]:
+    """Return the regions of a body, each with its elements. Raises SceneError where there are none."""
+    found = []
+    for i, region in enumerate(body.table.region):
+        nodes = sets.nodes(region.set, f"{body.field}region.{i}.set")
+        elements = np.flatnonzero(np.isin(body.blocks, nodes).all(axis=1))
+        if not elements.size:
+            raise SceneError(
+                f"{body.field}region.{i}.set is {region.set!r}: its {len(nodes)} nodes hold no element of the body"
+            )
+        found.append((region, elements))
+    return found

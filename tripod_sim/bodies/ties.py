@@ -1,0 +1,75 @@
+"""Ties: nodes of two bodies that are one node, so that they share their unknowns: exact, no spring, no multiplier."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tripod_sim.bodies.assembly import Assembly, SoftBody
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import IndexArray, names_of
+from tripod_sim.node_sets import NodeSets
+from tripod_sim.tables.bodies import Tie
+
+
+def tied(assembly: Assembly, ties: Sequence[Tie], sets: NodeSets) -> Assembly:
+    """Return the bodies with each node of a tie's set and the nearest one of its other set counted once.
+
+    The place is that of the earlier body. Raises SceneError where nodes are too far apart, or a tie ties none.
+    """
+    count = len(assembly.nodes)
+    owner = np.empty(count, dtype=np.int64)
+    for k, body in enumerate(assembly.bodies):
+        owner[body.nodes] = k
+    same = np.arange(count)
+    connected = np.arange(len(assembly.bodies))
+    for i, tie in enumerate(ties):
+        one, other = sets.nodes(tie.set, f"tie.{i}.set"), sets.nodes(tie.to, f"tie.{i}.to")
+        partner = _partners(assembly, one, other, i, tie)
+        if (within := owner[one] == owner[partner]).any():
+            names = names_of(one[within])
+            raise SceneError(
+                f"tie.{i} ties nodes {names} of {assembly.bodies[owner[one[within][0]]].table.name!r} to the body "
+                "itself; name sets of two bodies"
+            )
+        low, high = np.minimum(one, partner), np.maximum(one, partner)
+        same[high] = same[low]
+        for a, b in zip(owner[low].tolist(), owner[high].tolist(), strict=True):
+            connected[connected == connected[b]] = connected[a]
+    while (same != same[same]).any():
+        same = same[same]
+    kept, number = np.unique(same, return_inverse=True)
+    number = number.ravel()
+    assert len(kept)
+    nodes = assembly.nodes[kept]
+    bodies = []
+    for k, body in enumerate(assembly.bodies):
+        own = number[body.nodes]
+        if len(np.unique(own)) < len(own):
+            raise SceneError(
+                f"ties make one node of several of body {body.table.name!r}; tie each to another one, or make the "
+                "meshes fit"
+            )
+        bodies.append(replace(body, nodes=own, tied=int(connected[k])))
+    return Assembly([_moved(body, nodes) for body in bodies])
+
+
+def _moved(body: SoftBody, nodes: "np.ndarray") -> SoftBody:
+    """Return the body where `nodes` has it, as it is where nothing moves."""
+    return body if np.array_equal(nodes[body.nodes], body.mesh.nodes) else body.moved(nodes)
+
+
+def _partners(assembly: Assembly, one: IndexArray, other: IndexArray, i: int, tie: Tie) -> IndexArray:
+    """Return the nearest node of `other` for each of `one`. Raises SceneError where one is too far."""
+    apart, nearest = cKDTree(assembly.nodes[other]).query(assembly.nodes[one])
+    far = np.flatnonzero(apart > tie.within)
+    if far.size:
+        worst = far[np.argmax(apart[far])]
+        place = ", ".join(f"{1e3 * c:.3g}" for c in assembly.nodes[one[worst]])
+        raise SceneError(
+            f"tie.{i}: {len(far)} of {len(one)} nodes of {tie.set!r} miss {tie.to!r}, the worst at ({place}) mm by "
+            f"{1e3 * apart[worst]:.3g} mm; tie.{i}.within allows {1e3 * tie.within:.3g} mm: move a body, name "
+            "a smaller set, or allow more"
+        )
+    return other[nearest]
