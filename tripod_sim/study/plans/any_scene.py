@@ -51,6 +51,8 @@ BUDGET, QUICK_BUDGET = 600.0, 30.0
 LIMIT = 2400.0
 """Wall time after which a point is given up, on a machine with other things to do, too [s]."""
 
+MESHES = "A finer mesh would take longer than a study may: what the mesh errs is not in these figures."
+
 SOLVE, GROWTH, TOUCHING = 1.2e-6, 1.35, 10.0
 """About the time of a step with TR-BDF2 and Newton's method [s]: SOLVE times the unknowns to this power; with contact
 so many times as long."""
