@@ -223,6 +223,9 @@ def test_column_turns_once_and_stores_the_same_energy_in_motion_and_in_statics()
             simulation.step()
         ends.append(simulation)
         np.testing.assert_allclose(moved(simulation)[simulation._parts.watched[0]], 0.0, atol=1e-6)
+        assert (
+            simulation.state.joints[-1] == 2.0
+        )  # where the timeline ends nothing changes, and a body may sleep
     assert ends[0].energies().strain == pytest.approx(ends[1].energies().strain, rel=1e-6)
     assert ends[1].energies().strain > 0.1
 
@@ -254,6 +257,9 @@ def test_thrown_and_spinning_body_keeps_what_it_was_given(scheme: str) -> None:
     mass = simulation._mass
     start = mass @ simulation.state.velocities
     np.testing.assert_allclose(start, mass.sum() * np.array([0.3, 0, 0.1]), atol=1e-9)
+    x, v = simulation.state.positions, simulation.state.velocities
+    turning = mass @ np.cross(x, v)
+    assert turning[2] == pytest.approx(2.0 * mass @ (x[:, 0] ** 2 + x[:, 1] ** 2), rel=1e-9)
     for _ in range(20):
         simulation.step()
     np.testing.assert_allclose(mass @ simulation.state.velocities, start, rtol=1e-5, atol=1e-9)
