@@ -1,6 +1,7 @@
-"""Contact: how the broad phase scales, what a step of a cloth wrapped on a sphere takes, what is passed, time to rest.
+"""Contact: what a step of the shipped scenes takes, how the broad phase scales, what a step of a cloth wrapped on a
+sphere takes, what is passed, time to rest.
 
-    python benchmarks/contact.py [--small]
+    python benchmarks/contact.py [--small | --first-second]
 
 One thread; CPU time. Prints a calibration, the median of a 1000 x 1000 float64 product, to compare machines by.
 """
@@ -18,6 +19,19 @@ from tripod_sim.contact.build import body_part, obstacle_parts
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.springs.build import spring_body
 from tripod_sim.study import drape
+
+FIRST_SECOND: list[tuple[str, str, list[str]]] = [
+    *((name, name, []) for name in ("drape", "silicone_drop", "stack")),
+    (
+        "ball on `tripod`",
+        "tripod",
+        [
+            "contact={contact_distance=5e-4, alarm_distance=1.5e-3}",
+            'rigid=[{shape="ball", radius=0.008, mass=0.0005, position=[0.001,0.0005,0.015]}]',
+        ],
+    ),
+]
+"""What is timed, with the words that change the scene; the ball is that of `tripod_ball`."""
 
 
 def median(function, repeats: int) -> float:
@@ -134,9 +148,34 @@ def variations(duration: float) -> None:
             print("| " + " | ".join(column.cell(row) for column in drape.COLUMNS) + " |", flush=True)
 
 
+def first_second() -> None:
+    """The first second of the shipped scenes, and of a ball on the Tripod."""
+    head = "median [ms] | p99 [ms] | most [ms] | contacts | pressed | solves | factorisations | compliance"
+    print(f"\n| scene | dt [ms] | {head} |\n|" + "---|" * 10)
+    for title, name, words in FIRST_SECOND:
+        simulation = Simulation(load_scene(name, words))
+        taken, rows = [], []
+        for _ in range(round(1.0 / simulation.scene.dt)):
+            start = time.thread_time()
+            report = simulation.step()
+            taken.append((time.thread_time() - start) * 1e3)
+            contact = report.contact
+            few = getattr(contact, "way", "") == "compliance"
+            rows.append((contact.contacts, contact.pressed, report.iterations, report.factorisations, few))
+        contacts, pressed, solves, factorisations, few = np.mean(rows, axis=0)
+        print(
+            f"| {title} | {simulation.scene.dt * 1e3:g} | {np.median(taken):.2f} | {np.percentile(taken, 99):.1f} | "
+            f"{max(taken):.1f} | {contacts:.0f} | {pressed:.0f} | {solves:.1f} | {factorisations:.2f} | {few:.0%} |",
+            flush=True,
+        )
+
+
 def main() -> None:
     small = "--small" in sys.argv[1:]
     print(f"1000 x 1000 product: {calibration() * 1e3:.0f} ms")
+    first_second()
+    if "--first-second" in sys.argv[1:]:
+        return
     broad_phase([1_000, 10_000] if small else [1_000, 3_000, 10_000, 30_000, 100_000])
     wrapped([16] if small else [16, 32, 48], 60 if small else 400)
     if not small:

@@ -65,10 +65,10 @@ def run(
         (effector, largest, node, added) and at its worst (worst_effector, worst, worst_added) [m], NaN and node -1
         for what is not estimated, with a ball its position [m] and
         event (words), with contact what it took in the last step (contacts, those pressed, force [N], rounds of the
-        response, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m], cut) and with rigid
-        bodies their poses, markers (set, position and moved [m], force [N] and moment about the origin [N m] of what
-        holds or moves them, of a solid), notes on the scene if there are any, and step_ms, the wall time of a step
-        [ms], median and 99th percentile.
+        response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m], cut) and with
+        rigid bodies their poses, markers (set, position and moved [m], force [N] and moment about the origin [N m] of
+        what holds or moves them, of a solid), notes on the scene if there are any, and step_ms, the wall time of a
+        step [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
@@ -186,6 +186,7 @@ def _contact_summary(simulation: Simulation) -> dict[str, Any]:
             "pressed": contact.pressed,
             "force": contact.force,
             "rounds": contact.rounds,
+            "way": contact.way,
             "residual": contact.residual,
             "smallest_gap": contact.smallest_gap if contact.contacts else None,
             "cut": contact.cut,

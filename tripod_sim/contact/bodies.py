@@ -15,12 +15,18 @@ class Body(Protocol):
         yielding: How many of them are sought; those behind are given.
         pattern: Upper triangle of the Hessian, CSC, with full blocks of nodes or bodies; `hessian` writes its data.
         looked_back: Whether the next stage may look back on the last.
+        served: Whether the Hessian of the stage before serves: then `begin` need not prepare another.
     """
 
     unknowns: int
     yielding: int
     pattern: Any
     looked_back: bool
+    served: bool
+
+    @property
+    def lasting(self) -> bool:
+        """Whether the Hessian of a step may serve in the next."""
 
     def keep(self) -> None:
         """Remember the present state, for `recall`."""

@@ -12,7 +12,7 @@ Array = Any
 
 
 @njit(cache=True, error_model="numpy")
-def _curvature(c: Contacts, k: int, d: tuple[float, float, float], H: Array) -> None:
+def curvature(c: Contacts, k: int, d: tuple[float, float, float], H: Array) -> None:
     """Write the second derivative of P with respect to d, shape (3, 3), at the move `d`."""
     d0, d1, d2 = d
     n = c.normal[k]
@@ -38,7 +38,7 @@ def _curvature(c: Contacts, k: int, d: tuple[float, float, float], H: Array) -> 
 
 
 @njit(cache=True, error_model="numpy")
-def _jacobian(c: Contacts, k: int, m: int, J: Array) -> None:
+def jacobian(c: Contacts, k: int, m: int, J: Array) -> None:
     """Write J of block m of contact k, [w I, -[r]x], shape (3, 6)."""
     J[:] = 0.0
     J[0, 0] = J[1, 1] = J[2, 2] = c.lump[k, m]
@@ -109,12 +109,12 @@ def add_hessian(
         along = normal[k, 0] * d[0] + normal[k, 1] * d[1] + normal[k, 2] * d[2]
         if pressure[k] - stiffness[k, 0] * (gap[k] + along) <= 0.0 and limit[k] <= 0.0:
             continue  # it has none
-        _curvature(c, k, d, H)
+        curvature(c, k, d, H)
         fits = _fits(c, k, indptr, indices)
         for b in range(4):
             if c.base[k, b] < 0:
                 break
-            _jacobian(c, k, b, B)
+            jacobian(c, k, b, B)
             wide = c.width[k, b]
             for i in range(3):
                 for j in range(wide):
@@ -126,7 +126,7 @@ def add_hessian(
                     break
                 if row > column:
                     continue
-                _jacobian(c, k, a, A)
+                jacobian(c, k, a, A)
                 tall = c.width[k, a]
                 for i in range(tall):
                     for j in range(wide):

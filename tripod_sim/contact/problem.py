@@ -44,6 +44,7 @@ class StepProblem:
         first: First unknown of each body.
         give: 1 / diagonal of the Hessian without contacts at the start of the step, shape (unknowns,).
         effort: Counts.
+        serves: Whether the factorisation of the bodies alone is one of this step, or good enough for it.
         unbalanced: Largest force that the last descent left [N].
     """
 
@@ -64,6 +65,8 @@ class StepProblem:
             (b.pattern.data, self._pattern.data[a:e]) for b, a, e in zip(bodies, ends, ends[1:], strict=False)
         ]
         self._linear = Ldl(self._pattern)
+        self._bare = self._linear.sibling()
+        self._length, self._assembled = 0.0, False
         n = self.unknowns
         self.give, self._r, self._trial, self._next = np.ones(n), np.zeros(n), np.zeros(n), np.zeros(n)
         self._diagonal = self._pattern.indptr[1:] - 1
@@ -77,20 +80,63 @@ class StepProblem:
         )
         self._q = np.zeros(n)
         self._factored = False
-        self.effort, self.unbalanced = Effort(), 0.0
+        self.effort, self.unbalanced, self.serves = Effort(), 0.0, False
 
     def slices(self) -> list[slice]:
         """Return where the unknowns of each body are."""
         return [slice(int(a), int(b)) for a, b in zip(self.first, self.first[1:], strict=False)]
 
+    def warm_up(self) -> None:
+        """Compile what is needed only when something touches."""
+        c, u, data = self._contacts.arrays, np.zeros(self.unknowns), self._pattern.data
+        response_kernels.add_gradient(c, 0, u, u, self._state)
+        hessian_kernels.add_hessian(c, 0, u, self._indptr, self._indices, data, self._outside, self._places)
+        hessian_kernels.product(self._indptr, self._indices, data, self._outside, self._places, 0, u, self._q)
+
     def begin(self, stage: Stage, u: FloatArray) -> None:
         """Prepare a stage and write the moves without forces to `u`."""
+        self.serves = self.serves and stage.s == self._length and self.lasting
+        self._length, self._assembled, self._factored = stage.s, False, False
         for body, part in zip(self._bodies, self.slices(), strict=True):
+            body.served = self.serves
             body.begin(stage)
             body.guess(u[part])
-        self._assemble(u, project=True)
-        np.divide(1.0, self._pattern.data[self._diagonal], out=self.give)
-        self._factored = False
+
+    def prepare(self, u: FloatArray) -> None:
+        """Write `give`, from the Hessians at the start of the step, or at `u` where one of a step before serves."""
+        if not self._assembled:
+            self._assemble(u, project=not self.lasting)
+            np.divide(1.0, np.abs(self._pattern.data[self._diagonal]), out=self.give)
+            self._assembled = True
+
+    def factor_bodies(self, u: FloatArray) -> bool:
+        """Factor the Hessian of the bodies alone: at the start of the step the first time, then at `u`."""
+        self.effort.factorisations += 1
+        for project in (False, True):
+            if self._assembled or project:
+                self._assemble(u, project=project)
+            else:
+                self.prepare(u)
+            self.serves = self._bare.factor() and self._bare.is_positive()
+            if self.serves:
+                break
+        return self.serves
+
+    def solve_bodies(self, r: FloatArray) -> FloatArray:
+        """Return A^-1 r with the last factorisation of the bodies alone."""
+        self.effort.iterations += 1
+        return self._bare.solve(r)
+
+    def rows(self, which: IndexArray) -> FloatArray:
+        """Return the rows `which` of A^-1, shape (k, unknowns), with the last factorisation of the bodies alone."""
+        unit = np.zeros((self.unknowns, len(which)))
+        unit[which, np.arange(len(which))] = 1.0
+        return self._bare.solve_many(unit).T
+
+    @property
+    def lasting(self) -> bool:
+        """Whether the bodies' Hessian of a step may serve in the next."""
+        return all(body.lasting for body in self._bodies)
 
     def renew(self) -> None:
         """Drop the factorisation: the contacts have changed."""
@@ -103,14 +149,24 @@ class StepProblem:
 
     def _evaluate(self, u: FloatArray, r: FloatArray) -> float:
         """Write the gradient to `r` and return the potential."""
+        phi, c = self.gradient(u, r), self._contacts
+        if len(self._state) < c.count:
+            self._state = np.zeros(2 * c.count, dtype=np.int64)
+        return phi + float(response_kernels.add_gradient(c.arrays, c.count, u, r, self._state))
+
+    def gradient(self, u: FloatArray, r: FloatArray) -> float:
+        """Write the gradient of the bodies alone to `r` and return their potential, infinite where there is none."""
         r[:] = 0.0
         phi = 0.0
         for body, part in zip(self._bodies, self.slices(), strict=True):
             phi += body.add(u[part], r[part])
-        c = self._contacts
-        if len(self._state) < c.count:
-            self._state = np.zeros(2 * c.count, dtype=np.int64)
-        return phi + float(response_kernels.add_gradient(c.arrays, c.count, u, r, self._state))
+        return phi
+
+    def note_unbalanced(self, r: FloatArray) -> None:
+        """Let `unbalanced` be the largest force of `r`, shape (unknowns,), but for unknowns that are given."""
+        for part in self._given:
+            r[part] = 0.0
+        self.unbalanced = float(np.abs(r).max(initial=0.0))
 
     def _factor(self, u: FloatArray) -> None:
         """Assemble and factor at `u`: as it is if that is positive definite, else projected."""
@@ -184,9 +240,7 @@ class StepProblem:
             DescentError: no lower potential was found.
         """
         size = self._descend(u, tolerance, most)
-        for part in self._given:
-            self._r[part] = 0.0
-        self.unbalanced = float(np.abs(self._r).max(initial=0.0))
+        self.note_unbalanced(self._r)
         return size
 
     def _descend(self, u: FloatArray, tolerance: float, most: int) -> float:

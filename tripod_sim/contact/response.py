@@ -14,6 +14,7 @@ import numpy as np
 from tripod_sim.contact import response_kernels as kernels
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.few import FewContacts
 from tripod_sim.contact.problem import StepProblem
 from tripod_sim.mesh.solid_mesh import FloatArray
 
@@ -52,6 +53,7 @@ class Outcome:
         smallest: Smallest gap beyond the contact distance [m].
         done: Whether more solves are of no use: the tolerance is met, or as many made as are allowed.
         solved: Whether the tolerance is met.
+        way: See `ContactReport`.
     """
 
     rounds: int = 0
@@ -59,6 +61,7 @@ class Outcome:
     solved: bool = True
     residual: float = 0.0
     smallest: float = np.inf
+    way: str = "multipliers"
 
 
 class Response:
@@ -84,12 +87,33 @@ class Response:
     """How many times more solves a body takes whose strains are bounded, as stiffly as that is done."""
 
     def __init__(
-        self, law: Law, problem: StepProblem, contacts: ContactSet, bounded: Nodes | None = None
+        self,
+        law: Law,
+        problem: StepProblem,
+        contacts: ContactSet,
+        bounded: Nodes | None = None,
+        *,
+        apart: bool = False,
     ) -> None:
-        """`bounded`: the first body of `problem`, if its strains are bounded."""
+        """`bounded`: the first body of `problem`, if its strains are bounded; `apart`: whether more than one moves."""
         self.law, self._problem, self._contacts, self._bounded = law, problem, contacts, bounded
         self._times = self.THOROUGH if bounded else 1
         self._pressure, self._friction = np.zeros(256), np.zeros((256, 3))
+        self._few = (
+            FewContacts(problem, contacts, apart=apart)
+            if law.response == "lagrange" and problem.lasting
+            else None
+        )
+
+    def warm_up(self) -> None:
+        """Compile what is needed only when something touches, so that the first hit is no slower than others."""
+        c, u = self._contacts.arrays, np.zeros(self._problem.unknowns)
+        kernels.set_stiffness(c, 0, u, 1.0, 1.0)
+        kernels.set_limits(c, 0, 0.0)
+        kernels.forces(c, 0, u, 0.0, self._pressure, self._friction)
+        self._problem.warm_up()
+        if self._few:
+            self._few.warm_up()
 
     def solve(self, u: FloatArray, *, rough: bool = False) -> Outcome:
         """Move `u` to the end of the step; the contacts hold the forces afterwards. Raises DescentError.
@@ -104,6 +128,9 @@ class Response:
         if law.response == "penalty":
             return self._penalty(u)
         c.arrays.gain[: c.count] = 1.0
+        if self._few and (outcome := self._solve_few(u)):
+            return outcome
+        self._problem.prepare(u)
         kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.NORMAL, self.TANGENTIAL)
         outcome, aim, error = Outcome(), law.tolerance * law.distance, self.FIRST * law.distance
         enough, most = (max(aim, error), min(self.ROUGH, law.max_solves)) if rough else (aim, law.max_solves)
@@ -125,6 +152,22 @@ class Response:
                 outcome.done = outcome.solved or not rough
                 return outcome
 
+    def _solve_few(self, u: FloatArray) -> Outcome | None:
+        """Solve by the compliance of the bodies, if it leads to the end, else return None and leave `u`."""
+        c, aim = self._contacts, self.law.tolerance * self.law.distance
+        assert self._few
+        start, count = u.copy(), c.count
+        pressure, friction = c.arrays.pressure[:count].copy(), c.arrays.friction[:count].copy()
+        error = self._few.solve(u, self.law.friction, aim)
+        if error <= aim:
+            return Outcome(
+                rounds=self._few.rounds, residual=error, smallest=self._few.smallest(u), way="compliance"
+            )
+        self._problem.serves = False
+        u[:] = start
+        c.arrays.pressure[:count], c.arrays.friction[:count] = pressure, friction
+        return None
+
     def _harden(self, factor: float) -> None:
         c = self._contacts
         c.arrays.stiffness[: c.count] *= factor
@@ -133,8 +176,9 @@ class Response:
     def _penalty(self, u: FloatArray) -> Outcome:
         """The same without multipliers of pressure; friction is that of springs that slide where Coulomb's law says."""
         c, law = self._contacts, self.law
+        self._problem.prepare(u)
         kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.SOFT, self.SOFT_TANGENTIAL)
-        outcome, tolerance = Outcome(), 0.1 * law.tolerance * law.distance
+        outcome, tolerance = Outcome(way="penalty"), 0.1 * law.tolerance * law.distance
         pressure = c.arrays.pressure
         limit = c.arrays.limit
         kernels.set_limits(c.arrays, c.count, law.friction)

@@ -45,6 +45,7 @@ class RigidBodies:
         self.velocity, self.spin = np.zeros((2, b, 3))
         self.rotation = np.tile(np.eye(3), (b, 1, 1))
         self.unknowns = self.yielding = 6 * b
+        self.lasting, self.served = True, False
         self.looked_back, self._stage = False, Stage(1.0, 1.0)
         self._inverse = np.linalg.inv(self.inertia)
         self._world, self._aim, self._way, self._known = np.zeros((b, 3, 3)), *np.zeros((3, b, 6))

@@ -42,6 +42,7 @@ class SolidNodes:
         yielding: Unknowns that are not driven.
         bounded: Whether strains are: no.
         looked_back: Whether the next stage may look back on the last.
+        served: See `Body`.
     """
 
     bounded = False
@@ -84,8 +85,13 @@ class SolidNodes:
         self._memory: Memory | None = None
         self._read = np.zeros((0, 0, 3))  # what of the start of a stage may be looked back on
         self._kept: tuple[State, float] | None = None
-        self._projected = self._hold = False
+        self._projected = self._hold = self.served = False
         self._free = r.free
+
+    @property
+    def lasting(self) -> bool:
+        """Whether the Hessian of a step may serve in the next: not where the damping is that of its start."""
+        return not (self._projected or self._hold)
 
     # what the stepper asks --------------------------------------------------------------------------------------------
 
@@ -111,9 +117,11 @@ class SolidNodes:
     def add_torques(self, forces: FloatArray) -> None:
         """Add to the system's torques what forces on the surface [N], shape (k, 3), ask of the servos."""
         system = self._system
-        for k in self._driven.tolist():
-            frame, node = system.reduction.number[self.nodes[k]], self.nodes[k]
-            system.torques[frame] -= system.axes[frame] @ np.cross(system.lever[node], forces[k])
+        pressed = self._driven[forces[self._driven].any(axis=1)]
+        nodes = self.nodes[pressed]
+        moments = np.cross(system.lever[nodes], forces[pressed])
+        frames = system.reduction.number[nodes]
+        np.subtract.at(system.torques, frames, (system.axes[frames] * moments).sum(axis=1))
 
     # what a step with contact asks ------------------------------------------------------------------------------------
 
@@ -144,10 +152,11 @@ class SolidNodes:
         """Prepare a stage from the present state."""
         start, trial, system = self._now(), self._trial, self._system
         assert trial is not None
-        self._now_at, self._given = stage, False
-        self._hold, self._projected = self._projected, False
-        system.assemble(start, project=True)  # the condensation of the modes is that of the start
-        if system.damping:
+        self._now_at, self._given = stage, self.served
+        if not self.served:
+            self._hold, self._projected = self._projected, False
+            system.assemble(start, project=True)  # the condensation of the modes is that of the start
+        if system.damping and not self.served:
             system.damping.held = False
             if self._hold:
                 system.damping.hold()

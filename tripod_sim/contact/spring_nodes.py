@@ -66,6 +66,7 @@ class SpringNodes:
         self.base = np.where(system.number >= 0, 3 * system.number, -1)
         self.width, self.held = np.full(len(self.base), 3), self.base < 0
         self.yielding, self.looked_back = self.unknowns, False
+        self.served = self.lasting = False  # springs turn and go slack
         n, m = len(body.nodes), len(body.ends)
         self.x, self.v, self._move, self._at, self._g, self._aim = np.zeros((6, n, 3))
         self._blocks, self._lagged, self._reference = np.zeros((m, 6)), np.zeros((m, 6)), np.zeros(m)

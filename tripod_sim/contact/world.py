@@ -50,6 +50,7 @@ class ContactReport:
         parts: Parts that the step was divided into.
         restarted: Whether the step was one of implicit Euler although the scheme is another: something hit, or the next
             to last step did not end smoothly.
+        way: To the forces, of the last response: `compliance` (few contacts), `multipliers` on all unknowns, `penalty`.
     """
 
     contacts: int = 0
@@ -63,6 +64,7 @@ class ContactReport:
     cut: float = 0.0
     parts: int = 0
     restarted: bool = False
+    way: str = ""
 
 
 class World:
@@ -142,7 +144,7 @@ class World:
         for body in bodies:
             body.looked_back = self._looks_back
         self._bounded = nodes[0] if nodes and nodes[0].bounded else None
-        self.response = Response(law, self.problem, self.contacts, self._bounded)
+        self.response = Response(law, self.problem, self.contacts, self._bounded, apart=rigid is not None)
         self._ends = np.zeros_like(self.positions)
         self._u = np.zeros(self.problem.unknowns)
         self._place()
@@ -150,6 +152,7 @@ class World:
         self._impulse = np.zeros(64)
         self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
         self.detector.warm_up(self.positions)
+        self.response.warm_up()
         none = np.zeros_like(self._u)
         if law.restitution > 0:
             restitute(
@@ -164,8 +167,8 @@ class World:
         return self.positions
 
     def forget(self) -> None:
-        """Drop the forces kept from the last step, and what the next may look back on."""
-        self.contacts.count, self._before = 0, 0.0
+        """Drop the forces and the factorisation kept from the last step, and what the next may look back on."""
+        self.contacts.count, self._before, self.problem.serves = 0, 0.0, False
 
     def _place(self) -> None:
         """Write `positions` of moving vertices, from nodes and rigid bodies."""
@@ -354,6 +357,7 @@ class World:
                 break
             report.passes += 1
             report.rounds += outcome.rounds
+            report.way = outcome.way
             report.residual, report.smallest_gap = outcome.residual, outcome.smallest
             self.solved = outcome.solved
             if not (bounded and outcome.done and bounded.exceeds(u[: bounded.unknowns])):
