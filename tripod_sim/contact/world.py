@@ -144,7 +144,9 @@ class World:
         for body in bodies:
             body.looked_back = self._looks_back
         self._bounded = nodes[0] if nodes and nodes[0].bounded else None
-        self.response = Response(law, self.problem, self.contacts, self._bounded, apart=rigid is not None or self.soft > 1)
+        self.response = Response(
+            law, self.problem, self.contacts, self._bounded, apart=rigid is not None or self.soft > 1
+        )
         self._ends = np.zeros_like(self.positions)
         self._u = np.zeros(self.problem.unknowns)
         self._place()
