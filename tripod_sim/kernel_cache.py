@@ -1,7 +1,8 @@
 """Removes compiled kernels that are older than the sources they were compiled from.
 
 Numba keeps machine code beside each module and renews it when that module's own file changes, not when a function that
-it calls from another module does: after an update a kernel would go on with the old physics.
+it calls from another module does: after an update a kernel would go on with the old physics. Nor does it notice that the
+class of an argument has moved: reading the index of such a kernel ends with an error.
 """
 
 import re
@@ -41,10 +42,19 @@ def _remove(package: Path, sources: dict[Path, int]) -> list[Path]:
             todo += new
         newest = max(sources[p] for p in reached)
         for kernel in (path.parent / "__pycache__").glob(f"{path.stem}.*.nb[ic]"):
-            if kernel.stat().st_mtime_ns < newest:
+            made = kernel.stat().st_mtime_ns
+            if made < newest or any(made < sources.get(p, made + 1) for p in _named(kernel, package)):
                 kernel.unlink(missing_ok=True)
                 removed.append(kernel)
     return removed
+
+
+def _named(kernel: Path, package: Path) -> set[Path]:
+    """Return the files of the package whose classes an index of kernels names: its arguments may be of these types."""
+    if kernel.suffix != ".nbi":
+        return set()
+    names = re.findall(rb"\b%s(?:\.\w+)+" % package.name.encode(), kernel.read_bytes())
+    return {package.joinpath(*name.decode().split(".")[1:]).with_suffix(".py") for name in names}
 
 
 def _imports(path: Path, package: Path) -> set[Path]:

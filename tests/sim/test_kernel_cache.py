@@ -52,6 +52,22 @@ def test_kernels_go_with_every_source_that_they_import(package: Path) -> None:
     assert remove_stale_kernels(package) == []
 
 
+def test_kernels_go_with_the_classes_of_their_arguments(package: Path) -> None:
+    """The index of a kernel names them; one that has moved could not be read any more."""
+    kernel = kernel_of(package / "other.py")
+    made = kernel.stat().st_mtime
+    for name, stays in ((b"laboratory.laws", True), (b"laboratory.gone", False)):
+        kernel.write_bytes(b"\x80\x05\x8c\x0f" + name + b"\x94\x8c\x06_Slots")
+        os.utime(kernel, (made, made))
+        (package / "__pycache__" / "kernels.stamp").unlink(missing_ok=True)
+        remove_stale_kernels(package)
+        assert kernel.exists() == stays
+    kernel.write_bytes(b"\x80\x05\x8c\x0flaboratory.laws\x94\x8c\x06_Slots")
+    os.utime(kernel, (made, made))
+    os.utime(package / "laws.py")
+    assert kernel in remove_stale_kernels(package)
+
+
 def test_where_nothing_can_be_written_nothing_happens(package: Path) -> None:
     (package / "__pycache__").rename(package / "kept")
     (package / "__pycache__").write_text("a file where the folder should be")
