@@ -1,8 +1,8 @@
 """Removes compiled kernels that are older than the sources they were compiled from.
 
 Numba keeps machine code beside each module and renews it when that module's own file changes, not when a function that
-it calls from another module does: after an update a kernel would go on with the old physics. Nor does it notice that the
-class of an argument has moved: reading the index of such a kernel ends with an error.
+it calls from another module does: after an update a kernel would go on with the old physics. Nor does it notice that
+the class of an argument has moved: reading the index of such a kernel ends with an error.
 """
 
 import re
