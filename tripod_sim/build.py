@@ -33,7 +33,7 @@ from tripod_sim.scene_short import soft_bodies, springs_alone
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
-from tripod_sim.tables.motion import EXPLICIT
+from tripod_sim.tables.motion import EXPLICIT, ORDER
 from tripod_sim.tables.robot import Servos
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.gravity import GravityForce
     from tripod_sim.forces.loads import NodalLoads
+    from tripod_sim.integrators.doubling import Doubling
     from tripod_sim.integrators.time_error import ErrorTransport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
@@ -82,6 +83,7 @@ class Parts:
         plate: The maze on the disc; None without one.
         ball: How the ball moves; None without one.
         errors: Carries the error of the time steps along; None where the scene does not ask for it.
+        doubling: Finds that error by steps of half the length; None where nobody asks, or `errors` does.
         rigid: The rigid bodies, which `mesh` shows behind the soft one; None without any.
         check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None: they do not.
         notes: What users should know of them, one sentence each.
@@ -99,6 +101,7 @@ class Parts:
     plate: "Plate | None" = None
     ball: "MazeBall | BodyBall | None" = None
     errors: "ErrorTransport | EstimatedSprings | AutomaticSprings | None" = None
+    doubling: "Doubling | None" = None
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
     notes: tuple[str, ...] = ()
@@ -110,6 +113,14 @@ class Parts:
 def build(scene: Scene) -> Parts:
     """Return the parts of a simulation of `scene`. Raises SceneError."""
     parts = _built(scene)
+    if scene.time_error and scene.inertia and not parts.errors:
+        from tripod_sim.integrators.doubling import Doubling
+
+        twin = _built(replace(scene, dt=0.5 * scene.dt, time_error=None))
+        jumps = scene.contact or scene.strain_limit
+        order = 1 if jumps else ORDER[scene.inertia.scheme]
+        doubling = Doubling(parts, twin, order, scene.time_error)
+        parts = replace(parts, stepper=doubling, doubling=doubling)
     if not scene.sleep:
         return parts
     from tripod_sim.integrators.sleep import Sleeping

@@ -79,6 +79,7 @@ TABLE: dict[str, Effect] = {
             "integrators.time_error",
             "integrators.time_error_kernels",
             "integrators.auto_steps",
+            "integrators.doubling",
             "integrators.factor_store",
             "springs.automatic",
             "springs.automatic_kernels",

@@ -68,6 +68,7 @@ NEEDS = (
     ("ball", "gravity", "without it the ball would never touch anything"),
     ("initial_velocity", "inertia", "without it nothing has a velocity"),
     ("sleep", "inertia", "without velocity every step is at rest"),
+    ("time_error", "inertia", "at rest no time passes that steps could divide"),
 )
 """An effect, the one that it needs, and why."""
 
@@ -233,15 +234,11 @@ def check_contact(scene: "Scene") -> None:
             f"inertia.scheme is {scene.inertia.scheme!r}, whose steps solve nothing, while contact forces follow from "
             "where a step ends; allowed with contact: implicit_euler, bdf2, tr_bdf2"
         )
-    for name, why in (
-        ("ball", "the ball touches nothing but the soft body; make it a [[rigid]] with shape = 'ball'"),
-        (
-            "time_error",
-            "the error is carried on by a tangent without contacts, and that of the time of a hit is not estimated",
-        ),
-    ):
-        if getattr(scene, name):
-            raise SceneError(f"contact and {name} exclude each other: {why}")
+    if scene.ball:
+        raise SceneError(
+            "contact and ball exclude each other: the ball touches nothing but the soft body; make it a [[rigid]] with "
+            "shape = 'ball'"
+        )
     if scene.rigid and not scene.inertia:
         raise SceneError(
             "rigid needs inertia: nothing holds the bodies but what they happen to lie on, so where they rest is not "
@@ -261,17 +258,19 @@ def check_contact(scene: "Scene") -> None:
         )
 
 
+def halves(scene: "Scene") -> bool:
+    """Return whether steps of half the length tell the error of the time steps (see `integrators.doubling`)."""
+    explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
+    return explicit or scene.contact is not None or scene.strain_limit is not None
+
+
 def check_time_error(scene: "Scene") -> None:
     """Raise SceneError if the estimate of the error of the time steps lacks what it needs."""
     wanted = scene.time_error
     if not wanted:
         return
-    if scene.strain_limit:
-        raise SceneError(
-            "time_error and strain_limit exclude each other: the estimate knows nothing of the bound"
-        )
     chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.scheme == "auto"
-    explicit = springs_alone(scene) and chosen
+    explicit = springs_alone(scene) and chosen and not halves(scene)
     if wanted.estimate == "local" and wanted.steps == "fixed":
         raise SceneError(
             "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "
@@ -282,10 +281,15 @@ def check_time_error(scene: "Scene") -> None:
             "time_error.estimate is 'global', but the explicit steps of springs that dt = 'auto' takes by itself carry "
             "no error along; name an implicit inertia.scheme, such as tr_bdf2, or set time_error.estimate to auto"
         )
-    if not scene.inertia or scene.inertia.scheme in EXPLICIT:
-        has = f"inertia.scheme is {scene.inertia.scheme!r}" if scene.inertia else "there is none"
+    if scene.strain_limit and wanted.steps == "auto":
         raise SceneError(
-            f"time_error needs inertia with one of the schemes implicit_euler, bdf2, tr_bdf2; {has}"
+            "dt = 'auto' and strain_limit exclude each other: each step takes springs to 1e-4 below their bound, by a "
+            "velocity that grows as the step shrinks; name a dt"
+        )
+    if halves(scene) and wanted.steps == "auto" and wanted.estimate == "global":
+        raise SceneError(
+            "time_error.estimate is 'global', but with contact or an explicit scheme dt = 'auto' carries none along; "
+            "name a dt, or set time_error.estimate to auto"
         )
     if wanted.steps == "auto" and wanted.shortest > scene.dt:
         raise SceneError(

@@ -99,10 +99,9 @@ class Simulation:
         joints = np.array([*scene.servos.angles, scene.servos.slide]) if scene.servos else np.zeros(count + 1)
         self._prescribed = self._system.groups.prescribed
         self.state = self._system.start_state(np.zeros(count + 1 + bool(self._prescribed)))
-        if parts.errors:
-            self.state.errors = parts.errors.start(self.state.velocities)
         if parts.rigid:
             self.state.rigid = parts.rigid.start.copy()
+        self._begin_errors(parts)
         self.torques = np.zeros(count)
         self.report = StepReport()
         self.left_out: tuple[int, ...] = ()
@@ -138,6 +137,13 @@ class Simulation:
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
         self._prepare()
+
+    def _begin_errors(self, parts: Parts) -> None:
+        """Let the state remember what estimates of the error of the time steps ask for, if there are any."""
+        if parts.errors:
+            self.state.errors = parts.errors.start(self.state.velocities)
+        if parts.doubling:
+            self.state.twin = parts.doubling.start(self.state)
 
     def _add_rest_load(self) -> None:
         """Let the static body feel the ball, too: only the compliance asks for that."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
     from tripod_sim.contact.rigid_state import RigidState
+    from tripod_sim.integrators.doubling import TwinState
     from tripod_sim.integrators.time_error import ErrorState
     from tripod_sim.robot.servo import ServoState
 
@@ -33,6 +34,7 @@ class State:
         ball: The ball; None in a scene without one.
         errors: Those of the time steps, estimated; None where nobody asks for them.
         rigid: Rigid bodies beside the soft one; None in a scene without any.
+        twin: The same scene with steps of half the length; None where the error of the steps is not found so.
     """
 
     positions: FloatArray
@@ -47,6 +49,7 @@ class State:
     ball: "BallState | None" = None
     errors: "ErrorState | None" = None
     rigid: "RigidState | None" = None
+    twin: "TwinState | None" = None
 
     def copy_to(self, other: "State") -> None:
         """Overwrite `other` with this state, without allocating."""
@@ -65,6 +68,8 @@ class State:
             self.errors.copy_to(other.errors)
         if self.rigid and other.rigid:
             self.rigid.copy_to(other.rigid)
+        if self.twin and other.twin:
+            self.twin.copy_to(other.twin)
 
     def copy(self) -> "State":
         """Return an independent copy."""
@@ -74,6 +79,7 @@ class State:
         ball = self.ball.copy() if self.ball else None
         errors = self.errors.copy() if self.errors else None
         rigid = self.rigid.copy() if self.rigid else None
+        twin = self.twin.copy() if self.twin else None
         return State(
             x,
             v,
@@ -87,4 +93,5 @@ class State:
             ball,
             errors,
             rigid,
+            twin,
         )

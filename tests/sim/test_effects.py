@@ -44,6 +44,7 @@ SCENES = {
     "estimating springs": ("pendulum", "inertia.scheme=bdf2", 'time_error={steps="auto"}'),
     "choosing springs": ("pendulum", "dt=auto"),
     "sleeping solid": (*SOLID, "sleep={}"),
+    "doubling springs": ("pendulum", "time_error={}"),
     "estimating robot": (*ROBOT, 'time_error={steps="auto"}'),
     "cloth alone": (*CLOTH, "obstacles=off", "contact.self_contact=true"),
 }

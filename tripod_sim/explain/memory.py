@@ -34,6 +34,7 @@ PARTS = {
     "contact.rigid_state": "rigid bodies",
     "contact.rigid_system": "rigid bodies",
     "integrators.time_error": "time error",
+    "integrators.doubling": "time error",
     "springs.estimated": "time error",
     "integrators.sleep": "sleep",
     "springs.strain_limit": "strain limit",

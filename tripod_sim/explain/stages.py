@@ -54,6 +54,7 @@ STAGES: dict[str, dict[str, str]] = {
         "would_add": "time error",
         "report": "time error",
     },
+    "integrators.doubling.Doubling": {"step": "time error"},
     "integrators.sleep.Sleeping": {"step": "sleep"},
     "robot.servo.ServoMotion": {"advance": "servo dynamics", "stalled": "servo dynamics"},
     "maze.play.MazeBall": {"load": BALL, "follow": BALL},

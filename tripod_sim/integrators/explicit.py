@@ -57,7 +57,11 @@ THIN = 1e-9
 
 
 class ExplicitSolid:
-    """Advances a solid by one of three schemes."""
+    """Advances a solid by one of three schemes.
+
+    Attributes:
+        finer: Times as many parts as are needed that a step is divided into.
+    """
 
     def __init__(
         self, system: System, mass: FloatArray, scheme: str, *, drag: float, rayleigh: float, divide: bool
@@ -100,7 +104,7 @@ class ExplicitSolid:
         self._start_energy: float | None = None
         self._given = self._largest = 0.0
         self._limit = np.inf
-        self._grew = 0
+        self._grew, self.finer = 0, 1
 
     def _make_load(self) -> Load:
         system, mass = self._system, self._mass
@@ -171,7 +175,7 @@ class ExplicitSolid:
         count, time, h, work = 0, 0.0, 0.0, 0.0
         while time < dt:
             part = self._longest_part(state)
-            left = max(1, math.ceil((dt - time) / part)) if part < np.inf else 1
+            left = max(1, math.ceil(self.finer * (dt - time) / part)) if part < np.inf else 1
             if count + left > MOST_PARTS:
                 raise FloatingPointError(f"it would take {count + left} parts of {part:.2g} s")
             largest = float(np.abs(self._solid.matrices).max(initial=0.0) * np.abs(state.positions).max())

@@ -92,7 +92,7 @@ class Sleeping:
             rigid: The rigid bodies.
         """
         self.asleep = False
-        self.awake = self._stepper = stepper
+        self.awake, self._stepper = getattr(stepper, "awake", stepper), stepper
         self._system, self._soft, self._rigid = system, mass, rigid
         self._speed, self._time = speed, time
         masses = ([mass] if len(mass) else []) + ([*rigid.point_mass] if rigid else [])

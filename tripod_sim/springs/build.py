@@ -11,6 +11,7 @@ from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
+from tripod_sim.scene_checks import halves
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
@@ -39,7 +40,7 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
         return spring_parts(system, scene, scene.contact, None if len(body.triangles) else ChainSkin(body))
     system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
     skin = None if len(body.triangles) else ChainSkin(body)
-    if wanted := scene.time_error:
+    if (wanted := scene.time_error) and not halves(scene):
         estimated = _estimated(scene, system, wanted)
         return Parts(body, system.mass, system, estimated, skin=skin, errors=estimated)
     stepper = _stepper(scene, system)

@@ -35,6 +35,7 @@ class ExplicitSprings:
     Attributes:
         limit: Longest stable part [s].
         omega: Bound of the largest frequency [rad/s].
+        finer: Times as many parts as are needed that a step is divided into.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class ExplicitSprings:
         self._part = longest_part(scheme, self.omega, rate)
         self._scratch = np.zeros((7, *body.nodes.shape))
         self._watch = np.zeros(5)
-        self._watching = False
+        self._watching, self.finer = False, 1
         weights = (system.force**2).sum(axis=1)
         self._fall = float(
             np.divide(weights, system.mass, out=np.zeros_like(weights), where=system.mass > 0).sum()
@@ -72,9 +73,9 @@ class ExplicitSprings:
 
     def parts(self, dt: float) -> int:
         """Return into how many parts a step of `dt` [s] is divided. Raises SceneError if into too many."""
-        if not self._divide or not self._part < dt:
+        if not self._divide or not self._part < self.finer * dt:
             return 1
-        count = dt / self._part
+        count = self.finer * dt / self._part
         if not count <= MOST_PARTS:
             raise SceneError(
                 f"dt is {dt:g} s: a step would take {count:.2g} parts of {self._part:.2g} s to be stable (at most "

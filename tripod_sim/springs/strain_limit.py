@@ -97,7 +97,11 @@ class Bound:
 
 
 class StrainLimited:
-    """A time integrator whose steps end with no spring longer than its bound."""
+    """A time integrator whose steps end with no spring longer than its bound.
+
+    Attributes:
+        inner: The time integrator without that.
+    """
 
     def __init__(
         self, system: SpringSystem, stepper: Stepper, stretch: float, options: kernels.Options, dt: float
@@ -111,7 +115,7 @@ class StrainLimited:
             options: Of the solver.
             dt: Time step [s].
         """
-        self._system, self._stepper = system, stepper
+        self._system, self.inner = system, stepper
         self._bound = Bound(system, stretch, dt)
         reach = float(np.median(self._bound.longest))
         heaviest = float(system.mass.max())
@@ -125,7 +129,7 @@ class StrainLimited:
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps."""
-        self._stepper.forget()
+        self.inner.forget()
         self._solver.work.kept[0] = 0.0
         self._bound.relax()
 
@@ -134,7 +138,7 @@ class StrainLimited:
         if self._keep is None:
             self._keep = state.copy()
         state.copy_to(self._keep)
-        report = self._stepper.step(state, joints, dt)
+        report = self.inner.step(state, joints, dt)
         if self._bound.exceeded(state.positions):
             try:
                 self._pull_back(state, dt)

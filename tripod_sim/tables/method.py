@@ -36,7 +36,7 @@ class Solver:
 
 @dataclass(frozen=True)
 class TimeError:
-    """The error of the time steps is estimated while the scene runs. Needs inertia with an implicit scheme.
+    """The error of the time steps is estimated while the scene runs. Needs inertia.
 
     Attributes:
         steps: `fixed`: every step has the length dt; `auto`: it is divided, as coarsely as `tolerance` allows. A scene

@@ -16,6 +16,11 @@ class Gravity:
     acceleration: tuple[float, float, float] = number((0.0, 0.0, -9.81), unit="m/s²", low=-1e6, high=1e6)
 
 
+ORDER = {
+    "implicit_euler": 1, "auto": 1, "bdf2": 2, "tr_bdf2": 2, "semi_implicit_euler": 1, "explicit_euler": 1, "rk4": 4,
+}  # fmt: skip
+"""Power of the time step with which a scheme's error falls."""
+
 EXPLICIT = ("semi_implicit_euler", "explicit_euler", "rk4")
 """Time integrators that solve nothing."""
 
