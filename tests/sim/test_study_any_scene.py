@@ -131,5 +131,5 @@ def test_a_marker_is_what_the_errors_are_of(tmp_path: Path) -> None:
     study = plan(Subject(str(path)), quick=True)
     assert [q.name for q in study.quantities] == ["marker tip", "body"]
     rows = np.array(task(study.told(study.default)).observed["marker tip"])
-    assert rows.shape == (5, 3)
+    assert rows.shape == (6, 3)  # the start, and five instants
     assert rows[-1, 2] < rows[0, 2] - 1e-4

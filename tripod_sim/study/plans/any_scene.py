@@ -57,6 +57,9 @@ SOLVE, GROWTH, TOUCHING = 1.2e-6, 1.35, 10.0
 """About the time of a step with TR-BDF2 and Newton's method [s]: SOLVE times the unknowns to this power; with contact
 so many times as long."""
 
+FINE = 1e-7
+"""Unbalanced force that the reference is solved to, unless the scene asks for less [N]: rounding is not far below."""
+
 MOST = 60_000
 """Unknowns of the reference: beyond, factors may take more memory than a machine has."""
 
@@ -162,15 +165,21 @@ def task(settings: Settings) -> Measured:
     scene = scene_of(source, fields)
     script = script_of(scene)
 
+    first: dict[str, list[float]] = {}
+
     def watch(simulation: Simulation) -> Watch:
         probes = _probes(simulation, source, json.dumps(fields))
+        first.update(
+            _seen(simulation, probes)
+        )  # how far it goes is counted from the start, in one static step, too
         return lambda: _seen(simulation, probes)
 
     command = None
     if scene.servos and script:
-        first = np.array([*scene.servos.angles, scene.servos.slide])
-        command = partial(script.joints, first)
-    return motion(script.started(scene), interval * int(settings[SAMPLES]), interval, watch, command)
+        command = partial(script.joints, np.array([*scene.servos.angles, scene.servos.slide]))
+    measured = motion(script.started(scene), interval * int(settings[SAMPLES]), interval, watch, command)
+    measured.observed = {name: [first[name], *rows] for name, rows in measured.observed.items()}
+    return measured
 
 
 # what is looked at ----------------------------------------------------------------------------------------------------
@@ -283,7 +292,8 @@ def _default(scene: Scene) -> dict[str, Value]:
 def _rungs(tries: _Tries, default: Settings, duration: float, *, quick: bool) -> tuple[Settings, ...]:
     """Return the settings that converge, coarse to fine."""
     made, budget = tries.made, QUICK_BUDGET if quick else BUDGET
-    fine: dict[str, Value] = {**default, "solver.tolerance": made.solver.tolerance / 100}
+    tolerance = min(made.solver.tolerance, max(made.solver.tolerance / 100, FINE))
+    fine: dict[str, Value] = {**default, "solver.tolerance": tolerance}
     if "solver.mode" in default:
         fine["solver.mode"] = "newton"
     if made.inertia:
@@ -301,7 +311,7 @@ def _rungs(tries: _Tries, default: Settings, duration: float, *, quick: bool) ->
             if made.mesh:
                 coarse["mesh.refine"] = max(first, refine - 1)
             if coarse == rung:  # statics on the only mesh: what is left is the tolerance
-                coarse["solver.tolerance"] = made.solver.tolerance
+                coarse["solver.tolerance"] = 10 * tolerance
             return (coarse, rung)
     seconds = duration / made.dt * 8 * tries.cost(fine)
     raise SceneError(
