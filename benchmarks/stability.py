@@ -173,7 +173,7 @@ def soft_block(name: str, element: str, scheme: str) -> Subject:
         body.step,
         state.positions,
         body.energies,
-        lambda: body.elastic.terms[0].worst_element(state.positions, state.modes),
+        lambda: body.solid.worst_element(state.positions, state.modes),
         120,
     )
 

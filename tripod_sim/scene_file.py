@@ -250,7 +250,7 @@ def field_names() -> list[str]:
     """Return the paths of all fields of a scene but those in lists, such as `material.young`."""
     found = []
     for name, kind in get_type_hints(Scene).items():
-        tables = [t for t in (kind, *get_args(kind)) if is_dataclass(t)]
+        tables = [t for t in (kind, *get_args(kind)) if is_dataclass(t) and get_origin(kind) is not tuple]
         found += [f"{name}.{f.name}" for table in tables for f in fields(table)] or [name]
     return found
 

@@ -109,7 +109,7 @@ def test_a_scene_is_printed_as_it_is_written(name: str, tmp_path: Path) -> None:
     copy.write_text(tripod("scenes", name).stdout)
     assert load_scene(copy).name == name
     assert json.loads(tripod("scenes", name, "--json").stdout)["name"] == name
-    assert ("#" in copy.read_text()) == ("motion" in copy.read_text())
+    assert ("\n# " in copy.read_text()) or "[motion]" not in copy.read_text()
 
 
 def test_a_scene_that_is_not_there_is_not_printed() -> None:

@@ -131,7 +131,7 @@ def pressed_mass(scheme: str, steps: int) -> tuple[float, int]:
     )
     part = Part(nodes, np.zeros((0, 3), dtype=np.int64), body.ends)
     soft = SpringNodes(SpringSystem(body, (0.0, 0.0, -G)))
-    world = World(law, 3 * law.distance, scheme, obstacles=[plate()], nodes=(soft, part))
+    world = World(law, 3 * law.distance, scheme, obstacles=[plate()], nodes=(soft, [part]))
     soft.x[:], restarts = nodes, 0
     for _ in range(steps):
         report = world.step(0.3 / steps)

@@ -135,7 +135,7 @@ def test_limits_are_the_narrower_of_parameters_and_scene() -> None:
     narrow = _within_scene(CommandLimits(-0.5, 0.2, slide_max=0.01), scene)
     assert (narrow.angle_min, narrow.angle_max, narrow.slide_max) == (-0.5, 0.2, 0.01)
     assert _within_scene(CommandLimits(), replace(scene, servos=None)) == CommandLimits()
-    apart = SimpleNamespace(servos=replace(scene.servos, angle_min=-2.0, angle_max=-1.0))
+    apart = SimpleNamespace(servo=(), servos=replace(scene.servos, angle_min=-2.0, angle_max=-1.0))
     with pytest.raises(ParameterError, match=r"leave nothing of the scene's -2.0 to -1.0 rad"):
         _within_scene(CommandLimits(-0.5, 0.6), apart)
 

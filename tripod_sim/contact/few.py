@@ -30,17 +30,14 @@ class FewContacts:
         rounds: Of multipliers in the last solve.
     """
 
-    MOST, MOST_APART = 36, 150
-    """Touched unknowns, beyond which factorisations with the contacts in them are faster: of one deformable body, whose
-    contacts fit in its Hessian's pattern, and where bodies that move touch each other."""
+    MOST = 150
+    """Touched unknowns, beyond which factorisations with the contacts in them are faster."""
 
     STEPS, SLOW, FEW = 20, 5, 8
     """Of Newton's method, and of those such that do not bring it nearer, after which the other way is gone; steps with
     one A so few that it is good enough for the next step of time, too."""
 
-    def __init__(self, problem: StepProblem, contacts: ContactSet, *, apart: bool) -> None:
-        """`apart`: whether more than one body moves."""
-        self._most = self.MOST_APART if apart else self.MOST
+    def __init__(self, problem: StepProblem, contacts: ContactSet) -> None:
         self._problem, self._contacts, self._chosen = problem, contacts, ContactSet()
         n = problem.unknowns
         self._place, self._touched = np.full(n, -1, dtype=np.int64), np.zeros(n, dtype=np.int64)
@@ -101,7 +98,7 @@ class FewContacts:
             return False
         mine.count, self._serves = new, False
         m = kernels.touch(mine.arrays, new, self._place, self._touched)
-        if m > self._most:
+        if m > self.MOST:
             raise _NoWayError
         self._which, self._force = self._touched[:m].copy(), np.zeros(m)
         return True

@@ -99,11 +99,8 @@ class Response:
         self.law, self._problem, self._contacts, self._bounded = law, problem, contacts, bounded
         self._times = self.THOROUGH if bounded else 1
         self._pressure, self._friction = np.zeros(256), np.zeros((256, 3))
-        self._few = (
-            FewContacts(problem, contacts, apart=apart)
-            if law.response == "lagrange" and problem.lasting
-            else None
-        )
+        few = apart and law.response == "lagrange" and problem.lasting
+        self._few = FewContacts(problem, contacts) if few else None
 
     def warm_up(self) -> None:
         """Compile what is needed only when something touches, so that the first hit is no slower than others."""
