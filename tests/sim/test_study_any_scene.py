@@ -133,3 +133,12 @@ def test_a_marker_is_what_the_errors_are_of(tmp_path: Path) -> None:
     rows = np.array(task(study.told(study.default)).observed["marker tip"])
     assert rows.shape == (6, 3)  # the start, and five instants
     assert rows[-1, 2] < rows[0, 2] - 1e-4
+
+
+def test_scenes_of_bodies_with_names_are_studied() -> None:
+    study = plan(Subject("finger", ["dt=0.005"], duration=0.05), quick=True)
+    assert [q.name for q in study.quantities] == ["body"]
+    rows = np.array(task(study.told(study.default)).observed["body"])
+    assert rows.shape[1] > 100
+    assert np.abs(rows[-1] - rows[0]).max() > 1e-5
+    assert {p.settings["inertia.scheme"] for p in study.points} >= {"implicit_euler", "tr_bdf2"}

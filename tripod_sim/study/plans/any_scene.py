@@ -195,7 +195,7 @@ def _quantities(scene: Scene) -> tuple[Quantity, ...]:
         found.append(Quantity("effector", "m", "position of the effector, the worst instant"))
     if scene.ball:
         found.append(Quantity("ball", "m", "position of the ball, the worst instant"))
-    if scene.mesh or scene.springs:
+    if _soft(scene):
         what = "positions of the body's nodes, root mean square, the worst instant"
         found.append(Quantity("body", "m", what, measure="rms"))
     if scene.rigid:
@@ -213,7 +213,7 @@ def _seen(simulation: Simulation, probes: NDArray[np.int64]) -> dict[str, list[f
         found["effector"] = simulation.effector.position.tolist()
     if scene.ball and simulation.ball:
         found["ball"] = simulation.ball.position.tolist()
-    if scene.mesh or scene.springs:
+    if _soft(scene):
         found["body"] = simulation.positions[probes].ravel().tolist()
     if scene.rigid:
         found["rigid"] = [float(c) for pose in simulation.rigid for c in pose.position]
@@ -225,7 +225,7 @@ def _probes(simulation: Simulation, source: str, fields: str) -> NDArray[np.int6
     scene = simulation.scene
     nodes = simulation.mesh.nodes
     if not scene.mesh:
-        count = len(nodes) if scene.springs else 0
+        count = len(nodes) if _soft(scene) else 0
         return np.unique(np.linspace(0, count - 1, min(count, PROBES)).round().astype(np.int64))
     places = _corners(source, fields)
     distance, found = cKDTree(nodes).query(places)
@@ -284,7 +284,7 @@ def _default(scene: Scene) -> dict[str, Value]:
     if scene.inertia:
         found["inertia.scheme"] = scene.inertia.scheme if scene.inertia.scheme != "auto" else "implicit_euler"
     found["dt"] = scene.dt
-    if scene.mesh or scene.springs:
+    if _soft(scene):
         found["solver.mode"] = scene.solver.mode
     return found
 
@@ -328,7 +328,7 @@ def _points(tries: _Tries, default: Settings, finest: Settings, *, quick: bool) 
     if made.inertia:
         few, more = ("implicit_euler", "tr_bdf2"), ("implicit_euler", "bdf2", "tr_bdf2")
         schemes = [*(few if quick else more)]
-        if made.springs and not quick:
+        if not (made.mesh or quick):
             schemes += [s for s in EXPLICIT if s != "explicit_euler"]
         schemes = list(dict.fromkeys([str(default["inertia.scheme"]), *schemes]))
     best = {**default} | ({"inertia.scheme": finest["inertia.scheme"]} if made.inertia else {})
@@ -353,6 +353,11 @@ def _check_moves(scene: Scene, *, moved: bool) -> None:
         raise SceneError(f"scene {scene.name!r} is static and no servo moves: say what does by --servo")
     if scene.servos and not (scene.ball or scene.rigid):
         raise SceneError(f"scene {scene.name!r} starts at rest and no servo moves: say what does by --servo")
+
+
+def _soft(scene: Scene) -> bool:
+    """Return whether a scene has a soft body."""
+    return bool(scene.mesh or scene.springs or scene.body)
 
 
 # names ----------------------------------------------------------------------------------------------------------------
