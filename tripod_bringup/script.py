@@ -22,14 +22,13 @@ def joint_path(
         return None
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
     from tripod_sim.scene_file import load_scene  # noqa: PLC0415
-    from tripod_sim.timeline import joint_timelines  # noqa: PLC0415
+    from tripod_sim.script import script_of  # noqa: PLC0415
 
     found = load_scene(scene, overrides)
     if servo is None:
         raise SceneError("--slide needs --servo: the robot is moved to both")
-    if not found.servos:
-        raise SceneError(f"--servo: scene {found.name!r} has no servos")
-    angles, slides = joint_timelines(found.servos, servo, slide)
+    script = script_of(found, servo, slide)
+    angles, slides = script.angles, script.slides
     assert angles
     times = np.union1d(angles.times, slides.times if slides else [])
     if len(times) == 1:
