@@ -161,7 +161,7 @@ def test_every_effect_is_told_with_its_stored_cost_or_as_not_known() -> None:
     row = table["scenes"]["tripod"]
     for figure in found:
         assert figure.on == bool(getattr(scene, figure.name))
-        assert figure.cost == row.get(figure.name, {"cost": None})["cost"]
+        assert figure.cost == row[figure.name]["cost"]
         assert figure.cost is not None or figure.why_not
     slow = {f.name: f for f in effect_figures("tripod", scene, 2 * table["calibration"])}
     assert slow["damping"].cost == pytest.approx(2 * row["damping"]["cost"])
