@@ -21,6 +21,7 @@ MAY_IMPORT = {
     "tripod_view": {"tripod_host", "tripod_graph"},
     "tripod_record": {"tripod_host", "tripod_graph"},
     "tripod_play": {"tripod_host", "tripod_graph", "tripod_sim", "tripod_ik"},
+    "tripod_identify": {"tripod_host", "tripod_sim"},
 }
 """Packages of the suite that each package may import; tripod_bringup may import all."""
 
@@ -53,6 +54,7 @@ ROS_EDGE = {
     "tripod_view": {"node", "messages", "settings"},
     "tripod_record": {"node", "play_node"},
     "tripod_play": {"node", "replay_node"},
+    "tripod_identify": set(),
 }
 """Modules that touch ROS, themselves or through what they import. All others work where there is no ROS."""
 
@@ -211,7 +213,7 @@ def test_a_fresh_interpreter_loads_the_pure_modules_without_ros(package: str) ->
     loaded = loaded_by(f"import {', '.join(pure)}")
     assert package in loaded
     assert not {m for m in loaded if is_ros(m)}
-    if package in {"tripod_graph", "tripod_sim", "tripod_ik"}:
+    if package in {"tripod_graph", "tripod_sim", "tripod_ik", "tripod_identify"}:
         assert not loaded & {"serial", "viser", "mcap", "typer", "rich"}
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup import bag_cli, explain_command, ik_cli, play_cli, robot_cli, study_cli
+from tripod_bringup import bag_cli, explain_command, identify_cli, ik_cli, play_cli, robot_cli, study_cli
 from tripod_bringup.accuracy_option import Accuracy, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
 from tripod_bringup.options import (
@@ -305,6 +305,7 @@ def parameters(
 
 app.add_typer(robot_cli.commands)
 app.add_typer(ik_cli.commands)
+app.add_typer(identify_cli.commands)
 app.add_typer(play_cli.commands)
 app.add_typer(bag_cli.commands)
 

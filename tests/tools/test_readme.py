@@ -24,6 +24,9 @@ COMMANDS = sorted(
 )
 GIVEN = {
     "robot.yaml",
+    "robot.toml",
+    "poses.csv",
+    "score.html",
     "reach.csv",
     "reach.png",
     "run.npz",

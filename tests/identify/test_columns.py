@@ -1,0 +1,121 @@
+"""What columns of measured data mean, and what is refused, each in one line that names the offender."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.identify.robots import beam, tripod
+from tripod_identify.columns import Channel, read_header
+from tripod_identify.errors import DataError
+from tripod_identify.measured import read_csv
+from tripod_identify.observe import parse_point
+
+SOURCES = ("effector", "imu", "tip")
+
+
+def test_units_and_names_are_read() -> None:
+    header = [
+        "t_ms",
+        "servo_0_deg",
+        "servo_1_rad",
+        "slide_mm",
+        "effector.x_cm",
+        "marker.tip.z_m",
+        "imu.rx_deg",
+        "note_x_mm",
+    ]
+    found = read_header(header, SOURCES, 2, {})
+    assert found.time == (0, 1e-3)
+    assert found.servos == ((1, pytest.approx(np.pi / 180)), (2, 1.0))
+    assert found.slide == (3, 1e-3)
+    assert [(place, size, c) for place, size, c in found.channels] == [
+        (4, 1e-2, Channel("effector", 0)),
+        (5, 1.0, Channel("tip", 2)),
+        (6, pytest.approx(np.pi / 180), Channel("effector", 0, angle=True)),
+    ]
+    assert found.ignored == ("note_x_mm",)
+
+
+def test_renaming_makes_a_column_known() -> None:
+    found = read_header(["q0_rad", "measured_x_mm"], SOURCES, 1, {"q0": "servo_0", "measured": "effector"})
+    assert found.servos == ((0, 1.0),)
+    assert found.channels[0][2] == Channel("effector", 0)
+
+
+@pytest.mark.parametrize(
+    ("header", "servos", "said"),
+    [
+        (["servo_0_rad", "effector.x"], 1, r"column 'effector.x': no unit; .*effector.x_mm"),
+        (["effector.x_rad"], 0, "column 'effector.x_rad' has a unit of angle; it needs one of length: m, cm, mm"),
+        (["servo_0_mm", "effector.x_mm"], 1, "column 'servo_0_mm' has a unit of length"),
+        (["effector.x_mm", "effector_x_m"], 0, "column 'effector_x_m' is the second one"),
+        (["servo_0_rad", "servo_1_rad", "effector.x_mm"], 3, "command servo_0, servo_1; the scene has 3 servos"),
+        (["servo_1_rad", "effector.x_mm"], 1, "command servo_1; the scene has 1 servos"),
+        (["t_s", "sofa_x_mm"], 0, "no column is of anything in the scene, which has effector, imu, tip"),
+    ],
+)  # fmt: skip
+def test_a_wrong_header_is_one_line(header: list[str], servos: int, said: str) -> None:
+    with pytest.raises(DataError, match=said) as error:
+        read_header(header, SOURCES, servos, {})
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("t_s,tip.z_mm\n0,1\n0.1,2\n0.1,3\n", "line 4: time 0.1 s after 0.1 s; times must rise"),
+        ("t_s,tip.z_mm\n0,1\n0.1\n", "line 3 has 1 cells; the header has 2"),
+        ("t_s,tip.z_mm\n0,1\n0.1,wet\n", r"line 3, column 'tip.z_mm': 'wet' is no number"),
+        ("t_s,tip.z_mm\n0,1\nnan,2\n", "line 3: the time is nan; commands and times must be whole"),
+        ("t_s,tip.z_mm\n0,inf\n", "line 2: tip.z is infinite"),
+        ("tip.z_mm\nnan\n\n", "all measured values are missing"),
+        ("tip.z_mm\n", "has 1 lines; it needs a header and at least one row"),
+        ("slide_mm,tip.z_mm\n1,2\n", "scene 'beam' has none: is this another robot's file"),
+    ],
+)  # fmt: skip
+def test_wrong_rows_are_one_line(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "d.csv"
+    path.write_text(text)
+    with pytest.raises(DataError, match=said) as error:
+        read_csv(path, beam(), ("tip",), {})
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (
+            "-90,0,0,0,0",
+            r"line 2: servo_0 at -90 rad; the scene allows -2.1 to 0.6 rad: .*degrees taken for radians",
+        ),
+        ("0,0,0,50,0", "line 2: slide at 0.05 m; the scene allows 0 to 0.04 m"),
+    ],
+)
+def test_commands_that_the_scene_cannot_follow_are_refused(row: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "d.csv"
+    path.write_text(f"servo_0_rad,servo_1_rad,servo_2_rad,slide_mm,effector.x_mm\n{row}\n")
+    with pytest.raises(DataError, match=said):
+        read_csv(path, tripod(), ("effector",), {})
+
+
+def test_missing_values_are_left_out_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "d.csv"
+    path.write_text("# from the lab\ntip.z_mm,tip.y_mm\n1,\n,\n3,\n")
+    found = read_csv(path, beam(), ("tip",), {})
+    assert found.channels == (Channel("tip", 2),)
+    assert np.array_equal(found.values, [[0.001], [np.nan], [0.003]], equal_nan=True)
+    assert found.notes == ("4 of 6 values are missing (empty or NaN) and left out",)
+    assert found.times is None
+
+
+def test_rows_with_times_can_be_poses(tmp_path: Path) -> None:
+    path = tmp_path / "d.csv"
+    path.write_text("t_s,tip.z_mm\n1,1\n0,2\n")
+    assert read_csv(path, beam(), ("tip",), {}, poses=True).times is None
+
+
+@pytest.mark.parametrize("text", ["tip:0,0,0", "a=tip", "a=tip:0,0", "a=tip:0,0,inf", "a=:0,0,0"])
+def test_a_wrong_point_is_one_line(text: str) -> None:
+    with pytest.raises(DataError, match="is not of the form NAME=SET:X,Y,Z"):
+        parse_point(text)

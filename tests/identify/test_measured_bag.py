@@ -1,0 +1,92 @@
+"""Recordings as measured data: commands, measured poses, IMU; those of other robots are refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from tests.identify.robots import tripod
+from tripod_bringup.measured_bag import read_recording
+from tripod_identify.errors import DataError
+from tripod_record.topic import Qos, Topic
+from tripod_record.writer import BagWriter
+from tripod_sim import load_scene
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+T = STORE.types
+START = 1_700_000_000_000_000_000  # [ns]
+JOINTS, POSE, IMU = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/Imu"
+NAMES = ("servo_0", "servo_1", "servo_2", "slide")
+
+
+def write_bag(directory: Path, joints=NAMES, seen=("/robot/effector_pose",), robots=("",)) -> Path:
+    """Stand for 2 s at angles 0, go in 1 s to -0.5, stand for 2 s; the disc is at -10 mm times the share."""
+    writer = BagWriter(directory)
+    header = T["std_msgs/msg/Header"](
+        stamp=T["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id="world"
+    )
+    kinds = {f"{r}/robot/joint_states": JOINTS for r in robots}
+    kinds |= {name: IMU if name.endswith("imu") else POSE for name in seen}
+    for name, kind in kinds.items():
+        writer.add_topic(Topic(name, kind, STORE.generate_msgdef(kind, ros_version=2)[0], (Qos(),)))
+    half = 0.5 * 0.2
+    turn = T["geometry_msgs/msg/Quaternion"](x=float(np.sin(half)), y=0.0, z=0.0, w=float(np.cos(half)))
+    for k in range(501):
+        share, stamp = float(np.clip((k / 100 - 2), 0, 1)), START + k * 10**7
+        position = np.array([-0.5 * share] * (len(joints) - 1) + [0.02 * share])
+        point = T["geometry_msgs/msg/Point"](x=0.0, y=0.0, z=-0.01 * share)
+        vector = T["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
+        messages = {
+            JOINTS: T[JOINTS](header=header, name=list(joints), position=position, velocity=position, effort=position),
+            POSE: T[POSE](header=header, pose=T["geometry_msgs/msg/Pose"](position=point, orientation=turn)),
+            IMU: T[IMU](
+                header=header, orientation=turn, orientation_covariance=np.zeros(9),
+                angular_velocity=vector, angular_velocity_covariance=np.zeros(9),
+                linear_acceleration=vector, linear_acceleration_covariance=np.zeros(9),
+            ),
+        }  # fmt: skip
+        for name, kind in kinds.items():
+            writer.write(name, bytes(STORE.serialize_cdr(messages[kind], kind)), stamp)
+    writer.close()
+    return directory
+
+
+def test_a_recording_is_a_motion(tmp_path: Path) -> None:
+    found = read_recording(write_bag(tmp_path / "b"), tripod(), poses=False)
+    assert [c.label for c in found.channels] == [f"effector.{a}" for a in ("x", "y", "z", "rx", "ry", "rz")]
+    assert len(found.times) == 501
+    assert found.angles[250] == pytest.approx([-0.25] * 3)
+    assert found.slide[250] == pytest.approx(0.01)
+    assert found.values[250] == pytest.approx([0, 0, -0.005, 0.2, 0, 0])
+
+
+def test_stands_of_a_recording_are_poses(tmp_path: Path) -> None:
+    found = read_recording(write_bag(tmp_path / "b"), tripod(), poses=True)
+    assert found.times is None
+    assert found.angles == pytest.approx(np.array([[0.0] * 3, [-0.5] * 3]), abs=1e-3)
+    assert found.values[:, 2] == pytest.approx([0, -0.01])
+
+
+def test_the_imu_tells_orientations_alone(tmp_path: Path) -> None:
+    found = read_recording(write_bag(tmp_path / "b", seen=("/robot/imu",)), tripod(), poses=False)
+    assert [c.label for c in found.channels] == ["effector.rx", "effector.ry", "effector.rz"]
+    assert found.values[0] == pytest.approx([0.2, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("more", "scene", "said"),
+    [
+        ({"joints": ("servo_0", "servo_1", "slide")}, "tripod", "scene 'tripod' has servo_0, servo_1, servo_2: is"),
+        ({}, "cross", "has servo_0, servo_1, servo_2, servo_3: is this another robot's recording"),
+        ({}, "silicone", "scene 'silicone' has no effector"),
+        ({"seen": ()}, "tripod", "holds no measured pose: none of robot/effector_pose, robot/imu"),
+        ({"robots": ("/left", "/right")}, "tripod", "holds several robots"),
+    ],
+)  # fmt: skip
+def test_another_robots_recording_is_refused_in_one_line(
+    more: dict, scene: str, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(DataError, match=said) as error:
+        read_recording(write_bag(tmp_path / "b", **more), load_scene(scene), poses=False)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,118 @@
+"""Measured data from a recording of ours: what the servos were told, the measured pose of the disc, or its IMU."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_graph import names
+from tripod_identify.columns import Channel
+from tripod_identify.errors import DataError
+from tripod_identify.measured import Measured, checked
+from tripod_record.bag import Bag
+from tripod_record.table import Series, read_series
+from tripod_sim.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+STILL = 1.0
+"""A pose counts as at rest once its commands have stood for so long [s]."""
+
+STEADY = 1e-3
+"""Commands that differ by less are the same [rad, m]."""
+
+COMMANDS = (names.ROBOT_JOINT_STATES, names.SIM_JOINT_STATES)
+SEEN = (names.ROBOT_EFFECTOR_POSE, names.ROBOT_IMU)
+
+
+def read_recording(path: Path, scene: Scene, *, poses: bool) -> Measured:
+    """Return what a recording holds for a scene.
+
+    Commands are those of `robot/joint_states`, where there are none `sim/joint_states`; measured are
+    `robot/effector_pose`, and where there is none the orientation of `robot/imu`.
+
+    Args:
+        path: An .mcap file, or the directory of a recording.
+        scene: That it shall be compared with.
+        poses: Take the mean of what was measured at the end of each stand of the commands as a pose at rest.
+
+    Raises:
+        DataError, RecordError: it has no commands or nothing measured, is of another robot, or cannot be read.
+    """
+    bag = Bag(path)
+    wanted = [*COMMANDS, *SEEN]
+    series = read_series(bag, lambda topic: any(topic.endswith(f"/{name}") for name in wanted))
+    commands = _one(series, COMMANDS, path, "commands")
+    seen = _one(series, SEEN, path, "measured pose")
+    if not scene.effector:
+        raise DataError(f"scene {scene.name!r} has no effector, whose pose {path} holds")
+    count = scene.servos.count if scene.servos else 0
+    known = {n.removeprefix("position.") for n in commands.values if n.startswith("position.")}
+    own = names.servo_names(count)
+    if not count or set(own) - known or known - {*own, names.SLIDE}:
+        raise DataError(
+            f"{path} commands {', '.join(sorted(known)) or 'no joints'}; scene {scene.name!r} has "
+            f"{', '.join(own) or 'no servos'}: is this another robot's recording?"
+        )
+    joints = [commands.values[f"position.{name}"] for name in (*own, names.SLIDE) if name in known]
+    values, channels = _channels(seen)
+    inside = (seen.times >= commands.times[0]) & (seen.times <= commands.times[-1])
+    if not inside.any():
+        raise DataError(f"{path}: nothing was measured while commands were given")
+    times, values = seen.times[inside], values[inside]
+    at = np.column_stack([np.interp(times, commands.times, column) for column in joints])
+    slide = at[:, count] if names.SLIDE in known else None
+    whole = Measured(times, at[:, :count], slide, channels, values)
+    return checked(_stands(whole, path) if poses else whole, scene, range(1, len(values) + 1))
+
+
+def _one(series: dict[str, Series], topics: tuple[str, ...], path: Path, what: str) -> Series:
+    """Return the first of some topics that a recording has, of one robot."""
+    for name in topics:
+        found = [topic for topic in series if topic.endswith(f"/{name}")]
+        if len(found) > 1:
+            raise DataError(f"{path} holds several robots: {', '.join(found)}; record one alone")
+        if found:
+            return series[found[0]]
+    raise DataError(f"{path} holds no {what}: none of {', '.join(topics)}")
+
+
+def _channels(seen: Series) -> tuple[FloatArray, tuple[Channel, ...]]:
+    """Return what was measured [m, rad], shape (k, m), and what its columns are."""
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import
+
+    pose = "pose.position.x" in seen.values
+    place = [seen.values[f"pose.position.{axis}"] for axis in "xyz"] if pose else []
+    path = "pose.orientation" if pose else "orientation"
+    quaternions = np.column_stack([seen.values[f"{path}.{axis}"] for axis in "xyzw"])
+    norms = np.linalg.norm(quaternions, axis=1)
+    vectors = np.full((len(norms), 3), np.nan)
+    known = np.isfinite(norms) & (norms > 0.5)
+    vectors[known] = Rotation.from_quat(quaternions[known]).as_rotvec()
+    channels = [Channel("effector", axis) for axis in range(len(place))]
+    channels += [Channel("effector", axis, angle=True) for axis in range(3)]
+    return np.column_stack([*place, vectors]), tuple(channels)
+
+
+def _stands(measured: Measured, path: Path) -> Measured:
+    """Return one row for each stand of the commands: the mean of its last half."""
+    assert measured.times is not None
+    assert measured.angles is not None
+    slide = measured.slide if measured.slide is not None else np.zeros(len(measured.values))
+    joints = np.column_stack([measured.angles, slide])
+    rows, first = [], 0
+    for k in range(1, len(joints) + 1):
+        if k < len(joints) and np.abs(joints[k] - joints[first]).max() < STEADY:
+            continue
+        if measured.times[k - 1] - measured.times[first] >= STILL:
+            half = 0.5 * (measured.times[first] + measured.times[k - 1])
+            late = np.flatnonzero(measured.times[first:k] >= half) + first
+            rows.append((joints[k - 1], np.nanmean(measured.values[late], axis=0)))
+        first = k
+    if not rows:
+        raise DataError(f"{path}: the commands never stand for {STILL:g} s, so there is no pose at rest")
+    stood = np.array([r[0] for r in rows])
+    return Measured(
+        None, stood[:, :-1], stood[:, -1] if measured.slide is not None else None, measured.channels,
+        np.array([r[1] for r in rows]),
+    )  # fmt: skip

@@ -1,0 +1,181 @@
+"""Measured data: commands and what was seen with them, in SI; read from CSV."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_host.reading import read_file
+from tripod_identify.columns import Channel, read_header
+from tripod_identify.errors import DataError
+from tripod_sim.scene import Scene
+
+FloatArray = NDArray[np.float64]
+
+MOST_BYTES = 100_000_000
+"""Of a CSV file."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Rows of measured numbers.
+
+    Attributes:
+        times: Rising [s], shape (k,); None: each row is a pose at rest.
+        angles: Commanded [rad], shape (k, s); None where the data have none: those that the scene starts with.
+        slide: Commanded [m], shape (k,); None likewise.
+        channels: What was measured, m of them.
+        values: [m] or [rad], shape (k, m); NaN where there is none.
+        notes: What users should know of them.
+    """
+
+    times: FloatArray | None
+    angles: FloatArray | None
+    slide: FloatArray | None
+    channels: tuple[Channel, ...]
+    values: FloatArray
+    notes: tuple[str, ...] = field(default=())
+
+    def rows(self, chosen: NDArray[np.bool_]) -> "Measured":
+        """Return some of the rows, `chosen` of shape (k,)."""
+        parts = [None if a is None else a[chosen] for a in (self.times, self.angles, self.slide)]
+        return replace(self, times=parts[0], angles=parts[1], slide=parts[2], values=self.values[chosen])
+
+    def joints(self, scene: Scene) -> FloatArray:
+        """Return the commanded angles [rad] and slide [m] of each row, shape (k, s + 1)."""
+        count = scene.servos.count if scene.servos else 0
+        joints = np.zeros((len(self.values), count + 1))
+        if scene.servos:
+            joints[:] = [*scene.servos.angles, scene.servos.slide]
+        if self.angles is not None:
+            joints[:, :-1] = self.angles
+        if self.slide is not None:
+            joints[:, -1] = self.slide
+        return joints
+
+
+def read_csv(
+    path: Path, scene: Scene, sources: Sequence[str], renamed: dict[str, str], *, poses: bool = False
+) -> Measured:
+    """Return the data of a CSV file with units in its header.
+
+    Args:
+        path: Its first line names the columns, `t_s, servo_0_rad, effector.x_mm`; lines with # are left out.
+        scene: That they shall be compared with.
+        sources: Names that columns may have in it, see `columns.read_header`.
+        renamed: Other names for some columns.
+        poses: Each row is a pose at rest, whatever its time.
+
+    Raises:
+        DataError: anything wrong with the file; the message names the row or column.
+    """
+    try:
+        text = read_file(path, MOST_BYTES).decode("utf-8-sig")
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise DataError(f"{path} is not UTF-8 text") from None
+    lines = [
+        (i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")
+    ]
+    if len(lines) < 2:
+        raise DataError(f"{path} has {len(lines)} lines; it needs a header and at least one row")
+    header = [name.strip() for name in next(csv.reader([lines[0][1]]))]
+    columns = read_header(header, sources, scene.servos.count if scene.servos else 0, renamed)
+    table = np.array([_row(line, number, header) for number, line in lines[1:]])
+    numbers = [number for number, _ in lines[1:]]
+    times = None
+    if columns.time and not poses:
+        times = _whole(table[:, columns.time[0]], numbers, "the time") * columns.time[1]
+    angles = None
+    if columns.servos:
+        angles = np.column_stack(
+            [_whole(table[:, i], numbers, header[i]) * size for i, size in columns.servos]
+        )
+    slide = None
+    if columns.slide:
+        slide = _whole(table[:, columns.slide[0]], numbers, header[columns.slide[0]]) * columns.slide[1]
+    values = np.column_stack([table[:, i] * size for i, size, _ in columns.channels])
+    notes = (
+        [f"columns of nothing in the scene are left out: {', '.join(columns.ignored)}"]
+        if columns.ignored
+        else []
+    )
+    measured = Measured(times, angles, slide, tuple(c for *_, c in columns.channels), values, tuple(notes))
+    return checked(measured, scene, numbers)
+
+
+def _row(line: str, number: int, header: list[str]) -> list[float]:
+    cells = [cell.strip() for cell in next(csv.reader([line]))]
+    if len(cells) != len(header):
+        raise DataError(f"line {number} has {len(cells)} cells; the header has {len(header)}")
+    row = []
+    for cell, name in zip(cells, header, strict=True):
+        try:
+            row.append(float(cell) if cell else np.nan)
+        except ValueError:
+            raise DataError(f"line {number}, column {name!r}: {cell[:40]!r} is no number") from None
+    return row
+
+
+def _whole(column: FloatArray, lines: Sequence[int], name: str) -> FloatArray:
+    """Return a column in which nothing may be missing."""
+    bad = np.flatnonzero(~np.isfinite(column))
+    if bad.size:
+        raise DataError(
+            f"line {lines[bad[0]]}: {name} is {column[bad[0]]:g}; commands and times must be whole"
+        )
+    return column
+
+
+def checked(measured: Measured, scene: Scene, lines: Sequence[int]) -> Measured:
+    """Return data that fit a scene, with a note on what is missing; `lines` name the rows in messages.
+
+    Raises:
+        DataError: times that fall, commands that the servos of the scene cannot follow, infinite or no values.
+    """
+    times, values = measured.times, measured.values
+    if times is not None and (falls := np.flatnonzero(np.diff(times) <= 0)).size:
+        i = falls[0]
+        raise DataError(
+            f"line {lines[i + 1]}: time {times[i + 1]:g} s after {times[i]:g} s; times must rise (--poses takes each "
+            "row as a pose of its own)"
+        )
+    servos = scene.servos
+    for what in (measured.angles, measured.slide):
+        if what is not None and servos is None:
+            raise DataError(
+                f"the data command servos; scene {scene.name!r} has none: is this another robot's file?"
+            )
+    if measured.angles is not None and servos:
+        low, high = servos.angle_min - 1e-6, servos.angle_max + 1e-6
+        bad = np.argwhere(~((measured.angles >= low) & (measured.angles <= high)))
+        if len(bad):
+            k, i = bad[0]
+            angle = measured.angles[k, i]
+            raise DataError(
+                f"line {lines[k]}: servo_{i} at {angle:g} rad; the scene allows {servos.angle_min:g} to "
+                f"{servos.angle_max:g} rad: another robot's file, or degrees taken for radians?"
+            )
+    if measured.slide is not None and servos:
+        out = np.flatnonzero(~((measured.slide >= -1e-9) & (measured.slide <= servos.slide_max + 1e-9)))
+        if out.size:
+            k = out[0]
+            raise DataError(
+                f"line {lines[k]}: slide at {measured.slide[k]:g} m; the scene allows 0 to {servos.slide_max:g} m"
+            )
+    if np.isinf(values).any():
+        k, j = np.argwhere(np.isinf(values))[0]
+        raise DataError(f"line {lines[k]}: {measured.channels[j].label} is infinite")
+    missing, some = int(np.isnan(values).sum()), [bool(np.isfinite(column).any()) for column in values.T]
+    if missing == values.size:
+        raise DataError("all measured values are missing (empty or NaN)")
+    channels = tuple(c for c, has in zip(measured.channels, some, strict=True) if has)
+    measured = replace(measured, channels=channels, values=values[:, some])
+    if missing:
+        note = f"{missing} of {values.size} values are missing (empty or NaN) and left out"
+        return replace(measured, notes=(*measured.notes, note))
+    return measured

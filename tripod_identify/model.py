@@ -1,0 +1,194 @@
+"""What a scene says of the rows of data: the rest state of each commanded pose, or a motion stepped in time."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_identify.errors import DataError
+from tripod_identify.measured import Measured
+from tripod_identify.observe import Observer, Point, Sensor, plain_sensor, with_watched
+from tripod_sim.build import Parts, build
+from tripod_sim.errors import SceneError, StepError
+from tripod_sim.scene import Scene, at_rest
+from tripod_sim.simulation import Simulation
+from tripod_sim.state import State
+from tripod_sim.system import System
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCE = 1e-7
+"""Unbalanced force to which states at rest are solved [N]: small against what a changed value makes."""
+
+MORE = 0.5
+"""By which the servos may go beyond the range of the scene [rad], as their zeros are not known."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What is assumed of the robot besides the scene.
+
+    Attributes:
+        scene: With the values that are assumed.
+        zero: Of the servos [rad], shape (s,): the arm stands at gain command + zero.
+        gain: Shape (s,).
+        sensor: How the data see it.
+        start: Time of the data at which a motion begins [s].
+    """
+
+    scene: Scene
+    zero: FloatArray
+    gain: FloatArray
+    sensor: Sensor
+    start: float = 0.0
+
+    def joints(self, commands: FloatArray) -> FloatArray:
+        """Return where the arms stand [rad], and the slide [m], for commands of shape (k, s + 1)."""
+        joints = commands.copy()
+        joints[:, :-1] = self.gain * commands[:, :-1] + self.zero
+        return joints
+
+
+def plainly(scene: Scene) -> Told:
+    """Return what is assumed where nothing is known: servos and sensor as the scene has them."""
+    count = scene.servos.count if scene.servos else 0
+    return Told(scene, np.zeros(count), np.ones(count), plain_sensor())
+
+
+def still(scene: Scene) -> Scene:
+    """Return the scene whose rest states are looked for: static, solved closely."""
+    found = at_rest(scene)
+    return replace(found, solver=replace(found.solver, tolerance=min(found.solver.tolerance, TOLERANCE)))
+
+
+class Rest:
+    """The states of rest of one scene."""
+
+    def __init__(self, scene: Scene, measured: Measured, points: Sequence[Point]) -> None:
+        """Raises SceneError: the scene has no states of rest."""
+        self.scene = still(with_watched(scene, points))
+        if self.scene.prescribed:
+            raise SceneError(
+                "poses at rest of a scene with [[prescribed]] are not defined; give the data a time column"
+            )
+        self.parts: Parts = build(self.scene)
+        if not isinstance(self.parts.system, System):
+            raise SceneError(
+                f"scene {scene.name!r} has no soft solid: nothing of it is at rest by its stiffness"
+            )
+        self.system: System = self.parts.system
+        watched = {t.set: nodes for t, nodes in zip(self.scene.marker, self.parts.watched, strict=True)}
+        self.observer = Observer(measured.channels, points, watched, self.system.rest)
+
+    def start(self) -> State:
+        """Return the undeformed state."""
+        return self.system.start_state(np.zeros(len(self.system.groups.driven) + 1))
+
+    def settle(self, state: State, joints: FloatArray) -> None:
+        """Bring a state to rest at `joints`, in place. Raises StepError; it is then as it was."""
+        self.parts.stepper.forget()
+        self.parts.stepper.step(state, joints, 0.0)
+
+
+def rest_states(
+    rest: Rest, joints: FloatArray, near: Sequence[State] | None = None, progress: Progress | None = None
+) -> list[State]:
+    """Return the state of rest of each row of `joints`, shape (k, s + 1), played in their order.
+
+    Args:
+        rest: The scene.
+        joints: Angles [rad] and slide [m].
+        near: States to begin from, one for each row, such as those of other values of the scene.
+        progress: Told the share that is done.
+
+    Raises:
+        StepError: a pose has no equilibrium; the message has its number.
+    """
+    found: list[State] = []
+    for k, goal in enumerate(joints):
+        ways = [near[k].copy()] if near else []
+        ways.append(found[-1].copy() if found else rest.start())
+        for i, state in enumerate(ways):
+            try:
+                rest.settle(state, goal)
+            except StepError as error:
+                if i == len(ways) - 1:
+                    raise StepError(f"row {k + 1} of the data: {error}") from error
+                continue
+            found.append(state)
+            break
+        if progress:
+            progress((k + 1) / len(joints))
+    return found
+
+
+def motion(
+    told: Told, measured: Measured, points: Sequence[Point], progress: Progress | None = None
+) -> FloatArray:
+    """Return what a motion shows at the times of the data [m, rad], shape (k, m).
+
+    Commands are joined by straight lines; between two steps what is seen is, too.
+
+    Raises:
+        SceneError: the scene cannot be stepped.
+        StepError: the motion broke off.
+    """
+    assert measured.times is not None
+    scene = with_watched(told.scene, points)
+    if not scene.inertia:
+        raise SceneError(
+            f"scene {scene.name!r} has no [inertia], so it cannot move in time; --poses takes the rows as poses"
+        )
+    commands = told.joints(measured.joints(scene))
+    if s := scene.servos:
+        scene = replace(
+            scene,
+            servos=replace(
+                s, angles=tuple(commands[0, :-1].tolist()), slide=float(commands[0, -1]),
+                angle_min=max(s.angle_min - MORE, -3.2), angle_max=min(s.angle_max + MORE, 3.2),
+            ),
+        )  # fmt: skip
+    simulation = Simulation(scene)
+    observer = Observer(measured.channels, points, simulation.watched, simulation.mesh.nodes)
+    times = np.maximum(measured.times - told.start, 0.0)
+    steps = int(np.ceil(times[-1] / scene.dt - 1e-9))
+    seen = np.empty((steps + 1, len(measured.channels)))
+    seen[0] = observer.see(simulation.state, told.sensor)
+    for i in range(1, steps + 1):
+        joints = None
+        if scene.servos:
+            at = told.start + i * scene.dt
+            joints = np.array([np.interp(at, measured.times, column) for column in commands.T])
+        if unstable := simulation.step(joints).instability:
+            raise StepError(unstable)
+        seen[i] = observer.see(simulation.state, told.sensor)
+        if progress:
+            progress(i / steps)
+    grid = np.arange(steps + 1) * scene.dt
+    return np.column_stack([np.interp(times, grid, column) for column in seen.T])
+
+
+def predict(
+    told: Told, measured: Measured, points: Sequence[Point], progress: Progress | None = None
+) -> FloatArray:
+    """Return what the scene says of each row of data [m, rad], shape (k, m).
+
+    Raises SceneError, StepError, DataError.
+    """
+    check_points(told.scene, points)
+    if measured.times is not None:
+        return motion(told, measured, points, progress)
+    rest = Rest(told.scene, measured, points)
+    states = rest_states(rest, told.joints(measured.joints(told.scene)), progress=progress)
+    return np.array([rest.observer.see(state, told.sensor) for state in states])
+
+
+def check_points(scene: Scene, points: Sequence[Point]) -> None:
+    """Raise DataError where two sources have one name."""
+    names = [p.name for p in points]
+    for name in names:
+        if names.count(name) > 1 or name in {marker.set for marker in scene.marker} or name == "effector":
+            raise DataError(f"--point {name!r}: there is already something of that name")
