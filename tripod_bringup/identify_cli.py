@@ -50,7 +50,6 @@ Plot = Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write the p
     epilog=examples(
         "tripod score tripod poses.csv",
         "tripod score robot.toml recordings/NAME --align translation --report score.html",
-        'tripod score examples/silicone_beam.toml beam.csv --point "tip1=tip:0.036,0.015,0.1" --align translation',
     )
 )
 def score(
@@ -81,6 +80,85 @@ def score(
             poses=poses,
             report=report,
             plot=plot,
+            as_json=json,
+            quiet=quiet,
+        )
+    )
+
+
+@commands.command(
+    epilog=examples(
+        "tripod identify tripod poses.csv --fit material.young --fit servos.zero --fit servos.slide --out robot.toml",
+        "tripod identify tripod poses.csv --fit material.young --align translation --hold-out 0.2 --report report.html",
+        "tripod identify tripod poses.csv --fit material.young --fit material.mass --prior material.mass=0.03~0.001",
+    )
+)
+def identify(
+    scene: SceneArgument,
+    data: Data,
+    *,
+    fit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="A numeric field of the scene (material.young, damping.stiffness, servos.slide, load.0.mass), or "
+            "servos.zero, servos.gain, mount (point of the disc that is seen), frame (of the data), start (of a "
+            "motion); of these also one, servos.zero.1. Repeatable.",
+        ),
+    ] = None,
+    align: Align = "none",
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE~SD", help="What is known of a value before, in SI; repeatable."),
+    ] = None,
+    hold_out: Annotated[
+        str, typer.Option(metavar="SHARE", help="Rows kept out of the fit: 20% or 0.2; of a motion the end.")
+    ] = "0",
+    set_: Overrides = None,
+    point: Points = None,
+    rename: Renames = None,
+    poses: Poses = False,
+    mesh: Annotated[
+        bool, typer.Option("--mesh/--no-mesh", help="Estimate what mesh and steps make, by a finer mesh.")
+    ] = True,
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Intervals by profiles as well, which takes longer.")
+    ] = False,
+    propose: Annotated[
+        bool, typer.Option("--propose/--no-propose", help="Name three poses that would tell most.")
+    ] = True,
+    candidates: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Poses to choose from: servo_0_rad and so on, slide_mm."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Write the scene with the values found.")
+    ] = None,
+    report: Report = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find values of a scene from measured data, with bars, and name those that the data do not tell."""
+    from tripod_bringup.identify_command import identify_command  # noqa: PLC0415
+
+    raise typer.Exit(
+        identify_command(
+            scene,
+            data,
+            fit=fit or [],
+            align=align,
+            priors=prior or [],
+            hold_out=hold_out,
+            overrides=set_ or [],
+            points=point or [],
+            renames=rename or [],
+            poses=poses,
+            mesh=mesh,
+            profile=profile,
+            propose=propose,
+            candidates=candidates,
+            out=out,
+            report=report,
             as_json=json,
             quiet=quiet,
         )

@@ -67,7 +67,12 @@ class Columns:
 
 
 def read_header(
-    header: Sequence[str], sources: Sequence[str], servos: int, renamed: dict[str, str]
+    header: Sequence[str],
+    sources: Sequence[str],
+    servos: int,
+    renamed: dict[str, str],
+    *,
+    measured: bool = True,
 ) -> Columns:
     """Return what the columns are.
 
@@ -76,6 +81,7 @@ def read_header(
         sources: What a scene can show: names of the disc, of sets, of points.
         servos: How many the scene has.
         renamed: Other names for some, without axis and unit.
+        measured: Whether something must be measured; else the commands must be there.
 
     Raises:
         DataError: a column without a unit, one given twice, servos that the scene has not, or nothing to compare with.
@@ -120,7 +126,9 @@ def read_header(
         raise DataError(
             f"the data command {given}; the scene has {servos} servos: is this another robot's file?"
         )
-    if not channels:
+    if not (measured or angles):
+        raise DataError("no column commands a servo: servo_0_rad, servo_1_rad and so on")
+    if measured and not channels:
         raise DataError(
             f"no column is of anything in the scene, which has {', '.join(sources) or 'no effector and no marker'}; "
             f"columns: {', '.join(header[:12])}; --rename OLD=NEW gives one another name"

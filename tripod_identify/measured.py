@@ -72,21 +72,8 @@ def read_csv(
     Raises:
         DataError: anything wrong with the file; the message names the row or column.
     """
-    try:
-        text = read_file(path, MOST_BYTES).decode("utf-8-sig")
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise DataError(f"{path} is not UTF-8 text") from None
-    lines = [
-        (i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")
-    ]
-    if len(lines) < 2:
-        raise DataError(f"{path} has {len(lines)} lines; it needs a header and at least one row")
-    header = [name.strip() for name in next(csv.reader([lines[0][1]]))]
+    header, numbers, table = _table(path)
     columns = read_header(header, sources, scene.servos.count if scene.servos else 0, renamed)
-    table = np.array([_row(line, number, header) for number, line in lines[1:]])
-    numbers = [number for number, _ in lines[1:]]
     times = None
     if columns.time and not poses:
         times = _whole(table[:, columns.time[0]], numbers, "the time") * columns.time[1]
@@ -106,6 +93,34 @@ def read_csv(
     )
     measured = Measured(times, angles, slide, tuple(c for *_, c in columns.channels), values, tuple(notes))
     return checked(measured, scene, numbers)
+
+
+def _table(path: Path) -> tuple[list[str], list[int], FloatArray]:
+    """Return the names of the columns, the number of each row's line, and the numbers, NaN where a cell is empty."""
+    try:
+        text = read_file(path, MOST_BYTES).decode("utf-8-sig")
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise DataError(f"{path} is not UTF-8 text") from None
+    lines = [
+        (i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")
+    ]
+    if len(lines) < 2:
+        raise DataError(f"{path} has {len(lines)} lines; it needs a header and at least one row")
+    header = [name.strip() for name in next(csv.reader([lines[0][1]]))]
+    table = np.array([_row(line, number, header) for number, line in lines[1:]])
+    return header, [number for number, _ in lines[1:]], table
+
+
+def read_commands(path: Path, scene: Scene) -> FloatArray:
+    """Return the poses that a CSV file commands: angles [rad] and slide [m], shape (n, s + 1). Raises DataError."""
+    header, numbers, table = _table(path)
+    columns = read_header(header, (), scene.servos.count if scene.servos else 0, {}, measured=False)
+    angles = np.column_stack([_whole(table[:, i], numbers, header[i]) * size for i, size in columns.servos])
+    slide = _whole(table[:, columns.slide[0]], numbers, "slide") * columns.slide[1] if columns.slide else None
+    commands = Measured(None, angles, slide, (Channel("effector", 0),), np.zeros((len(angles), 1)))
+    return checked(commands, scene, numbers).joints(scene)
 
 
 def _row(line: str, number: int, header: list[str]) -> list[float]:

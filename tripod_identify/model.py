@@ -109,7 +109,10 @@ def rest_states(
     """
     found: list[State] = []
     for k, goal in enumerate(joints):
-        ways = [near[k].copy()] if near else []
+        ways = []
+        if near:
+            ways.append(near[k].copy())
+            rest.system.drive(ways[0], ways[0].joints.copy())  # where these servos stand, not those of `near`
         ways.append(found[-1].copy() if found else rest.start())
         for i, state in enumerate(ways):
             try:

@@ -28,7 +28,9 @@ def check_matplotlib() -> None:
         ) from None
 
 
-def curves(measured: Measured, score: Score, title: str, *, left_out: FloatArray | None = None) -> bytes:
+def curves(
+    measured: Measured, score: Score, title: str, *, left_out: NDArray[np.bool_] | None = None
+) -> bytes:
     """Return a PNG: for each source what was measured and predicted, and below the errors of places.
 
     Args:
@@ -78,11 +80,11 @@ def curves(measured: Measured, score: Score, title: str, *, left_out: FloatArray
     return _png(figure)
 
 
-def _shade(axes: Any, at: FloatArray, left_out: FloatArray | None) -> None:
+def _shade(axes: Any, at: FloatArray, left_out: NDArray[np.bool_] | None) -> None:
     if left_out is None or not left_out.any():
         return
     half = 0.5 * float(np.median(np.diff(at))) if len(at) > 1 else 0.5
-    for x in at[left_out.astype(bool)]:
+    for x in at[left_out]:
         axes.axvspan(x - half, x + half, color="#e69f00", alpha=0.12, linewidth=0)
 
 

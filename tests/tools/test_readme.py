@@ -27,6 +27,8 @@ GIVEN = {
     "robot.toml",
     "poses.csv",
     "score.html",
+    "report.html",
+    "servos.zero",  # no file: a value to identify
     "reach.csv",
     "reach.png",
     "run.npz",

@@ -1,0 +1,237 @@
+"""Values are found with honest bars, robustly; what the data cannot tell, or the model not explain, is said."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.identify.robots import BEAM, MOVING, beam, commands, measured, tripod, write_csv
+from tripod_identify.columns import Channel
+from tripod_identify.errors import DataError, FitError
+from tripod_identify.fit import Prior, fit, profile
+from tripod_identify.identify import Wanted, beginning, held_rows, identify
+from tripod_identify.measured import Measured
+from tripod_identify.model import Told, plainly, predict
+from tripod_identify.parameters import parameters, told
+from tripod_identify.problem import Problem
+from tripod_sim import load_scene
+from tripod_sim.scene_file import scene_from_toml
+
+TIP = tuple(Channel("tip", axis) for axis in range(3))
+NOISE = (3e-4, np.radians(0.5))
+QUICK = {"mesh": False, "propose": False}
+
+
+def robot(scene, values: dict[str, float]) -> Told:
+    wanted = parameters(scene, list(values))
+    return told(plainly(scene), wanted, np.array([p.to_u(values[p.name]) for p in wanted]))
+
+
+TRUTH = {"servos.zero.0": 0.03, "servos.zero.1": -0.02, "servos.zero.2": 0.05, "servos.slide": 0.025}
+
+
+@pytest.fixture(scope="module")
+def poses() -> Measured:
+    """Twenty poses of a Tripod with other zeros and slide, with noise."""
+    return measured(robot(tripod("servos.slide=0.02"), TRUTH), commands(20)[0], None, noise=NOISE)
+
+
+def test_values_are_found_within_their_bars(poses: Measured) -> None:
+    scene = tripod("servos.slide=0.02")
+    result = identify(scene, poses, (), Wanted(("servos.zero", "servos.slide"), **QUICK))
+    assert [f.parameter.name for f in result.found] == list(TRUTH)
+    for f in result.found:
+        width = f.high - f.low
+        assert abs(f.value - TRUTH[f.parameter.name]) < width, "twice the 90 % interval"
+        assert width < 0.03, "told closely"
+    assert result.untold == ()
+    assert result.left.explained
+    assert result.fit.sigma == pytest.approx(NOISE, rel=0.25)
+    assert result.after.distance.mean < 0.2 * result.before.distance.mean
+
+
+def test_exact_data_give_back_the_values_exactly() -> None:
+    scene = tripod("servos.slide=0.02")
+    data = measured(robot(scene, {**TRUTH, "material.young": 180e3}), commands(8)[0], None)
+    result = identify(scene, data, (), Wanted(("material.young", "servos.zero", "servos.slide"), **QUICK))
+    found = {f.parameter.name: f.value for f in result.found}
+    assert found.pop("material.young") == pytest.approx(180e3, rel=1e-3)
+    assert found == pytest.approx(TRUTH, abs=1e-5)
+
+
+def test_wrong_rows_do_not_move_the_modulus() -> None:
+    scene = tripod("servos.slide=0.02", "material.mass=0.1")  # heavy, so that weight tells the modulus
+    data = measured(robot(scene, {"material.young": 300e3}), commands(40)[0], None, noise=NOISE)
+    wrong = data.values.copy()
+    wrong[[7, 23], :3] += [[0.0, 0.0, 0.02], [0.02, 0.0, 0.0]]
+    values = []
+    for rows in (data, replace(data, values=wrong)):
+        result = identify(scene, rows, (), Wanted(("material.young",), **QUICK))
+        values.append(result.found[0].value)
+        assert result.found[0].low < 300e3 < result.found[0].high
+    assert values[1] == pytest.approx(values[0], rel=0.02)
+    assert values[1] != values[0]
+    assert {8, 24} <= set(result.fit.outliers)
+    assert len(result.fit.outliers) < 4
+    assert any(" of 40 rows are more than 6 sigma off" in note for note in result.notes)
+
+
+def sagging(loads: list[float], truth: dict[str, float], noise: float = 0.0) -> Measured:
+    """A beam in motion: it falls from its undeformed shape."""
+    scene = beam(MOVING)
+    data = Measured(np.arange(0, 0.4, 0.01), None, None, TIP, np.zeros((40, 3)))
+    values = predict(robot(scene, truth), data, ())
+    return replace(data, values=values + noise * np.random.default_rng(4).standard_normal(values.shape))
+
+
+def test_a_motion_tells_modulus_and_damping_and_its_end_is_foretold() -> None:
+    data = sagging([], {"material.young": 240e3, "damping.stiffness": 8e-3}, 1e-4)
+    wanted = Wanted(("material.young", "damping.stiffness"), hold_out=0.2, mesh=False)
+    result = identify(beam(MOVING), data, (), wanted)
+    young, damping = result.found
+    assert young.value == pytest.approx(240e3, rel=0.01)
+    assert damping.value == pytest.approx(8e-3, rel=0.05)
+    assert result.held_out.tolist() == [False] * 32 + [True] * 8
+    assert result.held_after.distance.mean < 3e-4 < result.held_before.distance.mean
+
+
+def test_where_a_motion_begins_is_seen() -> None:
+    values = np.array([[0.0], [1e-4], [2e-4], [5e-3], [1e-2], [2e-3]])
+    assert beginning(Measured(0.1 * np.arange(6), None, None, TIP[:1], values)) == pytest.approx(0.2)
+    assert beginning(Measured(None, None, None, TIP[:1], values)) == 0.0
+
+
+def test_what_only_counts_together_is_not_told_apart() -> None:
+    """At rest a beam under its own weight depends on E / density alone."""
+    scene = scene_from_toml(BEAM.replace('[[load]]\nset = "tip"\nmass = 0.02\n', ""))
+    data = Measured(None, None, None, TIP, np.zeros((4, 3)))
+    values = predict(robot(scene, {"material.young": 240e3}), data, ())
+    data = replace(data, values=values + 1e-5 * np.random.default_rng(4).standard_normal(values.shape))
+    result = identify(scene, data, (), Wanted(("material.young", "material.density"), mesh=False))
+    assert [f.parameter.name for f in result.found] == ["material.young"]
+    assert result.found[0].value == pytest.approx(240e3, rel=0.01)
+    assert result.untold[0].parameter.name == "material.density"
+    assert "correlation 1.000 with material.young" in result.untold[0].why
+    known = {"material.density": Prior(1070.0, 20.0)}
+    both = identify(scene, data, (), Wanted(("material.young", "material.density"), priors=known, mesh=False))
+    assert not both.untold
+    young = both.found[0]
+    assert (young.high - young.low) / young.value == pytest.approx(2 * 1.8 * 20 / 1070, rel=0.2), (
+        "the prior's share"
+    )
+
+
+def test_a_value_without_any_say_is_not_told() -> None:
+    scene, data = beam(), Measured(None, None, None, TIP, np.zeros((4, 3)))
+    data = replace(data, values=predict(plainly(scene), data, ()) + 1e-5 * np.eye(4, 3))
+    with pytest.raises(FitError, match="the data tell none of the values: solver"):
+        identify(scene, data, (), Wanted(("solver.linear_tolerance",), mesh=False))
+
+
+def test_a_value_at_its_bound_is_not_told(poses: Measured) -> None:
+    data = measured(robot(tripod(), {"servos.slide": 0.0}), commands(8)[0] * 0.3, None)
+    biased = replace(data, values=data.values - 1e-4 * (np.arange(6) == 2))
+    result_of = lambda names: identify(tripod("servos.slide=0.001"), biased, (), Wanted(names, **QUICK))  # noqa: E731
+    with pytest.raises(FitError, match="slide; it ends at its bound, 0 m"):
+        result_of(("servos.slide",))
+
+
+def test_fewer_numbers_than_values_are_refused() -> None:
+    scene, (angles, _) = tripod(), commands(1)
+    data = Measured(None, angles, None, (Channel("effector", 2),), np.zeros((1, 1)))
+    with pytest.raises(DataError, match=r"1 measured numbers for 3 values \(servos.zero.0, .*fit fewer"):
+        identify(scene, data, (), Wanted(("servos.zero",), **QUICK))
+
+
+def test_nothing_and_wrong_priors_are_refused(poses: Measured) -> None:
+    for wanted, said in (
+        (Wanted(()), "nothing to identify"),
+        (Wanted(("material.young",), priors={"material.mass": Prior(1, 1)}), "--prior material.mass: it is not among"),
+        (Wanted(("material.young",), priors={"material.young": Prior(-1, 1)}), "young is -1; it must be above 0 Pa"),
+        (Wanted(("material.young",), hold_out=0.7), "--hold-out is 0.7; allowed: 0 to 0.5"),
+    ):  # fmt: skip
+        with pytest.raises(DataError, match=said):
+            identify(tripod(), poses, (), wanted)
+
+
+def test_exchanged_motors_are_not_explained(poses: Measured) -> None:
+    wrong = replace(poses, angles=poses.angles[:, [1, 0, 2]])
+    result = identify(tripod("servos.slide=0.02"), wrong, (), Wanted(("servos.slide",), **QUICK))
+    assert not result.left.explained
+    assert any(note.startswith("the model does not explain the data") for note in result.notes)
+
+
+def test_a_coarse_mesh_is_told_and_taken_off() -> None:
+    """Data of a beam of finer elements of another kind."""
+    scene = scene_from_toml(BEAM.replace("[6, 2, 2]", '[12, 4, 4]\nelement = "h20"'))
+    data = Measured(None, None, None, TIP[2:], np.zeros((12, 1)))
+    values = predict(robot(scene, {"material.young": 240e3}), data, ())
+    values = values + 1e-5 * np.random.default_rng(4).standard_normal((12, 1))
+    result = identify(beam(), replace(data, values=values), (), Wanted(("material.young",)))
+    found = result.found[0]
+    wrong, rid = abs(found.value / 240e3 - 1), abs(found.true / 240e3 - 1)
+    assert wrong > 0.01
+    assert rid < 0.5 * wrong
+    assert found.true_low < 240e3 < found.true_high
+    assert not found.low < 240e3 < found.high, "noise alone does not cover it"
+
+
+def test_the_profile_agrees_where_all_is_linear(poses: Measured) -> None:
+    scene = tripod("servos.slide=0.02")
+    wanted = parameters(scene, ["servos.zero.0", "frame.z"])
+    problem = Problem(
+        robot(scene, {k: v for k, v in TRUTH.items() if k != "servos.zero.0"}), wanted, poses, ()
+    )
+    last = fit(problem, np.ones(20, dtype=bool))
+    low, high = profile(last, problem, 0)
+    assert low == pytest.approx(last.u[0] - last.half[0], abs=0.15 * last.half[0])
+    assert high == pytest.approx(last.u[0] + last.half[0], abs=0.15 * last.half[0])
+
+
+def test_rows_held_out_are_spread() -> None:
+    data = Measured(None, None, None, TIP, np.zeros((10, 3)))
+    assert np.flatnonzero(held_rows(data, 0.2)).tolist() == [2, 7]
+    assert not held_rows(data, 0).any()
+
+
+def test_the_command_writes_scene_and_report_and_proposes(
+    poses: Measured, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tripod_bringup.identify_command import identify_command
+
+    path = write_csv(tmp_path / "poses.csv", poses.rows(np.arange(20) < 8))
+    (tmp_path / "c.csv").write_text(
+        "servo_0_deg,servo_1_deg,servo_2_deg\n" + "-30,-30,-30\n-80,-20,-20\n" * 2
+    )
+    more = {
+        "fit": ["servos.zero.0", "servos.slide"], "align": "translation", "priors": [], "hold_out": "25%",
+        "overrides": ["mesh.level=1", "servos.slide=0.02"], "points": [], "renames": [], "poses": False, "mesh": False,
+        "profile": False, "propose": True, "candidates": tmp_path / "c.csv", "out": tmp_path / "robot.toml",
+        "report": tmp_path / "r.html",
+    }  # fmt: skip
+    assert identify_command("tripod", path, as_json=True, quiet=True, **more) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found["found"]) == {"servos.zero.0", "servos.slide"}
+    assert set(found["alignment"]) == {"frame.x", "frame.y", "frame.z"}
+    assert len(found["proposals"]) == 3
+    scene = load_scene(tmp_path / "robot.toml")
+    assert scene.servos.slide == found["found"]["servos.slide"]["value"] != 0.02
+    page = (tmp_path / "r.html").read_text()
+    for said in (
+        "held out, after",
+        "Poses that would tell most",
+        "Condition of the scaled Jacobian",
+        "data:image/png",
+    ):
+        assert said in page
+    wrong = {"out": tmp_path / "robot.txt"}, {"priors": ["a=1"]}, {"hold_out": "much"}, {"fit": []}
+    for changed in wrong:
+        assert identify_command("tripod", path, as_json=True, quiet=True, **more | changed) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert [line.split(":")[0] for line in said] == ["tripod identify"] * 4
+    assert "it must end in .toml" in said[0]
+    assert "is not of the form NAME=VALUE~SD" in said[1]
+    assert "it must be a share such as 20% or 0.2" in said[2]
+    assert "nothing to identify" in said[3]

@@ -1,0 +1,89 @@
+"""Derivatives of predictions, against differences of whole solutions; what cannot be fitted is refused."""
+
+import numpy as np
+import pytest
+
+from tests.identify.robots import MOVING, POSE, beam, commands, measured, tripod
+from tripod_identify.columns import Channel
+from tripod_identify.errors import DataError
+from tripod_identify.measured import Measured
+from tripod_identify.model import plainly
+from tripod_identify.observe import Point
+from tripod_identify.parameters import parameters
+from tripod_identify.problem import Problem
+
+TIP = tuple(Channel("tip", axis) for axis in range(3))
+FAR = tuple(Channel("far", axis) for axis in range(3))
+
+
+def assert_jacobian(problem: Problem, u: np.ndarray, h: float, rel: float) -> None:
+    J = problem.jacobian(u)
+    for j, p in enumerate(problem.wanted):
+        d = h * (np.arange(len(u)) == j)
+        difference = (problem.at(u + d).values - problem.at(u - d).values) / (2 * h)
+        size = np.abs(difference).max()
+        assert size > 1e-7, p.name
+        assert J[..., j] == pytest.approx(difference, abs=rel * size), p.name
+
+
+def test_poses_of_the_tripod_answer_to_every_kind_of_value() -> None:
+    scene = tripod("servos.slide=0.02")
+    names = ["material.young", "material.poisson", "material.mass", "servos.zero", "servos.gain.1", "servos.slide",
+             "servos.axis_radius", "frame", "mount"]  # fmt: skip
+    problem = Problem(
+        plainly(scene), parameters(scene, names), measured(plainly(scene), commands(2)[0], None), ()
+    )
+    u = problem.start() + np.random.default_rng(3).uniform(-0.1, 0.1, 18)
+    assert len(u) == 18
+    assert_jacobian(problem, u, 5e-3, 2e-3)
+
+
+def test_a_beam_answers_to_load_material_and_mesh() -> None:
+    scene = beam()
+    data = Measured(None, None, None, (*TIP, *FAR), np.zeros((1, 6)))
+    glued = (Point("far", "tip", (0.1, 0.01, 0.06)),)
+    problem = Problem(plainly(scene), parameters(scene, ["material.young", "load.0.mass"]), data, glued)
+    assert_jacobian(problem, problem.start() + 0.1, 3e-3, 5e-4)
+    with pytest.raises(DataError, match="--point 'tip': there is already something of that name"):
+        Problem(plainly(scene), (), problem.measured, (Point("tip", "tip", (0, 0, 0)),))
+
+
+def test_a_motion_answers_to_damping_and_its_start() -> None:
+    scene = beam(MOVING)
+    data = Measured(np.linspace(0, 0.15, 16), None, None, TIP, np.zeros((16, 3)))
+    wanted = parameters(scene, ["material.young", "damping.stiffness", "start"])
+    problem = Problem(plainly(scene), wanted, data, ())
+    assert_jacobian(problem, problem.start() + 0.1 * (np.arange(3) == 2), 1e-2, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("material.yuong", "material has no 'yuong'; it has law, young, .*did you mean 'young'"),
+        ("material.law", "it is 'neo_hooke', no number that could be fitted"),
+        ("material.density", "it is None, no number that could be fitted; give it a value"),
+        ("mesh.level", "it is a whole number, 1; only values without steps"),
+        ("clamp.stiffness", "clamp has no 'stiffness'; it is off"),
+        ("servos.zero.3", "servos.zero has 0, 1, 2"),
+        ("frame.q", "frame has x, y, z, rx, ry, rz"),
+    ],
+)
+def test_what_is_no_value_is_named(name: str, said: str) -> None:
+    with pytest.raises(DataError, match=f"--fit {name}: {said}") as error:
+        parameters(tripod(), [name])
+    assert "\n" not in str(error.value)
+
+
+def test_values_that_the_data_have_nothing_to_do_with_are_refused() -> None:
+    scene, (angles, slide) = tripod(), commands(2)
+    data = Measured(None, angles, slide, POSE, np.zeros((2, 6)))
+    for name, said in (
+        ("damping.stiffness", "the data are poses at rest"),
+        ("servos.slide", "have a column of their own"),
+    ):
+        with pytest.raises(DataError, match=said):
+            Problem(plainly(scene), parameters(scene, [name]), data, ())
+    with pytest.raises(DataError, match="scene 'beam' has no servos"):
+        parameters(beam(), ["servos.zero"])
+    with pytest.raises(DataError, match="given twice"):
+        parameters(scene, ["material.young", "material.young"])
