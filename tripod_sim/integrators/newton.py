@@ -183,7 +183,7 @@ class Newton:
             before = size
             lower = self._step(state, trial, 1.0, report)  # chord: with the factorisation at hand
             size = system.unbalanced() if math.isfinite(lower) else np.inf
-            if not (size < 0.5 * before and lower <= phi + self._slack(phi)):
+            if not (self._converges(size, before) and lower <= phi + self._slack(phi)):
                 lower = self._newton_step(state, trial, report)
                 size = system.unbalanced()
             phi = lower
@@ -193,6 +193,10 @@ class Newton:
     def _ends(self, state: State, trial: State, size: float, before: float, report: NewtonReport) -> bool:
         """Return whether the solution is within `near`, a step having changed `before` [N] to `size` [N]."""
         return self.near > 0 and size < 0.5 * before and self._moved * size <= self.near * (before - size)
+
+    def _converges(self, size: float, before: float) -> bool:
+        """Return whether steps with a kept factorisation, the last from `before` to `size` [N], are worth going on."""
+        return size < 0.5 * before
 
     def _newton_step(self, state: State, trial: State, report: NewtonReport) -> float:
         """Renew the Hessian at `state`, write a lower state to `trial` and return its potential."""

@@ -11,9 +11,10 @@ part q of what it was to take away, known where a solve and what it left both ar
 about q |m|, and the step ends there if that is below `near`. The forces there are not evaluated but taken to be in
 balance (`System.settle`); what that leaves out is of the order of q² and is seen by the evaluation of the next step.
 Where x2 is not near enough it is evaluated and corrected in turn, as in Newton's method. The tangent is renewed in a
-step where it does not halve the residual; before a step, where that is foreseen from what the last two missed, or where
-further evaluations, beyond those that a new tangent needs, have cost as much as it does. What is renewed before a step
-can be renewed between steps (`Newton.renew`).
+step where it halves neither the residual nor, where that is small, the correction (the natural monotonicity test for a
+kept tangent, by Deuflhard, Newton Methods for Nonlinear Problems, 2004, section 2.1: in stiff directions the residual
+may grow while the body comes nearer); before a step, where it is old and the last step ended with a correction. What is
+renewed before a step can be renewed between steps (`Newton.renew`).
 """
 
 import numpy as np
@@ -28,17 +29,16 @@ from tripod_sim.system_kernels import largest
 class OneSolve(Newton):
     """Newton's method that foresees, evaluates once and corrects."""
 
-    WORTH = 5
-    """Further evaluations that cost as much as a new tangent."""
-
-    SOON, LEAST, SETTLED = 0.6, 0.03, 20
-    """What a corrected step misses, over `near`, grows geometrically as the pose leaves that of the tangent. A next
-    value above SOON lets the next step begin with a new tangent, which can be made ahead of time: else it would need
-    that after an evaluation for nothing. LEAST stands for the value where x1 was near enough. A tangent that has served
-    fewer than SETTLED steps is kept: in motions so fast another one would soon be as bad."""
+    OLD = 7
+    """Steps that a tangent has served after which a step that has to be corrected is its last: as many evaluations cost
+    what a new one does, and where it serves fewer, in fast motion, another one would soon be as bad."""
 
     TRUSTED = 0.5
-    """Largest q with which a correction is one."""
+    """Largest q with which a correction is one, and largest ratio of a correction to the step before it."""
+
+    SMALL = 60
+    """Steps up to this multiple of `near` are judged by corrections where residuals do not fall. A larger one may leave
+    much in directions in which the kept tangent is too stiff, and corrections by it do not show that."""
 
     SWING = 0.005
     """Shorter steps are solved as much better [s]: an error of the position is one of the velocity, too, of as much
@@ -51,19 +51,17 @@ class OneSolve(Newton):
         self._left_over = LeftOver(system.unknowns)
         self._forecast: FloatArray | None = None  # p, until it has been judged
         self._correction: FloatArray | None = None  # m, until it is used
-        self._missed = np.zeros_like(system.rest)
-        self._steps = self._needed = self._spent = 0
-        self._missing, self._tired, self._age = self.LEAST, False, 0
+        self._missed, self._far = np.zeros_like(system.rest), 0.0  # what m moves, and the largest of it [m]
+        self._steps = self._age = 0
 
     def forget(self) -> None:
         """As `Newton.forget`."""
         super().forget()
         self._left_over.drop()
-        self._needed = self._spent = 0
 
     def _begin(self, length: float | None) -> None:
         self._forecast, self._correction = self._left_over.forecast(length), None
-        self._steps, self._tired = 0, False
+        self._steps = 0
         if length and not self.store:  # who keeps several lengths says for each how near
             self.near = self._asked * min(1.0, length / self.SWING)
 
@@ -75,12 +73,28 @@ class OneSolve(Newton):
     def _serves(self, report: NewtonReport) -> bool:
         if not self._steps:
             self._left_over.drop()
-        if report.factorisations:
-            self._needed, self._spent, self._age = max(1, self._steps), 0, 0
-        else:
-            self._spent += max(0, self._steps - self._needed)
-            self._age += 1
-        return self._spent < self.WORTH and not self._tired
+        self._age = 0 if report.factorisations else self._age + 1
+        return report.iterations <= 1 or self._age < self.OLD
+
+    def _converges(self, size: float, before: float) -> bool:
+        if size < self.TRUSTED * before:
+            return True
+        if not self._is_small():
+            return False
+        self._correct()
+        foreseen = (
+            self._steps == 1 and self._forecast is not None
+        )  # then the forecast may be wrong, not the tangent
+        return self._far < (1.0 if foreseen else self.TRUSTED) * self._moved
+
+    def _is_small(self) -> bool:
+        return self._moved <= self.SMALL * self.near
+
+    def _correct(self) -> None:
+        """Solve for the correction m of the state that was evaluated last, and for how far it moves nodes [m]."""
+        self._correction = self._solve()
+        self.system.reduction.moves(self._correction, self.system.lever, self._missed)
+        self._far = largest(self._missed)
 
     def _proposed(self) -> FloatArray:
         self._steps += 1
@@ -97,13 +111,13 @@ class OneSolve(Newton):
         if not self._steps:
             return False
         system, missed = self.system, self._missed
-        correction = self._correction = self._solve()
-        system.reduction.moves(correction, system.lever, missed)
-        far = largest(missed)
-        if size < self.TRUSTED * before and far <= self.near:
+        if self._correction is None:
+            self._correct()
+        correction, far = self._correction, self._far
+        trusted = size < self.TRUSTED * before or (self._is_small() and far < self.TRUSTED * self._moved)
+        if trusted and far <= self.near:
             if self._forecast is not None:
                 self._left_over.note(correction)
-            self._missing = self.LEAST
             return True
         left = 0.0
         if self._forecast is not None:
@@ -113,12 +127,8 @@ class OneSolve(Newton):
             self._forecast = None
             system.reduction.moves(correction, system.lever, missed)
         left = max(left, far)
-        trusted = size < self.TRUSTED * before and left < self.TRUSTED * self._moved
-        if not (trusted and left * far <= self.near * self._moved):
+        if not (trusted and left < self.TRUSTED * self._moved and left * far <= self.near * self._moved):
             return False
-        missing = max(left * far / (self.near * self._moved), self.LEAST)
-        self._tired = self._age >= self.SETTLED and missing**2 > self.SOON * self._missing
-        self._missing = missing
         report.iterations += 1
         np.negative(correction, out=correction)
         np.negative(missed, out=missed)
