@@ -98,6 +98,7 @@ SPECIAL: dict[str, Thing] = {
     "clamp": Thing(("clamp={}",), ("servos",)),
     "effector": Thing(("effector={}",), ("solid",)),
     "maze": Thing(("maze={}",), ("effector",)),
+    "mesh_error": Thing(("mesh_error={}",), ("clamp", "effector")),
     "ball": Thing(("ball={radius=0.002, mass=1e-4, position=[0.012, 0.0, 0.01]}",), ("gravity", "solid")),
     "strain_limit": Thing(("strain_limit={stretch=0.05}",), ("springs",)),
     "contact": Thing(
@@ -151,6 +152,8 @@ WHY: tuple[tuple[str, str, str], ...] = (
         "at rest the springs' own forces say how long they are",
     ),
     ("time_error needs inertia", PHYSICS, "at rest no time passes that could be divided"),
+    ("mesh_error is estimated for", LATER, "what tells the error of other elements"),
+    ("mesh_error and", LATER, "a richer mesh that knows of other bodies"),
     (r"\w+ needs a soft body", PHYSICS, "rigid bodies have no nodes to be held, driven or damped"),
     ("contact.self_contact needs a soft body", PHYSICS, "a rigid body does not touch itself"),
     (

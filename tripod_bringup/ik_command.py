@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
+from tripod_bringup.run_summary import error_words
 
 MISSED = 1
 """Exit code where the target was not reached."""
@@ -108,7 +109,7 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         shown = f"{1e3 * value:.4f} mm" if unit == "[m]" else f"{math.degrees(value):.4f} degrees"
         missing.append(f"{what} {shown}")
     outcome = result["outcome"] + (f": {result['reason']}" if result["reason"] else "")
-    angles = result["angles"]
+    angles, error = result["angles"], result.get("mesh_error")
     return [
         ("outcome", outcome),
         ("angles", ", ".join(f"{a:.5f}" for a in angles) + " rad"),
@@ -116,6 +117,7 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("effector", f"{x:.3f}, {y:.3f}, {z:.3f} mm"),
         ("roll, pitch", f"{math.degrees(result['roll']):.2f}, {math.degrees(result['pitch']):.2f} degrees"),
         ("residual", ", ".join(missing)),
+        *([("error", f"{error_words(error['distance'])} (estimated)")] if error else []),
         ("torques", ", ".join(f"{t:.4f}" for t in result["torques"]) + " N m"),
         ("active limits", ", ".join(result["active_limits"]) or "none"),
         *([] if result["straight_way"] else [("way", "the straight one from the start passes a hard limit")]),

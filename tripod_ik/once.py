@@ -19,6 +19,7 @@ from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.snap import SNAP
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
 
 WAY = 12
@@ -58,7 +59,8 @@ def solve_once(
 
     Returns:
         outcome and reason (words), reached (bool), angles [rad], torques [N m], position [m], roll and pitch [rad],
-        error [m], residuals (by task, with unit), active_limits, kkt [rad], iterations, seconds, straight_way (whether
+        error [m], with the scene's `mesh_error` that of the model there (effector, distance) [m], residuals (by task,
+        with unit), active_limits, kkt [rad], iterations, seconds, straight_way (whether
         the servos can go there in a straight line from the start without passing a hard limit).
 
     Raises:
@@ -111,6 +113,7 @@ def solve_once(
         "roll": found[0],
         "pitch": found[1],
         "error": solution.residual,
+        **_mesh_error(scene, model, state.angles),
         "residuals": dict(solution.residuals),
         "active_limits": list(solution.active_limits),
         "kkt": solution.kkt,
@@ -118,6 +121,18 @@ def solve_once(
         "straight_way": straight,
         "seconds": seconds,
     }
+
+
+def _mesh_error(scene: Scene, model: StaticModel, angles: FloatArray) -> dict[str, Any]:
+    """Return the error of the mesh at the effector at `angles` [m], where the scene asks for it; NaN if not known."""
+    simulation = model.simulation
+    if not (scene.mesh_error and isinstance(simulation.mesh, SolidMesh)):
+        return {}
+    from tripod_sim.mesh_error import MeshError  # noqa: PLC0415 - an effect that is absent
+
+    model.move(angles)
+    found = MeshError(simulation.scene, simulation.mesh).start(simulation.state)
+    return {"mesh_error": {"effector": list(found.effector), "distance": found.distance}}
 
 
 def _keeps_to(limits: Sequence[RowLimit], model: StaticModel, begun: FloatArray) -> bool:

@@ -88,6 +88,7 @@ TABLE: dict[str, Effect] = {
         ),
         ("time error",),
     ),
+    "mesh_error": Effect(("mesh_error",), ("mesh error",)),
     "sleep": Effect(("integrators.sleep",), ("sleep",)),
 }
 """Every name of `EFFECTS`, and nothing else."""

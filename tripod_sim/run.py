@@ -16,6 +16,7 @@ from tripod_sim.figures.accuracy import accuracy_figures, accuracy_line
 from tripod_sim.figures.effects import effect_figures
 from tripod_sim.figures.energy import EnergyBooks
 from tripod_sim.figures.stability import stability
+from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.recording import Recording, check_out
 from tripod_sim.scene_file import load_scene
 from tripod_sim.script import script_of
@@ -63,7 +64,8 @@ def run(
         `tripod_sim.figures` has them), stalled_time (of each servo [s]), with the scene's `time_error` the estimate at
         the end
         (effector, largest, node, added) and at its worst (worst_effector, worst, worst_added) [m], NaN and node -1
-        for what is not estimated, with a ball its position [m] and
+        for what is not estimated, with `mesh_error` that of the effector at the end (effector, its length distance) and
+        at its worst (worst) [m], NaN where there is no estimate, with a ball its position [m] and
         event (words), with contact what it took in the last step (contacts, those pressed, force [N], rounds of the
         response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m], cut) and with
         rigid bodies their poses, markers (set, position and moved [m], force [N] and moment about the origin [N m] of
@@ -95,7 +97,7 @@ def run(
     books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
-    worst = dict.fromkeys(("worst_effector", "worst", "worst_added"), np.nan)
+    worst, worst_mesh = dict.fromkeys(("worst_effector", "worst", "worst_added"), np.nan), {"worst": np.nan}
     stalled_steps = [0] * len(simulation.torques)
     kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
@@ -107,10 +109,7 @@ def run(
             taken.append(clock.perf_counter() - start)
             for name in totals:
                 totals[name] += getattr(report, name)
-            if estimate := report.time_error:
-                worst["worst_effector"] = float(np.fmax(worst["worst_effector"], estimate.effector))
-                worst["worst"] = float(np.fmax(worst["worst"], estimate.largest))
-                worst["worst_added"] = float(np.fmax(worst["worst_added"], estimate.added))
+            _note_errors(report, worst, worst_mesh)
             if joints is not None or description.prescribed:  # what works on the body
                 books.add(
                     simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time
@@ -157,11 +156,29 @@ def run(
         "stalled_time": [count * description.dt for count in stalled_steps],
         "step_ms": {"median": float(np.median(taken) * 1e3), "p99": float(np.percentile(taken, 99) * 1e3)},
         **({"time_error": asdict(estimate) | worst} if (estimate := simulation.report.time_error) else {}),
+        **_mesh_error(simulation, worst_mesh["worst"]),
         **({"markers": _markers(simulation)} if description.marker else {}),
         **({"notes": list(simulation.notes)} if simulation.notes else {}),
         **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
         **_contact_summary(simulation),
     }
+
+
+def _note_errors(report: StepReport, steps: dict[str, float], mesh: dict[str, float]) -> None:
+    """Take up in the worst errors of steps and mesh what a step reports [m]."""
+    if found := report.time_error:
+        for name, value in (("_effector", found.effector), ("", found.largest), ("_added", found.added)):
+            steps[f"worst{name}"] = float(np.fmax(steps[f"worst{name}"], value))
+    if report.mesh_error:
+        mesh["worst"] = float(np.fmax(mesh["worst"], report.mesh_error.distance))
+
+
+def _mesh_error(simulation: Simulation, worst: float) -> dict[str, Any]:
+    """Return the error of the mesh at the end and the largest of the run, which was `worst` [m] before."""
+    if not (found := simulation.mesh_error()):
+        return {}
+    worst = float(np.fmax(worst, found.distance))
+    return {"mesh_error": {"effector": list(found.effector), "distance": found.distance, "worst": worst}}
 
 
 def _markers(simulation: Simulation) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from tripod_sim.scene_checks import CHECKS
 from tripod_sim.tables.bodies import Body, Material, Mesh, Obstacle, Region, Rigid, Springs, Tie
 from tripod_sim.tables.fields import check_fields, number
-from tripod_sim.tables.method import Solver, TimeError
+from tripod_sim.tables.method import MeshError, Solver, TimeError
 from tripod_sim.tables.motion import Contact, Damping, Gravity, Inertia, Sleep, StrainLimit
 from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, Motion, ServoDynamics, Servos
 from tripod_sim.tables.sets import Fixed, InitialVelocity, Load, Marker, NodeSet, Prescribed, Servo
@@ -35,6 +35,7 @@ class Scene:
         marker: Sets that are watched.
         rigid: Effect: rigid bodies, beside the soft body or instead of it; empty is none.
         time_error: Effect: estimate of the error of the time steps; None is off.
+        mesh_error: Effect: estimate of the error of the mesh at the effector; None is off.
         sleep: Effect: a body at rest is left alone; None is off.
         solver: Of each step.
         motion: What `tripod run` does with the servos unless told; None: nothing.
@@ -71,6 +72,7 @@ class Scene:
     obstacles: tuple[Obstacle, ...] = ()
     rigid: tuple[Rigid, ...] = ()
     time_error: TimeError | None = None
+    mesh_error: MeshError | None = None
     sleep: Sleep | None = None
     solver: Solver = field(default_factory=Solver)
     motion: Motion | None = field(
@@ -102,6 +104,7 @@ EFFECTS = (
     "obstacles",
     "rigid",
     "time_error",
+    "mesh_error",
     "sleep",
 )
 """Tables of a scene that may be absent."""
@@ -113,6 +116,6 @@ OPTIONAL = (*EFFECTS, "body", "tie", "region", "set", "servo", "marker", "motion
 def at_rest(scene: Scene) -> Scene:
     """Return the static scene: without what only a body in motion has, or other bodies."""
     return replace(
-        scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, sleep=None, contact=None,
-        obstacles=(), rigid=(), initial_velocity=(),
+        scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, mesh_error=None, sleep=None,
+        contact=None, obstacles=(), rigid=(), initial_velocity=(),
     )  # fmt: skip

@@ -69,6 +69,12 @@ NEEDS = (
     ("initial_velocity", "inertia", "without it nothing has a velocity"),
     ("sleep", "inertia", "without velocity every step is at rest"),
     ("time_error", "inertia", "at rest no time passes that steps could divide"),
+    ("mesh_error", "effector", "it is the error of its position"),
+    (
+        "mesh_error",
+        "clamp",
+        "at the edge of an ideal clamp the stress is singular, so that no mesh tells the error",
+    ),
 )
 """An effect, the one that it needs, and why."""
 
@@ -297,6 +303,23 @@ def check_time_error(scene: "Scene") -> None:
         )
 
 
+def check_mesh_error(scene: "Scene") -> None:
+    """Raise SceneError if the error of the mesh is asked for where nothing tells it."""
+    if not scene.mesh_error:
+        return
+    element = scene.mesh.element if scene.mesh else ""
+    if element not in ("h8_modes", "h20"):
+        raise SceneError(
+            f"mesh_error is estimated for mesh.element 'h8_modes' and 'h20'; it is {shown(element)}"
+        )
+    beside = {"several soft bodies": len(soft_bodies(scene)) > 1}
+    for name, there in (beside | {n: bool(getattr(scene, n)) for n in ("contact", "ball", "maze")}).items():
+        if there:
+            raise SceneError(
+                f"mesh_error and {name} exclude each other: the richer mesh that tells the error knows nothing of it"
+            )
+
+
 def check_start(scene: "Scene") -> None:
     """Raise SceneError if the servos start out of their limits."""
     s = scene.servos
@@ -326,5 +349,6 @@ CHECKS = (
     check_rigid,
     check_contact,
     check_time_error,
+    check_mesh_error,
 )
 """In the order in which they are made."""

@@ -1,6 +1,7 @@
 """The loop: a scene that lives."""
 
 import math
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,6 +13,7 @@ from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame, quaternion
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -21,6 +23,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
+    from tripod_sim.mesh_error import MeshError, MeshErrorReport
     from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
 
@@ -136,6 +139,7 @@ class Simulation:
         self._rest = self._state_of_rest()
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
+        self._mesh_error = self._begin_mesh_error()
         self._prepare()
 
     def _begin_errors(self, parts: Parts) -> None:
@@ -144,6 +148,16 @@ class Simulation:
             self.state.errors = parts.errors.start(self.state.velocities)
         if parts.doubling:
             self.state.twin = parts.doubling.start(self.state)
+
+    def _begin_mesh_error(self) -> "MeshError | None":
+        """Return what tells the error of the mesh; None where the scene does not ask for it."""
+        if not (self.scene.mesh_error and isinstance(self.mesh, SolidMesh)):
+            return None
+        from tripod_sim.mesh_error import MeshError  # noqa: PLC0415 - an effect that is absent
+
+        found = MeshError(self.scene, self.mesh)
+        self.report.mesh_error = found.start(self.state)
+        return found
 
     def _add_rest_load(self) -> None:
         """Let the static body feel the ball, too: only the compliance asks for that."""
@@ -232,6 +246,7 @@ class Simulation:
             StepError: the step could not be saved; the state is the last good one.
         """
         goal = self.command if joints is None else self._checked(joints)
+        begin = time.thread_time() if self._mesh_error else 0.0
         self.renew()
         ball = self.state.ball
         if self._ball and ball:
@@ -244,6 +259,8 @@ class Simulation:
             self.torques[:] = self._system.torques
         if self._ball and ball:
             self._ball.follow(self.state, ball, self.scene.dt)
+        if self._mesh_error:
+            self.report.mesh_error = self._mesh_error.follow(self.state, time.thread_time() - begin)
         return self.report
 
     def renew(self) -> None:
@@ -328,6 +345,8 @@ class Simulation:
         self._prepare()
         self.torques[:] = self._start_torques
         self.report = StepReport()
+        if self._mesh_error:
+            self.report.mesh_error = self._mesh_error.start(self.state)
 
     def drop_ball(self) -> None:
         """Put the ball back to where it starts, at rest, the body staying as it is.
@@ -528,6 +547,13 @@ class Simulation:
             return compliance(system, self.state, rest=self._rest, reference=self._reference)
         contacts = self._ball.rest_load(self.state, self.state.ball, system.loads.force)
         return compliance(system, self.state, contacts, reference=self._reference)
+
+    def mesh_error(self) -> "MeshErrorReport | None":
+        """Return the estimated error of the mesh at the effector now; None where the scene does not ask for it.
+
+        The report of a step has the last estimate, which may be some steps old.
+        """
+        return self._mesh_error.estimate(self.state) if self._mesh_error else None
 
     def _held_compliance(self, system: System) -> Compliance:
         """Return the compliance of a body in contact."""

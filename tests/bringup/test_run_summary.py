@@ -43,3 +43,14 @@ def test_without_an_estimate_nothing_is_told() -> None:
     found = rows()
     assert "time error" not in found
     assert found["solved by"] == "40 Newton iterations"
+
+
+def test_the_error_of_the_mesh_is_told_beside_that_of_the_steps() -> None:
+    mesh = {"effector": [0.0, 0.0, 9e-5], "distance": 9e-5, "worst": 1.2e-4}
+    assert rows(mesh_error=mesh)["error"] == "effector mesh 0.09 mm; mesh at worst 0.12 (estimated)"
+    step = {"effector": 3e-5, "largest": 4e-5, "node": 7, "added": 0, "worst_effector": 3e-5, "worst": 4e-5}
+    both = rows(mesh_error=mesh, time_error=step)["error"]
+    assert both == "effector 0.12 mm: mesh 0.09, step 0.03; mesh at worst 0.12 (estimated)"
+    unknown = rows(mesh_error=mesh | {"distance": math.nan})["error"]
+    assert "the richer mesh has no equilibrium here" in unknown
+    assert "error" not in rows()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tripod_bringup.ik_command import solution_rows
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel
 from tripod_ik.once import solve_once
@@ -110,6 +111,18 @@ def test_once_gives_angles_torques_and_what_is_missing():
     assert not bound["reached"]
     assert bound["active_limits"] == ["effector x"]
     assert bound["position"][0] == pytest.approx(0.003, abs=1e-7)
+
+
+def test_an_answer_tells_the_error_of_its_mesh_where_that_is_asked_for():
+    words = [*COARSE, "clamp.stiffness=1.4e10", "mesh_error={}"]
+    result = solve_once(load_scene("tripod", words), [0.004, -0.002, -0.006], slide=0.035)
+    fine = load_scene("tripod", ["clamp.stiffness=1.4e10", "mesh.element=h20", "mesh.level=8"])
+    there = StaticModel(fine, 0.035, result["angles"]).simulation.state.centres[0] - result["position"]
+    assert result["mesh_error"]["effector"] == pytest.approx(there.tolist(), abs=2e-5)
+    assert result["mesh_error"]["distance"] > 1e-4
+    row = dict(solution_rows(result))["error"]
+    assert row == f"mesh {1e3 * result['mesh_error']['distance']:.2g} mm (estimated)"
+    assert "mesh_error" not in solve_once(load_scene("tripod", COARSE), [0.004, -0.002, -0.006], slide=0.035)
 
 
 @pytest.mark.parametrize(

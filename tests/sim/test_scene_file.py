@@ -51,7 +51,7 @@ EVERYTHING = Scene(
     effector=Effector(radius=0.01),
     solver=Solver(tolerance=1e-9, max_iterations=7, max_halvings=0),
 )
-OF_SOLIDS = [e for e in EFFECTS if e not in ("strain_limit", "contact", "obstacles", "rigid")]
+OF_SOLIDS = [e for e in EFFECTS if e not in ("strain_limit", "contact", "obstacles", "rigid", "mesh_error")]
 for _effect in OF_SOLIDS:
     if not getattr(EVERYTHING, _effect):  # effects that came after this test: as they are by default
         EVERYTHING = replace(EVERYTHING, **{_effect: get_args(get_type_hints(Scene)[_effect])[0]()})

@@ -36,6 +36,7 @@ PARTS = {
     "integrators.time_error": "time error",
     "integrators.doubling": "time error",
     "springs.estimated": "time error",
+    "mesh_error": "mesh error",
     "integrators.sleep": "sleep",
     "springs.strain_limit": "strain limit",
     "springs": "springs",

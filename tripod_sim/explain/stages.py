@@ -55,6 +55,7 @@ STAGES: dict[str, dict[str, str]] = {
         "report": "time error",
     },
     "integrators.doubling.Doubling": {"step": "time error"},
+    "mesh_error.MeshError": {"follow": "mesh error"},
     "integrators.sleep.Sleeping": {"step": "sleep"},
     "robot.servo.ServoMotion": {"advance": "servo dynamics", "stalled": "servo dynamics"},
     "maze.play.MazeBall": {"load": BALL, "follow": BALL},
@@ -90,7 +91,7 @@ called by it."""
 
 def time_stages(simulation: Simulation, watch: Stopwatch) -> None:
     """Wrap every stage of the steps of `simulation`; what only its static start pose needs is left alone."""
-    for value, _ in walk(simulation, skip=(statics(simulation),)):
+    for value, _ in walk(simulation, skip=(statics(simulation), *beside(simulation))):
         for kind in type(value).__mro__:
             for method, stage in STAGES.get(_key(kind), {}).items():
                 watch.wrap(value, method, stage)
@@ -99,6 +100,11 @@ def time_stages(simulation: Simulation, watch: Stopwatch) -> None:
 def statics(simulation: Simulation) -> object:
     """Return what finds the static start pose where that is not what makes the steps, else an object of no meaning."""
     return simulation._static if simulation._static is not simulation._parts else object()
+
+
+def beside(simulation: Simulation) -> tuple[object, ...]:
+    """Return what tells the error of the mesh: a body of its own, none of whose stages are those of the step."""
+    return tuple(v for v in vars(simulation._mesh_error or object).values() if hasattr(v, "__dict__"))
 
 
 def _key(kind: type) -> str:

@@ -14,6 +14,7 @@ from tripod_sim.state import State
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.world import ContactReport
     from tripod_sim.integrators.time_error import ErrorTransport, TimeErrorReport
+    from tripod_sim.mesh_error import MeshErrorReport
     from tripod_sim.robot.servo import Stall
 
 FloatArray = NDArray[np.float64]
@@ -38,6 +39,7 @@ class StepReport:
         growth: Energy that came from nothing, by an unstable explicit scheme [J]; zero while there is none.
         grew_at: Step at whose end that was first found, zero for none.
         time_error: Estimated error of the time steps; None where the scene does not ask for it.
+        mesh_error: Last estimate of the error of the mesh at the effector; None where the scene does not ask for it.
         asleep: Whether the body is at rest and the next step will not solve for it.
     """
 
@@ -54,6 +56,7 @@ class StepReport:
     growth: float = 0.0
     grew_at: int = 0
     time_error: "TimeErrorReport | None" = None
+    mesh_error: "MeshErrorReport | None" = None
     rejected: int = 0
     asleep: bool = False
 

@@ -1,4 +1,4 @@
-"""Tables of how a scene is solved: Newton's method, the error of the steps."""
+"""Tables of how a scene is solved: Newton's method, the errors of steps and mesh."""
 
 from dataclasses import dataclass
 
@@ -57,3 +57,14 @@ class TimeError:
     def carries(self) -> bool:
         """Whether the error since the start is carried along."""
         return self.estimate == "global" or (self.estimate == "auto" and self.steps == "fixed")
+
+
+@dataclass(frozen=True)
+class MeshError:
+    """The error that the mesh makes of the effector's position is estimated while the scene runs. Needs a clamp.
+
+    Attributes:
+        share: Of the CPU time of the steps, what estimates may take: there is a new one as soon as that allows it.
+    """
+
+    share: float = number(0.2, above=0, high=1e6)
