@@ -1,4 +1,4 @@
-"""`--accuracy` and `--study`, options of the commands that load a scene."""
+"""`--accuracy`, `--budget` and `--study`, options of the commands that load a scene."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,13 +26,36 @@ Study = Annotated[
 ]
 
 
+Budget = Annotated[
+    str | None,
+    typer.Option(
+        metavar="50%",
+        help="Take the most exact setting, by the scene's study, that takes no more than this of one core, 50%, or "
+        "than this time for each step, 2ms. --set wins.",
+    ),
+]
+
+
+def wished(accuracy: str | None, budget: str | None) -> str | None:
+    """Return what `--accuracy` or `--budget` asks for, in the words of the first. Raises SceneError for both."""
+    from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
+
+    if budget is None:
+        return accuracy
+    if accuracy is not None:
+        raise SceneError(f"--accuracy {accuracy} and --budget {budget} exclude each other; leave one out")
+    return f"budget {budget.strip()}"
+
+
 def chosen(scene: str, accuracy: str | None, overrides: Sequence[str], study: Path | None) -> "Choice | None":
     """Return the setting that the options ask for; None without `--accuracy`. Raises SceneError."""
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
 
     if accuracy is None:
         if study is not None:
-            raise SceneError("--study needs --accuracy: it is where the setting for an accuracy is looked up")
+            raise SceneError(
+                "--study needs --accuracy or --budget: it is where the setting for an accuracy is looked up"
+            )
         return None
     from tripod_sim.accuracy.choice import choose  # noqa: PLC0415
 

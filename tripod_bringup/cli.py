@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from tripod_bringup import bag_cli, explain_command, identify_cli, ik_cli, play_cli, robot_cli, study_cli
-from tripod_bringup.accuracy_option import Accuracy, Study
+from tripod_bringup.accuracy_option import Accuracy, Budget, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
 from tripod_bringup.options import (
     Json,
@@ -78,6 +78,7 @@ def root(
         "tripod run silicone --set material.young=3e5",
         "tripod run tripod --set dt=auto --set time_error.tolerance=1e-5 --set inertia.scheme=tr_bdf2",
         "tripod run tripod --accuracy 5%",
+        "tripod run tripod --budget 20%",
     )
 )
 def run(
@@ -99,6 +100,7 @@ def run(
         typer.Option(metavar="FILE.npz", help="Write every step as arrays, for NumPy and `tripod show`."),
     ] = None,
     accuracy: Accuracy = None,
+    budget: Budget = None,
     study: Study = None,
     json: Json = False,
     quiet: Quiet = False,
@@ -117,6 +119,7 @@ def run(
             pictures=Pictures(html=html, plot=plot, gif=gif, mp4=mp4),
             view=view,
             accuracy=accuracy,
+            budget=budget,
             study=study,
             as_json=json,
             quiet=quiet,
@@ -214,6 +217,7 @@ def up(
         ),
     ] = None,
     accuracy: Accuracy = None,
+    budget: Budget = None,
     study: Study = None,
     subnet: Subnet = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show all that the nodes log.")] = False,
@@ -236,6 +240,7 @@ def up(
             namespace=namespace,
             duration=duration,
             accuracy=accuracy,
+            budget=budget,
             study=study,
             subnet=subnet,
             verbose=verbose,

@@ -45,6 +45,7 @@ def run_scene(
     pictures: Pictures,
     view: bool,
     accuracy: str | None = None,
+    budget: str | None = None,
     study: Path | None = None,
     as_json: bool,
     quiet: bool,
@@ -53,13 +54,13 @@ def run_scene(
 
     What users should know of the result comes on standard error, whatever is printed of it.
     """
-    from tripod_bringup.accuracy_option import chosen  # noqa: PLC0415 - not needed for the help
+    from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
     from tripod_sim.run import run  # noqa: PLC0415
 
     try:
         with ShownRun("tripod run", pictures, view=view) as shown:
-            choice = chosen(scene, accuracy, overrides, study)
+            choice = chosen(scene, wished(accuracy, budget), overrides, study)
             if choice:
                 overrides = list(choice.overrides)
                 if not (quiet or as_json):

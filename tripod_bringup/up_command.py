@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tripod_bringup.accuracy_option import chosen
+from tripod_bringup.accuracy_option import chosen, wished
 from tripod_bringup.node_command import missing_import, unknown_name
 from tripod_bringup.node_values import RawYaml, split_word
 from tripod_bringup.screen import Screen
@@ -31,6 +31,7 @@ def up_command(
     subnet: bool,
     verbose: bool,
     accuracy: str | None = None,
+    budget: str | None = None,
     study: Path | None = None,
 ) -> int:
     """Run the chain; return the exit code that `tripod_bringup.up` documents."""
@@ -40,7 +41,7 @@ def up_command(
         namespace = full_namespace(namespace)
         add_overrides(values, overrides)
         check_scene(scene, words_of_set(values))
-        if sentence := settle(scene, values, accuracy, study):
+        if sentence := settle(scene, values, wished(accuracy, budget), study):
             print(sentence, file=sys.stderr)
         script = joint_path(scene, words_of_set(values), servo, slide)
         if script and demo:

@@ -102,6 +102,75 @@ def test_times_are_those_of_this_machine(study: Path) -> None:
     assert POINTS[2][2] <= LOAD < POINTS[3][2]
 
 
+@pytest.mark.parametrize(
+    ("budget", "dt"),
+    [
+        ("120%", 0.002),
+        ("50%", 0.002),
+        ("49%", 0.005),
+        ("10 %", 0.01),
+        ("2ms", 0.0005),
+        ("1.4 ms", 0.002),
+    ],
+)
+def test_a_budget_takes_the_most_exact_setting_that_keeps_within_it(
+    study: Path, budget: str, dt: float
+) -> None:
+    """Steps take 1, 1, 1, 1.1 and 1.5 ms here; the fourth is less exact than the third."""
+    choice = choose("pendulum", f"budget {budget}", study=study, speed=same_speed)
+    assert choice.settings["dt"] == dt
+    assert choice.sentence.startswith(f"budget {budget}: ")
+    least = [c for d, bound, c in POINTS if d == dt]
+    assert choice.seconds == pytest.approx(least[0])
+
+
+@pytest.mark.parametrize("budget", ["", "0%", "0ms", "1e3us", "-5%", "fast", "50", "nan%", "2 min"])
+def test_what_is_no_budget_is_refused(budget: str) -> None:
+    with pytest.raises(
+        SceneError, match=r"--budget is '.*'; it must be a share of one core above 0 %, such as 50%"
+    ):
+        asked(f"budget {budget}")
+
+
+def test_a_budget_is_of_this_machine_and_says_the_cheapest(study: Path) -> None:
+    slow = lambda: 0.06  # noqa: E731 - half the speed
+    assert choose("pendulum", "budget 50%", study=study, speed=slow).settings["dt"] == 0.005
+    least = r"--budget 5%: no setting .* takes less than 0\.05 s .* takes 0\.1 s \(dt=0\.01"
+    with pytest.raises(SceneError, match=least):
+        choose("pendulum", "budget 5%", study=study, speed=same_speed)
+    with pytest.raises(
+        SceneError, match=r"takes less than 0\.0005 s of this machine for a step; the cheapest takes 0\.001 s"
+    ):
+        choose("pendulum", "budget 500us", study=study, speed=same_speed)
+    with pytest.raises(SceneError, match="--budget 5%: this machine's speed is not known"):
+        choose("pendulum", "budget 5%", study=study, speed=lambda: None)
+
+
+def test_a_budget_of_statics_is_a_time_of_a_solve(tmp_path: Path) -> None:
+    path = tmp_path / "tripod_static.json"
+    points = [{**p, "settings": {"mesh.level": 1 + k}} for k, p in enumerate(made_up()["points"][1:3])]
+    made = {"study": "tripod_static", "scene": "tripod", "cpu": "s per solve", "points": points}
+    path.write_text(json.dumps(made_up(**made)))
+    still = ["inertia=off", "damping=off"]
+    assert choose("tripod", "budget 150ms", still, study=path, speed=same_speed).settings["mesh.level"] == 1
+    with pytest.raises(
+        SceneError, match=r"less than 0\.05 s of this machine for a solve; the cheapest takes 0\.1 s"
+    ):
+        choose("tripod", "budget 50ms", still, study=path, speed=same_speed)
+    with pytest.raises(SceneError, match="--budget 50% needs a study of a motion"):
+        choose("tripod", "budget 50%", still, study=path, speed=same_speed)
+
+
+def test_the_command_takes_a_budget_or_an_accuracy(study: Path) -> None:
+    words = ["run", "pendulum", "--study", str(study), "--duration", "0.01", "--json"]
+    done = CliRunner().invoke(app, [*words, "--budget", "1000%"])
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["accuracy"]["accuracy"] == "budget 1000%"
+    both = CliRunner().invoke(app, [*words, "--budget", "50%", "--accuracy", "5%"])
+    assert both.exit_code == 2
+    assert both.stderr == "tripod run: --accuracy 5% and --budget 50% exclude each other; leave one out\n"
+
+
 def test_a_study_of_a_gentle_motion_gets_a_larger_margin(tmp_path: Path) -> None:
     path = tmp_path / "cloth.json"
     points = [{**p, "settings": {"dt": p["settings"].get("dt", 0.01)}} for p in made_up()["points"]]
@@ -338,7 +407,7 @@ def test_run_takes_the_setting_and_says_so(study: Path) -> None:
     [
         (["--accuracy", "5"], "--accuracy is '5'"),
         (["--accuracy", "5%", "--study", "/no/such.json"], "study '/no/such.json' cannot be read"),
-        (["--study", "x.json"], "--study needs --accuracy"),
+        (["--study", "x.json"], "--study needs --accuracy or --budget"),
     ],
 )
 def test_bad_arguments_end_with_2_and_one_line(words: list[str], message: str) -> None:

@@ -1,4 +1,4 @@
-"""The cheapest setting of a scene for an accuracy.
+"""The cheapest setting of a scene for an accuracy, and the most exact one for a budget of computing time.
 
 A study looks at a few motions or poses; others err more or less. A setting is therefore taken for an accuracy only if
 `margin` times its error in the study, plus what the study's reference may err, is within it, and that much is told as
@@ -6,6 +6,7 @@ the error to expect: under it lie at least 95 % of 200 random cases (benchmarks/
 docs/accuracy_promise.md).
 """
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -39,7 +40,25 @@ WORDS = ("draft", "real-time", "reference")
 INSIDE = ("servos.angles", "servos.slide", "duration", "name", "description", "motion.servo", "motion.slide")
 """Fields that are free: what is promised is promised for any start, any motion and any length of a run."""
 
+BUDGET = re.compile(r"budget (?:(\d{1,4}(?:\.\d{1,9})?) ?%|(\d{1,6}(?:\.\d{1,9})?) ?(us|ms|s))", re.ASCII)
+UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
+
 PERCENT = re.compile(r"(\d{1,3}(?:\.\d{1,9})?|\.\d{1,9}) ?%", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Computing time of this machine that a simulation may take, the most exact setting being wanted.
+
+    Attributes:
+        text: As it was asked for.
+        share: Of one core, in real time; infinite where `step` says it.
+        step: Of a step, or of a solve in statics [s]; infinite where `share` says it.
+    """
+
+    text: str
+    share: float = math.inf
+    step: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -69,15 +88,19 @@ class Choice:
     sentence: str
 
 
-def asked(accuracy: str) -> float | str:
-    """Return the largest relative error that `accuracy` asks for, or one of `WORDS`. Raises SceneError.
+def asked(accuracy: str) -> float | str | Budget:
+    """Return the largest relative error that `accuracy` asks for, one of `WORDS`, or a budget. Raises SceneError.
 
-    >>> asked("5%"), asked("draft")
-    (0.05, 'draft')
+    >>> asked("5%"), asked("draft"), asked("budget 50%")
+    (0.05, 'draft', Budget(text='budget 50%', share=0.5, step=inf))
     """
     text = accuracy.strip()
+    if text == "real-time":
+        return Budget(f"accuracy {text}", share=LOAD)
     if text in WORDS:
         return text
+    if text.startswith("budget"):
+        return _budget(text)
     match = PERCENT.fullmatch(text)
     if not match or not 0 < float(match[1]) <= 100:
         raise SceneError(
@@ -85,6 +108,18 @@ def asked(accuracy: str) -> float | str:
             f"such as 5%, or one of: {', '.join(WORDS)}"
         )
     return float(match[1]) / 100
+
+
+def _budget(text: str) -> Budget:
+    """Return the budget that a text such as `budget 2ms` asks for. Raises SceneError."""
+    match = BUDGET.fullmatch(text)
+    share, step = (float(match[1] or 0) / 100, float(match[2] or 0)) if match else (0.0, 0.0)
+    if not match or share + step <= 0:
+        raise SceneError(
+            f"--budget is {shown(text.removeprefix('budget').strip())}; it must be a share of one core above 0 %, such "
+            "as 50%, or a time above 0 of a step, such as 2ms (us, ms or s)"
+        )
+    return Budget(text, share=share) if match[1] else Budget(text, step=step * UNITS[match[3]])
 
 
 def choose(
@@ -114,7 +149,7 @@ def choose(
         _check_fits(found, made)
     here = speed()
     scale = here / found.calibration if here and found.calibration else None
-    point = pick(found, wish, scale)
+    point = pick(found, wish, scale, made.dt)
     picked = [f"{field}={_literal(value)}" for field, value in point.settings.items()]
     words = (*picked, *overrides)
     load_scene(scene, words)  # a study that does not fit the scene is told here
@@ -126,7 +161,9 @@ def choose(
     )  # fmt: skip
 
 
-def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPoint:
+def pick(
+    study: StoredStudy, wish: float | str | Budget, scale: float | None, dt: float = math.inf
+) -> StoredPoint:
     """Return the point of a study that a wish is best served by, of those that serve whatever else is changed.
 
     That is none of explicit steps that are not divided until they are stable: they are as far as this body goes, and
@@ -136,6 +173,7 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
         study: Of the scene.
         wish: See `asked`.
         scale: Time of this machine over that of the study's; None where it is not known.
+        dt: Time step of the scene [s], where a point does not say its own; infinite: no such point keeps within a time.
 
     Raises:
         SceneError: there is none; the message names the best.
@@ -143,24 +181,11 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
     points = [p for p in study.points if _stays_stable(p)]
     if not points:
         raise SceneError(f"study {study.name!r} has no point that worked and stays stable")
+    if isinstance(wish, Budget):
+        return _within(study, points, wish, scale, dt)
     exact = min(points, key=lambda p: (promised(study, p), p.cpu))
     if wish == "reference":
         return exact
-    if wish == "real-time":
-        if study.solves:
-            raise SceneError(
-                f"--accuracy real-time needs a study of a motion; {study.name!r} is of static solves: name a percentage"
-            )
-        if scale is None:
-            raise SceneError("--accuracy real-time: this machine's speed is not known; name a percentage")
-        fast = [p for p in points if p.cpu * scale <= LOAD]
-        if not fast:
-            least = min(points, key=lambda p: p.cpu)
-            raise SceneError(
-                f"--accuracy real-time: no setting of study {study.name!r} takes less than {LOAD:g} s of this machine "
-                f"for a simulated second; the fastest takes {least.cpu * scale:.2g} s"
-            )
-        return min(fast, key=lambda p: (promised(study, p), p.cpu))
     allowed = DRAFT if wish == "draft" else float(wish)
     within = [p for p in points if promised(study, p) <= allowed * (1 + 1e-9)]
     if not within:
@@ -169,6 +194,37 @@ def pick(study: StoredStudy, wish: float | str, scale: float | None) -> StoredPo
             f"{percent(promised(study, exact))} ({settings_text(exact)}): --accuracy reference takes it"
         )
     return min(within, key=lambda p: (p.cpu, promised(study, p)))
+
+
+def _within(
+    study: StoredStudy, points: Sequence[StoredPoint], budget: Budget, scale: float | None, dt: float
+) -> StoredPoint:
+    """Return the most exact of some points that keeps within a budget. Raises SceneError, which says the cheapest."""
+    option = f"--{budget.text}"
+    if study.solves and math.isinf(budget.step):
+        raise SceneError(
+            f"{option} needs a study of a motion; {study.name!r} is of static solves: name a percentage by --accuracy, "
+            "or a time by --budget"
+        )
+    if scale is None:
+        raise SceneError(f"{option}: this machine's speed is not known; name a percentage by --accuracy")
+
+    def cost(p: StoredPoint) -> float:  # in parts of the budget
+        own = p.settings.get("dt", dt)
+        step = 1.0 if study.solves else float(own) if isinstance(own, int | float) else dt
+        return max(p.cpu * scale / budget.share, p.cpu * scale * step / budget.step)
+
+    fast = [p for p in points if cost(p) <= 1.0]
+    if not fast:
+        least = min(points, key=cost)
+        unit, of = (budget.share, "s of this machine for a simulated second")
+        if math.isinf(unit):
+            unit, of = budget.step, f"s of this machine for a {'solve' if study.solves else 'step'}"
+        raise SceneError(
+            f"{option}: no setting of study {study.name!r} takes less than {unit:g} {of}; the cheapest takes "
+            f"{cost(least) * unit:.2g} s ({settings_text(least)})"
+        )
+    return min(fast, key=lambda p: (promised(study, p), p.cpu))
 
 
 def _stays_stable(point: StoredPoint) -> bool:
@@ -284,11 +340,9 @@ def _sentence(
         if seconds is not None
         else "time on this machine unknown"
     )
+    wish = accuracy.strip() if accuracy.startswith("budget") else f"accuracy {accuracy.strip()}"
     made = f"{'quick ' if study.quick else ''}study {study.name}"
-    text = (
-        f"accuracy {accuracy.strip()}: {changes} ({made}); expect an error below {percent(error)} of: "
-        f"{study.quantity}; {time}"
-    )
+    text = f"{wish}: {changes} ({made}); expect an error below {percent(error)} of: {study.quantity}; {time}"
     return (
         f"{text}; outside the study, which promises nothing then: {'; '.join(outside)}" if outside else text
     )

@@ -3,7 +3,17 @@
 from dataclasses import dataclass
 from typing import Any
 
-from tripod_sim.accuracy.choice import INSIDE, LOAD, holds, percent, pick, promised, settings_text, shipped
+from tripod_sim.accuracy.choice import (
+    INSIDE,
+    LOAD,
+    asked,
+    holds,
+    percent,
+    pick,
+    promised,
+    settings_text,
+    shipped,
+)
 from tripod_sim.accuracy.stored import StoredPoint, StoredStudy
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
@@ -105,8 +115,7 @@ def point_of(study: StoredStudy, scene: Scene) -> StoredPoint | None:
 
 def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None) -> Offer:
     try:
-        asked = float(wish.rstrip("%")) / 100 if wish.endswith("%") else wish
-        point = pick(study, asked, scale)
+        point = pick(study, asked(wish), scale)
     except SceneError as error:
         return Offer(wish, why_not=str(error).partition(": ")[2])
     seconds = point.cpu * scale if scale else None
