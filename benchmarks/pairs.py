@@ -98,7 +98,7 @@ SPECIAL: dict[str, Thing] = {
     "clamp": Thing(("clamp={}",), ("servos",)),
     "effector": Thing(("effector={}",), ("solid",)),
     "maze": Thing(("maze={}",), ("effector",)),
-    "mesh_error": Thing(("mesh_error={}",), ("clamp", "effector")),
+    "mesh_error": Thing(("clamp.stiffness=1.4e10", "mesh_error={}"), ("clamp", "effector")),
     "ball": Thing(("ball={radius=0.002, mass=1e-4, position=[0.012, 0.0, 0.01]}",), ("gravity", "solid")),
     "strain_limit": Thing(("strain_limit={stretch=0.05}",), ("springs",)),
     "contact": Thing(

@@ -303,6 +303,11 @@ def check_time_error(scene: "Scene") -> None:
         )
 
 
+SLIP = 2.4e-3
+"""Least length sqrt(G / clamp.stiffness) over which a strip slips in its clamp for the error of the mesh to be told
+[m], about half the thickness of the Tripod's sheet: at 2.5 mm 95 % of poses are told right, at 1.2 mm 73 %."""
+
+
 def check_mesh_error(scene: "Scene") -> None:
     """Raise SceneError if the error of the mesh is asked for where nothing tells it."""
     if not scene.mesh_error:
@@ -312,6 +317,14 @@ def check_mesh_error(scene: "Scene") -> None:
         raise SceneError(
             f"mesh_error is estimated for mesh.element 'h8_modes' and 'h20'; it is {shown(element)}"
         )
+    if scene.clamp and scene.material:
+        shear, stiffness = scene.material.young / (2 + 2 * scene.material.poisson), scene.clamp.stiffness
+        if stiffness > shear / SLIP**2:
+            raise SceneError(
+                f"mesh_error: clamp.stiffness is {stiffness:g} N/m⁴, by which strips of this material slip over "
+                f"{1e3 * (shear / stiffness) ** 0.5:.2g} mm; below {1e3 * SLIP:g} mm fine meshes crease at the edge, "
+                f"so that none tells the error: set it to at most {shear / SLIP**2:.2g}"
+            )
     beside = {"several soft bodies": len(soft_bodies(scene)) > 1}
     for name, there in (beside | {n: bool(getattr(scene, n)) for n in ("contact", "ball", "maze")}).items():
         if there:

@@ -46,7 +46,7 @@ SCENES = {
     "sleeping solid": (*SOLID, "sleep={}"),
     "doubling springs": ("pendulum", "time_error={}"),
     "estimating robot": (*ROBOT, 'time_error={steps="auto"}'),
-    "bounded robot": (*ROBOT, "clamp={}", "mesh_error={}"),
+    "bounded robot": (*ROBOT, "clamp.stiffness=1.4e10", "mesh_error={}"),
     "cloth alone": (*CLOTH, "obstacles=off", "contact.self_contact=true"),
 }
 """Each is built in an interpreter of its own."""
@@ -116,7 +116,8 @@ ROWS = {
         add=('time_error={steps="auto", tolerance=1e-6}',),
     ),
     "mesh_error": Row(
-        ("robot", "bare solid", "estimating robot", "bare springs"), "bounded robot", (*ROBOT, "clamp={}"), silent=True,
+        ("robot", "bare solid", "estimating robot", "bare springs"), "bounded robot",
+        (*ROBOT, "clamp.stiffness=1.4e10"), silent=True,
     ),
     "sleep": Row(
         ("robot", "held solid", "bare springs", "stack"),

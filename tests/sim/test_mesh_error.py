@@ -121,6 +121,8 @@ def test_accelerations_lag_as_stiffness_damping_lets_forces_lag() -> None:
         (["mesh_error={}"], "mesh_error needs clamp: at the edge of an ideal clamp the stress is singular"),
         ([CLAMP, "mesh_error={}", "effector=off"], "mesh_error needs effector"),
         ([CLAMP, "mesh_error={}", "mesh.element=t4"], "'h8_modes' and 'h20'; it is 't4'"),
+        (["clamp={}", "mesh_error={}"], "by which strips of this material slip over 1.2 mm; .* at most 1.5e"),
+        ([CLAMP, "material.young=1e5", "mesh_error={}"], "clamp.stiffness is 1.4e.10 N/m⁴"),
         ([CLAMP, "mesh_error={}", "maze={}"], "mesh_error and maze exclude each other"),
     ],
 )
