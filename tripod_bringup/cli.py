@@ -277,17 +277,20 @@ def sim(
     set_: Overrides = None,
     accuracy: Accuracy = None,
     study: Study = None,
+    servo: ServoScript = None,
+    slide: SlideScript = None,
     subnet: Subnet = False,
 ) -> None:
     """Run the simulator as a ROS node."""
-    from tripod_bringup.up_command import sim_words  # noqa: PLC0415
+    from tripod_bringup.up_command import sim_companion, sim_words  # noqa: PLC0415
 
     try:
         words = sim_words(values or [], set_ or [], accuracy, study)
+        beside = sim_companion(words, servo, slide)
     except ValueError as error:
         print(f"tripod sim: {error}", file=sys.stderr)
         raise typer.Exit(2) from None
-    raise typer.Exit(run_node_command("sim", words, subnet=subnet, ros=context.obj))
+    raise typer.Exit(run_node_command("sim", words, subnet=subnet, ros=context.obj, beside=beside))
 
 
 @app.command(epilog=examples("tripod urdf > tripod.urdf", "tripod urdf maze --set maze.source=holes"))

@@ -37,7 +37,12 @@ class NodeInfo:
 NODES: Final[Mapping[str, NodeInfo]] = {
     "sim": NodeInfo(
         "Run the simulator as a ROS node.",
-        ("tripod sim", "tripod sim silicone --set material.young=3e5", "tripod sim scene:=silicone"),
+        (
+            "tripod sim",
+            "tripod sim silicone --set material.young=3e5",
+            "tripod sim scene:=silicone",
+            'tripod sim --servo "0:0,0,0; 2:-0.7854,-0.7854,-0.7854"',
+        ),
     ),
     "ik": NodeInfo(
         "Run inverse kinematics: target poses in, servo angles out.",
@@ -100,8 +105,18 @@ def unknown_name(what: str, name: str, known: Sequence[str]) -> str:
     return f"no {what} is named {name!r}; {hint}known: {', '.join(known)}"
 
 
-def run_node_command(name: str, words: Sequence[str], *, subnet: bool, ros: Sequence[str] = ()) -> int:
-    """Run the node `name` until it is told to stop; return its exit code. `ros`: words of `--ros-args`."""
+def run_node_command(
+    name: str, words: Sequence[str], *, subnet: bool, ros: Sequence[str] = (), beside: object = None
+) -> int:
+    """Run the node `name` until it is told to stop; return its exit code.
+
+    Args:
+        name: Of the node.
+        words: Its parameters, NAME:=VALUE.
+        subnet: Whether others in the local network are heard.
+        ros: Words of `--ros-args`.
+        beside: What the main function of the node shall run beside it; None: nothing.
+    """
     keep_local(subnet=subnet)
     try:
         module = importlib.import_module(f"tripod_{name}.node")
@@ -114,7 +129,8 @@ def run_node_command(name: str, words: Sequence[str], *, subnet: bool, ros: Sequ
         print(f"tripod {name}: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
     own = [*node_arguments(values), *(["--subnet"] if subnet else [])]
-    code: int = module.main([*own, "--ros-args", *ros] if ros else own)
+    companion = {} if beside is None else {"beside": beside}
+    code: int = module.main([*own, "--ros-args", *ros] if ros else own, **companion)
     return code
 
 

@@ -2,8 +2,9 @@
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tripod_bringup.accuracy_option import chosen, wished
 from tripod_bringup.node_command import missing_import, unknown_name
@@ -12,6 +13,11 @@ from tripod_bringup.screen import Screen
 from tripod_bringup.script import joint_path
 from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, up
 from tripod_graph.namespace import full_namespace
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
+    from tripod_bringup.script_player import ScriptPlayer
 
 
 def up_command(
@@ -128,6 +134,33 @@ def sim_words(
     if chosen_set := values["sim"].get("set"):
         given["set"] = str(chosen_set)
     return [f"{name}:={value}" for name, value in given.items()]
+
+
+def sim_companion(
+    words: Sequence[str], servo: str | None, slide: str | None
+) -> "Callable[[Executor, Sequence[float]], ScriptPlayer] | None":
+    """Return what plays a servo script beside `tripod sim`, None without a script.
+
+    It is an operator like any other: it takes the mode, and STOP ends it.
+
+    Raises:
+        ValueError: the script cannot be read, or goes beyond the limits of the scene.
+    """
+    given = dict(split_word(word) for word in words)
+    values: dict[str, dict[str, object]] = {"sim": {"set": RawYaml(given["set"])} if "set" in given else {}}
+    path = joint_path(str(given.get("scene", "tripod")), words_of_set(values), servo, slide)
+    if path is None:
+        return None
+
+    def beside(executor: "Executor", speeds: Sequence[float]) -> "ScriptPlayer":
+        from tripod_bringup.script_player import ScriptPlayer  # noqa: PLC0415 - needs ROS
+
+        def say(line: str) -> None:
+            print(f"sim: {line}", file=sys.stderr, flush=True)
+
+        return ScriptPlayer(path, executor, say, wanted=True, simulated=speeds)
+
+    return beside
 
 
 def add_overrides(values: dict[str, dict[str, object]], overrides: Sequence[str]) -> None:

@@ -19,6 +19,7 @@ from tripod_host.open_files import OpenFilesError, check_open_files
 from tripod_host.stop import Asked, end_at_once, first, taken
 
 if TYPE_CHECKING:
+    from rclpy.executors import Executor
     from rclpy.node import Node
 
 FAILED = 1
@@ -30,6 +31,16 @@ class Closable(Protocol):
 
     def close(self) -> None:
         """Park, flush and release; called once, also after a failure."""
+
+
+class Companion(Protocol):
+    """What runs beside a node, in its thread."""
+
+    def tend(self) -> None:
+        """Do what is due; called at least every 0.1 s."""
+
+    def close(self) -> None:
+        """Leave the graph, if it is there still."""
 
 
 def split_ros(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -93,6 +104,7 @@ def run_node(
     *,
     until: Callable[[], bool] | None = None,
     again: Callable[[], bool] | None = None,
+    beside: "Callable[[Executor], Companion] | None" = None,
 ) -> int:
     """Run one node until it is told to stop, and return its exit code.
 
@@ -104,6 +116,7 @@ def run_node(
             discovery. None takes sys.argv.
         until: Says when it shall stop by itself; None: never.
         again: Says, when it has stopped by itself, whether `make` shall build another in its place; None: never.
+        beside: Makes what runs beside the node in the same executor, once the node is there; it leaves before that.
 
     SIGINT, SIGTERM and SIGHUP (a closed terminal; not under nohup) end it in order. While the node is being built there
     is no order yet: what has been built by then is closed, and the process ends at once.
@@ -113,7 +126,7 @@ def run_node(
     except OpenFilesError as error:
         return _refused(name, error)
     while True:
-        code, stopped = _run_one(name, make, arguments, until)
+        code, stopped = _run_one(name, make, arguments, until, beside)
         if code or stopped or again is None or not again():
             return code
 
@@ -123,6 +136,7 @@ def _run_one(
     make: Callable[[], Closable],
     arguments: Sequence[str] | None,
     until: Callable[[], bool] | None,
+    beside: "Callable[[Executor], Companion] | None",
 ) -> tuple[int, bool]:
     """Run one node; return its exit code, and whether a signal stopped it."""
     end_at_once()
@@ -142,6 +156,7 @@ def _run_one(
         return _refused(name, error), False
     executor = NodeExecutor()
     node: Closable | None = None
+    companion: Companion | None = None
     asked: Asked | None = None
     code, stopped = 0, False
     signals = ExitStack()
@@ -155,8 +170,12 @@ def _run_one(
         executor.add_node(cast("Node", node))
         for line in strangers(files, cast("Node", node).get_fully_qualified_name()):
             cast("Node", node).get_logger().warning(line)
+        if beside is not None:
+            companion = beside(executor)
         while not (asked.count or (until is not None and until())):
             executor.spin_once(timeout_sec=0.1)
+            if companion is not None:
+                companion.tend()
         executor.spin_once(timeout_sec=0.0)  # what has come by now
     except ExternalShutdownException:
         pass
@@ -164,13 +183,21 @@ def _run_one(
         print(f"{name}: stopped by {type(error).__name__}: {error}", file=sys.stderr)
         code = FAILED
     finally:
-        with suppress(Exception):
-            executor.shutdown()  # first: it holds what the node destroys
+        _leave(executor, companion)
         code = _close(name, node) or code
         rclpy.try_shutdown()
         stopped = bool(asked and asked.count)
         signals.close()
     return code, stopped
+
+
+def _leave(executor: "Executor", companion: Companion | None) -> None:
+    """End the companion and the executor: first, since it holds what the node destroys."""
+    with suppress(Exception):
+        if companion is not None:
+            companion.close()
+    with suppress(Exception):
+        executor.shutdown()
 
 
 def _close(name: str, node: Closable | None) -> int:

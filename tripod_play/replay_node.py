@@ -1,7 +1,9 @@
-"""Plays a motion of the joints to the driver: mode REPLAY, a slow way to the first pose, then the motion."""
+"""Plays a motion of the joints to all who follow: mode REPLAY, a slow way to the first pose, then the motion."""
 
 import math
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from tripod_msgs.msg import RobotStatus
+from tripod_msgs.msg import RobotStatus, SimStatus
 
 from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
@@ -40,6 +42,24 @@ PATIENCE = 10.0
 """Time within which a driver must be heard, and within which the servos arrive after a ramp [s]."""
 
 MOVING = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatus.PARKED)
+SIMULATING = (SimStatus.RUNNING, SimStatus.HOLDING, SimStatus.PARKED)
+
+
+@dataclass(frozen=True)
+class Follower:
+    """What the driver, or the simulator, says of itself.
+
+    Attributes:
+        able: Whether it can move now.
+        message: Why not.
+        lower, upper, speed: Ranges [rad] and slew rates [rad/s] of its servos.
+    """
+
+    able: bool
+    message: str
+    lower: Sequence[float]
+    upper: Sequence[float]
+    speed: Sequence[float]
 
 
 class ReplayNode(Node):
@@ -52,14 +72,29 @@ class ReplayNode(Node):
     """
 
     def __init__(
-        self, path: JointPath, *, start: float = 0.0, rate: float = 1.0, name: str = "bag_play"
+        self,
+        path: JointPath,
+        *,
+        start: float = 0.0,
+        rate: float = 1.0,
+        name: str = "bag_play",
+        simulated: Sequence[float] | None = None,
     ) -> None:
-        """`start`: in the recording [s]; `rate`: recorded time over time."""
+        """Join the graph; nothing moves before all is checked.
+
+        Args:
+            path: The motion.
+            start: Where it begins, in the recording [s].
+            rate: Recorded time over time.
+            name: Of the node.
+            simulated: Go by the simulator, whose slew rates [rad/s] these are, instead of by the driver.
+        """
         super().__init__(name)
         self.done, self.duration, self.failed = "", path.end, False
         self._path, self._start, self._rate = path, start, rate
         self._mandate = Mandate(new_source(name, self.get_namespace()))
-        self._status: RobotStatus | None = None
+        self._follower: Follower | None = None
+        self._simulated = simulated
         self._here: FloatArray | None = None
         self._since = time.monotonic()
         self._arrival: float | None = None  # on the way to the first pose: when it should be reached
@@ -68,8 +103,12 @@ class ReplayNode(Node):
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._speaker = Speaker(self, self._mandate)
         listen(self, self._on_decision)
-        self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_status, RELIABLE)
-        self.create_subscription(JointState, names.ROBOT_JOINT_STATES, self._on_joints, RELIABLE)
+        if simulated is None:
+            self.create_subscription(RobotStatus, names.ROBOT_STATUS, self._on_driver, RELIABLE)
+        else:
+            self.create_subscription(SimStatus, names.SIM_STATUS, self._on_simulator, RELIABLE)
+        joints = names.ROBOT_JOINT_STATES if simulated is None else names.SIM_JOINT_STATES
+        self.create_subscription(JointState, joints, self._on_joints, RELIABLE)
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property
@@ -102,8 +141,13 @@ class ReplayNode(Node):
         except ValueError as error:
             self.get_logger().warning(str(error))
 
-    def _on_status(self, message: RobotStatus) -> None:
-        self._status = message
+    def _on_driver(self, m: RobotStatus) -> None:
+        why = f"the driver cannot move: {m.message or 'no robot is connected'}"
+        self._follower = Follower(m.state in MOVING, why, m.lower, m.upper, m.speed)
+
+    def _on_simulator(self, m: SimStatus) -> None:
+        why = f"the simulator cannot move: {m.message or 'it is paused'}"
+        self._follower = Follower(m.state in SIMULATING, why, m.lower, m.upper, self._simulated or ())
 
     def _on_joints(self, message: JointState) -> None:
         angles = dict(zip(message.name, message.position, strict=False))
@@ -131,27 +175,29 @@ class ReplayNode(Node):
 
     def _begin(self, now: float) -> None:
         """Check everything before anything moves."""
-        status = self._status
-        if status is None or not status.lower or self._commands.get_subscription_count() == 0:
+        follower = self._follower
+        if follower is None or not follower.lower or self._commands.get_subscription_count() == 0:
             if now - self._since > PATIENCE:
                 self._end("no driver is heard in this graph: start `tripod up` or `tripod driver`")
             return
-        if status.state not in MOVING:
-            self._end(f"the driver cannot move: {status.message or 'no robot is connected'}")
+        if not follower.able:
+            self._end(follower.message)
             return
         tracker = self._mandate.tracker
         if tracker.mode is Mode.REPLAY and not tracker.lost:
             self._end(f"{name_of(tracker.source)} replays already: stop it first")
             return
         try:
-            self._path.check(status.lower, status.upper, status.speed, start=self._start, rate=self._rate)
+            self._path.check(
+                follower.lower, follower.upper, follower.speed, start=self._start, rate=self._rate
+            )
         except PlayError as error:
             self._end(str(error))
             return
         first = self._path.at(self._start)
         here = first[:3] if self._here is None else self._here
         self._ramp = (np.concatenate([here, first[3:]]), now)
-        self._arrival = now + ramp_time(here, first, status.speed)
+        self._arrival = now + ramp_time(here, first, follower.speed)
         self._speaker.decide(Mode.REPLAY)
 
     def _approach(self, now: float) -> None:

@@ -5,7 +5,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import Executor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from shape_msgs.msg import Mesh, SolidPrimitive
@@ -35,7 +36,7 @@ from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE, SENSOR
 from tripod_graph.range import Fence, RangeWatch, cut
-from tripod_graph.run import run_node
+from tripod_graph.run import Companion, run_node
 from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
 from tripod_graph.turns import short
@@ -276,6 +277,11 @@ class SimNode(Node):
     def failure(self) -> str:
         """Why the physics stands still for good, empty while it does not: the process then ends as failed."""
         return self._physics.failure
+
+    @property
+    def speeds(self) -> list[float]:
+        """Slew rates of its servos [rad/s]."""
+        return [float(speed) for speed in self._limits.speed[:-1]]
 
     def close(self) -> None:
         """End the physics."""
@@ -598,8 +604,11 @@ def _within_scene(limits: CommandLimits, scene: Scene) -> CommandLimits:
     return replace(limits, angle_min=low, angle_max=high, slide_max=min(limits.slide_max, s.slide_max))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the node; see `tripod_graph.run.run_node`."""
+def main(
+    arguments: Sequence[str] | None = None,
+    beside: Callable[[Executor, Sequence[float]], Companion] | None = None,
+) -> int:
+    """Run the node, and what `beside` makes with its executor and its slew rates; see `tripod_graph.run.run_node`."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     made: list[SimNode] = []
@@ -612,7 +621,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def anew() -> bool:
         return bool(made and made[0].anew)
 
-    return run_node("sim", make, arguments, until=anew, again=anew)
+    def companion(executor: Executor) -> Companion:
+        assert beside
+        return beside(executor, made[0].speeds)
+
+    return run_node("sim", make, arguments, until=anew, again=anew, beside=companion if beside else None)
 
 
 if __name__ == "__main__":

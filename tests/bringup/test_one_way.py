@@ -165,13 +165,12 @@ def test_a_shell_completes_ports_and_recordings(tmp_path: Path) -> None:
         (["pendulum", "--servo", "0:0,0,0"], "has no servos"),
     ],
 )
-def test_a_servo_script_of_the_chain_is_checked_before_anything_starts(
-    words: list[str], message: str
-) -> None:
-    result = tripod("up", *words)
-    assert result.exit_code == 2
-    assert message in result.output
-    assert result.output.count("\n") == 1
+def test_a_servo_script_is_checked_before_anything_starts(words: list[str], message: str) -> None:
+    for command in ("up", "sim") if "--demo" not in words else ("up",):
+        result = tripod(command, *words)
+        assert result.exit_code == 2
+        assert message in result.output
+        assert result.output.count("\n") == 1
 
 
 def test_a_servo_script_is_a_motion_of_angles_and_slide() -> None:

@@ -274,3 +274,31 @@ def test_a_file_of_another_robot_is_named(domain: int, tmp_path: Path) -> None:
     finally:
         process.kill()
     assert f"parameter file {file} sets nothing of /driver: its blocks are for /right/driver" in line
+
+
+def test_a_servo_script_moves_the_simulator_and_stop_ends_it(domain: int) -> None:
+    from sensor_msgs.msg import JointState
+    from tripod_msgs.msg import ControlMode
+
+    from tripod_graph import names
+    from tripod_graph.qos import LATCHED, RELIABLE
+
+    with running(["sim", "--servo", "0:0,0,0; 0.5:-0.3,-0.2,-0.1; 600:-0.3,-0.2,-0.1"], domain) as process:
+        with asking(domain) as asker:
+            heard: list[list[float]] = []
+            modes: list[ControlMode] = []
+            stop = asker.node.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
+            asker.node.create_subscription(
+                JointState, names.SIM_JOINT_STATES, lambda m: heard.append(list(m.position[:3])), RELIABLE
+            )
+            asker.node.create_subscription(ControlMode, names.CONTROL_MODE, modes.append, LATCHED)
+            asker.wait(lambda: heard and heard[-1] == pytest.approx([-0.3, -0.2, -0.1], abs=1e-3), "motion")
+            assert modes[-1].mode == ControlMode.REPLAY
+            assert "script#" in modes[-1].source
+            stop.publish(ControlMode(mode=ControlMode.STOP, source="operator#1"))
+            asker.wait(lambda: heard[-1] == pytest.approx([0.0] * 3, abs=1e-3), "parked servos")
+        process.send_signal(2)
+        _, said = process.communicate(timeout=DEADLINE)
+        assert process.returncode == 0
+        assert "servo script: mode is STOP, by operator" in said
+        assert "Traceback" not in said

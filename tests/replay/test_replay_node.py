@@ -15,7 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
-from tripod_msgs.msg import ControlMode, RobotStatus
+from tripod_msgs.msg import ControlMode, RobotStatus, SimStatus
 
 from tripod_bringup.script_player import ScriptPlayer
 from tripod_graph import names
@@ -60,9 +60,23 @@ class Driver(Node):
         self.here = np.array(message.points[0].positions[:3])
 
 
+class Simulator(Driver):
+    """Stands for the simulator."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told = self.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
+        self._seen = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
+
+    def say(self, **status: Any) -> None:
+        values = {"state": SimStatus.PARKED, "lower": [-1.0] * 3, "upper": [0.5] * 3, **status}
+        self._told.publish(SimStatus(**values))
+        self._seen.publish(JointState(name=list(names.SERVOS), position=self.here.tolist()))
+
+
 class Graph:
     def __init__(self, path: JointPath, **options: Any) -> None:
-        self.driver = Driver()
+        self.driver = Simulator() if "simulated" in options else Driver()
         self.node = ReplayNode(path, **{"start": 0.0, "rate": 1.0, **options})
         self.executor = SingleThreadedExecutor()
         for node in (self.driver, self.node):
@@ -145,6 +159,30 @@ def test_what_the_driver_cannot_do_is_refused_and_nothing_moves(make, path, stat
     graph.until(lambda: graph.driver.count_publishers(names.CONTROL_MODE))
     assert not graph.driver.asked
     assert not [m for m in graph.driver.modes if m.mode == ControlMode.REPLAY]
+
+
+def test_it_goes_by_the_simulator_where_that_is_asked(make) -> None:
+    path = motion()
+    graph = make(path, start=2.0, simulated=[4.0] * 3)
+    graph.until(lambda: graph.node.done)
+    assert (graph.node.done, graph.node.failed) == ("played 1.00 s of motion", False)
+    graph.until(lambda: np.allclose(graph.driver.here, path.at(3.0)[:3], rtol=0, atol=1e-9))
+
+
+@pytest.mark.parametrize(
+    ("simulated", "status", "words"),
+    [
+        ([0.3] * 3, {}, "servo_0 would move at 0.6"),
+        ([4.0] * 3, {"state": SimStatus.PAUSED}, "the simulator cannot move: it is paused"),
+        ([4.0] * 3, {"state": SimStatus.FAILED, "message": "no"}, "the simulator cannot move: no"),
+    ],
+)
+def test_what_the_simulator_cannot_do_is_refused(make, simulated, status, words: str) -> None:
+    graph = make(motion(), start=2.0, simulated=simulated)
+    graph.until(lambda: graph.node.done, **status)
+    assert graph.node.failed
+    assert graph.node.done.startswith(words)
+    assert not graph.driver.asked
 
 
 def test_without_a_driver_it_says_so_and_nothing_moves(make, monkeypatch: pytest.MonkeyPatch) -> None:

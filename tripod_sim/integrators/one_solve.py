@@ -90,11 +90,12 @@ class OneSolve(Newton):
     def _is_small(self) -> bool:
         return self._moved <= self.SMALL * self.near
 
-    def _correct(self) -> None:
-        """Solve for the correction m of the state that was evaluated last, and for how far it moves nodes [m]."""
-        self._correction = self._solve()
-        self.system.reduction.moves(self._correction, self.system.lever, self._missed)
+    def _correct(self) -> FloatArray:
+        """Return the correction m of the state that was evaluated last, kept with how far it moves nodes [m]."""
+        correction = self._correction = self._solve()
+        self.system.reduction.moves(correction, self.system.lever, self._missed)
         self._far = largest(self._missed)
+        return correction
 
     def _proposed(self) -> FloatArray:
         self._steps += 1
@@ -111,9 +112,8 @@ class OneSolve(Newton):
         if not self._steps:
             return False
         system, missed = self.system, self._missed
-        if self._correction is None:
-            self._correct()
-        correction, far = self._correction, self._far
+        correction = self._correct() if self._correction is None else self._correction
+        far = self._far
         trusted = size < self.TRUSTED * before or (self._is_small() and far < self.TRUSTED * self._moved)
         if trusted and far <= self.near:
             if self._forecast is not None:
