@@ -182,11 +182,6 @@ def check_solid(scene: "Scene") -> None:
     single = [f"fixed.{i}" for i, fixed in enumerate(scene.fixed) if len(fixed.axes) < len("xyz")]
     if single and springs_alone(scene):
         raise SceneError(f"{single[0]}.axes: springs are held along all axes; leave it out")
-    if scene.contact and (single or scene.prescribed):
-        what = f"{single[0]}.axes" if single else "prescribed"
-        raise SceneError(
-            f"contact and {what} exclude each other: contact knows nodes that are free or held along all axes"
-        )
     for name in ("set", "initial_velocity", "marker"):
         if getattr(scene, name) and not soft_bodies(scene):
             raise SceneError(

@@ -186,11 +186,11 @@ def test_gradient_and_potential_agree_with_a_disc_that_turns() -> None:
     u = np.zeros(solid.unknowns)
     solid.guess(u)
     solid.hessian(u, project=True)
-    u[: solid.yielding] = 1e-5 * rng.standard_normal(solid.yielding)
-    u[solid.yielding - 3 : solid.yielding] = [0.02, -0.03, 0.05]
+    u[: solid._own] = 1e-5 * rng.standard_normal(solid._own)
+    u[solid._own - 3 : solid._own] = [0.02, -0.03, 0.05]
     du = 1e-6 * rng.standard_normal(solid.unknowns)
-    du[solid.yielding - 3 : solid.yielding] *= 1e3
-    du[solid.yielding :] = 0.0
+    du[solid._own - 3 : solid._own] *= 1e3
+    du[solid.given] = 0.0
     gradient = np.zeros_like(u)
     solid.add(u, gradient)
     up, down = (solid.add(u + s * du, np.zeros_like(u)) for s in (1.0, -1.0))

@@ -12,14 +12,14 @@ class Body(Protocol):
 
     Attributes:
         unknowns: Their number.
-        yielding: How many of them are sought; those behind are given.
+        given: Which of them are not sought: they move as servos, timelines or rollers say, shape (g,).
         pattern: Upper triangle of the Hessian, CSC, with full blocks of nodes or bodies; `hessian` writes its data.
         looked_back: Whether the next stage may look back on the last.
         served: Whether the Hessian of the stage before serves: then `begin` need not prepare another.
     """
 
     unknowns: int
-    yielding: int
+    given: Any
     pattern: Any
     looked_back: bool
     served: bool
@@ -67,7 +67,7 @@ class Nodes(Body, Protocol):
 
     Attributes:
         base, width: First unknown of each vertex, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
-        held: Which vertices do not yield, whatever presses them, shape (k,).
+        held: Along which axes each vertex does not yield, whatever presses it, shape (k, 3).
         bounded: Whether strains are.
     """
 
@@ -103,5 +103,5 @@ class Nodes(Body, Protocol):
     def settle(self, u: FloatArray) -> float:
         """Give what bounds the strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
 
-    def add_torques(self, forces: FloatArray) -> None:
-        """Tell the servos what forces on the vertices [N], shape (k, 3), ask of them."""
+    def add_reactions(self, forces: FloatArray) -> None:
+        """Tell servos, and what else holds nodes, what forces on the vertices [N], shape (k, 3), ask of them."""

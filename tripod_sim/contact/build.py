@@ -94,7 +94,8 @@ def contact_stepper(
     from tripod_sim.contact.statics import ContactStatics  # noqa: PLC0415 - only where nothing moves
 
     solver = scene.solver
-    return ContactStatics(world, solver.tolerance, solver.max_turn, reach_of(scene.servos))
+    servos = scene.servos.count if scene.servos else 0
+    return ContactStatics(world, solver.tolerance, solver.max_turn, reach_of(scene.servos), servos)
 
 
 def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "ChainSkin | None") -> Parts:

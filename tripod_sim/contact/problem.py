@@ -42,6 +42,7 @@ class StepProblem:
     Attributes:
         unknowns: Of all bodies, one after the other.
         first: First unknown of each body.
+        given: Unknowns that are not sought, shape (g,).
         give: 1 / diagonal of the Hessian without contacts at the start of the step, shape (unknowns,).
         effort: Counts.
         serves: Whether the factorisation of the bodies alone is one of this step, or good enough for it.
@@ -55,9 +56,7 @@ class StepProblem:
         self._bodies, self._contacts = bodies, contacts
         self.first = np.concatenate([[0], np.cumsum([b.unknowns for b in bodies])]).astype(int)
         self.unknowns = int(self.first[-1])
-        self._given = [
-            slice(k + b.yielding, k + b.unknowns) for b, k in zip(bodies, self.first, strict=False)
-        ]
+        self.given = np.concatenate([k + b.given for b, k in zip(bodies, self.first, strict=False)])
         patterns = [b.pattern for b in bodies]
         self._pattern: Any = _join(patterns)
         ends = np.cumsum([0, *[p.nnz for p in patterns]])
@@ -164,8 +163,7 @@ class StepProblem:
 
     def note_unbalanced(self, r: FloatArray) -> None:
         """Let `unbalanced` be the largest force of `r`, shape (unknowns,), but for unknowns that are given."""
-        for part in self._given:
-            r[part] = 0.0
+        r[self.given] = 0.0
         self.unbalanced = float(np.abs(r).max(initial=0.0))
 
     def _factor(self, u: FloatArray) -> None:

@@ -54,7 +54,7 @@ def rest_of(
     if not isinstance(stepper, ContactStepper) or not isinstance(stepper.world.nodes, SolidNodes):
         return None, ()
     world, nodes = stepper.world, stepper.world.nodes.nodes
-    giving = (system.reduction.kind[nodes] == Kind.FIXED) & ~stepper.world.nodes.held
+    giving = (system.reduction.kind[nodes] == Kind.FIXED) & ~stepper.world.nodes.held.all(axis=1)
     touching = Touching(world, len(nodes), rigid)
     linked = touching.linked()
     carried = linked.copy()

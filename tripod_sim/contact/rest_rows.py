@@ -154,7 +154,8 @@ def _moves(
     free, grouped, driven = kind == Kind.FREE, kind == Kind.RIGID, kind == Kind.DRIVEN
     columns, moves = np.full((*nodes.shape, 6), nothing), np.zeros((*nodes.shape, 3, 6))
     place = np.searchsorted(unknowns, r.base[nodes[free]])
-    columns[free, :3], moves[free, :, :3] = place[:, None] + np.arange(3), np.eye(3)
+    yields = ~system.groups.held()[nodes[free]]
+    columns[free, :3], moves[free, :, :3] = place[:, None] + np.arange(3), np.eye(3) * yields[:, None]
     for turning, first, levers in (
         (grouped, np.searchsorted(unknowns, r.base[nodes[grouped]]), system.lever[nodes[grouped]]),
         (carried, len(unknowns) + r.driven + 6 * points.bodies[carried], arms[carried]),

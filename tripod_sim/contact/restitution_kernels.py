@@ -52,7 +52,8 @@ def restitute(
                 b = c.base[k, m]
                 if b < 0:
                     break
-                total += c.lump[k, m] ** 2 * give[b]
+                for i in range(3):
+                    total += (c.lump[k, m] * n[i]) ** 2 * give[b + i]
                 if c.width[k, m] == 6:
                     r = c.moment[k, m]
                     x0, x1, x2 = (
@@ -61,6 +62,8 @@ def restitute(
                         r[0] * n[1] - r[1] * n[0],
                     )
                     total += (x0 * x0 + x1 * x1 + x2 * x2) * give[b + 3]
+            if not total > 0.0:
+                continue
             add = max((-restitution * met - now) / total, -impulse[k])
             impulse[k] += add
             largest = max(largest, impulse[k])
@@ -70,7 +73,7 @@ def restitute(
                     break
                 w = c.lump[k, m] * add
                 for i in range(3):
-                    v[b + i] += w * n[i] * give[b]
+                    v[b + i] += w * n[i] * give[b + i]
                 if c.width[k, m] == 6:
                     r = c.moment[k, m]
                     v[b + 3] += (r[1] * n[2] - r[2] * n[1]) * add * give[b + 3]

@@ -26,7 +26,7 @@ class RigidBodies:
         inertia: About the centre in the body's frame [kg m²], shape (b, 3, 3).
         centre, velocity, spin: [m], [m/s], [rad/s], in world, shape (b, 3).
         rotation: From the body's frame to world, shape (b, 3, 3).
-        yielding, looked_back: See `Body`.
+        given, looked_back: See `Body`.
     """
 
     MOST_TURNS, SAME = 20, 1e-12
@@ -44,7 +44,7 @@ class RigidBodies:
         )
         self.velocity, self.spin = np.zeros((2, b, 3))
         self.rotation = np.tile(np.eye(3), (b, 1, 1))
-        self.unknowns = self.yielding = 6 * b
+        self.unknowns, self.given = 6 * b, np.zeros(0, dtype=np.int64)
         self.lasting, self.served = True, False
         self.looked_back, self._stage = False, Stage(1.0, 1.0)
         self._inverse = np.linalg.inv(self.inertia)

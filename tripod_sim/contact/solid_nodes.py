@@ -2,7 +2,8 @@
 
 The potential is that of `ImplicitStage`, with all that the scene fastens to the solid. Its unknowns are those of
 `Reduction` (free nodes, then rigid groups such as the disc, each with a rotation vector theta over the step) and, last,
-the nodes of driven frames on the surface: these move as the servos say, whatever presses them.
+the nodes of driven frames and prescribed motions on the surface. These move as servos and timelines say, whatever presses
+them, and so do free nodes along axes along which they are held or moved: such unknowns are given.
 
 Incompatible modes are no unknowns: at every move they are brought to the minimum of the energy, by chord steps with the
 condensation of the last Hessian.
@@ -21,7 +22,7 @@ from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.state import State
 
 HELD = 1e18
-"""Stiffness with which driven nodes keep to the servos' way [N/m]: no force that a body bears moves them by an atom."""
+"""Stiffness with which driven nodes keep to their way [N/m]: no force that a body bears moves them by an atom."""
 
 CHORDS, RENEWALS = 12, (3, 6, 9)
 """Of the modes at one move, and after how many their condensation is renewed."""
@@ -34,12 +35,12 @@ class SolidNodes:
     """The solid as a body of a step with contact (see `bodies.Body`).
 
     Attributes:
-        unknowns: Of the reduction and three for each driven node of the surface.
+        unknowns: Of the reduction and three for each driven or prescribed node of the surface.
         pattern: Upper triangle of the Hessian, CSC.
         nodes: Nodes of the mesh that are vertices of the surface, shape (k,).
         base, width: First unknown of each of them, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
-        held: Which of them do not yield: driven and fixed ones, shape (k,).
-        yielding: Unknowns that are not driven.
+        held: Along which axes each of them does not yield, shape (k, 3).
+        given: See `Body`.
         bounded: Whether strains are: no.
         looked_back: Whether the next stage may look back on the last.
         served: See `Body`.
@@ -60,12 +61,15 @@ class SolidNodes:
         system, r = self._system, self._system.reduction
         self._tolerance = tolerance**2
         kind = r.kind[nodes]
-        self._driven = np.flatnonzero(kind == Kind.DRIVEN)
+        self._arms = np.flatnonzero(kind == Kind.DRIVEN)
+        self._driven = np.flatnonzero(np.isin(nodes, system.driven) & (kind != Kind.FREE))
         self.base, self.width = r.base[nodes].copy(), np.where(kind == Kind.RIGID, 6, 3)
-        self.yielding, self.looked_back = r.unknowns, False
+        self._own, self.looked_back = r.unknowns, False
         self.base[self._driven] = r.unknowns + 3 * np.arange(len(self._driven))
         self.unknowns = r.unknowns + 3 * len(self._driven)
-        self.held = (kind == Kind.DRIVEN) | (kind == Kind.FIXED)
+        self.given = np.concatenate([r.pinned, np.arange(r.unknowns, self.unknowns)])
+        self._pinned, self._way = tuple(system.groups.pinned.T), np.zeros(len(self.given))
+        self.held = system.groups.held()[nodes]
         own = sparse.csc_matrix(
             (np.ones(r.pattern.nnz), r.pattern.indices, r.pattern.indptr), r.pattern.shape
         )
@@ -80,7 +84,7 @@ class SolidNodes:
         self._start: State | None = None
         self._trial: State | None = None
         self._at, self._phi, self._given = np.full(self.unknowns, np.nan), 0.0, False
-        self._goal = self._rate = np.zeros(0)
+        self._goal = self._rate = self._pinned_at = np.zeros(0)
         self._left, self._now_at = 1.0, Stage(1.0, 1.0)
         self._memory: Memory | None = None
         self._read = np.zeros((0, 0, 3))  # what of the start of a stage may be looked back on
@@ -114,10 +118,11 @@ class SolidNodes:
         self._at[:] = np.nan
         self._hold = self._projected = False
 
-    def add_torques(self, forces: FloatArray) -> None:
-        """Add to the system's torques what forces on the surface [N], shape (k, 3), ask of the servos."""
+    def add_reactions(self, forces: FloatArray) -> None:
+        """Let the system's gradient and torques be those with forces on the surface [N], shape (k, 3)."""
         system = self._system
-        pressed = self._driven[forces[self._driven].any(axis=1)]
+        system.gradient[self.nodes] -= forces
+        pressed = self._arms[forces[self._arms].any(axis=1)]
         nodes = self.nodes[pressed]
         moments = np.cross(system.lever[nodes], forces[pressed])
         frames = system.reduction.number[nodes]
@@ -172,22 +177,27 @@ class SolidNodes:
         joints = self._goal if left < 1e-9 * stage.length else start.joints + stage.length * self._rate
         start.copy_to(trial)
         system.drive(trial, joints)
+        self._pinned_at = trial.positions[self._pinned]
+        ways = trial.positions - start.positions
+        self._way = np.concatenate([ways[self._pinned], ways[self.nodes[self._driven]].ravel()])
         self._remember(start)
         self._at[:] = np.nan
 
     def guess(self, u: FloatArray) -> None:
         """Write the moves with the velocities at the start, or what part of them turns no element inside out.
 
-        Where driven nodes move, the others go along as the linearised system answers.
+        Where some are given, the others go along as the linearised system answers.
         """
         self.rate_at_start(u)
         u *= self._now_at.length
-        if u[self.yielding :].any():
+        if self._way.any():
             self._go_along(u)
         for part in (0.5, 0.5, 0.5, 0.0):
+            u[self.given] = self._way
             if np.isfinite(self._place(u)):
                 return
-            u[: self.yielding] *= part
+            u *= part
+        u[self.given] = self._way
 
     def add(self, u: FloatArray, out: FloatArray) -> float:
         """Add the gradient at `u` to `out`; return the potential, infinite where there is none."""
@@ -196,7 +206,7 @@ class SolidNodes:
             return np.inf
         residual, first = self._system.residual, 3 * self._system.reduction.free_count
         out[:first] += residual[:first]
-        for k in range(first, self.yielding, 6):
+        for k in range(first, self._own, 6):
             out[k : k + 3] += residual[k : k + 3]
             out[k + 3 : k + 6] += left_jacobian(u[k + 3 : k + 6]).T @ residual[k + 3 : k + 6]
         return phi
@@ -234,26 +244,24 @@ class SolidNodes:
         out[:] = self._trial.positions[self.nodes]
 
     def rate_at_start(self, out: FloatArray) -> None:
-        """Write the velocities of the unknowns at the start of the stage, of driven nodes those over it."""
+        """Write the velocities of the unknowns at the start of the stage, of given ones those over it."""
         self._fit(self._now().velocities, out)
-        self._add_driven(out)
+        self._add_given(out)
 
     def rate_at_end(self, u: FloatArray, out: FloatArray) -> None:
-        """Write the velocities of the unknowns after the moves `u`, of driven nodes those over the stage."""
+        """Write the velocities of the unknowns after the moves `u`, of given ones those over the stage."""
         start, stage = self._now(), self._now_at
         out[:] = 0.0
         if not stage.begins:
             self._fit(start.positions - self._stage.known[0], out)
         out += u
         out /= stage.s
-        self._add_driven(out)
+        self._add_given(out)
 
-    def _add_driven(self, out: FloatArray) -> None:
-        """Write the velocities of driven nodes over the stage."""
-        start, trial, driven = self._now(), self._trial, self.nodes[self._driven]
-        assert trial is not None
-        moves, length = trial.positions[driven] - start.positions[driven], self._now_at.length
-        out[self.yielding :] = (moves / length).ravel() if length else 0.0
+    def _add_given(self, out: FloatArray) -> None:
+        """Write the velocities of given unknowns over the stage."""
+        length = self._now_at.length
+        out[self.given] = self._way / length if length else 0.0
 
     def _fit(self, field: FloatArray, out: FloatArray) -> None:
         """Write the unknowns' share of a linear field on the nodes, shape (n, 3), in the present pose."""
@@ -272,7 +280,7 @@ class SolidNodes:
             out[k : k + 3], out[k + 3 : k + 6] = mean - np.cross(spin, arm), spin
 
     def give(self, out: FloatArray) -> None:
-        """Write 1 / mass of each unknown [1/kg, 1/(kg m²)]; 0 of driven nodes."""
+        """Write 1 / mass of each unknown [1/kg, 1/(kg m²)]; 0 of given ones."""
         system, mass = self._system, self._mass
         first = 3 * system.reduction.free_count
         out[:] = 0.0
@@ -282,6 +290,7 @@ class SolidNodes:
             inertia = (m @ (r**2).sum(axis=1)) * np.eye(3) - (r * m[:, None]).T @ r
             k = first + 6 * b
             out[k : k + 3], out[k + 3 : k + 6] = 1 / m.sum(), np.trace(np.linalg.inv(inertia)) / 3
+        out[self.given] = 0.0
 
     def exceeds(self, u: FloatArray) -> bool:
         """Strains of a solid have no bound."""
@@ -307,7 +316,7 @@ class SolidNodes:
         trial.velocities /= stage.s
         if kick is not None:
             self._dx[:] = 0.0
-            system.reduction.moves(np.ascontiguousarray(kick[: self.yielding]), system.lever, self._dx)
+            system.reduction.moves(np.ascontiguousarray(kick[: self._own]), system.lever, self._dx)
             trial.velocities += self._dx
         if self.looked_back and self._memory:
             after = np.empty_like(self._read)
@@ -335,19 +344,20 @@ class SolidNodes:
             self._dx[driven] = trial.positions[driven] - start.positions[driven]
             system.add_driven(self._dx)
             self._dx[driven] = 0.0
-            u[: self.yielding] = -system.linear.solve(system.residual)
+            u[: self._own] = -system.linear.solve(system.residual)
 
     def _remember(self, state: State) -> None:
         """Note where the last gradient was taken, whose modes are balanced."""
         self._last[:], self._last_modes[:] = state.positions, state.modes
 
     def _move(self, u: FloatArray) -> None:
-        """Put the trial state's nodes where the moves `u` bring them; driven ones are there."""
+        """Put the trial state's nodes where the moves `u` bring them; what is given is there."""
         start, trial, system = self._now(), self._trial, self._system
         assert trial is not None
         first = 3 * system.reduction.free_count
         self._dx[self._free] = u[:first].reshape(-1, 3)
-        system.move(start, u[: self.yielding], self._dx, 1.0, trial)
+        system.move(start, u[: self._own], self._dx, 1.0, trial)
+        trial.positions[self._pinned] = self._pinned_at
 
     def _place(self, u: FloatArray) -> float:
         """Put the trial state where `u` brings it, its modes at rest; return the potential, infinite for none."""

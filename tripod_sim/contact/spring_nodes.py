@@ -46,7 +46,7 @@ class SpringNodes:
 
     Attributes:
         x, v: Positions [m] and velocities [m/s] of all nodes at the start of the stage, shape (n, 3).
-        base, width, held, bounded, yielding, looked_back: See `Nodes` and `Body`.
+        base, width, held, bounded, given, looked_back: See `Nodes` and `Body`.
         weight: M/s² + a M/s of each node [N/m], shape (n,).
     """
 
@@ -64,8 +64,8 @@ class SpringNodes:
         self.pattern, diagonal, off = system.pattern(sides)
         self._slots = _Slots(self.pattern.data, diagonal, off)
         self.base = np.where(system.number >= 0, 3 * system.number, -1)
-        self.width, self.held = np.full(len(self.base), 3), self.base < 0
-        self.yielding, self.looked_back = self.unknowns, False
+        self.width, self.held = np.full(len(self.base), 3), np.repeat(self.base[:, None] < 0, 3, axis=1)
+        self.given, self.looked_back = np.zeros(0, dtype=np.int64), False
         self.served = self.lasting = False  # springs turn and go slack
         n, m = len(body.nodes), len(body.ends)
         self.x, self.v, self._move, self._at, self._g, self._aim = np.zeros((6, n, 3))
@@ -165,8 +165,8 @@ class SpringNodes:
         self.x[free] += u.reshape(-1, 3)
         self.v[free] = after.reshape(-1, 3)
 
-    def add_torques(self, forces: FloatArray) -> None:
-        """There are no servos."""
+    def add_reactions(self, forces: FloatArray) -> None:
+        """There are no servos, and nobody asks what holds nodes."""
 
     def begin(self, stage: Stage) -> None:
         """Prepare a stage from `x` and `v`."""

@@ -27,7 +27,9 @@ class ContactStatics(ContactStepper):
     """Factors of that after a stage that was solved, and after one that was not; stages of an increment, and how many
     of them may fail."""
 
-    def __init__(self, world: World, tolerance: float, max_turn: float, reach: float) -> None:
+    def __init__(
+        self, world: World, tolerance: float, max_turn: float, reach: float, servos: int = 0
+    ) -> None:
         """Prepare.
 
         Args:
@@ -35,14 +37,16 @@ class ContactStatics(ContactStepper):
             tolerance: Unbalanced force [N] at which a body is in equilibrium.
             max_turn: Largest servo move of an increment [rad].
             reach: Of an arm [m], sets the same for the slide.
+            servos: Their number.
         """
         super().__init__(world)
-        self._tolerance, self._max_turn, self._reach = tolerance, max_turn, reach
+        self._tolerance, self._max_turn, self._reach, self._servos = tolerance, max_turn, reach, servos
         self._unbalanced = np.inf
 
     def _load(self, state: State, joints: FloatArray, dt: float) -> None:
         turns = np.abs(joints - state.joints)
-        turn = max(float(turns[:-1].max(initial=0.0)), float(turns[-1]) / self._reach)
+        s = self._servos
+        turn = max(float(turns[:s].max(initial=0.0)), float(turns[s]) / self._reach)
         self._increments = max(1, int(np.ceil(turn / self._max_turn)))
         super()._load(state, joints, 1.0)
 

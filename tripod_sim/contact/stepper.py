@@ -44,8 +44,8 @@ class ContactStepper:
             raise StepError(f"step {state.step + 1} at {state.time:.4g} s: a number is not finite")
         if nodes:
             nodes.store(state)
-            if nodes.yielding < nodes.unknowns:
-                nodes.add_torques(world.forces()[: len(nodes.base)])
+            if world.some_held:
+                nodes.add_reactions(world.forces()[: len(nodes.base)])
         if rigid and state.rigid:
             rigid.store(state.rigid)
         state.time += dt

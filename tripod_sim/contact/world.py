@@ -32,6 +32,10 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_bodies import RigidBodies
 
 
+TINY = 1e-12
+"""Moves that are none [m]."""
+
+
 @dataclass
 class ContactReport:
     """What contact took in one step.
@@ -78,12 +82,16 @@ class World:
         contacts: Of the last step.
         problem: Potential of the step.
         solved: Whether the forces of the last stage are found to the tolerance.
+        some_held: Whether something on the surfaces does not yield along some axis.
     """
 
     MOST_PASSES, MOST_HALVINGS, MOST_RAISES = 8, 6, 4
 
     PART_SPEED = 0.5
     """At which bodies that begin too close are parted [m/s]."""
+
+    YIELDS = 1e-6
+    """Square of the cosine between the normal and what a vertex may do, above which it yields to pressure."""
 
     HIT, NOISE = 0.05, 4.0
     """Way within a step, in contact distances, by which what touches may approach without hitting, unless that is
@@ -133,10 +141,10 @@ class World:
             bodies.append(rigid[0])
         self._shape_arm = self._arm.copy()
         self._free = kernels.Freedom(base, width, self._arm, self.surfaces.radius)
-        self._held = base < 0
+        self._yields = np.repeat(base[:, None] >= 0, 3, axis=1)
         if nodes:
-            self._held[self._node_range] |= nodes[0].held
-        self._some_held = bool(nodes and nodes[0].held.any())
+            self._yields[self._node_range] = ~nodes[0].held
+        self.some_held = bool(nodes and nodes[0].held.any())
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
         self._bodies, self._scheme, self._before = bodies, scheme, 0.0
@@ -150,7 +158,8 @@ class World:
         self._ends = np.zeros_like(self.positions)
         self._u = np.zeros(self.problem.unknowns)
         self._place()
-        self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, self._held)
+        held = np.asarray(~self._yields.any(axis=1))
+        self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, held)
         self._impulse = np.zeros(64)
         self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
         self.detector.warm_up(self.positions)
@@ -204,9 +213,10 @@ class World:
         return out
 
     def _drop_held(self) -> None:
-        """Leave out contacts of which neither side yields."""
+        """Leave out contacts of which neither side yields along the normal."""
         c, count = self.contacts.arrays, self.contacts.count
-        yields = ((c.weight[:count] != 0.0) & ~self._held[c.vertex[:count]]).any(axis=1)
+        along = (c.normal[:count, None] ** 2 * self._yields[c.vertex[:count]]).sum(axis=2)
+        yields = ((c.weight[:count] != 0.0) & (along > self.YIELDS)).any(axis=1)
         left = int(yields.sum())
         if left < count:
             for array in c:
@@ -328,7 +338,7 @@ class World:
         c, share, rough = self.contacts, 0.0, True
         for number in range(self.MOST_PASSES):
             if share < 1.0:
-                if self._some_held:
+                if self.some_held:
                     self._drop_held()
                 kernels.prepare(c.arrays, c.count, self.positions, self._free, self.PART_SPEED * h)
                 self.problem.renew()
@@ -372,14 +382,18 @@ class World:
         raise DescentError(f"strain_limit cannot be met: {why}")
 
     def _cut(self, u: FloatArray, share: float) -> None:
-        """Shorten the moves `u` until nothing is passed."""
+        """Shorten the moves `u` until nothing is passed. Raises DescentError where that is not due to these."""
         scale = 0.9 * share
         while True:
             u *= scale
             self._ends_of(u)
             share = self.detector.met(self.positions, self._ends, self._kept)
-            if share >= 1.0 or not np.abs(u).max(initial=0.0) > 0.0:
+            if share >= 1.0:
                 return
+            if not np.abs(u).max(initial=0.0) > TINY:
+                raise DescentError(
+                    "what is held or driven goes through something, and there neither side yields"
+                )
             scale = 0.9 * share if share > 1e-3 else 0.0
 
     def _finish(self, u: FloatArray, *, bounce: bool) -> None:
