@@ -1,4 +1,4 @@
-"""Loops of the Hessian of the contact terms (see `response_kernels`), and of products with it."""
+"""Loops of the Hessian of the contact terms (see `response_kernels`)."""
 
 from typing import Any
 
@@ -63,54 +63,50 @@ def _find(indptr: Array, indices: Array, row: int, column: int) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _fits(c: Contacts, k: int, indptr: Array, indices: Array) -> bool:
-    """Return whether the pattern has a place for every pair of unknowns of contact k."""
-    for b in range(4):
-        if c.base[k, b] < 0:
-            break
-        for a in range(b):
-            row, column = c.base[k, a], c.base[k, b]
-            if _find(indptr, indices, min(row, column), max(row, column)) < 0:
-                return False
-    return True
+def pairs(c: Contacts, count: int, out: Array) -> int:
+    """Write the first unknowns of all pairs of blocks of 3 x 3 that contacts join, above the diagonal or on it.
+
+    Args:
+        c, count: Contacts.
+        out: Row and column of each, shape (64 count, 2).
+
+    Returns:
+        How many there are; some repeatedly.
+    """
+    found = 0
+    for k in range(count):
+        for b in range(4):
+            if c.base[k, b] < 0:
+                break
+            for a in range(4):
+                if c.base[k, a] < 0:
+                    break
+                for j in range(0, c.width[k, b], 3):
+                    for i in range(0, c.width[k, a], 3):
+                        row, column = c.base[k, a] + i, c.base[k, b] + j
+                        if row < column:
+                            out[found, 0], out[found, 1] = row, column
+                            found += 1
+    return found
 
 
 @njit(cache=True, error_model="numpy")
-def add_hessian(
-    c: Contacts,
-    count: int,
-    u: Array,
-    indptr: Array,
-    indices: Array,
-    data: Array,
-    outside: Array,
-    places: Array,
-) -> int:
-    """Add the Hessian of sum of P to an upper triangle, CSC; what its pattern has no place for goes to `outside`.
-
-    Of a contact for which the pattern has not all places, everything between its two sides (weights of unlike sign)
-    goes there: what each side has with itself is positive, some of what is between them without the rest is not.
+def add_hessian(c: Contacts, count: int, u: Array, indptr: Array, indices: Array, data: Array) -> bool:
+    """Add the Hessian of sum of P to an upper triangle, CSC; return False as soon as its pattern has no place.
 
     Args:
         c, count, u: Contacts and unknowns.
         indptr, indices, data: The matrix; blocks of a node or body are full.
-        outside: Blocks (first, second), first unknown smaller, shape (room, 6, 6).
-        places: First unknowns and widths of each: first, second, width of first, of second, shape (room, 4).
-
-    Returns:
-        How many blocks are outside, beyond the room if it does not suffice.
     """
-    H, A, B, HB, M = np.empty((3, 3)), np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6)), np.empty((6, 6))
+    H, A, B, HB = np.empty((3, 3)), np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6))
     base, lump, moment, width, normal = c.base, c.lump, c.moment, c.width, c.normal
     pressure, stiffness, gap, limit = c.pressure, c.stiffness, c.gap, c.limit
-    found = 0
     for k in range(count):
         d = relative(base, lump, moment, width, k, u)
         along = normal[k, 0] * d[0] + normal[k, 1] * d[1] + normal[k, 2] * d[2]
         if pressure[k] - stiffness[k, 0] * (gap[k] + along) <= 0.0 and limit[k] <= 0.0:
             continue  # it has none
         curvature(c, k, d, H)
-        fits = _fits(c, k, indptr, indices)
         for b in range(4):
             if c.base[k, b] < 0:
                 break
@@ -126,53 +122,14 @@ def add_hessian(
                     break
                 if row > column:
                     continue
+                at = _find(indptr, indices, row, column)
+                if at < 0:
+                    return False
                 jacobian(c, k, a, A)
                 tall = c.width[k, a]
-                for i in range(tall):
-                    for j in range(wide):
-                        M[i, j] = A[0, i] * HB[0, j] + A[1, i] * HB[1, j] + A[2, i] * HB[2, j]
-                between = not fits and c.lump[k, a] * c.lump[k, b] < 0.0
-                at = -1 if between else _find(indptr, indices, row, column)
-                if at < 0:
-                    if found < outside.shape[0]:
-                        outside[found, :tall, :wide] = M[:tall, :wide]
-                        places[found, 0], places[found, 1], places[found, 2], places[found, 3] = (
-                            row, column, tall, wide,
-                        )  # fmt: skip
-                    found += 1
-                    continue
                 at -= indptr[column]  # the same in all columns of a block: blocks above each other are full
                 for j in range(wide):
                     first = indptr[column + j] + at
                     for i in range(min(tall, j + 1) if row == column else tall):
-                        data[first + i] += M[i, j]
-    return found
-
-
-@njit(cache=True, error_model="numpy")
-def product(
-    indptr: Array,
-    indices: Array,
-    data: Array,
-    outside: Array,
-    places: Array,
-    count: int,
-    p: Array,
-    out: Array,
-) -> None:
-    """Write (upper triangle and what is below it, and `outside`) times p."""
-    out[:] = 0.0
-    for j in range(p.shape[0]):
-        total = 0.0
-        for e in range(indptr[j], indptr[j + 1]):
-            i = indices[e]
-            total += data[e] * p[i]
-            if i != j:
-                out[i] += data[e] * p[j]
-        out[j] += total
-    for k in range(count):
-        row, column, tall, wide = places[k]
-        for i in range(tall):
-            for j in range(wide):
-                out[row + i] += outside[k, i, j] * p[column + j]
-                out[column + j] += outside[k, i, j] * p[row + i]
+                        data[first + i] += A[0, i] * HB[0, j] + A[1, i] * HB[1, j] + A[2, i] * HB[2, j]
+    return True

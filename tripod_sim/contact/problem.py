@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from tripod_sim.contact import hessian_kernels, response_kernels
+from tripod_sim.contact import response_kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.joint_hessian import JointHessian
 from tripod_sim.integrators.looking_back import Stage
-from tripod_sim.linear.ldl import Ldl
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 
@@ -25,19 +25,16 @@ class Effort:
     Attributes:
         iterations: Linear solves.
         factorisations: Hessians assembled and factored.
-        linear_iterations: Of conjugate gradients, for contacts between moving bodies.
     """
 
     iterations: int = 0
     factorisations: int = 0
-    linear_iterations: int = 0
 
 
 class StepProblem:
     """Sum of the bodies' potentials and of their contacts' (see `response_kernels`).
 
-    The Hessian is factored within the pattern of the bodies; contacts of fixed things fit in. Those between moving
-    bodies do not: with them the factor preconditions conjugate gradients on the whole.
+    The Hessian is factored with the contacts in it (`JointHessian`), or, for few contacts, without them.
 
     Attributes:
         unknowns: Of all bodies, one after the other.
@@ -63,21 +60,13 @@ class StepProblem:
         self._parts = [
             (b.pattern.data, self._pattern.data[a:e]) for b, a, e in zip(bodies, ends, ends[1:], strict=False)
         ]
-        self._linear = Ldl(self._pattern)
-        self._bare = self._linear.sibling()
+        self._joint = JointHessian(self._pattern)
+        self._bare = self._joint.bare
         self._length, self._assembled = 0.0, False
         n = self.unknowns
         self.give, self._r, self._trial, self._next = np.ones(n), np.zeros(n), np.zeros(n), np.zeros(n)
         self._diagonal = self._pattern.indptr[1:] - 1
-        self._indptr = self._pattern.indptr.astype(np.int64)
-        self._indices = self._pattern.indices.astype(np.int64)
         self._state = np.zeros(256, dtype=np.int64)
-        self._outside, self._places, self._outside_count = (
-            np.zeros((16, 6, 6)),
-            np.zeros((16, 4), dtype=np.int64),
-            0,
-        )
-        self._q = np.zeros(n)
         self._factored = False
         self.effort, self.unbalanced, self.serves = Effort(), 0.0, False
 
@@ -87,10 +76,9 @@ class StepProblem:
 
     def warm_up(self) -> None:
         """Compile what is needed only when something touches."""
-        c, u, data = self._contacts.arrays, np.zeros(self.unknowns), self._pattern.data
-        response_kernels.add_gradient(c, 0, u, u, self._state)
-        hessian_kernels.add_hessian(c, 0, u, self._indptr, self._indices, data, self._outside, self._places)
-        hessian_kernels.product(self._indptr, self._indices, data, self._outside, self._places, 0, u, self._q)
+        u = np.zeros(self.unknowns)
+        response_kernels.add_gradient(self._contacts.arrays, 0, u, u, self._state)
+        self._joint.warm_up(self._contacts, u)
 
     def begin(self, stage: Stage, u: FloatArray) -> None:
         """Prepare a stage and write the moves without forces to `u`."""
@@ -169,59 +157,17 @@ class StepProblem:
     def _factor(self, u: FloatArray) -> None:
         """Assemble and factor at `u`: as it is if that is positive definite, else projected."""
         self.effort.factorisations += 1
-        c = self._contacts
         for project in (False, True):
             self._assemble(u, project=project)
-            while True:
-                count = hessian_kernels.add_hessian(
-                    c.arrays,
-                    c.count,
-                    u,
-                    self._indptr,
-                    self._indices,
-                    self._pattern.data,
-                    self._outside,
-                    self._places,
-                )
-                if count <= len(self._outside):
-                    break
-                self._outside = np.zeros((2 * count, 6, 6))
-                self._places = np.zeros((2 * count, 4), dtype=np.int64)
-                self._assemble(u, project=project)
-            self._outside_count = count
-            if self._linear.factor() and self._linear.is_positive():
-                self._factored = True
+            self._factored = self._joint.factor(self._contacts, u)
+            if self._factored:
                 return
         raise DescentError("the tangent is singular or not finite")
 
     def _solve(self, r: FloatArray) -> FloatArray:
         """Return H^-1 r."""
         self.effort.iterations += 1
-        if not self._outside_count:
-            return self._linear.solve(r)
-        x, r = np.zeros_like(r), r.copy()
-        z = self._linear.solve(r)
-        p, rz = z.copy(), float(r @ z)
-        aim = 1e-20 * rz
-        for _ in range(20 + 2 * self.unknowns):
-            if not rz > aim:
-                break
-            self.effort.linear_iterations += 1
-            hessian_kernels.product(
-                self._indptr, self._indices, self._pattern.data, self._outside, self._places, self._outside_count, p,
-                self._q,
-            )  # fmt: skip
-            curvature = float(p @ self._q)
-            if not curvature > 0:
-                break
-            step = rz / curvature
-            x += step * p
-            r -= step * self._q
-            z = self._linear.solve(r)
-            before, rz = rz, float(r @ z)
-            p *= rz / before
-            p += z
-        return x
+        return self._joint.linear.solve(r)
 
     def descend(self, u: FloatArray, tolerance: float, most: int) -> float:
         """Move `u` to the minimum for the contacts' present multipliers, in place.

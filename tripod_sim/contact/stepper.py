@@ -30,7 +30,7 @@ class ContactStepper:
         """Advance `state` by `dt` [s], in place. Raises StepError and leaves it."""
         world = self.world
         nodes, rigid, effort = world.nodes, world.rigid, world.problem.effort
-        effort.iterations = effort.factorisations = effort.linear_iterations = 0
+        effort.iterations = effort.factorisations = 0
         try:
             self._load(state, joints, dt)
             contact = self._advance(dt)
@@ -53,7 +53,6 @@ class ContactStepper:
         return StepReport(
             iterations=effort.iterations,
             factorisations=effort.factorisations,
-            linear_iterations=effort.linear_iterations,
             parts=contact.parts,
             residual=world.problem.unbalanced,
             contact=contact,

@@ -32,9 +32,14 @@ class Ldl:
         self.entries, self.negative = int(self._plan.panel[-1]), -1
         self._allocated = False
 
-    def sibling(self) -> "Ldl":
-        """Return another solver of the same pattern and values, with a factor of its own and the same analysis."""
+    def sibling(self, data: FloatArray | None = None) -> "Ldl":
+        """Return another solver of the same pattern and values, with a factor of its own and the same analysis.
+
+        `data`: where it takes its values from instead.
+        """
         other = copy(self)
+        if data is not None:
+            other._data = data
         other.negative, other._allocated = -1, False
         return other
 
