@@ -88,7 +88,7 @@ class Detector:
             "points": points[:, None], "faces": s.triangles[faces], "edges": s.edges[edges], "balls": balls[:, None],
         }  # fmt: skip
         boxes = {name: Boxes(shape) for name, shape in shapes.items()}
-        self._boxes, self._trees = list(boxes.values()), list[Tree]()
+        self._trees = list[Tree]()
         self._queries: list[_Query] = []
 
         def against_fixed(
@@ -102,7 +102,6 @@ class Detector:
                 flipped, query = name == "faces", boxes[name]
                 if held is not None and (yields := ~held[shapes[name]].all(axis=1)).sum() < len(mine):
                     mine, query = mine[yields], Boxes(shapes[name][yields])
-                    self._boxes.append(query)
                 one, other = (theirs, mine) if flipped else (mine, theirs)
                 self._queries.append(_Query(query, tree, target, one, other, first, flipped))
 
@@ -112,6 +111,8 @@ class Detector:
         against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, met_kernels.BALLS)
         numbers = {"points": points, "faces": faces, "edges": edges, "balls": balls}
         self._compare_moving(numbers, shapes, boxes)
+        used = [q.boxes for q in self._queries] + [q.target for q in self._queries if q.tree in self._trees]
+        self._boxes = list({id(b): b for b in used}.values())
 
     def _compare_moving(
         self, numbers: dict[str, IndexArray], shapes: dict[str, IndexArray], boxes: dict[str, Boxes]
@@ -140,7 +141,6 @@ class Detector:
             if (name, of_large) not in chosen:
                 which = (body[shapes[name][:, 0]] == large) == of_large
                 chosen[name, of_large] = numbers[name][which], Boxes(shapes[name][which])
-                self._boxes.append(chosen[name, of_large][1])
             return chosen[name, of_large]
 
         alike = [(False, False)] if not apart or len(rest) > 1 or itself[rest].any() else []

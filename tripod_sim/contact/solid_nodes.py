@@ -2,8 +2,8 @@
 
 The potential is that of `ImplicitStage`, with all that the scene fastens to the solid. Its unknowns are those of
 `Reduction` (free nodes, then rigid groups such as the disc, each with a rotation vector theta over the step) and, last,
-the nodes of driven frames and prescribed motions on the surface. These move as servos and timelines say, whatever presses
-them, and so do free nodes along axes along which they are held or moved: such unknowns are given.
+the nodes of driven frames and prescribed motions on the surface. These move as servos and timelines say, whatever
+presses them, and so do free nodes along axes along which they are held or moved: such unknowns are given.
 
 Incompatible modes are no unknowns: at every move they are brought to the minimum of the energy, by chord steps with the
 condensation of the last Hessian.
@@ -91,6 +91,8 @@ class SolidNodes:
         self._kept: tuple[State, float] | None = None
         self._projected = self._hold = self.served = False
         self._free = r.free
+        arms = [system.rest[b] - system.rest[b].mean(axis=0) for b in system.groups.rigid]
+        self._spreads = [np.linalg.pinv((a**2).sum() * np.eye(3) - a.T @ a, rcond=1e-9) for a in arms]
 
     @property
     def lasting(self) -> bool:
@@ -269,14 +271,15 @@ class SolidNodes:
         first = 3 * system.reduction.free_count
         out[:first] = field[self._free].ravel()
         for b, nodes in enumerate(system.groups.rigid):
-            r, v = start.positions[nodes] - start.centres[b], field[nodes]
-            spread = (r**2).sum() * np.eye(3) - r.T @ r
+            R, v = start.rotations[b], field[nodes]
+            r = start.positions[nodes] - start.centres[b]
             arm, mean = r.mean(axis=0), v.mean(axis=0)
+            turning = (r - arm).T @ (v - mean)
+            moment = np.array(
+                [turning[1, 2] - turning[2, 1], turning[2, 0] - turning[0, 2], turning[0, 1] - turning[1, 0]]
+            )
+            spin = R @ (self._spreads[b] @ (R.T @ moment))
             k = first + 6 * b
-            spin = np.linalg.lstsq(
-                spread - len(r) * (arm @ arm * np.eye(3) - np.outer(arm, arm)),
-                np.cross(r - arm, v - mean).sum(axis=0), rcond=1e-9,
-            )[0]  # fmt: skip
             out[k : k + 3], out[k + 3 : k + 6] = mean - np.cross(spin, arm), spin
 
     def give(self, out: FloatArray) -> None:
