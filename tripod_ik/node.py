@@ -50,6 +50,7 @@ from tripod_ik.tracker_settings import Goal
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
 FEEDBACK_SILENT = 0.5  # [s]: without a measurement for so long the status says so
+LAST_WORD = Duration(seconds=1.0)  # how long the last status waits until all have it
 THROTTLE = 2.0  # [s]: shortest time between two log lines about the same kind of message
 
 
@@ -135,9 +136,7 @@ class IkNode(Node):
         self._own.close()
         self._guide.close()
         self._rest(Activity.IDLE, "stopped")
-        self._statuses.wait_for_all_acked(
-            Duration(seconds=0.2)
-        )  # a publisher that is gone sends nothing again
+        self._statuses.wait_for_all_acked(LAST_WORD)  # a publisher that is gone sends nothing again
         self.destroy_node()
 
     # --- what comes in ---

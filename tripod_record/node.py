@@ -192,7 +192,8 @@ class RecordNode(Node):
         """Listen to new topics, anew to those that offer less by now; notice that writing failed."""
         if self._recorder is None:
             return
-        self._tell(self._recorder.progress)
+        if self._tell(self._recorder.progress):
+            self._diagnostics.publish()
         if self._recorder.progress.state is State.FAILED:
             self.stop()
             return
@@ -205,11 +206,11 @@ class RecordNode(Node):
                 self._look_at(self._recorder, name, types)
                 self._seen[name] = seen
 
-    def _tell(self, now: Progress) -> None:
-        """Say at once, on the screen and in the diagnostics, what went wrong with the file and what was mended."""
+    def _tell(self, now: Progress) -> bool:
+        """Say on the screen what went wrong with the file and what was mended; return whether there was news."""
         before, self._told = self._told, now
         if before is None or (now.error, now.rescue) == (before.error, before.rescue):
-            return
+            return False
         if now.path != before.path:
             print(f"recording {now.path}", flush=True)
         if now.rescue != before.rescue:
@@ -219,7 +220,7 @@ class RecordNode(Node):
                 self.get_logger().error(f"recording: {now.error}")
             else:
                 self.get_logger().warning(f"recording goes on, {now.dropped} messages were dropped")
-        self._diagnostics.publish()
+        return True
 
     def _look_at(self, recorder: Recorder, name: str, types: list[str]) -> None:
         kind = self._types.get(name, types[0])
@@ -334,6 +335,8 @@ class RecordNode(Node):
         progress = self._ended if self._recorder is None else self._recorder.progress
         if progress is None:
             return Level.OK, "not recording", {}
+        if self._recorder:
+            self._tell(progress)  # what the diagnostics say is on the screen as well, however short it lasts
         values = {
             "path": progress.path,
             "messages": progress.messages,
