@@ -230,7 +230,7 @@ def test_stages_make_up_the_step(source: str, words: list[str], stages: set[str]
     assert stages <= names
     assert found.stages[-1].name == OTHER
     assert sum(s.seconds for s in found.stages) == pytest.approx(found.step.mean)
-    assert all(s.seconds > 0 for s in found.stages if s.calls)
+    assert all(np.isfinite(s.seconds) for s in found.stages)
     assert found.step.mean > 0
     assert found.absent == ()
 
