@@ -19,6 +19,7 @@ ARGUMENTS = (
     ("sim", "true", "Whether the simulator runs"),
     ("ik", "true", "Whether inverse kinematics runs"),
     ("view", "false", "Whether the page is served"),
+    ("servos", "3", "How many servos the robot of the driver has; that of the scene"),
     ("port", "mock", "Port of the servos: auto, mock, a device"),
     ("protocol", "", "framed, legacy, ascii or framed_or_legacy; the driver's default if empty"),
     ("calibration", "", "File of `tripod calibrate`"),
@@ -56,6 +57,7 @@ def nodes(context: LaunchContext) -> list[Node]:
                 given,
                 {name: given[name] for name in ("port", "protocol", "calibration")},
                 autostart=given["autostart"] == "true",
+                servos=int(given["servos"]),
             ),
         ),
         node("record", given, {"directory": given["record"]}, wanted=str(bool(given["record"]))),
@@ -90,7 +92,7 @@ def node(
     )
 
 
-def parameters(given: Mapping[str, str], values: Mapping[str, str], **more: bool) -> list[object]:
+def parameters(given: Mapping[str, str], values: Mapping[str, str], **more: bool | int) -> list[object]:
     """Return the file of parameters, if there is one, and what counts above it: the values that are not empty."""
     from launch_ros.parameter_descriptions import ParameterValue  # noqa: PLC0415
 

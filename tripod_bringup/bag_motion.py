@@ -28,10 +28,10 @@ def joint_path(bag: Bag, wanted: Callable[[str], bool]) -> JointPath:
                 f"{bag.info.path} holds {len(topics)} robots, {', '.join(topics)}: choose one by --topics"
             )
         if topics:
-            read = _commanded if source == names.COMMANDS else _sent
-            times, joints = read(bag, topics[0])
+            commanded = source == names.COMMANDS
+            times, joints = (_commanded if commanded else _sent)(bag, topics[0])
             if len(times):
-                return _rising(times, joints)
+                return _rising(times, joints, len(joints[0]) - commanded)
     raise RecordError(f"{bag.info.path} holds no motion of the joints ({' or '.join(SOURCES)})")
 
 
@@ -57,14 +57,14 @@ def _sent(bag: Bag, topic: str) -> tuple[list[float], list[FloatArray]]:
     for heard in bag.messages(topic.__eq__):
         message = bag.decoded(heard)
         angles = dict(zip(message.name, message.position, strict=False))
-        row = np.array([angles.get(name, np.nan) for name in names.SERVOS])
-        if np.isfinite(row).all():
+        row = np.array([angles[name] for name in names.servo_names(names.count_servos(angles))])
+        if len(row) and np.isfinite(row).all() and (not joints or len(joints[0]) == len(row)):
             times.append(1e-9 * (heard.log_time - bag.start))
             joints.append(row)
     return times, joints
 
 
-def _rising(times: list[float], joints: list[FloatArray]) -> JointPath:
+def _rising(times: list[float], joints: list[FloatArray], servos: int) -> JointPath:
     t = np.maximum.accumulate(np.array(times))
     kept = np.append(np.diff(t) > 0, True)
-    return JointPath(t[kept], np.array(joints)[kept])
+    return JointPath(t[kept], np.array(joints)[kept], servos)

@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from tripod_graph.names import count_servos, servo_names
 from tripod_host.writing import replaced
 from tripod_record.errors import RecordError
 from tripod_record.table import Series
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
 Curve = tuple[str, str, str, float]
 """Topic, field, style and factor to the unit of the panel."""
@@ -20,7 +21,10 @@ DEGREES, MILLIMETRES = 180 / np.pi, 1e3
 def panels(series: dict[str, Series]) -> list[tuple[str, str, list[Curve]]]:
     """Return title, unit and curves of each panel that has any."""
     poses = [(f"position.{axis}", f"pose.position.{axis}") for axis in "xyz"]
-    joints = [f"position.servo_{i}" for i in range(3)]
+    told = {name for found in series.values() for name in found.values}
+    joints = [
+        f"position.{name}" for name in servo_names(count_servos(n.removeprefix("position.") for n in told))
+    ]
     found = [
         (
             "servo angles: simulated; of the robot dashed",

@@ -35,8 +35,6 @@ SETTLED_AFTER = 1.0
 FOLLOWERS = 2
 """Who must hear a joint trajectory: simulator and driver."""
 
-JOINTS = (*names.SERVOS, names.SLIDE)
-
 
 class DemoNode(Node):
     """Publishes modes, the way to the working pose and the targets; `DemoSession` decides which and when.
@@ -52,7 +50,7 @@ class DemoNode(Node):
         self.session = DemoSession(SessionTimes(track=track), shape)
         self.measured = Measurements()
         self._go, self._cut = threading.Event(), threading.Event()
-        self._joints, self._effector = np.full(4, np.nan), np.full(3, np.nan)
+        self._joints, self._effector = np.full(1, np.nan), np.full(3, np.nan)
         self._stamp_start = 0.0
         self._mandate = Mandate(new_source("demo", self.get_namespace()))
         self._speaker = Speaker(self, self._mandate)
@@ -141,9 +139,9 @@ class DemoNode(Node):
         self.measured.packets, self.measured.port = int(message.packets_sent), message.port
 
     def _on_joints(self, message: Any) -> None:
-        for name, value in zip(message.name, message.position, strict=False):
-            if name in JOINTS:
-                self._joints[JOINTS.index(name)] = value
+        told = dict(zip(message.name, message.position, strict=False))
+        named = names.joint_names(names.count_servos(told))
+        self._joints = np.array([told.get(name, np.nan) for name in named])
 
     def _on_effector(self, message: Any) -> None:
         position = message.pose.position
@@ -165,13 +163,13 @@ def seconds(stamp: Time) -> float:
 
 
 def trajectory_message(pose: tuple[float, ...], duration: float, source: str) -> JointTrajectory:
-    """Return a trajectory of `source` with one point: joint values `pose` [rad, rad, rad, m] after `duration` [s]."""
+    """Return a trajectory of `source` with one point: joint values `pose` [rad, m] after `duration` [s]."""
     whole = int(duration)
     point = JointTrajectoryPoint(
         positions=list(pose),
         time_from_start=Duration(sec=whole, nanosec=round((duration - whole) * 1e9)),
     )
-    message = JointTrajectory(joint_names=list(JOINTS), points=[point])
+    message = JointTrajectory(joint_names=list(names.joint_names(len(pose) - 1)), points=[point])
     message.header.frame_id = source
     return message
 

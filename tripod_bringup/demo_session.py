@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tripod_bringup.demo_target import DemoTarget
 from tripod_graph.mode import Mode
-from tripod_graph.names import WORKING_POSE
+from tripod_graph.names import working_pose
 
 FloatArray = NDArray[np.float64]
 
@@ -30,12 +30,12 @@ class Heard:
 
     Attributes:
         linked: Whether everybody who must hear the session is connected and alive.
-        joints: Simulated joint values [rad, rad, rad, m], shape (4,), NaN before the first.
+        joints: Simulated joint values: angles [rad] and the slide [m], NaN before the first.
         effector: Simulated effector position [m], shape (3,), NaN before the first.
     """
 
     linked: bool = False
-    joints: FloatArray = field(default_factory=lambda: np.full(4, np.nan))
+    joints: FloatArray = field(default_factory=lambda: np.full(1, np.nan))
     effector: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
 
     @property
@@ -50,7 +50,7 @@ class Action:
 
     Attributes:
         mode: A control mode to announce.
-        pose: Joint values [rad, rad, rad, m] to command, to be reached in `move_time` [s].
+        pose: Joint values [rad, m] to command, to be reached in `move_time` [s].
         move_time: See `pose`.
         target: Effector target x, y, z [m].
     """
@@ -143,8 +143,10 @@ class DemoSession:
     def _move(self, now: float, elapsed: float, heard: Heard) -> Action:
         if elapsed < 0.3 + min(self._commands, 1) * self.times.move:  # the mode travels on another topic
             return Action()
-        off = np.abs(heard.joints - WORKING_POSE)
-        if self._commands and (off <= [self.ANGLE_TOLERANCE] * 3 + [self.SLIDE_TOLERANCE]).all():
+        servos = len(heard.joints) - 1
+        pose = working_pose(servos)
+        off = np.abs(heard.joints - pose)
+        if self._commands and (off <= [self.ANGLE_TOLERANCE] * servos + [self.SLIDE_TOLERANCE]).all():
             self._enter(Phase.SETTLE, now)
         elif elapsed > 0.3 + self.times.move + self.times.arrive:
             joints = ", ".join(f"{value:.4f}" for value in heard.joints)
@@ -153,7 +155,7 @@ class DemoSession:
             self._commands < 2
         ):  # again where the first ended on the way, this process having been silent too long
             self._commands += 1
-            return Action(pose=WORKING_POSE, move_time=self.times.move)
+            return Action(pose=pose, move_time=self.times.move)
         return Action()
 
     def _settle(self, now: float, elapsed: float, heard: Heard) -> Action:

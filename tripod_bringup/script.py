@@ -34,4 +34,4 @@ def joint_path(
     if len(times) == 1:
         times = np.append(times, times + HELD)
     joints = [np.append(angles.at(t), slides.at(t) if slides else []) for t in times]
-    return JointPath(times, np.array(joints))
+    return JointPath(times, np.array(joints), angles.values.shape[1])

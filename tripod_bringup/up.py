@@ -66,6 +66,7 @@ class UpOptions:
         namespace: Of all nodes, with its leading slash: two robots in one domain have two.
         duration: How long the chain (or with `demo` the targets) shall run [s], None until told.
         subnet: Whether ROS discovery may leave this machine.
+        servos: How many the scene has; None: it has none.
         values: More parameters, by node and name.
         verbose: Whether to show what the nodes log as information.
     """
@@ -80,6 +81,7 @@ class UpOptions:
     namespace: str = "/"
     duration: float | None = None
     subnet: bool = False
+    servos: int | None = None
     values: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     verbose: bool = False
 
@@ -132,16 +134,18 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
         arguments = [*place, *node_arguments(given), *(["--subnet"] if options.subnet else [])]
         return ProcessSpec(name, f"tripod_{name}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
 
+    other = options.servos not in (None, len(names.SERVOS))  # nodes take the Tripod's unless told
     record = spec(
         "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=15.0
     )
     sim = spec("sim", {"scene": options.scene}, ready=lambda: watch.heard(names.SIM_STATUS))
-    ik = spec("ik", {}, ready=lambda: watch.is_published(names.IK_STATUS))
+    ik = spec(
+        "ik", {"scene": options.scene} if other else {}, ready=lambda: watch.is_published(names.IK_STATUS)
+    )
     view_values = {} if options.view_port is None else {"port": options.view_port}
     view = spec("view", view_values, ready=lambda: bool(facts.page))
-    driver = spec(
-        "driver", {"port": options.port}, ready=lambda: watch.heard(names.ROBOT_STATUS), stop_time=10.0
-    )
+    driver_values = {"port": options.port, **({"servos": options.servos} if other else {})}
+    driver = spec("driver", driver_values, ready=lambda: watch.heard(names.ROBOT_STATUS), stop_time=10.0)
     return [
         [record] if options.record is not None else [],
         [sim, ik, *([view] if options.view else [])],

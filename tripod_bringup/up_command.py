@@ -49,6 +49,7 @@ def up_command(
         check_scene(scene, words_of_set(values))
         if sentence := settle(scene, values, wished(accuracy, budget), study):
             print(sentence, file=sys.stderr)
+        servos = servos_of(scene, words_of_set(values))
         script = joint_path(scene, words_of_set(values), servo, slide)
         if script and demo:
             raise ValueError("--demo moves the robot itself; leave out --servo")
@@ -73,6 +74,7 @@ def up_command(
         namespace=namespace,
         duration=duration,
         subnet=subnet,
+        servos=servos,
         values=values,
         verbose=verbose,
     )
@@ -195,6 +197,15 @@ def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | Non
         return ""
     values.setdefault("sim", {})["set"] = ";".join(choice.overrides)
     return choice.sentence
+
+
+def servos_of(scene: str, overrides: Sequence[str]) -> int | None:
+    """Return how many servos a scene has; None: it has none. Raises SceneError, which is a ValueError."""
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415 - pure and small
+    from tripod_sim.scene_short import joints_of  # noqa: PLC0415
+
+    joints = joints_of(load_scene(scene, overrides))
+    return joints.count if joints else None
 
 
 def check_scene(scene: str, overrides: Sequence[str]) -> None:

@@ -6,7 +6,8 @@ from typing import Final
 from tripod_driver.calibration import Calibration
 from tripod_driver.framed import VERSION
 from tripod_driver.framed_messages import HelloReply, ResetCause
-from tripod_graph.names import SERVOS
+from tripod_driver.protocol import SERVO_COUNT
+from tripod_graph.names import servo_names
 
 FLASH_ADVICE: Final = "bring it up to date: make -C firmware, then tripod flash"
 
@@ -56,9 +57,13 @@ def why_not(reply: HelloReply, calibration: Calibration) -> str:
     """Return why this board cannot be driven; empty if it can."""
     if reply.protocol != VERSION:
         return other_version(reply.protocol)
-    if reply.servo_count != len(SERVOS):
-        return f"its firmware drives {reply.servo_count} servos, the robot has {len(SERVOS)}; {FLASH_ADVICE}"
-    for name, servo in zip(SERVOS, calibration.servos, strict=True):
+    count, found = len(calibration.servos), reply.servo_count
+    if not found == count == len(reply.pulses):
+        advice = (
+            FLASH_ADVICE if count == SERVO_COUNT else "choose a scene of the robot at hand, or port:=mock"
+        )
+        return f"its firmware drives {found} servos, the robot has {count}; {advice}"
+    for name, servo in zip(servo_names(count), calibration.servos, strict=True):
         for angle in servo.safe_range:
             pulse = servo.pulse(angle)
             if not reply.pulse_min <= round(TENTHS * pulse) <= reply.pulse_max:
@@ -68,8 +73,9 @@ def why_not(reply: HelloReply, calibration: Calibration) -> str:
 
 
 def why_not_from(position: Sequence[float], calibration: Calibration) -> str:
-    """Return why motion must not begin at these angles [rad], shape (3,); empty if it may."""
-    for name, angle, low, high in zip(SERVOS, position, calibration.lower, calibration.upper, strict=True):
+    """Return why motion must not begin at these angles [rad], shape (s,); empty if it may."""
+    names = servo_names(len(calibration.servos))
+    for name, angle, low, high in zip(names, position, calibration.lower, calibration.upper, strict=True):
         if not low - STATE_SLACK <= angle <= high + STATE_SLACK:
             return (
                 f"{name} stands at {angle:.3f} rad, its safe range is {low:g} to {high:g} rad: "

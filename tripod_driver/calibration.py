@@ -104,29 +104,25 @@ class Calibration:
     """The calibration of the whole robot.
 
     Attributes:
-        servos: One for each joint of `tripod_graph.names.SERVOS`, in that order.
+        servos: One for each servo, in the order of their joints.
     """
 
     servos: tuple[ServoCalibration, ...] = field(default=(ServoCalibration(),) * len(SERVOS))
 
-    def __post_init__(self) -> None:
-        if len(self.servos) != len(SERVOS):
-            raise CalibrationError(f"{len(self.servos)} servos given; the robot has {', '.join(SERVOS)}")
-
     @property
     def lower(self) -> tuple[float, ...]:
-        """Smallest angles that may be sent [rad], shape (3,)."""
+        """Smallest angles that may be sent [rad], shape (s,)."""
         return tuple(servo.safe_range[0] for servo in self.servos)
 
     @property
     def upper(self) -> tuple[float, ...]:
-        """Largest angles that may be sent [rad], shape (3,)."""
+        """Largest angles that may be sent [rad], shape (s,)."""
         return tuple(servo.safe_range[1] for servo in self.servos)
 
     def pulses(self, angles: Sequence[float]) -> tuple[float, ...]:
-        """Return the pulse widths [us], shape (3,), for joint angles [rad], shape (3,)."""
+        """Return the pulse widths [us], shape (s,), for joint angles [rad], shape (s,)."""
         return tuple(servo.pulse(angle) for servo, angle in zip(self.servos, angles, strict=True))
 
     def angles(self, pulses: Sequence[float]) -> tuple[float, ...]:
-        """Return the joint angles [rad], shape (3,), of pulse widths [us], shape (3,)."""
+        """Return the joint angles [rad], shape (s,), of pulse widths [us], shape (s,)."""
         return tuple(servo.angle(pulse) for servo, pulse in zip(self.servos, pulses, strict=True))

@@ -8,7 +8,7 @@ from typing import Any, Final
 import yaml
 
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
-from tripod_graph.names import SERVOS
+from tripod_graph.names import SERVOS, servo_names
 from tripod_host.reading import read_file
 
 LARGEST_FILE: Final = 65536
@@ -65,10 +65,11 @@ def parse_calibration(text: str) -> Calibration:
             raise
         raise CalibrationError(f"a value cannot be read: {error!s:.100}") from None
     servos = _mapping(table, "the file", ("servos",)).get("servos")
-    found = _mapping(servos, "servos", SERVOS)
-    if missing := [name for name in SERVOS if name not in found]:
-        raise CalibrationError(f"servos.{missing[0]} is missing; all of {', '.join(SERVOS)} are needed")
-    return Calibration(tuple(_servo(name, found[name]) for name in SERVOS))
+    names = servo_names(max(len(SERVOS), len(servos) if isinstance(servos, dict) else 0))
+    found = _mapping(servos, "servos", names)
+    if missing := [name for name in names if name not in found]:
+        raise CalibrationError(f"servos.{missing[0]} is missing; all of {', '.join(names)} are needed")
+    return Calibration(tuple(_servo(name, found[name]) for name in names))
 
 
 def read_calibration(path: Path) -> Calibration:
@@ -88,7 +89,8 @@ def read_calibration(path: Path) -> Calibration:
 def calibration_text(calibration: Calibration) -> str:
     """Return the YAML of a calibration, with what its fields mean; `parse_calibration` reads it back."""
     lines = [HEADER + "servos:"]
-    for name, servo in zip(SERVOS, calibration.servos, strict=True):
+    names = servo_names(len(calibration.servos))
+    for name, servo in zip(names, calibration.servos, strict=True):
         pulses = ", ".join(f"{pulse:.1f}" for pulse in servo.pulse_range)
         safe = ", ".join(f"{angle:.6f}" for angle in servo.safe_range)
         lines += [

@@ -40,6 +40,6 @@ def choose_sessions(
 
 
 def common_bounds(sessions: Sequence[Session]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the smallest and largest angles [rad] that packets of all `sessions` can carry, shape (3,) each."""
+    """Return the smallest and largest angles [rad] that packets of all `sessions` can carry, shape (s,) each."""
     lower, upper = zip(*(session.bounds() for session in sessions), strict=True)
     return tuple(map(max, zip(*lower, strict=True))), tuple(map(min, zip(*upper, strict=True)))

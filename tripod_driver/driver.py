@@ -9,7 +9,6 @@ from tripod_driver.memory import Memory
 from tripod_driver.place import Place
 from tripod_driver.safety import PULSE_PERIOD, Safety
 from tripod_driver.session import Content
-from tripod_graph.names import SERVOS
 
 WATCHDOG_SHARE: float = 0.3
 """Part of the board's watchdog time after which an unchanged packet is sent again at the latest: two may be lost."""
@@ -63,12 +62,12 @@ class Driver:
         self._content: Content | None = None
         self._firm: Content | None = None  # the newest that is acknowledged, in this conversation
         self._sent_at = self._due = float("-inf")
-        self._sent = (float("nan"),) * len(SERVOS)
+        self._sent = (float("nan"),) * len(safety.servos)
         self._place: Place | None = None
 
     @property
     def sent(self) -> tuple[float, ...]:
-        """Angles in the last packet, after rounding [rad], shape (3,); NaN before the first."""
+        """Angles in the last packet, after rounding [rad], shape (s,); NaN before the first."""
         return self._sent
 
     @property
@@ -186,7 +185,7 @@ class Driver:
         if session.place is not None:
             return session.place
         content, sure = self.memory.recall()
-        if content is None:
+        if content is None or len(content) != len(self.safety.servos):
             return Place(self.safety.place)
         return Place(session.angles(content), "it was told so before it lost its power" if sure else "")
 
@@ -206,5 +205,5 @@ class Driver:
         self.safety.moved(angles)
 
     def _near(self, angles: Sequence[float], others: Sequence[float]) -> bool:
-        """Whether one packet could have made the difference of angles [rad], shape (3,)."""
+        """Whether one packet could have made the difference of angles [rad], shape (s,)."""
         return bool(np.abs(np.subtract(angles, others)).max() <= self.safety.longest_step)

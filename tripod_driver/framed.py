@@ -31,7 +31,7 @@ from tripod_driver.framed_messages import (
     ResetCause,
     SetPulses,
 )
-from tripod_driver.protocol import ProtocolError
+from tripod_driver.protocol import SERVO_COUNT, ProtocolError
 
 __all__ = [
     "BODY_MAX",
@@ -81,9 +81,9 @@ class Drop(StrEnum):
     VALUE = "value without a meaning"
 
 
-_PULSES = struct.Struct("<3H")
-_HELLO_REPLY = struct.Struct("<4B4H3B3H")
-_ACKNOWLEDGEMENT = struct.Struct("<2B3HH")
+_HELLO_REPLY = struct.Struct("<4B4H3B")
+_STATE = struct.Struct("<2B")
+_DROPPED = struct.Struct("<H")
 _ERROR = struct.Struct("<2BH")
 
 _TYPES: dict[type, int] = {
@@ -103,7 +103,7 @@ M = TypeVar("M", Hello, Hold, Release)
 def _payload(message: Message) -> bytes:
     match message:
         case SetPulses():
-            return _PULSES.pack(*message.pulses)
+            return _packed(message.pulses)
         case HelloReply() as m:
             return _HELLO_REPLY.pack(
                 *m.firmware,
@@ -116,10 +116,9 @@ def _payload(message: Message) -> bytes:
                 m.reset,
                 m.state,
                 m.flags,
-                *m.pulses,
-            )
+            ) + _packed(m.pulses)
         case Acknowledgement() as m:
-            return _ACKNOWLEDGEMENT.pack(m.state, m.flags, *m.pulses, m.dropped)
+            return _STATE.pack(m.state, m.flags) + _packed(m.pulses) + _DROPPED.pack(m.dropped)
         case Error():
             return _ERROR.pack(message.code, message.type, message.detail)
         case ImuLine():
@@ -137,22 +136,33 @@ def _empty(kind: type[M]) -> Callable[[bytes], M]:
     return decode
 
 
+def _packed(pulses: Pulses) -> bytes:
+    return struct.pack(f"<{len(pulses)}H", *pulses)
+
+
+def _pulses(payload: bytes) -> Pulses:
+    return struct.unpack(f"<{len(payload) // 2}H", payload)
+
+
 def _set_pulses(payload: bytes) -> SetPulses:
-    a, b, c = _PULSES.unpack(payload)
-    return SetPulses((a, b, c))
+    return SetPulses(_pulses(payload))
 
 
 def _hello_reply(payload: bytes) -> HelloReply:
-    major, minor, protocol, count, low, high, watchdog, slew, *rest = _HELLO_REPLY.unpack(payload)
-    reset, state, flags, a, b, c = rest
+    size = _HELLO_REPLY.size
+    major, minor, protocol, count, low, high, watchdog, slew, *rest = _HELLO_REPLY.unpack(payload[:size])
+    reset, state, flags = rest
     limits = (low, high, watchdog, slew)
-    told = (ResetCause(reset), BoardState(state), Flags(flags), (a, b, c))
+    told = (ResetCause(reset), BoardState(state), Flags(flags), _pulses(payload[size:]))
     return HelloReply((major, minor), protocol, count, *limits, *told)
 
 
 def _acknowledgement(payload: bytes) -> Acknowledgement:
-    state, flags, a, b, c, dropped = _ACKNOWLEDGEMENT.unpack(payload)
-    return Acknowledgement(BoardState(state), Flags(flags), (a, b, c), dropped)
+    state, flags = _STATE.unpack(payload[: _STATE.size])
+    (dropped,) = _DROPPED.unpack(payload[-_DROPPED.size :])
+    return Acknowledgement(
+        BoardState(state), Flags(flags), _pulses(payload[_STATE.size : -_DROPPED.size]), dropped
+    )
 
 
 def _error(payload: bytes) -> Error:
@@ -174,6 +184,10 @@ _DECODERS: dict[int, Callable[[bytes], Message]] = {
     0x83: _error,
     0x84: _imu_line,
 }
+
+
+_SIZES = {0x02: 0, 0x82: _STATE.size + _DROPPED.size}
+"""Length of payloads that have a pulse for each servo, without these."""
 
 
 def cobs_encode(data: bytes) -> bytes:
@@ -215,9 +229,11 @@ class Decoder:
     """Finds frames in a stream with garbage in it; holds BODY_MAX + 1 bytes at most.
 
     Attributes:
+        servos: How many each message is about; only a hello reply may tell of another number.
         dropped: How often something between two delimiters was dropped, by reason.
     """
 
+    servos: int = SERVO_COUNT
     dropped: Counter[Drop] = field(default_factory=Counter)
     _partial: bytearray = field(default_factory=bytearray)
     _too_long: bool = False
@@ -246,14 +262,14 @@ class Decoder:
         self._too_long = False
         if not encoded:
             return None
-        result = Drop.TOO_LONG if too_long else _frame(encoded)
+        result = Drop.TOO_LONG if too_long else _frame(encoded, self.servos)
         if isinstance(result, Drop):
             self.dropped[result] += 1
             return None
         return result
 
 
-def _frame(encoded: bytes) -> Frame | Drop:
+def _frame(encoded: bytes, servos: int) -> Frame | Drop:
     body = cobs_decode(encoded)
     if body is None:
         return Drop.COBS
@@ -264,13 +280,15 @@ def _frame(encoded: bytes) -> Frame | Drop:
     version, kind, sequence = body[:_HEADER_SIZE]
     if version != VERSION:
         return Frame(sequence, OtherVersion(version))
-    message = _message(kind, body[_HEADER_SIZE:-_CRC_SIZE])
+    message = _message(kind, body[_HEADER_SIZE:-_CRC_SIZE], servos)
     return message if isinstance(message, Drop) else Frame(sequence, message)
 
 
-def _message(kind: int, payload: bytes) -> Message | Drop:
+def _message(kind: int, payload: bytes, servos: int) -> Message | Drop:
     if kind not in _DECODERS:
         return Drop.TYPE
+    if len(payload) != _SIZES.get(kind, 0) + 2 * servos and kind in _SIZES:
+        return Drop.LENGTH
     try:
         return _DECODERS[kind](payload)
     except struct.error:

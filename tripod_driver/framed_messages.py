@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
-from tripod_driver.protocol import SERVO_COUNT, ProtocolError
+from tripod_driver.protocol import ProtocolError
 
 TEXT_MAX = 32
 """Longest text of an `ImuLine`."""
 
-Pulses = tuple[int, int, int]
-"""Pulse widths of the three servos [0.1 us], 0 to 65535."""
+Pulses = tuple[int, ...]
+"""Pulse width of each servo [0.1 us], 0 to 65535."""
+
+SERVOS_MAX = 10
+"""Most servos of one board: a hello reply with more pulses is longer than a frame can be."""
 
 
 def _check_number(name: str, value: int, highest: int) -> None:
@@ -18,8 +21,8 @@ def _check_number(name: str, value: int, highest: int) -> None:
 
 
 def _check_pulses(pulses: Pulses) -> None:
-    if len(pulses) != SERVO_COUNT:
-        raise ProtocolError(f"{len(pulses)} pulses given; a message carries {SERVO_COUNT}")
+    if not 0 < len(pulses) <= SERVOS_MAX:
+        raise ProtocolError(f"{len(pulses)} pulses given; a message carries 1 to {SERVOS_MAX}")
     for i, pulse in enumerate(pulses):
         _check_number(f"pulse of servo {i}", pulse, 0xFFFF)
 
@@ -86,7 +89,7 @@ class SetPulses:
     """Host to board: emit these pulses from the next period on.
 
     Attributes:
-        pulses: Pulse widths of servos 0, 1, 2 [0.1 us].
+        pulses: Pulse width of each servo [0.1 us].
     """
 
     pulses: Pulses
@@ -112,7 +115,7 @@ class HelloReply:
     Attributes:
         firmware: Version of the firmware: major, minor.
         protocol: Version of the protocol.
-        servo_count: Number of servos.
+        servo_count: Number of servos, which is that of its pulses.
         pulse_min: Shortest pulse that the board emits [0.1 us].
         pulse_max: Longest pulse that the board emits [0.1 us].
         watchdog: Silence after which the board holds, and after as much again releases [ms].

@@ -31,7 +31,6 @@ from tripod_driver.imu import parse_line
 from tripod_driver.place import Place
 from tripod_driver.protocol import HEADER
 from tripod_driver.session import ECHO, READINGS_MAX, Content, Session, SessionState, shown
-from tripod_graph.names import SERVOS
 
 HELLO_PERIOD: Final = 0.1
 """Time between two hellos [s]."""
@@ -61,8 +60,8 @@ HEARD_MAX: Final = 64
 class FramedSession(Session):
     """Says hello until it is answered, numbers its packets, and watches that each is acknowledged.
 
-    Only a board of this protocol version, with three servos and a range of pulses that covers the calibration, becomes
-    ready. After that, silence for `SILENCE` ends the conversation; a reset of the board, or its watchdog,
+    Only a board of this protocol version, with as many servos as the calibration and a range of pulses that covers it,
+    becomes ready. After that, silence for `SILENCE` ends the conversation; a reset of the board, or its watchdog,
     interrupts the motion; replies to frames that were never sent mean that someone else writes to the port.
     """
 
@@ -75,7 +74,7 @@ class FramedSession(Session):
         super().__init__()
         self._calibration = calibration
         self._needed = calibration if needed is None else needed
-        self._decoder = Decoder()
+        self._decoder = Decoder(len(calibration.servos))
         self._sequence = 0
         self._unanswered: deque[tuple[int, float]] = deque()
         self._newest: int | None = None  # sequence of the newest packet, until it is acknowledged
@@ -91,7 +90,7 @@ class FramedSession(Session):
 
     def begin(self, now: float, boot_time: float) -> None:
         """Say hello from `now` on, until `ANSWER_TIME` after the board must have booted."""
-        self._decoder = Decoder()
+        self._decoder = Decoder(len(self._calibration.servos))
         self._heard.clear()
         self._echo = self._restarted = False
         self._open(now, now + boot_time + ANSWER_TIME)
@@ -128,12 +127,11 @@ class FramedSession(Session):
 
     def packet(self, content: Content, now: float) -> bytes:
         """Return the frame that sets these pulses; its answer is expected within `SILENCE`."""
-        a, b, c = content
         sequence = self._next_sequence()
         self._unanswered.append((sequence, now))
         self._newest = sequence
         self._hello_due = now + IDLE_PERIOD
-        return encode(SetPulses((a, b, c)), sequence)
+        return encode(SetPulses(content), sequence)
 
     def angles(self, content: Content) -> tuple[float, ...]:
         """Return the angles [rad] that have these pulses."""
@@ -259,8 +257,9 @@ class FramedSession(Session):
         elif not self._answers(sequence, now):
             self._suspect(now)
         elif error.code is ErrorCode.PULSE:
-            name = SERVOS[error.detail] if error.detail < len(SERVOS) else f"servo {error.detail}"
-            self._refuse(f"the board refuses the pulse of {name} as out of its range; {FLASH_ADVICE}")
+            self._refuse(
+                f"the board refuses the pulse of servo_{error.detail} as out of its range; {FLASH_ADVICE}"
+            )
         else:
             self._refuse(
                 f"the board refuses a message ({error.code.name.lower()} {error.detail}); {FLASH_ADVICE}"

@@ -20,11 +20,14 @@ Content = tuple[int, ...]
 """Numbers of one packet, see `tripod_driver.session`."""
 
 LINE_SIZE: Final = 80
-"""Bytes of the file."""
+"""Bytes of the file of a board with three servos; those of more take whole multiples of it."""
+
+LONGEST: Final = 2 * LINE_SIZE
+"""Of a file: ten servos."""
 
 BOOT: Final = Path("/proc/sys/kernel/random/boot_id")
 
-_LINE = re.compile(rb"(tripod place 1 (\S+) (\d{1,5}) (\d{1,5}) (\d{1,5})) ([0-9a-f]{8}) *\n")
+_LINE = re.compile(rb"(tripod place 1 (\S+)((?: \d{1,5})+)) ([0-9a-f]{8}) *\n")
 
 
 class Memory:
@@ -42,6 +45,7 @@ class Memory:
         self._folder, self._boot = folder, _boot(boot)
         self._board: str | None = None
         self._file: int | None = None
+        self._size = 0
         self._content: Content | None = None
         self._sure = False
 
@@ -56,7 +60,9 @@ class Memory:
         self.path = self._folder / _file_name(board)
         try:
             self._file = _opened(self.path)
-            self._recall(os.pread(self._file, LINE_SIZE + 1, 0))
+            found = os.pread(self._file, LONGEST + 1, 0)
+            self._size = len(found)
+            self._recall(found)
         except OSError as error:
             self._give_up(error)
 
@@ -71,8 +77,12 @@ class Memory:
         self._content, self._sure = content, True
         if self._file is None:
             return
+        line = _line(self._boot, content)
         try:
-            os.pwrite(self._file, _line(self._boot, content), 0)
+            os.pwrite(self._file, line, 0)
+            if len(line) < self._size:  # it was of more servos
+                os.ftruncate(self._file, len(line))
+            self._size = len(line)
         except OSError as error:
             self._give_up(error)
 
@@ -84,9 +94,9 @@ class Memory:
         self._sure, self.warning = False, ""
 
     def _recall(self, found: bytes) -> None:
-        match = _LINE.fullmatch(found) if len(found) == LINE_SIZE else None
-        if match is not None and int(match[6], 16) == crc32(match[1]):
-            self._content = tuple(int(number) for number in match.group(3, 4, 5))
+        match = _LINE.fullmatch(found) if len(found) % LINE_SIZE == 0 else None
+        if match is not None and int(match[4], 16) == crc32(match[1]):
+            self._content = tuple(int(number) for number in match[3].split())
             self._sure = bool(self._boot) and match[2] == self._boot.encode("ascii")
         elif found:
             self.warning = (
@@ -132,9 +142,10 @@ def _file_name(board: str) -> str:
 
 
 def _line(boot: str, content: Content) -> bytes:
-    a, b, c = content
-    text = f"tripod place 1 {boot or 'unknown'} {a} {b} {c}".encode("ascii")
-    return (b"%s %08x" % (text, crc32(text))).ljust(LINE_SIZE - 1) + b"\n"
+    numbers = " ".join(map(str, content))
+    text = f"tripod place 1 {boot or 'unknown'} {numbers}".encode("ascii")
+    whole = b"%s %08x" % (text, crc32(text))
+    return whole.ljust(-(-(len(whole) + 1) // LINE_SIZE) * LINE_SIZE - 1) + b"\n"
 
 
 def _opened(path: Path) -> int:

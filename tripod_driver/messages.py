@@ -25,7 +25,7 @@ def status_message(driver: Driver) -> RobotStatus:
         message=safety.message,
         port=driver.link.port.name,
         protocol=driver.link.session.name,
-        joint_names=list(names.SERVOS),
+        joint_names=list(safety.servos),
         commanded=safety.commanded,
         sent=driver.sent,
         place_known=safety.place_known,
@@ -35,9 +35,9 @@ def status_message(driver: Driver) -> RobotStatus:
         rejected_commands=safety.rejected,
         last_rejection=safety.last_rejection,
         authority=authority_message(safety.authority),
-        lower=safety.range.lower[:3],
-        upper=safety.range.upper[:3],
-        speed=safety.range.speed[:3],
+        lower=safety.range.lower[:-1],
+        upper=safety.range.upper[:-1],
+        speed=safety.range.speed[:-1],
     )
 
 

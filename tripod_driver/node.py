@@ -85,7 +85,7 @@ class DriverNode(LifecycleNode):
 
     def _adopt(self, values: Mapping[str, Any]) -> None:
         """Take rates, times and slew rates that have changed."""
-        self._safety.adopt(limits_from(values))
+        self._safety.adopt(limits_from(values, values["servos"]))
         self._driver.period, self._driver.keep_alive = 1.0 / values["rate"], values["keep_alive"]
         self._park_time_max = values["park_time_max"]
         set_period(self._timer, TURN * self._driver.period)
@@ -197,7 +197,7 @@ class DriverNode(LifecycleNode):
         self._on_timer()
 
     def _publish_joint_states(self, angles: Sequence[float]) -> None:
-        message = JointState(name=list(names.SERVOS), position=angles)
+        message = JointState(name=list(self._safety.servos), position=angles)
         message.header.stamp = self.get_clock().now().to_msg()
         for publisher in self._joint_states:
             publisher.publish(message)

@@ -10,7 +10,7 @@ class Place:
     """Where the servos stand, and how that is known.
 
     Attributes:
-        angles: Of the joints [rad], shape (3,); they may be outside of every limit.
+        angles: Of the joints [rad], shape (s,); they may be outside of every limit.
         source: Who says so, for people; empty: nobody does, and `angles` are the best guess.
         kept: Whether the board holds them there only as long as it hears of this driver.
     """
@@ -26,5 +26,5 @@ class Place:
 
 
 def library_start(calibration: Calibration) -> tuple[float, ...]:
-    """Return the joint angles [rad], shape (3,), at which the Arduino Servo library attaches its servos."""
+    """Return the joint angles [rad], shape (s,), at which the Arduino Servo library attaches its servos."""
     return calibration.angles([ARDUINO_START] * len(calibration.servos))

@@ -11,10 +11,8 @@ from tripod_driver.place import Place
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits, FloatArray
 from tripod_graph.goal import Motion, motion_of
 from tripod_graph.mode import Decision, Mode, ModeTracker
-from tripod_graph.names import SERVOS
+from tripod_graph.names import servo_names
 from tripod_graph.range import cut
-
-COUNT = len(SERVOS)
 
 PULSE_PERIOD: Final = 0.02
 """From pulse to pulse of a servo [s]: no two packets differ by more than the slew rate allows in this time."""
@@ -76,25 +74,25 @@ class Safety:
 
         Args:
             limits: Bounds of what may be commanded.
-            lower: Smallest angles that may be sent [rad], shape (3,).
-            upper: Largest angles that may be sent [rad], shape (3,).
-            start: Where the servos are guessed to be before a place is known [rad], shape (3,); None means the park
+            lower: Smallest angles that may be sent [rad], shape (s,).
+            upper: Largest angles that may be sent [rad], shape (s,).
+            start: Where the servos are guessed to be before a place is known [rad], shape (s,); None means the park
                 position.
 
         Raises:
             CommandError: a servo has no angle that may both be commanded and sent.
         """
         self._lower, self._upper = np.array(lower, float), np.array(upper, float)
-        for i, name in enumerate(SERVOS):
+        for i, name in enumerate(servo_names(limits.count)):
             if not max(self._lower[i], limits.angle_min) < min(self._upper[i], limits.angle_max):
                 safe = f"{self._lower[i]:g} to {self._upper[i]:g} rad"
                 asked = f"angle_min {limits.angle_min:g} to angle_max {limits.angle_max:g} rad"
                 raise CommandError(f"{name} may be sent {safe}, which is nowhere within {asked}")
-        self.range = limits.within(lower, upper, [limits.angle_speed] * COUNT)
+        self.range = limits.within(lower, upper, [limits.angle_speed] * limits.count)
         self.rejected, self.last_rejection = 0, ""
         self.moment: Callable[[float], float] = lambda now: now
         self._limits = limits
-        joints = None if start is None else [*start, limits.park[COUNT]]
+        joints = None if start is None else [*start, limits.park[-1]]
         self._follower = CommandFollower(limits, joints, longest_step=PULSE_PERIOD)
         self.authority = ModeTracker()
         self._board = State.DISCONNECTED
@@ -105,15 +103,22 @@ class Safety:
         self._creeping = False
         self._ignored = 0
         self._now = float("-inf")
-        self._output = self._follower.joints[:COUNT].copy()
+        self._output = self._follower.joints[:-1].copy()
         self._moved_at: float | None = None
 
     def adopt(self, limits: CommandLimits) -> None:
         """Keep to other slew rates and times from now on; their angles are those of before."""
         parking = self._follower.limits is not self._limits
-        self.range = limits.within(self._lower.tolist(), self._upper.tolist(), [limits.angle_speed] * COUNT)
+        self.range = limits.within(
+            self._lower.tolist(), self._upper.tolist(), [limits.angle_speed] * limits.count
+        )
         self._limits = limits
         self._follower.limits = replace(limits, park_after=0.0) if parking else limits
+
+    @property
+    def servos(self) -> tuple[str, ...]:
+        """Names of the servos' joints."""
+        return servo_names(self._limits.count)
 
     @property
     def state(self) -> State:
@@ -151,12 +156,12 @@ class Safety:
 
     @property
     def commanded(self) -> tuple[float, ...]:
-        """Angles asked for, within limits [rad], shape (3,)."""
-        return tuple(float(angle) for angle in self._follower.goal[:COUNT])
+        """Angles asked for, within limits [rad], shape (s,)."""
+        return tuple(float(angle) for angle in self._follower.goal[:-1])
 
     @property
     def place(self) -> tuple[float, ...]:
-        """Where the servos are, or are guessed to be [rad], shape (3,)."""
+        """Where the servos are, or are guessed to be [rad], shape (s,)."""
         return tuple(float(angle) for angle in self._output)
 
     @property
@@ -182,7 +187,7 @@ class Safety:
     @property
     def at_rest(self) -> bool:
         """Whether what may be sent is where it should be."""
-        goal = np.clip(self._follower.goal[:COUNT], self._lower, self._upper)
+        goal = np.clip(self._follower.goal[:-1], self._lower, self._upper)
         return bool(np.allclose(self._output, goal, rtol=0, atol=1e-9))
 
     # the board ------------------------------------------------------------------------------------------------
@@ -213,14 +218,14 @@ class Safety:
             self._follower.stop(self.moment(now))
 
     def moved(self, angles: Sequence[float]) -> None:
-        """Somebody else has moved the servos to `angles` [rad], shape (3,): what is sent goes on from there."""
+        """Somebody else has moved the servos to `angles` [rad], shape (s,): what is sent goes on from there."""
         self._follower.joints = self._stand(angles)
 
     def _stand(self, angles: Sequence[float]) -> FloatArray:
-        """Take the place of the servos [rad], shape (3,); return the joints nearest to it within limits, shape (4,)."""
+        """Take the place of the servos [rad], shape (s,); return the nearest joints within limits, shape (s + 1,)."""
         self._output, self._moved_at = np.array(angles, float), None
         joints = self._follower.joints.copy()
-        joints[:COUNT] = np.clip(angles, self._limits.angle_min, self._limits.angle_max)
+        joints[:-1] = np.clip(angles, self._limits.angle_min, self._limits.angle_max)
         return joints
 
     def clear(self) -> None:
@@ -315,20 +320,20 @@ class Safety:
     # the output -----------------------------------------------------------------------------------------------
 
     def setpoint(self, now: float) -> FloatArray | None:
-        """Return the angles to be sent at `now` [s], shape (3,); None: nothing may be sent. Call it at each tick."""
+        """Return the angles to be sent at `now` [s], shape (s,); None: nothing may be sent. Call it at each tick."""
         if not self.can_move:
             return None
         dt = 0.0 if self._moved_at is None else min(max(0.0, now - self._moved_at), PULSE_PERIOD)
         self._moved_at = now if self._moved_at is None else max(now, self._moved_at)
-        asked = np.clip(self._follower.setpoint(self.moment(now))[:COUNT], self._lower, self._upper)
+        asked = np.clip(self._follower.setpoint(self.moment(now))[:-1], self._lower, self._upper)
         if self._follower.activity is not Activity.HOLDING:  # that is to stay, also outside of the range
             step = dt * (min(CREEP, self._limits.angle_speed) if self._creeping else self._limits.angle_speed)
             self._output = self._output + np.clip(asked - self._output, -step, step)
             behind = self._output != asked
-            self._follower.joints[:COUNT][behind] = np.clip(
+            self._follower.joints[:-1][behind] = np.clip(
                 self._output, self._limits.angle_min, self._limits.angle_max
             )[behind]
-            end = np.clip(self._follower.end[:COUNT], self._lower, self._upper)
+            end = np.clip(self._follower.end[:-1], self._lower, self._upper)
             if np.allclose(self._output, end, rtol=0, atol=np.radians(0.5)):
                 self._creeping = False
         return self._output.copy()

@@ -78,7 +78,7 @@ class Session(ABC):
 
     @abstractmethod
     def content(self, angles: Sequence[float]) -> Content:
-        """Return what a packet of three angles [rad] would hold."""
+        """Return what a packet of angles [rad], shape (s,), would hold."""
 
     @abstractmethod
     def packet(self, content: Content, now: float) -> bytes:
@@ -86,11 +86,11 @@ class Session(ABC):
 
     @abstractmethod
     def angles(self, content: Content) -> tuple[float, ...]:
-        """Return the angles [rad], shape (3,), for which `content` stands."""
+        """Return the angles [rad], shape (s,), for which `content` stands."""
 
     @abstractmethod
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the smallest and largest angles [rad] that a packet can carry, shape (3,) each."""
+        """Return the smallest and largest angles [rad] that a packet can carry, shape (s,) each."""
 
     @property
     def watchdog(self) -> float | None:

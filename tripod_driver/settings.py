@@ -5,17 +5,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tripod_driver.calibration import Calibration
+from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
 from tripod_driver.calibration_file import read_calibration
 from tripod_driver.choose_session import PROTOCOLS, choose_sessions, common_bounds
 from tripod_driver.driver import Driver
+from tripod_driver.framed_messages import SERVOS_MAX
 from tripod_driver.link import Link
 from tripod_driver.memory import Memory, state_folder
 from tripod_driver.ports.choose import CHOICES, choose_port
 from tripod_driver.ports.mock import MockPort
-from tripod_driver.protocol import AngleMapping
+from tripod_driver.protocol import SERVO_COUNT, AngleMapping
 from tripod_driver.safety import Safety
-from tripod_graph import names
 from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
 from tripod_graph.parameters import Parameter
 
@@ -60,9 +60,16 @@ PARAMETERS: tuple[Parameter, ...] = (
         dynamic=True,
     ),
     Parameter(
+        "servos",
+        SERVO_COUNT,
+        "How many servos the robot has: a board that tells another number is refused, port mock has as many",
+        low=1,
+        high=SERVOS_MAX,
+    ),
+    Parameter(
         "start",
         [],
-        "Angles of the three servos after the board's own start, for boards that do not tell; unset: at 1500 us, where "
+        "Angles of the servos after the board's own start, for boards that do not tell; unset: at 1500 us, where "
         "the workshop's firmware attaches them; of this project's, which attaches none, the park position as a guess",
         "rad",
     ),
@@ -77,9 +84,14 @@ PARAMETERS: tuple[Parameter, ...] = (
 
 def make_driver(values: Mapping[str, Any]) -> Driver:
     """Build the driver that the parameters describe; raise ValueError, naming the parameter, if they are wrong."""
-    start = values["start"]
-    if start and len(start) != len(names.SERVOS):
-        raise ValueError(f"parameter 'start' has {len(start)} values; it needs {len(names.SERVOS)}")
+    start, count = values["start"], values["servos"]
+    if start and len(start) != count:
+        raise ValueError(f"parameter 'start' has {len(start)} values; it needs {count}")
+    if count != SERVO_COUNT and values["protocol"] != "framed":
+        raise ValueError(
+            f"parameter 'servos' is {count}, but a packet of protocol {values['protocol']} carries {SERVO_COUNT}; "
+            "choose protocol:=framed"
+        )
     if values["retry_max"] < values["retry_min"]:
         raise ValueError(
             f"parameter 'retry_max' is {values['retry_max']:g} s; allowed: at least retry_min {values['retry_min']:g} s"
@@ -94,11 +106,12 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
         baud=values["baud"] or sessions[0].baud,
         boot_time=values["boot_time"],
         write_timeout=values["write_timeout"],
+        servos=count,
     )
-    limits, memory = limits_from(values), Memory(state_folder(os.environ))
+    limits, memory = limits_from(values, count), Memory(state_folder(os.environ))
     if isinstance(port, MockPort):  # of which is known where it stands
         memory.turn_to(port.identity)
-        memory.keep(sessions[0].content(start or limits.park[: len(names.SERVOS)]))
+        memory.keep(sessions[0].content(start or limits.park[:-1]))
     return Driver(
         Link(port, *sessions, retry_min=values["retry_min"], retry_max=values["retry_max"]),
         Safety(limits, *common_bounds(sessions), start=start or None),
@@ -110,4 +123,12 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
 
 def chosen_calibration(values: Mapping[str, Any]) -> Calibration:
     """Return the calibration in the file that the parameters name, else the workshop's. Raises CalibrationError."""
-    return read_calibration(Path(values["calibration"])) if values["calibration"] else Calibration()
+    count = values["servos"]
+    if not values["calibration"]:
+        return Calibration((ServoCalibration(),) * count)
+    found = read_calibration(Path(values["calibration"]))
+    if len(found.servos) != count:
+        raise CalibrationError(
+            f"{values['calibration']} is of {len(found.servos)} servos, the robot has {count}"
+        )
+    return found

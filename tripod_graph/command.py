@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_graph.names import SERVOS, SLIDE
+from tripod_graph.names import SLIDE, joint_names, servo_names
 
 FloatArray = NDArray[np.float64]
 
@@ -55,9 +55,10 @@ class CommandLimits:
         slide_speed: Slew rate of the slide [m/s].
         timeout: Silence after which the joints hold [s].
         park_after: Time of holding after which they move to `park` [s].
-        park: Park position: three angles [rad] and the slide [m].
+        park: Park position: the angle of each servo [rad] and the slide [m]; empty: all 0.
         servos: Smallest and largest angle [rad] and slew rate [rad/s] of each servo, where they are narrower; none, or
-            three.
+            all.
+        count: Number of servos.
     """
 
     angle_min: float = -2.1
@@ -67,10 +68,13 @@ class CommandLimits:
     slide_speed: float = 0.1
     timeout: float = 0.5
     park_after: float = 5.0
-    park: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    park: tuple[float, ...] = ()
     servos: tuple[tuple[float, float, float], ...] = ()
+    count: int = 3
 
     def __post_init__(self) -> None:
+        if not self.park:
+            object.__setattr__(self, "park", (0.0,) * (self.count + 1))
         for name in (
             "angle_min",
             "angle_max",
@@ -90,63 +94,74 @@ class CommandLimits:
         for name in ("slide_max", "park_after"):
             if not getattr(self, name) >= 0:
                 raise CommandError(f"{name} is {getattr(self, name)}; it must not be negative")
-        self.check(np.array(self.park), "park position")
+        self.check(np.array(self.park, float), "park position")
 
     @cached_property
     def lower(self) -> FloatArray:
-        """Smallest joint values, three angles [rad] and the slide [m], shape (4,)."""
+        """Smallest joint values, angles [rad] and the slide [m], shape (count + 1,)."""
         return _fixed(*(max(self.angle_min, low) for low, _, _ in self._servos), 0.0)
 
     @cached_property
     def upper(self) -> FloatArray:
-        """Largest joint values, three angles [rad] and the slide [m], shape (4,)."""
+        """Largest joint values, angles [rad] and the slide [m], shape (count + 1,)."""
         return _fixed(*(min(self.angle_max, high) for _, high, _ in self._servos), self.slide_max)
 
     @cached_property
     def speed(self) -> FloatArray:
-        """Slew rates, shape (4,) [rad/s, m/s]."""
+        """Slew rates, shape (count + 1,) [rad/s, m/s]."""
         return _fixed(*(min(self.angle_speed, speed) for _, _, speed in self._servos), self.slide_speed)
 
     @property
     def _servos(self) -> tuple[tuple[float, float, float], ...]:
-        return self.servos or ((self.angle_min, self.angle_max, self.angle_speed),) * 3
+        return self.servos or ((self.angle_min, self.angle_max, self.angle_speed),) * self.count
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints: the servos, then the slide."""
+        return joint_names(self.count)
+
+    def of(self, count: int) -> "CommandLimits":
+        """Return the same for `count` servos. Raises CommandError where the park position is of another number."""
+        if count == self.count:
+            return self
+        return replace(self, count=count, servos=(), park=self.park if any(self.park) else ())
 
     def within(
         self, lower: Sequence[float], upper: Sequence[float], speed: Sequence[float]
     ) -> "CommandLimits":
-        """Return what these limits share with angles [rad] and slew rates [rad/s] of the servos, shape (3,) each.
+        """Return what these limits share with angles [rad] and slew rates [rad/s] of the servos, shape (count,) each.
 
         The park position moves to the nearest within. Raises CommandError if a servo has nothing left.
         """
         servos = tuple(zip(lower, upper, speed, strict=True))
-        if len(servos) != len(SERVOS):
-            raise CommandError(f"a range of {len(servos)} servos; it needs {len(SERVOS)}")
-        for name, (low, high, rate) in zip(SERVOS, servos, strict=True):
-            if not (max(low, self.angle_min) < min(high, self.angle_max) and rate > 0):  # NaN fails
-                own = f"{self.angle_min:g} to {self.angle_max:g} rad"
+        if len(servos) != self.count:
+            raise CommandError(f"a range of {len(servos)} servos; it needs {self.count}")
+        shared = []
+        for i, (low, high, rate) in enumerate(servos):
+            least, most = float(self.lower[i]), float(self.upper[i])
+            if not (max(low, least) < min(high, most) and rate > 0):  # NaN fails
                 raise CommandError(
-                    f"{name} may go from {low:g} to {high:g} rad at {rate:g} rad/s, own limits are {own}"
+                    f"servo_{i} may go from {low:g} to {high:g} rad at {rate:g} rad/s, own limits are {least:g} to "
+                    f"{most:g} rad"
                 )
-        angles = [
-            min(max(a, low, self.angle_min), high, self.angle_max)
-            for a, (low, high, _) in zip(self.park, servos, strict=False)
-        ]
-        return replace(self, servos=servos, park=(angles[0], angles[1], angles[2], self.park[3]))
+            shared.append((max(low, least), min(high, most), min(rate, float(self.speed[i]))))
+        angles = [min(max(a, low), high) for a, (low, high, _) in zip(self.park, shared, strict=False)]
+        return replace(self, servos=tuple(shared), park=(*angles, self.park[-1]))
 
     def inside(self, joints: FloatArray) -> NDArray[np.bool_]:
-        """Return which of `joints`, shape (..., 4), are finite and within the limits."""
+        """Return which of `joints`, shape (..., count + 1), are finite and within the limits."""
         return (joints >= self.lower - 1e-9) & (joints <= self.upper + 1e-9)  # NaN fails both
 
     def check(self, joints: FloatArray, what: str) -> None:
-        """Raise CommandError unless `joints`, shape (4,), is finite and within the limits."""
-        if joints.shape != (4,):
-            names = ", ".join((*SERVOS, SLIDE))
-            raise CommandError(f"{what} has {joints.size} values; it needs 4: {names}")
+        """Raise CommandError unless `joints`, shape (count + 1,), is finite and within the limits."""
+        if joints.shape != (self.count + 1,):
+            names = ", ".join(self.joints)
+            raise CommandError(f"{what} has {joints.size} values; it needs {self.count + 1}: {names}")
         inside = self.inside(joints)
         if inside.all():
             return
         i = int(np.argmin(inside))
-        name, unit = (*SERVOS, SLIDE)[i], "m" if i == 3 else "rad"
+        name, unit = self.joints[i], "m" if i == self.count else "rad"
         allowed = f"{self.lower[i]:g} to {self.upper[i]:g} {unit}"
         raise CommandError(f"{what}: {name} is {joints[i]:g} {unit}, allowed is {allowed}")
 
@@ -168,8 +183,8 @@ class CommandFollower:
 
     Attributes:
         limits: Bounds of what may be commanded.
-        joints: The set-point, shape (4,) [rad, rad, rad, m].
-        goal: What `joints` approaches at its limited speed, shape (4,).
+        joints: The set-point: angles [rad] and the slide [m], shape (limits.count + 1,), as all that follows.
+        goal: What `joints` approaches at its limited speed.
         activity: What the follower is doing.
         trajectory: Stands for the trajectory that was taken last, also after its end; None: it was interrupted.
         rejected: Number of trajectories refused.
@@ -183,7 +198,7 @@ class CommandFollower:
 
         Args:
             limits: Bounds of what may be commanded.
-            start: Joint values now, shape (4,) [rad, rad, rad, m]; None means the park position.
+            start: Joint values now [rad, m]; None means the park position.
             longest_step: A caller that comes later than this after its last call has stalled [s]: the joints
                 then move no further than in this time, instead of catching up in one jump.
         """
@@ -216,7 +231,7 @@ class CommandFollower:
         """Follow a trajectory.
 
         Args:
-            names: Joint names; the three servos, in any order, and optionally the slide.
+            names: Joint names; all servos, in any order, and optionally the slide.
             times: Seconds from the start of each point, not falling, not negative.
             positions: Joint values of each point [rad, m], in the order of `names`.
             now: The caller's steady time [s].
@@ -248,7 +263,7 @@ class CommandFollower:
         velocities: Sequence[Sequence[float]] = (),
         age: float = 0.0,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Return points and velocities of a trajectory, shape (n, 4), without following it; None: it has none.
+        """Return points and velocities of a trajectory, shape (n, count + 1), without following it; None: it has none.
 
         Raises:
             CommandError: the trajectory is refused; `rejected` counts it.
@@ -277,7 +292,7 @@ class CommandFollower:
             self.stop(now)
 
     def setpoint(self, now: float) -> FloatArray:
-        """Return the joint values at `now` [s], shape (4,).
+        """Return the joint values at `now` [s], shape (count + 1,).
 
         Call it at a regular rate: the joints move by at most their speed times the time since the last call.
         """
@@ -302,7 +317,7 @@ class CommandFollower:
 
     @property
     def end(self) -> FloatArray:
-        """Where the trajectory that is followed ends, or the joints hold, or go to park, shape (4,)."""
+        """Where the trajectory that is followed ends, or the joints hold, or go to park."""
         parked = self.activity is Activity.PARKED
         return np.array(self.limits.park) if parked else self._points[-1].copy()
 
@@ -320,9 +335,9 @@ class CommandFollower:
         return np.clip(cubic, self.limits.lower, self.limits.upper)  # between points it may bulge out
 
     def _slope(self, now: float, step: float = 1e-4) -> FloatArray:
-        """Return the velocity that is asked for at `now` [s], shape (4,), within the slew rates."""
+        """Return the velocity that is asked for at `now` [s] within the slew rates."""
         if now >= self._silent_at:
-            return np.zeros(4)
+            return np.zeros_like(self.joints)
         slope = (self._interpolated(now) - self._interpolated(now - step)) / step
         return np.clip(slope, -self.limits.speed, self.limits.speed)
 
@@ -335,14 +350,14 @@ class CommandFollower:
     def _checked(
         self, names: Sequence[str], times: Sequence[float], positions: Sequence[Sequence[float]], begin: float
     ) -> FloatArray:
-        known = (*SERVOS, SLIDE)
+        known, servos = self.limits.joints, servo_names(self.limits.count)
         if unknown := [n for n in names if n not in known]:
             raise JointNameError(f"unknown joint {unknown[0]!r:.60}; joints: {', '.join(known)}")
         if twice := [n for n in known if list(names).count(n) > 1]:
             raise JointNameError(f"joint {twice[0]!r} is named twice; a command names each joint once")
-        if missing := [n for n in SERVOS if n not in names]:
+        if missing := [n for n in servos if n not in names]:
             raise JointNameError(
-                f"joint {missing[0]!r} is missing; a command names all of {', '.join(SERVOS)}"
+                f"joint {missing[0]!r} is missing; a command names all of {', '.join(servos)}"
             )
         if len(times) == 0 or len(times) != len(positions):
             raise CommandError(
@@ -371,9 +386,9 @@ class CommandFollower:
     def _checked_velocities(
         self, names: Sequence[str], velocities: Sequence[Sequence[float]], count: int
     ) -> FloatArray:
-        known = (*SERVOS, SLIDE)
+        known = self.limits.joints
         order = [known.index(n) for n in names]
-        slopes = np.zeros((count, 4))
+        slopes = np.zeros((count, len(known)))
         if len(velocities) != count:
             raise CommandError(
                 f"{len(velocities)} points of {count} have velocities; all must have them, or none"
@@ -383,8 +398,8 @@ class CommandFollower:
                 raise CommandError(f"point {i} has {len(row)} velocities for {len(names)} joints")
             slopes[i, order] = row
         if not (ok := np.abs(slopes) <= self.limits.speed + 1e-9).all():  # NaN fails
-            i, k = divmod(int(np.argmin(ok)), 4)
-            unit = "m/s" if k == 3 else "rad/s"
+            i, k = divmod(int(np.argmin(ok)), len(known))
+            unit = "m/s" if known[k] == SLIDE else "rad/s"
             most = f"{self.limits.speed[k]:g} {unit}"
             raise CommandError(
                 f"point {i}: velocity of {known[k]} is {slopes[i, k]:g} {unit}, allowed is up to {most}"

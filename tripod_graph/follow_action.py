@@ -21,7 +21,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_graph.cdr import MOST_POINTS
 from tripod_graph.command import CommandError, FloatArray, JointNameError, LateError
 from tripod_graph.control_mode import clocks
-from tripod_graph.goal import JOINTS, Motion, Outcome, Tolerances, judge, tolerances
+from tripod_graph.goal import Motion, Outcome, Tolerances, judge, tolerances
 from tripod_graph.trajectory import Command, command_of, seconds
 
 PERIOD = 0.05
@@ -91,7 +91,7 @@ class FollowAction:
         goal = handle.request
         try:
             command = _command(goal.trajectory, *clocks(self._node))
-            tolerance = _tolerances(goal)
+            tolerance = _tolerances(goal, self._motion().joints)
             why = self._follow(command)
         except ValueError as error:
             self._refuse(error)
@@ -150,11 +150,10 @@ class FollowAction:
             self._goal = None
 
     def _feedback(self, goal: _Goal, motion: Motion) -> FollowJointTrajectory.Feedback:
-        named = [
-            i for i in range(len(motion.actual)) if JOINTS[i] in goal.handle.request.trajectory.joint_names
-        ]
+        asked = goal.handle.request.trajectory.joint_names
+        named = [i for i in range(len(motion.actual)) if motion.joints[i] in asked]
         desired, actual = motion.desired[named], motion.actual[named]
-        feedback = FollowJointTrajectory.Feedback(joint_names=[JOINTS[i] for i in named])
+        feedback = FollowJointTrajectory.Feedback(joint_names=[motion.joints[i] for i in named])
         feedback.header.stamp = self._node.get_clock().now().to_msg()
         feedback.desired, feedback.actual = _point(desired), _point(actual)
         feedback.error = _point(desired - actual)
@@ -170,15 +169,14 @@ def _command(message: JointTrajectory, wall: float, now: float) -> Command:
     return command_of(message, wall, now)
 
 
-def _tolerances(goal: FollowJointTrajectory.Goal) -> Tolerances:
+def _tolerances(goal: FollowJointTrajectory.Goal, joints: Sequence[str]) -> Tolerances:
     for what in ("multi_dof_trajectory", "component_path_tolerance", "component_goal_tolerance"):
         given = getattr(goal, what)
         if len(given.points if what == "multi_dof_trajectory" else given):
             raise CommandError(f"it has a {what}, which is not used: leave it out")
     path = {t.name: t.position for t in goal.path_tolerance}
-    return tolerances(
-        path, {t.name: t.position for t in goal.goal_tolerance}, seconds(goal.goal_time_tolerance)
-    )
+    end = {t.name: t.position for t in goal.goal_tolerance}
+    return tolerances(joints, path, end, seconds(goal.goal_time_tolerance))
 
 
 def _outcome(error: ValueError) -> Outcome:

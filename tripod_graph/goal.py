@@ -7,9 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from tripod_graph.command import Activity, CommandError, CommandFollower, FloatArray
-from tripod_graph.names import SERVOS, SLIDE
-
-JOINTS = (*SERVOS, SLIDE)
+from tripod_graph.names import SLIDE
 
 GOAL_ANGLE, GOAL_SLIDE = 0.01, 1e-4
 """How near to the last point a trajectory ends unless the goal says otherwise [rad], [m]; whole degrees are."""
@@ -33,13 +31,15 @@ class Motion:
     Attributes:
         trajectory: Which one it follows, see `CommandFollower`; None: none.
         activity: What it is doing.
-        desired: Where the joints should be now, shape (4,) [rad, rad, rad, m].
-        end: Where the trajectory ends, shape (4,).
-        actual: Where those are of which it is known, the servos first, shape (3,) or (4,).
+        joints: Their names, the slide last.
+        desired: Where the joints should be now [rad, m].
+        end: Where the trajectory ends.
+        actual: Where those are of which it is known, the servos first, with the slide or without.
         now: The time of the trajectory [s].
         why: Who is in charge, or what is wrong, for people.
     """
 
+    joints: tuple[str, ...]
     trajectory: object
     activity: Activity
     desired: FloatArray
@@ -53,8 +53,10 @@ def motion_of(
     follower: CommandFollower, actual: Sequence[float] | FloatArray, now: float, why: str
 ) -> Motion:
     """Return what `follower` does at `now` [s]."""
-    here = np.array(actual, float)
-    return Motion(follower.trajectory, follower.activity, follower.goal.copy(), follower.end, here, now, why)
+    here, joints = np.array(actual, float), follower.limits.joints
+    return Motion(
+        joints, follower.trajectory, follower.activity, follower.goal.copy(), follower.end, here, now, why
+    )
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,8 @@ class Tolerances:
     """How far joints may be from where they should be [rad, m]; infinite: no matter.
 
     Attributes:
-        path: On the way, shape (4,).
-        goal: At the end, shape (4,).
+        path: On the way, of each joint.
+        goal: At the end, of each joint.
         time: How long after the end they may arrive [s]; infinite: as long as the node waits for the next command.
     """
 
@@ -72,16 +74,21 @@ class Tolerances:
     time: float = np.inf
 
 
-def tolerances(path: Mapping[str, float], goal: Mapping[str, float], time: float) -> Tolerances:
+def tolerances(
+    joints: Sequence[str], path: Mapping[str, float], goal: Mapping[str, float], time: float
+) -> Tolerances:
     """Return the tolerances that a goal asks for: 0 means the default (none on the way), negative means none.
 
     Raises:
         CommandError: a joint is unknown, or a number is none.
     """
-    none, arrived = np.full(len(JOINTS), np.inf), np.array([GOAL_ANGLE] * len(SERVOS) + [GOAL_SLIDE])
+    none, arrived = (
+        np.full(len(joints), np.inf),
+        np.array([GOAL_SLIDE if j == SLIDE else GOAL_ANGLE for j in joints]),
+    )
     return Tolerances(
-        _of_joints("path_tolerance", path, none),
-        _of_joints("goal_tolerance", goal, arrived),
+        _of_joints("path_tolerance", joints, path, none),
+        _of_joints("goal_tolerance", joints, goal, arrived),
         time if time > 0 else np.inf,
     )
 
@@ -94,9 +101,9 @@ def judge(
         by = f"interrupted: {motion.why}" if motion.trajectory is None else "replaced by another command"
         return Outcome.INVALID_GOAL, by
     if motion.now < end:
-        far = _beyond("path_tolerance", motion.actual, motion.desired, tolerance.path)
+        far = _beyond("path_tolerance", motion, motion.desired, tolerance.path)
         return (Outcome.PATH_TOLERANCE_VIOLATED, far) if far else None
-    far = _beyond("goal_tolerance", motion.actual, motion.end, tolerance.goal)
+    far = _beyond("goal_tolerance", motion, motion.end, tolerance.goal)
     if not far:
         return Outcome.SUCCESSFUL, ""
     if motion.now < end + tolerance.time and motion.activity is Activity.ACTIVE:
@@ -104,21 +111,23 @@ def judge(
     return Outcome.GOAL_TOLERANCE_VIOLATED, far
 
 
-def _of_joints(name: str, asked: Mapping[str, float], default: FloatArray) -> FloatArray:
+def _of_joints(
+    name: str, joints: Sequence[str], asked: Mapping[str, float], default: FloatArray
+) -> FloatArray:
     found = default.copy()
     for joint, value in asked.items():
-        if joint not in JOINTS:
-            raise CommandError(f"{name} of an unknown joint {joint!r:.60}; joints: {', '.join(JOINTS)}")
+        if joint not in joints:
+            raise CommandError(f"{name} of an unknown joint {joint!r:.60}; joints: {', '.join(joints)}")
         if np.isnan(value):
             raise CommandError(f"{name} of {joint} is nan; allowed is any number")
         if value:
-            found[JOINTS.index(joint)] = value if value > 0 else np.inf
+            found[joints.index(joint)] = value if value > 0 else np.inf
     return found
 
 
-def _beyond(name: str, actual: FloatArray, asked: FloatArray, allowed: FloatArray) -> str:
+def _beyond(name: str, motion: Motion, asked: FloatArray, allowed: FloatArray) -> str:
     """Return which joint is farther from where it is asked to be than `allowed`, in words; empty if none is."""
-    for joint, here, there, most in zip(JOINTS, actual, asked, allowed, strict=False):
+    for joint, here, there, most in zip(motion.joints, motion.actual, asked, allowed, strict=False):
         if not abs(here - there) <= most:  # the negation also catches NaN
             unit = "m" if joint == SLIDE else "rad"
             return f"{joint} is at {here:.4f} {unit} instead of {there:.4f}, {name} is {most:g} {unit}"

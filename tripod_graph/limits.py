@@ -50,7 +50,7 @@ LIMIT_PARAMETERS: Final = (
         high=3600.0,
         dynamic=True,
     ),
-    Parameter("park", list(_DEFAULTS.park), "Park position: three angles [rad] and the slide [m]"),
+    Parameter("park", [], "Park position: the angle of each servo [rad] and the slide [m]; empty: all 0"),
 )
 """To be part of a node's table; `limits_from` reads the values."""
 
@@ -61,7 +61,15 @@ JOINT_STATES_PARAMETER: Final = Parameter(
 )
 
 
-def limits_from(values: Mapping[str, Any]) -> CommandLimits:
-    """Return the limits that the parameters set; raise CommandError if they contradict each other."""
-    chosen = {field.name: values[field.name] for field in fields(CommandLimits) if field.name in values}
-    return CommandLimits(**{**chosen, "park": tuple(chosen["park"])})
+def limits_from(values: Mapping[str, Any], count: int | None = None) -> CommandLimits:
+    """Return the limits that the parameters set for `count` servos, None: as many as the park position has, or three.
+
+    Raises CommandError if they contradict each other.
+    """
+    park = tuple(values["park"])
+    servos = count if count is not None else len(park) - 1 if park else _DEFAULTS.count
+    own = {parameter.name for parameter in LIMIT_PARAMETERS}
+    chosen = {
+        field.name: values[field.name] for field in fields(CommandLimits) if field.name in own & set(values)
+    }
+    return CommandLimits(**{**chosen, "park": park, "count": servos})

@@ -3,6 +3,7 @@
 Topic names are relative, so that a namespace holds a whole robot.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 JOINT_TRAJECTORY: Final = "joint_trajectory"
@@ -62,19 +63,44 @@ WORLD: Final = "world"
 BASE_LINK: Final = "base_link"
 IMU_LINK: Final = "imu_link"
 
-SERVOS: Final = ("servo_0", "servo_1", "servo_2")
-"""Revolute joints of the Tripod [rad]; 0 is the flat piece, negative bends the strip down."""
-
 
 def servo_names(count: int) -> tuple[str, ...]:
-    """Return the names of the servos' joints of a robot with `count` of them."""
+    """Return the names of the revolute joints [rad] of a robot with `count` servos; 0 is the flat piece, negative bends
+    the strip down.
+    """
     return tuple(f"servo_{i}" for i in range(count))
 
+
+def joint_names(count: int) -> tuple[str, ...]:
+    """Return the names of all joints of a robot with `count` servos: these, then the slide."""
+    return (*servo_names(count), SLIDE)
+
+
+def count_servos(names: Iterable[str]) -> int:
+    """Return how many servos a message with these joint names is about: servo_0, servo_1 and so on without a gap."""
+    found, servos = set(names), 0
+    while f"servo_{servos}" in found:
+        servos += 1
+    return servos
+
+
+SERVOS: Final = servo_names(3)
+"""Those of the Tripod, which its firmware and the workshop's packets drive."""
 
 SLIDE: Final = "slide"
 """Prismatic joint [m] of the simulated assembly: all servo bodies move inward by it. The real robot has no
 such motor, so the driver accepts the name and does nothing with it."""
 
-WORKING_POSE: Final = (-1.4965, -1.4965, -1.4965, 0.035)
-"""Three servo angles [rad] and the slide [m] in which the robot plays: arms tipped outward, effector 8 mm
-below flat."""
+WORKING_ANGLE: Final = -1.4965
+WORKING_SLIDE: Final = 0.035
+
+
+def working_pose(count: int) -> tuple[float, ...]:
+    """Return the angles of `count` servos [rad] and the slide [m] in which the robot plays: arms tipped outward, the
+    Tripod's effector 8 mm below flat.
+    """
+    return (*(WORKING_ANGLE,) * count, WORKING_SLIDE)
+
+
+WORKING_POSE: Final = working_pose(len(SERVOS))
+"""That of the Tripod."""

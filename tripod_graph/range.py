@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from tripod_graph.command import CommandError, CommandLimits, FloatArray
-from tripod_graph.names import SERVOS
 
 SILENT = 2.0
 """A driver not heard for this long [s] is not there: own limits count again."""
@@ -33,7 +32,7 @@ class RangeWatch:
     def hear(
         self, lower: Sequence[float], upper: Sequence[float], speed: Sequence[float], now: float
     ) -> bool:
-        """Take angles [rad] and slew rates [rad/s] of a RobotStatus, shape (3,) each.
+        """Take angles [rad] and slew rates [rad/s] of a RobotStatus, shape (count,) each.
 
         Return whether the limits changed.
         """
@@ -51,6 +50,10 @@ class RangeWatch:
         """Keep to other own limits from now on."""
         self._own = own
         self._narrow()
+
+    def resize(self, servos: int) -> None:
+        """Be for another number of servos from now on. Raises CommandError where the own park position is of others."""
+        self.adopt(self._own.of(servos))
 
     def lapse(self, now: float) -> bool:
         """Return whether the limits changed because the driver is gone. Call it regularly."""
@@ -79,7 +82,7 @@ class Fence:
     def nearest(
         self, joints: FloatArray, limits: CommandLimits, now: float, longest_step: float = 0.1
     ) -> FloatArray:
-        """Return where to be at `now` [s] when asked for `joints`, shape (4,). Call it at a regular rate."""
+        """Return where to be at `now` [s] when asked for `joints`, shape (count + 1,). Call it at a regular rate."""
         asked = np.clip(joints, limits.lower, limits.upper)
         if self._last is not None:
             step = limits.speed * min(max(0.0, now - self._at), longest_step)
@@ -90,7 +93,8 @@ class Fence:
 
 def cut(joints: FloatArray, limits: CommandLimits) -> str:
     """Return which servo is asked for more than `limits` allow; empty if none is."""
-    for name, angle, low, high in zip(SERVOS, joints, limits.lower, limits.upper, strict=False):
+    servos = limits.joints[:-1]
+    for name, angle, low, high in zip(servos, joints, limits.lower, limits.upper, strict=False):
         if not low - 1e-9 <= angle <= high + 1e-9:
             safe = f"its safe range is {low:.3f} to {high:.3f} rad"
             return f"{name} is asked for {angle:.3f} rad, {safe}: the nearest is sent"

@@ -17,8 +17,8 @@ def linear_state(message: Any) -> LinearState:
     if message.header.frame_id != names.WORLD:
         raise IkError(f"compliance in frame {message.header.frame_id!r}; it must be {names.WORLD!r}")
     joints = tuple(message.joint_names)
-    if joints != names.SERVOS:
-        raise IkError(f"compliance of joints {list(joints)}; they must be {', '.join(names.SERVOS)}")
+    if not joints or joints != names.servo_names(len(joints)):
+        raise IkError(f"compliance of joints {list(joints)}; they must be servo_0, servo_1 and so on")
     rows = 6 + len(joints)
     if len(message.w) != rows**2:
         raise IkError(f"compliance has {len(message.w)} entries; {len(joints)} joints give {rows**2}")
@@ -37,14 +37,14 @@ def linear_state(message: Any) -> LinearState:
 
 
 def trajectory(command: FloatArray, source: str) -> JointTrajectory:
-    """Return the command [rad], shape (3,), of `source` as a trajectory: be there now, as fast as your slew rate
+    """Return the command [rad], shape (n,), of `source` as a trajectory: be there now, as fast as your slew rate
     allows.
     """
     point = JointTrajectoryPoint()
     point.positions = array("d", command)
     message = JointTrajectory()
     message.header.frame_id = source
-    message.joint_names = list(names.SERVOS)
+    message.joint_names = list(names.servo_names(len(command)))
     message.points = [point]
     return message
 

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from tripod_graph.names import WORKING_POSE, servo_names
+from tripod_graph.names import WORKING_ANGLE, WORKING_SLIDE, servo_names
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene, at_rest
+from tripod_sim.scene_short import effector_of, joints_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 
@@ -74,7 +75,7 @@ def linear_state(c: Compliance) -> LinearState:
 
 def working_angles(count: int) -> FloatArray:
     """Return the angles of the working pose [rad], shape (count,): the same for all servos."""
-    return np.full(count, WORKING_POSE[0])
+    return np.full(count, WORKING_ANGLE)
 
 
 class StaticModel:
@@ -85,9 +86,7 @@ class StaticModel:
         slide: Inward shift of the servo bodies [m].
     """
 
-    def __init__(
-        self, scene: Scene, slide: float = WORKING_POSE[3], angles: FloatArray | None = None
-    ) -> None:
+    def __init__(self, scene: Scene, slide: float = WORKING_SLIDE, angles: FloatArray | None = None) -> None:
         """Build the model and bring it to `angles` [rad], shape (s,); None means the working pose.
 
         Raises:
@@ -95,16 +94,18 @@ class StaticModel:
             SceneError: the scene cannot be built.
             StepError: there is no way to the pose.
         """
-        if not (scene.servos and scene.effector):
+        joints = joints_of(scene)
+        if not (joints and effector_of(scene)):
             raise IkError(f"scene {scene.name!r} has no servos or no effector: there is nothing to solve for")
-        count = scene.servos.count
+        count = joints.count
         wanted = working_angles(count) if angles is None else frozen("angles", angles, (count,))
-        least, most = scene.servos.angle_min, scene.servos.angle_max
-        for name, angle in zip(servo_names(count), wanted.tolist(), strict=True):
-            if not least <= angle <= most:
-                raise IkError(f"{name} is to begin at {angle:g} rad; allowed is {least:g} to {most:g} rad")
-        if not 0 <= slide <= scene.servos.slide_max:
-            raise IkError(f"slide is {slide:g} m; allowed is 0 to {scene.servos.slide_max:g} m")
+        for name, angle, arm in zip(servo_names(count), wanted.tolist(), joints.arms, strict=True):
+            if not arm.low <= angle <= arm.high:
+                raise IkError(
+                    f"{name} is to begin at {angle:g} rad; allowed is {arm.low:g} to {arm.high:g} rad"
+                )
+        if not 0 <= slide <= joints.slide_max:
+            raise IkError(f"slide is {slide:g} m; allowed is 0 to {joints.slide_max:g} m")
         solver = replace(scene.solver, tolerance=min(TOLERANCE, scene.solver.tolerance))
         self.simulation = Simulation(replace(at_rest(scene), solver=solver))
         self.slide = slide

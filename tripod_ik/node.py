@@ -62,8 +62,10 @@ class IkNode(Node):
         values = declare(self, PARAMETERS, self._adopt)
         self._targets = TargetBox(values["target_low"], values["target_high"])
         self._guide = Guide(self._build_pathfinder)
-        self._tracker = Tracker(tracker_settings(values), len(names.SERVOS), model_error(values), self._guide)
-        self._range = RangeWatch(command_limits(self._tracker.settings))
+        self._servos = len(names.SERVOS)  # until the driver or a compliance tells of others
+        self._tracker = Tracker(tracker_settings(values), model_error(values), self._guide)
+        self._tracker.resize(self._servos)
+        self._range = RangeWatch(command_limits(self._tracker.settings, self._servos))
         self._scene, self._slide = values["scene"], values["slide"]
         self._guide.slide = self._slide
         self._own = OwnModel(self._build_model)
@@ -118,7 +120,7 @@ class IkNode(Node):
         """Take rates, times, tolerance and gains that have changed."""
         settings = tracker_settings(values)
         self._tracker.adopt(settings)
-        self._range.adopt(command_limits(settings))
+        self._range.adopt(command_limits(settings, self._servos))
         self._keep_range()
         if correction := self._tracker.correction:
             correction.time, correction.delay = values["feedback_time"], values["feedback_delay"]
@@ -180,26 +182,35 @@ class IkNode(Node):
         followed = None if self._tracker.settings.goal is Goal.POSITION else normal
         self._tracker.aim(position, followed, self._motion.at(time.monotonic()))
 
+    def _fit(self, servos: int) -> None:
+        """Be for a robot with so many servos."""
+        if servos != self._servos:
+            self._servos = servos
+            self._tracker.resize(servos)
+            self._range.adopt(command_limits(self._tracker.settings, servos))
+            self._keep_range()
+
     def _on_robot_status(self, message: Any) -> None:
+        if self._received == float("-inf") and len(message.joint_names):
+            self._fit(len(message.joint_names))
         if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
             self._keep_range()
 
     def _keep_range(self) -> None:
         limits = self._range.limits
-        self._tracker.narrow(limits.lower[:3], limits.upper[:3], float(limits.speed[:3].min()))
+        self._tracker.narrow(limits.lower[:-1], limits.upper[:-1], float(limits.speed[:-1].min()))
         self._guide.forget()
         if self._range.notice:
             self.get_logger().warning(self._range.notice)
 
     def _on_joints(self, message: Any) -> None:
         found = dict(zip(message.name, message.position, strict=False))
-        angles = np.array([found.get(name, np.nan) for name in names.SERVOS])
+        servos = names.servo_names(max(names.count_servos(found), 1))
+        angles = np.array([found.get(name, np.nan) for name in servos])
         if np.isfinite(angles).all():
             self._angles, self._angles_at = angles, time.monotonic()
         else:
-            self._reject(
-                "joint states", f"{names.ROBOT_JOINT_STATES} lacks an angle of {', '.join(names.SERVOS)}"
-            )
+            self._reject("joint states", f"{names.ROBOT_JOINT_STATES} lacks an angle of {', '.join(servos)}")
 
     def _on_measured_pose(self, message: Any) -> None:
         p, q = message.pose.position, message.pose.orientation
@@ -262,6 +273,7 @@ class IkNode(Node):
         if now - self._received > self._stale_after:
             self._tracker.start()
         self._received = now
+        self._fit(len(state.angles))
         begin = time.perf_counter()
         step = self._tracker.update(state, self._motion.at(now))
         duration = time.perf_counter() - begin
@@ -362,7 +374,7 @@ class IkNode(Node):
         status.last_rejection = self._last_target_rejection
         status.authority = authority_message(self._authority)
         limits = self._range.limits
-        status.lower, status.upper = array("d", limits.lower[:3]), array("d", limits.upper[:3])
+        status.lower, status.upper = array("d", limits.lower[:-1]), array("d", limits.upper[:-1])
         self._statuses.publish(status)
         self._activity, self._message, self._reported = activity, message, time.monotonic()
 

@@ -21,6 +21,7 @@ from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of
 
 WAY = 12
 """Poses on the way from the start that are looked at."""
@@ -69,7 +70,8 @@ def solve_once(
     """
     position = frozen("target", target, (3,))
     roll, pitch = frozen("tilt", tilt, (2,))
-    begin = None if start is None else frozen("start", start, (scene.servos.count if scene.servos else 0,))
+    joints = joints_of(scene)
+    begin = None if start is None else frozen("start", start, (joints.count if joints else 0,))
     if np.isnan(torque_max) or torque_max <= 0:
         raise IkError(f"torque limit is {torque_max:g} N m; it must be positive")
     if not 0 < tolerance < np.inf:
@@ -79,9 +81,9 @@ def solve_once(
         limits.append(EffectorBox(*box, hard=hard))
     tasks = TrackerSettings(goal=goal).tasks(position, normal_of(float(roll), float(pitch)))
     model = StaticModel(scene, slide, begin)
-    if scene.servos is None:  # StaticModel has refused it
+    if joints is None:  # StaticModel has refused it
         raise StepError("no servos")
-    angles = AngleLimit(scene.servos.angle_min, scene.servos.angle_max)
+    angles = AngleLimit(joints.low, joints.high)
     solver = InverseSolver(
         model, angles, row_limits=limits, any_branch=any_branch, tolerance=tolerance, progress=progress
     )

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from tripod_graph.names import WORKING_POSE
+from tripod_graph.names import WORKING_SLIDE
 from tripod_ik.arrays import FloatArray
 from tripod_ik.atlas import APART, CALM, SAME, SHORTEST, Atlas, Foretold
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
@@ -19,6 +19,7 @@ from tripod_ik.tasks import Task, total_distance
 from tripod_ik.way import NOWHERE, Way
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of
 
 MARGIN = 2e-3
 """Of a target that is not met, poses are looked at that are as far from home as it is, and by this farther [m]."""
@@ -117,8 +118,9 @@ class Pathfinder:
         """
         solver = replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0)
         if home is None:
-            count = scene.servos.count if scene.servos else 0  # of none the model refuses the scene
-            home = np.clip(working_angles(count) * slide / WORKING_POSE[3], angles.low, angles.high)
+            joints = joints_of(scene)
+            count = joints.count if joints else 0  # of none the model refuses the scene
+            home = np.clip(working_angles(count) * slide / WORKING_SLIDE, angles.low, angles.high)
         model = StaticModel(replace(scene, solver=solver), slide, home)
         return cls(model, angles, row_limits, tolerance=tolerance, progress=progress)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripod_graph.names import SERVOS, WORKING_POSE
+from tripod_graph.names import SERVOS, WORKING_ANGLE
 from tripod_ik.arrays import FloatArray
 from tripod_ik.branch import branch
 from tripod_ik.errors import IkError
@@ -180,10 +180,10 @@ def reach(
 
 def default_range(model: StaticModel) -> tuple[float, float]:
     """Return the angles [rad] between which the strips are stretched, within the limits of the scene."""
-    servos = model.simulation.scene.servos
-    if servos is None:
+    joints = model.simulation.joints
+    if joints is None:
         raise IkError("the scene has no servos")
-    return servos.angle_min, min(servos.angle_max, WORKING_POSE[0] + 0.9)
+    return float(joints.low.max()), min(float(joints.high.min()), WORKING_ANGLE + 0.9)
 
 
 def _snapped(before: LinearState, after: LinearState) -> bool:

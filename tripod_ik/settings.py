@@ -115,7 +115,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
     Parameter(
         "slide",
-        names.WORKING_POSE[3],
+        names.WORKING_SLIDE,
         "inward shift of the servo bodies, for the own model",
         "m",
         low=0.0,
@@ -166,14 +166,15 @@ def tracker_settings(values: Mapping[str, Any]) -> TrackerSettings:
     )
 
 
-def command_limits(settings: TrackerSettings) -> CommandLimits:
-    """Return the tracker's limits as those of commands; it never parks."""
+def command_limits(settings: TrackerSettings, servos: int) -> CommandLimits:
+    """Return the tracker's limits as those of commands to so many servos; it never parks."""
     still = min(max(0.0, settings.angle_min), settings.angle_max)
     return CommandLimits(
         angle_min=settings.angle_min,
         angle_max=settings.angle_max,
         angle_speed=settings.angle_speed,
-        park=(still, still, still, 0.0),
+        park=(*(still,) * servos, 0.0),
+        count=servos,
     )
 
 

@@ -119,10 +119,10 @@ def task(settings: Settings) -> Measured:
     if HERE in settings:
         return Measured({"effector": [list(t) for t in TARGETS]}, [1.0])
     model = StaticModel(model_scene(settings))
-    servos = model.simulation.scene.servos
-    assert servos
+    joints = model.simulation.joints
+    assert joints
     solver = InverseSolver(
-        model, AngleLimit(servos.angle_min, servos.angle_max), max_iterations=int(settings[ITERATIONS]),
+        model, AngleLimit(joints.low, joints.high), max_iterations=int(settings[ITERATIONS]),
         accuracy=float(settings[ACCURACY]),
     )  # fmt: skip
     start = model.save()

@@ -107,7 +107,6 @@ class Tracker:
     def __init__(
         self,
         settings: TrackerSettings,
-        n: int = 3,
         correction: ModelError | None = None,
         guide: Ask | None = None,
     ) -> None:
@@ -115,7 +114,6 @@ class Tracker:
 
         Args:
             settings: How it moves the robot.
-            n: Number of servos.
             correction: For a closed loop.
             guide: Asked for the way where no step comes closer to the target, see `Guidance`.
         """
@@ -127,10 +125,17 @@ class Tracker:
             SpeedLimit(settings.angle_speed),
         )
         self._limited = bool(np.isfinite(settings.torque_max))
-        self._solver = IkSolver(n, rows=1 + (n if self._limited else 0) + (3 if settings.box else 0))
+        self._servos = 0
         self._motion = TargetMotion(settings.lead)
         self._target: FloatArray | None = None
         self.start()
+
+    def resize(self, n: int) -> None:
+        """Be for `n` servos, anew unless it is the first time; `update` does it where it finds another number."""
+        if self._servos:
+            self.start()
+        self._servos = n
+        self._solver = IkSolver(n, rows=1 + (n if self._limited else 0) + (3 if self.settings.box else 0))
 
     def narrow(self, low: FloatArray, high: FloatArray, speed: float) -> None:
         """Keep to angles from `low` to `high` [rad], shape (n,), and to `speed` [rad/s] from now on."""
@@ -200,6 +205,8 @@ class Tracker:
 
     def update(self, state: LinearState, now: float) -> TrackerStep:
         """Return the next command for `state`, received at `now` [s] of the caller's steady clock."""
+        if len(state.angles) != self._servos:
+            self.resize(len(state.angles))
         dt = 0.0 if self._previous is None else min(max(0.0, now - self._time), LONGEST_DT)
         if self._kept is None:
             self._kept = np.concatenate([state.equilibrium, state.equilibrium_rotation[:, 2]])

@@ -17,6 +17,7 @@ from tripod_ik.tasks import PositionTask, Task, orientation_tasks
 from tripod_play.errors import PlayError
 from tripod_play.path_file import KeyPoints, Kind
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import effector_of, joints_of
 
 FloatArray = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ class ServoPath:
 
     Attributes:
         times: Rising from 0 [s], shape (n,).
-        angles: [rad], shape (n, 3).
+        angles: [rad], shape (n, s).
         file_times: Time of the file at each point [s], shape (n,).
         limits: Where the path was slowed down, or is out of reach.
     """
@@ -64,7 +65,7 @@ class ServoPath:
     limits: tuple[Limit, ...]
 
     def at(self, time: float) -> FloatArray:
-        """Return the angles at `time` [s], shape (3,)."""
+        """Return the angles at `time` [s], shape (s,)."""
         return np.array([np.interp(time, self.times, a) for a in self.angles.T])
 
 
@@ -83,13 +84,14 @@ def servo_path(
         PlayError: the scene has no servos, or inverse kinematics fails at a key point.
         SceneError, StepError: the model cannot be built.
     """
-    if not scene.servos or not scene.effector:
+    servos = joints_of(scene)
+    if not servos or not effector_of(scene):
         raise PlayError(f"scene {scene.name!r} has no servos or no effector: nothing follows a path")
     if not 0 < speed < np.inf:
         raise PlayError(f"the speed of the servos is {speed} rad/s; it must be above 0")
-    servos = scene.servos
-    model = StaticModel(replace(scene, ball=None), servos.slide, np.array(servos.angles))
-    solver = InverseSolver(model, AngleLimit(servos.angle_min, servos.angle_max), tolerance=1e-5)
+    start = servos.start[:-1]
+    model = StaticModel(replace(scene, ball=None), servos.slide, start)
+    solver = InverseSolver(model, AngleLimit(servos.low, servos.high), tolerance=1e-5)
     height = float(model.state().equilibrium[2])
     times, values = _refined(points)
     angles: list[FloatArray] = []
@@ -110,7 +112,7 @@ def servo_path(
         angles.append(model.angles)
         if progress:
             progress((i + 1) / len(times))
-    return _paced(times, np.array(angles), np.array(servos.angles), speed, limits)
+    return _paced(times, np.array(angles), start, speed, limits)
 
 
 def _tasks(kind: Kind, value: FloatArray, height: float) -> Sequence[Task]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_graph.names import SERVOS
+from tripod_graph.names import servo_names
 from tripod_play.errors import PlayError
 
 FloatArray = NDArray[np.float64]
@@ -27,11 +27,13 @@ class JointPath:
 
     Attributes:
         times: From the beginning of the recording [s], rising, shape (n,).
-        joints: Three angles [rad] and, where it is known, the slide [m]; shape (n, 3) or (n, 4).
+        joints: The angles [rad] and, where it is known, the slide [m]; shape (n, servos) or (n, servos + 1).
+        servos: How many there are.
     """
 
     times: FloatArray
     joints: FloatArray
+    servos: int
 
     @property
     def end(self) -> float:
@@ -52,10 +54,15 @@ class JointPath:
         rate: float,
     ) -> None:
         """Raise PlayError unless all from `start` [s] on is within the driver's range [rad] and slew rates [rad/s]."""
+        if len(lower) != self.servos:
+            raise PlayError(
+                f"the motion is of {self.servos} servos, the driver has {len(lower)}: nothing moves"
+            )
         if not start < self.end:
             raise PlayError(f"--start is {start:g} s; the motion ends at {self.end:.2f} s")
         kept = self.times >= start
-        for i, name in enumerate(SERVOS):
+        names = servo_names(self.servos)
+        for i, name in enumerate(names):
             angles = self.joints[kept, i]
             outside = (angles < lower[i] - 1e-9) | (angles > upper[i] + 1e-9) | ~np.isfinite(angles)
             if outside.any():
@@ -65,7 +72,7 @@ class JointPath:
                     f"{lower[i]:.3f} to {upper[i]:.3f} rad: nothing moves"
                 )
         grid = np.arange(start, self.end + WINDOW, WINDOW)
-        for i, name in enumerate(SERVOS):
+        for i, name in enumerate(names):
             moved = np.abs(np.diff(np.interp(grid, self.times, self.joints[:, i]))) * rate / WINDOW
             k = int(moved.argmax())
             if moved[k] > SLACK * speed[i]:
@@ -78,4 +85,4 @@ class JointPath:
 def ramp_time(here: FloatArray, there: FloatArray, speed: Sequence[float]) -> float:
     """Return the time from one pose to another [s] at a safe speed, at most the driver's [rad/s]."""
     fastest = np.minimum(SAFE_SPEED, speed)
-    return float(np.max(np.abs(there[:3] - here[:3]) / fastest)) + 0.1
+    return float(np.max(np.abs(there[: len(speed)] - here[: len(speed)]) / fastest)) + 0.1

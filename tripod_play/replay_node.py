@@ -151,7 +151,7 @@ class ReplayNode(Node):
 
     def _on_joints(self, message: JointState) -> None:
         angles = dict(zip(message.name, message.position, strict=False))
-        here = np.array([angles.get(name, math.nan) for name in names.SERVOS])
+        here = np.array([angles.get(name, math.nan) for name in names.servo_names(self._path.servos)])
         if np.isfinite(here).all():
             self._here = here
 
@@ -195,8 +195,9 @@ class ReplayNode(Node):
             self._end(str(error))
             return
         first = self._path.at(self._start)
-        here = first[:3] if self._here is None else self._here
-        self._ramp = (np.concatenate([here, first[3:]]), now)
+        servos = self._path.servos
+        here = first[:servos] if self._here is None else self._here
+        self._ramp = (np.concatenate([here, first[servos:]]), now)
         self._arrival = now + ramp_time(here, first, follower.speed)
         self._speaker.decide(Mode.REPLAY)
 
@@ -204,18 +205,18 @@ class ReplayNode(Node):
         assert self._ramp
         assert self._arrival is not None
         here, began = self._ramp
-        first = self._path.at(self._start)
+        first, servos = self._path.at(self._start), self._path.servos
         if now < self._arrival:
             grid = np.arange(now, now + AHEAD, SPACING)
             share = np.clip((grid - began) / (self._arrival - began), 0.0, 1.0)[:, None]
             self._send(grid - now, here + share * (first - here))
             return
         self._send(np.zeros(1), first[None])
-        if self._here is not None and np.abs(self._here - first[:3]).max() < NEAR:
+        if self._here is not None and np.abs(self._here - first[:servos]).max() < NEAR:
             self._transport = Transport(self._start, self._rate, now)
         elif now > self._arrival + PATIENCE + 2 * (self._arrival - began):
             self._end(
-                f"the servos do not reach the first pose, {', '.join(f'{a:.3f}' for a in first[:3])} rad"
+                f"the servos do not reach the first pose, {', '.join(f'{a:.3f}' for a in first[:servos])} rad"
             )
 
     def _play(self, transport: Transport, now: float) -> None:
@@ -227,8 +228,9 @@ class ReplayNode(Node):
             self.done = f"played {self.duration - self._start:.2f} s of motion"
 
     def _send(self, times: FloatArray, joints: FloatArray) -> None:
-        """Command poses, shape (n, 3 or 4), at times from now [s]."""
-        message = JointTrajectory(joint_names=[*names.SERVOS, names.SLIDE][: joints.shape[1]])
+        """Command poses, shape (n, joints), at times from now [s]."""
+        named = names.joint_names(self._path.servos)[: joints.shape[1]]
+        message = JointTrajectory(joint_names=list(named))
         message.header.frame_id = self._mandate.source
         message.points = [
             JointTrajectoryPoint(positions=row.tolist(), time_from_start=Duration(seconds=float(t)).to_msg())

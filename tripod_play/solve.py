@@ -80,7 +80,7 @@ def solve(
         PlayError: no maze of cells, no ball, or the period is no multiple of dt.
     """
     eye, base, scene = eye or Eye(), settings or PlayerSettings(), simulation.scene
-    servos = scene.servos
+    servos = simulation.joints
     game = simulation.ball_game
     if (
         not isinstance(game, MazeBall)
@@ -97,22 +97,22 @@ def solve(
     w = simulation.compliance().w
     base = replace(base, observer=observer, clearance=clearance, lever=lever_of(w) + scene.maze.offset)
     player = Player(game.plate.board.grid, scene.maze.pitch, base)
-    tilts = tilt_map(w, simulation.state.joints[:3], servos.angle_min, servos.angle_max)
+    tilts = tilt_map(w, simulation.state.joints[:-1], servos.low, servos.high)
     rng = np.random.default_rng(seed)
     ball = simulation.state.ball
     assert ball
     where = game.local(simulation.state, ball)[:2]
     pictures: deque[FloatArray | None] = deque([where + eye.noise * rng.standard_normal(2)] * (late + 1))
-    joints, share, track = simulation.command, np.zeros(3), []
+    joints, share, track = simulation.command, np.zeros(len(simulation.torques)), []
     for k in range(round(limit / dt)):
         if k % every == 0:
             where = game.local(simulation.state, ball)[:2]
             track.append(where)
             seen = where + eye.noise * rng.standard_normal(2)
             pictures.append(None if rng.random() < eye.dropout else seen)
-            share = (tilts(player.update(pictures[-1 - late])) - joints[:3]) / every
+            share = (tilts(player.update(pictures[-1 - late])) - joints[:-1]) / every
             pictures.popleft()
-        joints[:3] += share
+        joints[:-1] += share
         if unstable := simulation.step(joints).instability:
             raise StepError(unstable)
         if watch:

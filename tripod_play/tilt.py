@@ -12,21 +12,22 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TiltMap:
-    """Angles a = a_0 + M (tilt_x, tilt_y, rise): M is the inverse of three rows of the effector's Jacobian.
+    """Angles a = a_0 + M (tilt_x, tilt_y, rise): M is the inverse of three rows of the effector's Jacobian; of more
+    than three servos the one that moves them least.
 
     Attributes:
-        angles: a_0, of the level plate [rad], shape (3,).
-        matrix: M [rad/rad, rad/m], shape (3, 3).
-        low, high: Smallest and largest servo angle [rad].
+        angles: a_0, of the level plate [rad], shape (s,).
+        matrix: M [rad/rad, rad/m], shape (s, 3).
+        low, high: Smallest and largest servo angles [rad], shape (s,).
     """
 
     angles: FloatArray
     matrix: FloatArray
-    low: float
-    high: float
+    low: FloatArray
+    high: FloatArray
 
     def __call__(self, tilt: FloatArray, rise: float = 0.0) -> FloatArray:
-        """Return the servo angles [rad], shape (3,), within their limits.
+        """Return the servo angles [rad], shape (s,), within their limits.
 
         Args:
             tilt: Rotation about x and y of `world` [rad], shape (2,).
@@ -36,19 +37,18 @@ class TiltMap:
         return np.asarray(np.clip(wanted, self.low, self.high))
 
 
-def tilt_map(w: FloatArray, angles: FloatArray, low: float, high: float) -> TiltMap:
+def tilt_map(w: FloatArray, angles: FloatArray, low: FloatArray, high: FloatArray) -> TiltMap:
     """Return the map about one state.
 
     Args:
-        w: Compliance of effector and three servos there, shape (9, 9), see `tripod_sim.compliance`.
-        angles: Servo angles there [rad], shape (3,).
-        low, high: Limits of the servo angles [rad].
+        w: Compliance of effector and servos there, shape (6 + s, 6 + s), see `tripod_sim.compliance`.
+        angles: Servo angles there [rad], shape (s,).
+        low, high: Limits of the servo angles [rad], shape (s,).
 
     Raises:
         PlayError: the servos cannot tilt the effector in that state.
     """
-    matrix = np.asarray(np.linalg.inv(_jacobian(w)[[3, 4, 2]]), dtype=np.float64)
-    return TiltMap(np.array(angles), matrix, low, high)
+    return TiltMap(np.array(angles), _inverse(_jacobian(w)), low, high)
 
 
 def lever_of(w: FloatArray) -> float:
@@ -61,12 +61,19 @@ def lever_of(w: FloatArray) -> float:
         PlayError: the servos cannot tilt the effector in that state.
     """
     rows = _jacobian(w)
-    shift = rows[:2] @ np.linalg.inv(rows[[3, 4, 2]])  # x, y by tilt about x, y and rise
+    shift = rows[:2] @ _inverse(rows)  # x, y by tilt about x, y and rise
     return float(0.5 * (shift[0, 1] - shift[1, 0]))
 
 
+def _inverse(rows: FloatArray) -> FloatArray:
+    """Return servo angles by tilt about x, y and rise, shape (s, 3), for motion of the effector by angle, (6, s)."""
+    own = rows[[3, 4, 2]]
+    square = own.shape[1] == len(own)
+    return np.asarray(np.linalg.inv(own) if square else np.linalg.pinv(own), dtype=np.float64)
+
+
 def _jacobian(w: FloatArray) -> FloatArray:
-    """Return motion of the effector by angle, shape (6, 3), if it can tilt and rise. Raises PlayError."""
+    """Return motion of the effector by angle, shape (6, s), if it can tilt and rise. Raises PlayError."""
     try:
         rows = w[:6, 6:] @ np.linalg.inv(w[6:, 6:])
         if np.linalg.cond(rows[[3, 4, 2]] * np.array([[1.0], [1.0], [20.0]])) < 1e3:

@@ -29,12 +29,11 @@ from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import soft_bodies, springs_alone
+from tripod_sim.scene_short import discs_of, joints_of, pose_of, servo_tables, soft_bodies, springs_alone
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.motion import EXPLICIT, ORDER
-from tripod_sim.tables.robot import Servos
 
 if TYPE_CHECKING:
     from tripod_sim.ball.body_ball import BodyBall
@@ -233,7 +232,9 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
     """Return the time integrator or the static solver; `inertia` is None where that needs no such term."""
     solver = scene.solver
     one_solve = scene.inertia and solver.mode == "one_solve"  # statics goes to the tolerance
-    if one_solve and not scene.servos:  # where nothing holds a body errors of the momentum would add up
+    if one_solve and not servo_tables(
+        scene
+    ):  # where nothing holds a body errors of the momentum would add up
         groups = system.groups
         one_solve = not free_motion([*system.reduction.blocks, *groups.rigid], system.rest, groups.held())
     if one_solve:
@@ -245,7 +246,7 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
     if not scene.inertia:
         from tripod_sim.integrators.quasi_static import QuasiStatic
 
-        return QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach_of(scene.servos))
+        return QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach_of(scene))
     drag = scene.damping.mass if scene.damping else 0.0
     if inertia:
         from tripod_sim.integrators.schemes import make_scheme
@@ -276,9 +277,10 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
     return ExplicitSolid(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
 
 
-def reach_of(servos: "Servos | None") -> float:
+def reach_of(scene: Scene) -> float:
     """Return the length of the arms by which a slide counts as a turn [m]."""
-    return max(servos.axis_depth, 0.005) if servos else 0.03
+    joints = joints_of(scene)
+    return joints.reach if joints else 0.03
 
 
 def _fastened(scene: Scene, rest: FloatArray, groups: Groups) -> "tuple[FloatArray, Groups, Plate | None]":
@@ -358,19 +360,22 @@ def _refined(mesh: SolidMesh, times: int) -> SolidMesh:
 
 
 def _groups(scene: Scene, assembly: Assembly, sets: NodeSets) -> Groups:
-    """Return what holds and moves nodes; disc and arms are those of the first body, whose nodes come first."""
-    nodes = assembly.nodes[assembly.bodies[0].nodes]
-    rigid: tuple[IndexArray, ...] = ()
+    """Return what holds and moves nodes: discs, servo arms, what is fixed or prescribed."""
+    rigid = list[IndexArray]()
     driven: tuple[DrivenFrame, ...] = ()
-    if scene.effector:
+    own = {body.table.name: body.nodes for body in assembly.bodies}
+    for field, table, body in discs_of(scene):
         from tripod_sim.robot.disc import effector_disc
 
-        rigid = (effector_disc(nodes, scene.effector),)
-    if scene.servos:
-        from tripod_sim.robot.arms import placed_arms, servo_arms
+        position, turn = pose_of(body)
+        rigid.append(
+            own[body.name][effector_disc((assembly.nodes[own[body.name]] - position) @ turn, table, field)]
+        )
+    if joints := joints_of(scene):
+        from tripod_sim.robot.arms import servo_arms
 
-        driven = placed_arms(scene.servo, sets) if scene.servo else servo_arms(nodes, scene.servos)
-    return held_groups(scene, sets, assembly.nodes, rigid, driven)
+        driven = servo_arms(joints, sets)
+    return held_groups(scene, sets, assembly.nodes, tuple(rigid), driven)
 
 
 def _check_held(assembly: Assembly, groups: Groups) -> None:

@@ -2,20 +2,24 @@
 
 Links: base_link (the plane of the flat piece); carriage_i, the body of servo i, which slides inward along -x of its
 frame; arm_i, which turns about the servo's axis; effector; and, in a scene that has them, plate (fixed to the effector)
-and ball. The frame of a carriage lies on its servo's axis, x outward along the strip, z up. A negative angle of servo i
-tips its arm outward and down: the joint's axis is -y. The joint `slide` moves all carriages, all but the first as
-its mimics. The silicone between the links is no rigid link; the joints of effector and ball are floating.
+and ball. The frame of a carriage lies on its servo's axis, x outward along the strip, z along the arm: up. A negative
+angle of servo i tips its arm outward and down: the joint's axis is -y. The joint `slide` moves all carriages, all but
+the first as its mimics; one that does not slide is fixed. The silicone between the links is no rigid link; the joints
+of effector and ball are floating.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.constraints.groups import quaternion
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
-from tripod_sim.tables.robot import ServoDynamics, Servos
+from tripod_sim.scene_short import Arm, Joints, effector_of, joints_of
+from tripod_sim.tables.robot import ServoDynamics
 
 FloatArray = NDArray[np.float64]
 
@@ -29,6 +33,7 @@ CARRIAGE = (0.023, 0.012, 0.022)
 """Size of a servo's body of the S90 class as drawn [m]."""
 DISC_HEIGHT = 0.005
 """Height of the effector as drawn: the thickness of the shipped piece [m]."""
+STRAIGHT = np.eye(3)
 SILICONE, METAL, WOOD, RED = "0.85 0.75 0.62 1", "0.35 0.37 0.4 1", "0.72 0.55 0.36 1", "0.8 0.16 0.16 1"
 
 
@@ -38,14 +43,17 @@ def urdf(scene: Scene) -> str:
     Raises:
         SceneError: the scene has no servos, or its maze cannot be built.
     """
-    servos = _servos(scene)
+    joints = joints_of(scene)
+    if not joints:
+        raise SceneError(f"scene {scene.name!r} has no servos: there is no robot to describe")
     robot = ET.Element("robot", name=scene.name)
     _link(robot, BASE)
-    for i, azimuth in enumerate(azimuths(servos)):
-        _carriage(robot, i, azimuth, servos)
-        _arm(robot, i, servos, scene.servo_dynamics or ServoDynamics())
-    if scene.effector:
-        disc = f"cylinder radius={scene.effector.radius:g} length={DISC_HEIGHT:g}"
+    slides = [i for i, arm in enumerate(joints.arms) if arm.inward.any()]
+    for i, arm in enumerate(joints.arms):
+        _carriage(robot, i, arm, joints, slides)
+        _arm(robot, i, arm, scene.servo_dynamics or ServoDynamics())
+    if effector := effector_of(scene):
+        disc = f"cylinder radius={effector.radius:g} length={DISC_HEIGHT:g}"
         _link(robot, EFFECTOR, disc, SILICONE)
         _joint(robot, EFFECTOR, "floating", BASE, EFFECTOR)
     if scene.maze:
@@ -65,54 +73,53 @@ def urdf(scene: Scene) -> str:
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
 
-def arm_frames(servos: Servos, joints: FloatArray) -> Iterator[Frame]:
-    """Yield carriages and arms at `joints`: angles [rad] and the slide [m], shape (count + 1,)."""
-    radius = servos.axis_radius - float(joints[servos.count])
-    for i, azimuth in enumerate(azimuths(servos)):
-        position = np.array([radius * np.cos(azimuth), radius * np.sin(azimuth), -servos.axis_depth])
-        yield BASE, f"carriage_{i}", position, np.array([0, 0, np.sin(azimuth / 2), np.cos(azimuth / 2)])
-        half = -0.5 * float(joints[i])
+def standing(arm: Arm) -> dict[str, Any]:
+    """Return where a servo stands and what its arm looks like, for who draws it: hub [m] and axes of its body as a unit
+    quaternion, direction of the slide, length of the arm, how far inward of the axis it grips, and of the rail [m].
+    """
+    return {
+        "hub": np.round(arm.hub, 9).tolist(),
+        "quaternion": np.round(quaternion(arm.frame), 9).tolist(),
+        "inward": np.round(arm.inward, 9).tolist(),
+        "length": arm.length,
+        "grip": arm.table.axis_radius - arm.table.clamp_radius,
+        "rail": arm.table.axis_radius,
+    }
+
+
+def arm_frames(joints: Joints, at: FloatArray) -> Iterator[Frame]:
+    """Yield carriages and arms where the joints are `at`: angles [rad] and the slide [m], shape (count + 1,)."""
+    for i, arm in enumerate(joints.arms):
+        yield BASE, f"carriage_{i}", arm.hub + float(at[-1]) * arm.inward, quaternion(arm.frame)
+        half = -0.5 * float(at[i])
         yield f"carriage_{i}", f"arm_{i}", np.zeros(3), np.array([0, np.sin(half), 0, np.cos(half)])
 
 
-def azimuths(servos: Servos) -> FloatArray:
-    """Return the azimuths of the strips from +X [rad], shape (count,)."""
-    return 2 * np.pi * np.arange(servos.count) / servos.count
-
-
-def _servos(scene: Scene) -> Servos:
-    if not scene.servos:
-        raise SceneError(f"scene {scene.name!r} has no servos: there is no robot to describe")
-    if scene.servo:
-        raise SceneError(
-            f"scene {scene.name!r} has [[servo]] tables: only servos evenly about Z are described"
-        )
-    return scene.servos
-
-
-def _carriage(robot: ET.Element, i: int, azimuth: float, servos: Servos) -> None:
+def _carriage(robot: ET.Element, i: int, arm: Arm, joints: Joints, slides: list[int]) -> None:
     name = f"carriage_{i}"
     _link(robot, name, "box size=" + ",".join(map(str, CARRIAGE)), METAL, (0, 0, -0.5 * CARRIAGE[2]))
-    radius = servos.axis_radius
-    origin = (radius * np.cos(azimuth), radius * np.sin(azimuth), -servos.axis_depth)
-    joint = _joint(robot, f"slide_{i}" if i else "slide", "prismatic", BASE, name, origin, azimuth)
-    ET.SubElement(joint, "axis", xyz="-1 0 0")
-    ET.SubElement(joint, "limit", lower="0", upper=f"{servos.slide_max:g}", effort="0", velocity="0.1")
-    if i:
+    first = slides[0] if slides else i
+    kind = "prismatic" if i in slides else "fixed"
+    joint = _joint(robot, "slide" if i == first else f"slide_{i}", kind, BASE, name, arm.hub, arm.frame)
+    if kind == "fixed":
+        return
+    ET.SubElement(joint, "axis", xyz=_text(arm.frame.T @ arm.inward))
+    ET.SubElement(joint, "limit", lower="0", upper=f"{joints.slide_max:g}", effort="0", velocity="0.1")
+    if i != first:
         ET.SubElement(joint, "mimic", joint="slide")
 
 
-def _arm(robot: ET.Element, i: int, servos: Servos, dynamics: ServoDynamics) -> None:
+def _arm(robot: ET.Element, i: int, arm: Arm, dynamics: ServoDynamics) -> None:
     thickness, width = ARM
-    depth = servos.axis_depth
-    _link(robot, f"arm_{i}", f"box size={thickness:g},{width:g},{depth:g}", METAL, (0, 0, 0.5 * depth))
+    size = f"box size={thickness:g},{width:g},{arm.length:g}"
+    _link(robot, f"arm_{i}", size, METAL, (0, 0, 0.5 * arm.length))
     joint = _joint(robot, f"servo_{i}", "revolute", f"carriage_{i}", f"arm_{i}")
     ET.SubElement(joint, "axis", xyz="0 -1 0")
     ET.SubElement(
         joint,
         "limit",
-        lower=f"{servos.angle_min:g}",
-        upper=f"{servos.angle_max:g}",
+        lower=f"{arm.low:g}",
+        upper=f"{arm.high:g}",
         effort=f"{dynamics.stall_torque:g}",
         velocity=f"{dynamics.speed:g}",
     )
@@ -139,15 +146,19 @@ def _joint(
     kind: str,
     parent: str,
     child: str,
-    origin: tuple[float, ...] = (0, 0, 0),
-    yaw: float = 0.0,
+    origin: Iterable[float] = (0, 0, 0),
+    axes: FloatArray = STRAIGHT,
 ) -> ET.Element:
+    """Add a joint, whose frame has `axes` in columns."""
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_text(origin), rpy=f"0 0 {yaw:.9g}")
+    roll, pitch = np.arctan2(axes[2, 1], axes[2, 2]), -np.arcsin(np.clip(axes[2, 0], -1, 1))
+    ET.SubElement(
+        joint, "origin", xyz=_text(origin), rpy=_text((roll, pitch, np.arctan2(axes[1, 0], axes[0, 0])))
+    )
     return joint
 
 
-def _text(values: tuple[float, ...]) -> str:
-    return " ".join(f"{value:.9g}" for value in values)
+def _text(values: Iterable[float]) -> str:
+    return " ".join(f"{round(float(value), 12) + 0.0:.9g}" for value in values)

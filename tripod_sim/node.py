@@ -49,6 +49,7 @@ from tripod_sim.requests import Request, changed
 from tripod_sim.rerun import Rerun
 from tripod_sim.scene import EFFECTS, Scene
 from tripod_sim.scene_file import load_scene, scene_to_toml
+from tripod_sim.scene_short import Joints, effector_of
 from tripod_sim.simulated_clock import SimulatedClock
 from tripod_sim.simulation import Simulation
 from tripod_sim.standard_services import StandardServices
@@ -151,7 +152,8 @@ class SimNode(Node):
         self._simulated = SimulatedClock(self, scene.dt) if values["publish_clock"] else None
         self._clock_of_motion = MotionClock(self)
         self._authority = ModeTracker()
-        self._limits = _within_scene(limits_from(values), scene)
+        self._arms = simulation.joints
+        self._limits = _within_scene(values, scene, self._arms)
         self._range = RangeWatch(self._limits)
         self._follower, self._fence = self._new_follower(), Fence()
         self._refused = 0
@@ -162,7 +164,7 @@ class SimNode(Node):
         )
         self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(len(simulation.torques))
         self._join_graph()
-        self._transforms = Transforms(self, scene, values["frame_prefix"]) if scene.servos else None
+        self._transforms = Transforms(self, scene, values["frame_prefix"]) if self._arms else None
         self._physics = RealTime(
             simulation,
             self._setpoint if rerun is None else self._recorded,
@@ -228,7 +230,7 @@ class SimNode(Node):
 
     def _adopt(self, values: Mapping[str, Any]) -> None:
         """Take rates and command limits that have changed."""
-        limits = _within_scene(limits_from(values), self._scene)
+        limits = _within_scene(values, self._scene, self._arms)
         with self._lock:
             self._limits = self._follower.limits = limits
             self._range.adopt(limits)
@@ -288,8 +290,7 @@ class SimNode(Node):
         self._physics.stop()
 
     def _new_follower(self) -> CommandFollower:
-        s = self._scene.servos
-        start = (*s.angles, s.slide) if s else (0.0, 0.0, 0.0, 0.0)
+        start = tuple(self._arms.start.tolist()) if self._arms else self._limits.park
         return CommandFollower(self._limits, None if start == self._limits.park else start)
 
     # physics thread -------------------------------------------------------------------------------------------
@@ -297,7 +298,7 @@ class SimNode(Node):
     def _setpoint(self, now: float) -> FloatArray | None:
         if self._simulated:
             self._simulated.pass_by()
-        if not self._scene.servos:
+        if not self._arms:
             return None
         with self._lock:
             self._look(now)
@@ -326,7 +327,7 @@ class SimNode(Node):
         if snapshot.step % self._pose_every == 0:
             if snapshot.effector:
                 self._pose.publish(self._poses.message(snapshot, snapshot.effector))
-            if self._scene.servos:
+            if self._arms:
                 told = self._joint_states.message(snapshot)
                 for publisher in self._joints:
                     publisher.publish(told)
@@ -357,7 +358,7 @@ class SimNode(Node):
             self._transforms.publish(snapshot)
 
     def _follow(self, command: Command) -> str:
-        if not self._scene.servos:
+        if not self._arms:
             raise CommandError(f"scene {self._scene.name!r} has no servos")
         with self._lock:
             self._look(command.now)
@@ -473,7 +474,7 @@ class SimNode(Node):
 
     def _on_status_timer(self) -> None:
         self._physics.want_compliance = (
-            self._scene.effector is not None and self._compliance.get_subscription_count() > 0
+            effector_of(self._scene) is not None and self._compliance.get_subscription_count() > 0
         )
         self._publish_journal()
         with self._lock:
@@ -497,7 +498,7 @@ class SimNode(Node):
             return int(SimStatus.FAILED)
         if self._physics.activity is realtime.Activity.PAUSED:
             return int(SimStatus.PAUSED)
-        if self._rerun or not self._scene.servos or self._follower.activity is Activity.ACTIVE:
+        if self._rerun or not self._arms or self._follower.activity is Activity.ACTIVE:
             return int(SimStatus.RUNNING)
         return int(SimStatus.HOLDING if self._follower.activity is Activity.HOLDING else SimStatus.PARKED)
 
@@ -518,11 +519,11 @@ class SimNode(Node):
             residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
             gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
             last_rejection=self._last_refusal, authority=authority_message(self._authority),
-            lower=self._range.limits.lower[:3], upper=self._range.limits.upper[:3],
+            lower=self._range.limits.lower[:-1], upper=self._range.limits.upper[:-1],
         )  # fmt: skip
 
     def _notices(self, snapshot: Snapshot) -> str:
-        beyond = cut(self._follower.joints, self._range.limits) if self._scene.servos else ""
+        beyond = cut(self._follower.joints, self._range.limits) if self._arms else ""
         words = (notices(snapshot), *self._authority.notices(time.monotonic()), beyond, *self._notes)
         return "; ".join(word for word in words if word)
 
@@ -530,8 +531,8 @@ class SimNode(Node):
         """Tell which topics of the steps come less often than declared, at a real-time factor."""
         poses = 1.0 / (self._pose_every * self._scene.dt)
         for topic, rate, told in (
-            (names.SIM_JOINT_STATES, poses, self._scene.servos),
-            (names.EFFECTOR_POSE, poses, self._scene.effector),
+            (names.SIM_JOINT_STATES, poses, self._arms),
+            (names.EFFECTOR_POSE, poses, effector_of(self._scene)),
             (names.COMPLIANCE, 1.0 / self._physics.compliance_period, self._physics.want_compliance),
         ):
             if told and (words := short(topic, factor * rate, rate)):
@@ -581,27 +582,25 @@ def stalls(snapshot: Snapshot) -> str:
     return "; ".join(str(stall) for stall in snapshot.report.stalled)
 
 
-def _within_scene(limits: CommandLimits, scene: Scene) -> CommandLimits:
-    """Return the limits narrowed to what the scene allows; raise ParameterError if nothing is left."""
-    if not (s := scene.servos):
-        return limits
-    if scene.servo:
-        raise ParameterError(
-            f"scene {scene.name!r} has [[servo]] tables; the nodes draw and name servos evenly about Z: "
-            "use `tripod run`, `tripod ik --target` or the library"
-        )
-    if s.count != len(names.SERVOS):
-        raise ParameterError(
-            f"scene {scene.name!r} has {s.count} servos; the nodes carry {len(names.SERVOS)}: "
-            f"{', '.join(names.SERVOS)}; use `tripod run`, `tripod ik --target` or the library"
-        )
-    low, high = max(limits.angle_min, s.angle_min), min(limits.angle_max, s.angle_max)
-    if not low < high:
-        raise ParameterError(
-            f"parameters angle_min {limits.angle_min} and angle_max {limits.angle_max} rad leave nothing of the "
-            f"scene's {s.angle_min} to {s.angle_max} rad"
-        )
-    return replace(limits, angle_min=low, angle_max=high, slide_max=min(limits.slide_max, s.slide_max))
+def _within_scene(values: Mapping[str, Any], scene: Scene, joints: Joints | None) -> CommandLimits:
+    """Return the limits that the parameters set, narrowed to what the scene allows.
+
+    Raises ParameterError if nothing is left, or the park position is one of other joints.
+    """
+    if not joints:
+        return limits_from(values)
+    try:
+        limits = limits_from(values, joints.count)
+    except CommandError as error:
+        raise ParameterError(f"scene {scene.name!r}: parameter {error}") from None
+    for arm in joints.arms:
+        if not max(limits.angle_min, arm.low) < min(limits.angle_max, arm.high):
+            raise ParameterError(
+                f"parameters angle_min {limits.angle_min} and angle_max {limits.angle_max} rad leave nothing of the "
+                f"scene's {arm.low} to {arm.high} rad"
+            )
+    limits = replace(limits, slide_max=min(limits.slide_max, joints.slide_max))
+    return limits.within(joints.low.tolist(), joints.high.tolist(), [limits.angle_speed] * joints.count)
 
 
 def main(

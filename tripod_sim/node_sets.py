@@ -40,7 +40,7 @@ class NodeSets:
         }
         self._found |= self._bodies
         for i, table in enumerate(tables):
-            self._found[table.name] = self._inside(table, f"set.{i} ({table.name!r})")
+            self._found[table.name] = self.inside(table, f"set.{i} ({table.name!r})")
 
     def nodes(self, name: str, field: str) -> IndexArray:
         """Return the nodes of a set, ascending.
@@ -63,10 +63,10 @@ class NodeSets:
         """Return the nodes of a fixed region: of its set, or in its box. Raises SceneError, which names `field`."""
         if table.set:
             return self.nodes(table.set, f"{field}.set")
-        return self._inside(NodeSet(field, low=table.low, high=table.high), field)
+        return self.inside(NodeSet(field, low=table.low, high=table.high), field)
 
-    def _inside(self, table: NodeSet, where: str) -> IndexArray:
-        """Return the nodes of a table. Raises SceneError where there are none."""
+    def inside(self, table: NodeSet, where: str) -> IndexArray:
+        """Return the nodes of a table, ascending. Raises SceneError, which begins with `where`, if there are none."""
         far = _distance(table, self._nodes)
         if table.body:
             if table.body not in self._bodies:

@@ -12,7 +12,8 @@
 | `bodies` | b | how many of these the soft body has (0: there is none), then each rigid one |
 | `energies` | k, 3 | kinetic, strain, of gravity [J] |
 | `effector` | k, 7 | pose of the disc: position [m], quaternion x, y, z, w; with an effector |
-| `angles`, `torques` | k, 3 | of the servos [rad], [N m] |
+| `angles`, `torques` | k, s | of the servos [rad], [N m] |
+| `arms` | s, 13 | where they stand: hub [m], quaternion of the body, direction of the slide, lengths [m]; with servos |
 | `slide` | k | of the servo bodies [m] |
 | `ball` | k, 7 | pose of the ball; with a ball |
 | `rigid` | k, r, 7 | poses of rigid bodies; with any |
@@ -45,6 +46,7 @@ UNITS = {
     "effector": "m, m, m, 1, 1, 1, 1",
     "angles": "rad",
     "torques": "N m",
+    "arms": "m, m, m, 1, 1, 1, 1, 1, 1, 1, m, m, m",
     "slide": "m",
     "ball": "m, m, m, 1, 1, 1, 1",
     "rigid": "m, m, m, 1, 1, 1, 1",
@@ -181,6 +183,11 @@ def _still(simulation: Simulation) -> dict[str, Any]:
         "triangles": simulation.skin.surface,
         "bodies": np.array(simulation.bodies, dtype=np.int64),
     }
+    if simulation.joints:
+        from tripod_sim.description import standing  # noqa: PLC0415 - only with servos
+
+        rows = [standing(arm).values() for arm in simulation.joints.arms]
+        found["arms"] = np.array([np.hstack(list(row)) for row in rows])
     if scene.obstacles:
         from tripod_sim.contact.build import obstacle_parts  # noqa: PLC0415 - only with obstacles
 

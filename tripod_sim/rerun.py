@@ -115,7 +115,7 @@ class Rerun:
         self._look(self.simulation.state.step)
 
     def _play(self) -> Iterator[FloatArray | None]:
-        simulation, servos = self.simulation, bool(self.simulation.scene.servos)
+        simulation, servos = self.simulation, bool(self.simulation.joints)
         width = HEAD + (simulation.command.size if servos else 0)
         here = None  # epoch and step, where the body is the recorded one
         for row in self._rows(width):

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.scene_short import field_of, soft_bodies, springs_alone
+from tripod_sim.scene_short import discs_of, field_of, servo_tables, soft_bodies, springs_alone
 from tripod_sim.tables.motion import EXPLICIT
 from tripod_sim.timeline import parse_timeline
 
@@ -45,6 +45,10 @@ def check_body(scene: "Scene") -> None:
             raise SceneError(
                 f"{name} needs a solid as the first body: springs are held by fixed_nodes, fixed_corners or fixed boxes"
             )
+        if getattr(scene, name) and name != "ball" and bodies and getattr(bodies[0], name):
+            raise SceneError(
+                f"{name} and {field_of(scene, 0)}{name} are both of the first body; leave one out"
+            )
 
 
 def _check_kind(body: "Body", field: str) -> None:
@@ -56,9 +60,13 @@ def _check_kind(body: "Body", field: str) -> None:
         raise SceneError(f"field {field}mesh is missing: a body has mesh and material, or springs")
     if body.mesh and body.springs:
         raise SceneError(f"{field}mesh and {field}springs exclude each other: they are two bodies")
-    if body.region and not body.mesh:
-        raise SceneError(f"{field}region needs {field}mesh: it is a part of a solid")
+    for name in ("region", "servos", "effector"):
+        if getattr(body, name) and not body.mesh:
+            raise SceneError(f"{field}{name} needs {field}mesh: it is of a solid")
 
+
+MADE_OF = {"servos": servo_tables, "effector": discs_of}
+"""What a scene has also by tables of its bodies."""
 
 NEEDS = (
     ("damping", "inertia", "without velocity there is nothing to damp"),
@@ -82,14 +90,15 @@ NEEDS = (
 def check_needs(scene: "Scene") -> None:
     """Raise SceneError if an effect lacks another that it needs."""
     for name, other, why in NEEDS:
-        if getattr(scene, name) and not getattr(scene, other):
+        there = MADE_OF[other](scene) if other in MADE_OF else getattr(scene, other)
+        if getattr(scene, name) and not there:
             raise SceneError(f"{name} needs {other}: {why}")
 
 
 def check_holds(scene: "Scene") -> None:
     """Raise SceneError if nothing holds a body at rest."""
     nets = any(body.springs and body.springs.holds for body in soft_bodies(scene))
-    held = scene.servos or scene.fixed or scene.prescribed or nets
+    held = servo_tables(scene) or scene.fixed or scene.prescribed or nets
     if not (scene.inertia or held):
         raise SceneError(
             "nothing holds the body (no servos, nothing fixed), so its translation and rotation are free and it has "
@@ -330,18 +339,26 @@ def check_mesh_error(scene: "Scene") -> None:
 
 def check_start(scene: "Scene") -> None:
     """Raise SceneError if the servos start out of their limits."""
-    s = scene.servos
-    if not s:
-        return
-    if len(s.angles) != s.count:
-        raise SceneError(f"servos.angles has {len(s.angles)} values; it needs {s.count}, one for each servo")
-    for i, angle in enumerate(s.angles):
-        if not s.angle_min <= angle <= s.angle_max:
+    tables = servo_tables(scene)
+    for field, s, body in tables:
+        if len(s.angles) != s.count:
             raise SceneError(
-                f"servos.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
+                f"{field}.angles has {len(s.angles)} values; it needs {s.count}, one for each servo"
             )
-    if not 0 <= s.slide <= s.slide_max:
-        raise SceneError(f"servos.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
+        for i, angle in enumerate(s.angles):
+            if not s.angle_min <= angle <= s.angle_max:
+                raise SceneError(
+                    f"{field}.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
+                )
+        if not 0 <= s.slide <= s.slide_max:
+            raise SceneError(f"{field}.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
+        if s.slide != tables[0][1].slide:
+            raise SceneError(
+                f"{field}.slide is {s.slide} m, {tables[0][0]}.slide {tables[0][1].slide} m; all servo bodies slide by "
+                "the same"
+            )
+        if scene.clamp and body.name != soft_bodies(scene)[0].name:
+            raise SceneError(f"clamp is of the first body: {field} need ideal clamps; leave clamp out")
 
 
 CHECKS = (

@@ -1,11 +1,25 @@
-"""Short forms of a scene written out: `[mesh]` with `[material]`, and `[springs]`, are its first bodies."""
+"""Short forms of a scene written out.
 
+`[mesh]` with `[material]`, and `[springs]`, are its first bodies. `[servos]` and `[effector]` are those of the first
+body, about the Z axis of the world; `[body.servos]` and `[body.effector]` those of another, about its own. What comes
+behind asks `joints_of` and `discs_of` alone.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tripod_sim.tables.bodies import Body
+from tripod_sim.tables.robot import Effector, Servos
+from tripod_sim.tables.sets import NodeSet, Servo
 
 if TYPE_CHECKING:
     from tripod_sim.scene import Scene
+
+FloatArray = NDArray[np.float64]
 
 FIRST, SECOND = "body", "springs"
 """Names of what the short form describes; where that is one body it has the first."""
@@ -34,3 +48,206 @@ def _short(scene: "Scene") -> tuple[Body, ...]:
     if scene.springs:
         found.append(Body(SECOND if found else FIRST, springs=scene.springs))
     return tuple(found)
+
+
+# servos ---------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A servo: its arm turns about an axis and holds a set.
+
+    Attributes:
+        held: The set, or its name.
+        field: How messages begin that are about it.
+        hub: A point on the axis, before sliding [m].
+        axis: Unit vector of the axis.
+        inward: Unit vector of a positive slide; zero where it does not slide.
+        angle: At the start [rad].
+        table: What it shares with others: range, and what it looks like.
+    """
+
+    held: NodeSet | str
+    field: str
+    hub: FloatArray
+    axis: FloatArray
+    inward: FloatArray
+    angle: float
+    table: Servos
+
+    @property
+    def low(self) -> float:
+        """Smallest angle [rad]."""
+        return self.table.angle_min
+
+    @property
+    def high(self) -> float:
+        """Largest angle [rad]."""
+        return self.table.angle_max
+
+    @property
+    def length(self) -> float:
+        """From the axis to what it holds, as it is drawn [m]."""
+        return self.table.axis_depth
+
+    @cached_property
+    def frame(self) -> FloatArray:
+        """Axes of the servo's body in columns: x outward, y against the axis, z along the arm at angle 0."""
+        y = -self.axis
+        outward = -self.inward if self.inward.any() else np.cross(y, [0.0, 0.0, 1.0])
+        outward = outward - (outward @ y) * y
+        if not np.linalg.norm(outward) > 1e-9:
+            outward = np.cross(y, [1.0, 0.0, 0.0])
+        x = outward / np.linalg.norm(outward)
+        return np.column_stack([x, y, np.cross(x, y)])
+
+
+@dataclass(frozen=True, eq=False)
+class Joints:
+    """The servos of a scene, in the order of its bodies, and the slide that they share.
+
+    Attributes:
+        arms: The servos.
+        slide: At the start [m].
+        slide_max: Largest [m].
+    """
+
+    arms: tuple[Arm, ...]
+    slide: float
+    slide_max: float
+
+    @property
+    def count(self) -> int:
+        """Number of servos."""
+        return len(self.arms)
+
+    @cached_property
+    def low(self) -> FloatArray:
+        """Smallest angles [rad], shape (count,)."""
+        return np.array([arm.low for arm in self.arms])
+
+    @cached_property
+    def high(self) -> FloatArray:
+        """Largest angles [rad], shape (count,)."""
+        return np.array([arm.high for arm in self.arms])
+
+    @property
+    def start(self) -> FloatArray:
+        """Angles [rad] and slide [m] at the start, shape (count + 1,)."""
+        return np.array([*(arm.angle for arm in self.arms), self.slide])
+
+    @property
+    def reach(self) -> float:
+        """Length by which a slide counts as a turn [m]: that of the longest arm."""
+        return max(*(arm.length for arm in self.arms), 0.005)
+
+
+def joints_of(scene: "Scene") -> Joints | None:
+    """Return the servos of a scene; None where it has none."""
+    tables = servo_tables(scene)
+    if not tables:
+        return None
+    arms = list[Arm]()
+    for number, (field, table, body) in enumerate(tables):
+        if scene.servo and not number and scene.servos:
+            arms += [_placed(i, servo, table) for i, servo in enumerate(scene.servo)]
+        else:
+            arms += _round(field, table, body)
+    return Joints(tuple(arms), tables[0][1].slide, min(table.slide_max for _, table, _ in tables))
+
+
+def servo_tables(scene: "Scene") -> list[tuple[str, Servos, Body]]:
+    """Return each `[servos]` with its field and the body whose nodes they hold, about whose Z axis they stand."""
+    bodies = soft_bodies(scene)
+    found = []
+    if scene.servos and bodies:
+        found.append(("servos", scene.servos, replace(bodies[0], position=(0.0,) * 3, orientation=HOME)))
+    return found + [
+        (f"{field_of(scene, k)}servos", body.servos, body) for k, body in enumerate(bodies) if body.servos
+    ]
+
+
+HOME = (0.0, 0.0, 0.0, 1.0)
+"""No rotation."""
+
+
+def pose_of(body: Body) -> tuple[FloatArray, FloatArray]:
+    """Return position [m] and rotation matrix of a body."""
+    if body.orientation == HOME:
+        return np.array(body.position), np.eye(3)
+    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import
+
+    return np.array(body.position), Rotation.from_quat(body.orientation).as_matrix()
+
+
+def _round(field: str, table: Servos, body: Body) -> list[Arm]:
+    """Return servos evenly about the Z axis of a body.
+
+    Servo i of n stands at azimuth phi = 2 pi i / n. Its axis is horizontal and perpendicular to the strip,
+    a = (sin phi, -cos phi, 0), so that a negative angle tips the arm outward and down.
+    """
+    (position, turn), arms = pose_of(body), []
+    for i in range(table.count):
+        phi = 2 * np.pi * i / table.count
+        outward = turn @ np.array([np.cos(phi), np.sin(phi), 0.0])
+        beyond = table.clamp_radius + float(outward @ position)
+        x, y, z = outward.tolist()
+        arms.append(
+            Arm(
+                NodeSet("", body=body.name, along=(x, y, z), beyond=beyond),
+                f"{field}.clamp_radius is {table.clamp_radius} m: servo {i}",
+                turn @ np.array([0, 0, -table.axis_depth]) + table.axis_radius * outward + position,
+                turn @ np.array([np.sin(phi), -np.cos(phi), 0.0]),
+                -outward,
+                table.angles[i],
+                table,
+            )
+        )
+    return arms
+
+
+def _placed(i: int, servo: Servo, table: Servos) -> Arm:
+    axis, inward = np.array(servo.axis), np.array(servo.inward or (0.0, 0.0, 0.0))
+    length = np.linalg.norm(inward)
+    return Arm(
+        servo.set,
+        f"servo.{i}.set",
+        np.array(servo.hub),
+        axis / np.linalg.norm(axis),
+        inward / length if length > 0 else inward,
+        table.angles[i],
+        table,
+    )
+
+
+def posed(scene: "Scene", angles: FloatArray, slide: float) -> "Scene":
+    """Return a scene whose servos start at `angles` [rad], shape (count,), and `slide` [m]."""
+    rest, tables = angles.tolist(), list[Servos]()
+    for _, table, _ in servo_tables(scene):
+        own, rest = tuple(rest[: table.count]), rest[table.count :]
+        tables.append(replace(table, angles=own, slide=slide))
+    first = tables.pop(0) if scene.servos else None
+    bodies = tuple(replace(b, servos=tables.pop(0)) if b.servos else b for b in scene.body)
+    return replace(scene, servos=first, body=bodies)
+
+
+# discs ----------------------------------------------------------------------------------------------------------------
+
+
+def discs_of(scene: "Scene") -> list[tuple[str, Effector, Body]]:
+    """Return each `[effector]` with its field and its body; the first is the effector of the scene."""
+    bodies = soft_bodies(scene)
+    found = []
+    if scene.effector and bodies:
+        found.append(("effector", scene.effector, replace(bodies[0], position=(0.0,) * 3, orientation=HOME)))
+    return found + [
+        (f"{field_of(scene, k)}effector", body.effector, body)
+        for k, body in enumerate(bodies)
+        if body.effector
+    ]
+
+
+def effector_of(scene: "Scene") -> Effector | None:
+    """Return the effector of a scene; None where it has none."""
+    found = discs_of(scene)
+    return found[0][1] if found else None

@@ -1,12 +1,13 @@
 """What the servos of a scene do over time: as the user says, or else the motion that the scene brings along."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of, posed
 from tripod_sim.timeline import Timeline, joint_timelines
 
 FloatArray = NDArray[np.float64]
@@ -34,11 +35,11 @@ class Script:
 
     def started(self, scene: Scene) -> Scene:
         """Return the scene with its servos where the script begins."""
-        if not scene.servos:
+        joints = joints_of(scene)
+        if not joints:
             return scene
-        angles = tuple(self.angles.at(0.0).tolist()) if self.angles else scene.servos.angles
-        slide = float(self.slides.at(0.0)[0]) if self.slides else scene.servos.slide
-        return replace(scene, servos=replace(scene.servos, angles=angles, slide=slide))
+        start = self.joints(joints.start, 0.0)
+        return posed(scene, start[:-1], float(start[-1]))
 
     def joints(self, before: FloatArray, time: float) -> FloatArray:
         """Return angles [rad] and slide [m] at a time [s], shape (s + 1,); `before` where it is silent."""
@@ -56,15 +57,16 @@ def script_of(scene: Scene, servo: str | None = None, slide: str | None = None) 
     Raises:
         SceneError: they cannot be read, go beyond the limits of the scene, or it has no servos.
     """
+    joints = joints_of(scene)
     for option, text in (("--servo", servo), ("--slide", slide)):
-        if text is not None and not scene.servos:
+        if text is not None and not joints:
             raise SceneError(f"{option}: scene {scene.name!r} has no servos")
-    if not scene.servos:
+    if not joints:
         return Script()
     if servo is not None or slide is not None or not scene.motion:
-        return Script(*joint_timelines(scene.servos, servo, slide))
+        return Script(*joint_timelines(joints, servo, slide))
     names = ("motion.servo", "motion.slide")
     try:
-        return Script(*joint_timelines(scene.servos, scene.motion.servo, scene.motion.slide or None, names))
+        return Script(*joint_timelines(joints, scene.motion.servo, scene.motion.slide or None, names))
     except SceneError as error:
         raise SceneError(f"{error}; give --servo, or --set motion=off") from None

@@ -15,6 +15,7 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene, at_rest
+from tripod_sim.scene_short import discs_of, joints_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.motion import EXPLICIT
@@ -89,7 +90,8 @@ class Simulation:
         """
         self.scene = scene
         parts = self._parts = build(scene)
-        posed = bool(scene.servos or (scene.fixed and scene.effector))
+        self.joints = joints_of(scene)
+        posed = bool(self.joints or (scene.fixed and discs_of(scene)))
         self._static = build(at_rest(scene)) if scene.inertia and posed else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
@@ -99,7 +101,7 @@ class Simulation:
         )
         self._renew = getattr(self._stepper, "renew", None)
         count = len(self._system.groups.driven)
-        joints = np.array([*scene.servos.angles, scene.servos.slide]) if scene.servos else np.zeros(count + 1)
+        joints = self.joints.start if self.joints else np.zeros(count + 1)
         self._prescribed = self._system.groups.prescribed
         self.state = self._system.start_state(np.zeros(count + 1 + bool(self._prescribed)))
         if parts.rigid:
@@ -118,7 +120,7 @@ class Simulation:
             from tripod_sim.softness import reference_stiffness  # noqa: PLC0415 - only with an effector
 
             self._reference = reference_stiffness(static, self.state)
-        if scene.servos:
+        if self.joints:
             self._pose(self._goal(joints, 0.0))
         if parts.check_start:
             parts.check_start(self.state.positions)
@@ -327,12 +329,11 @@ class Simulation:
         *angles, slide = goal.tolist()
         if not (math.isfinite(slide) and all(map(math.isfinite, angles))):
             raise SceneError(f"joints {goal.tolist()} are not finite")
-        if s := self.scene.servos:
-            low, high = s.angle_min - 1e-9, s.angle_max + 1e-9
-            for i, angle in enumerate(angles):
-                if not low <= angle <= high:
+        if s := self.joints:
+            for i, (angle, arm) in enumerate(zip(angles, s.arms, strict=True)):
+                if not arm.low - 1e-9 <= angle <= arm.high + 1e-9:
                     raise SceneError(
-                        f"servo {i}: angle {angle:g} rad; allowed is {s.angle_min:g} to {s.angle_max:g} rad"
+                        f"servo {i}: angle {angle:g} rad; allowed is {arm.low:g} to {arm.high:g} rad"
                     )
             if not -1e-9 <= slide <= s.slide_max + 1e-9:
                 raise SceneError(f"slide {slide:g} m; allowed is 0 to {s.slide_max:g} m")
@@ -362,13 +363,13 @@ class Simulation:
         """Take every way once that steps take, so that nothing is left to compile, and return to the start state."""
         try:
             self.step()
-            if servos := self.scene.servos:
+            if self.joints:
                 start = self.command
-                way = np.minimum(REHEARSED, np.maximum(start[:-1] - servos.angle_min, 0.0))
+                way = np.minimum(REHEARSED, np.maximum(start[:-1] - self.joints.low, 0.0))
                 for share in (0.25, 0.5, 0.75, 1.0):
                     self.step(start - share * np.append(way, 0.0))
             self.energies()
-            if self.scene.effector is not None:
+            if discs_of(self.scene):
                 self.compliance()
         except StepError:
             pass  # it comes again where it can be told

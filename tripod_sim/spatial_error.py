@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of, posed
 from tripod_sim.simulation import Simulation
 
 FloatArray = NDArray[np.float64]
@@ -89,7 +90,7 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
         )
     if not mesh:
         raise SceneError("there is no mesh that could be finer: a scene of rigid bodies has no spatial error")
-    if not (scene.servos or scene.fixed):
+    if not (joints_of(scene) or scene.fixed):
         raise SceneError(
             "nothing holds the body (no servos, no fixed box), so it has no static state to estimate"
         )
@@ -125,13 +126,11 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
 
 def _posed(scene: Scene, joints: FloatArray) -> Scene:
     """Return the scene with its servos at `joints`."""
-    count = scene.servos.count + 1 if scene.servos else 1
+    found = joints_of(scene)
+    count = found.count + 1 if found else 1
     if joints.shape != (count,) or not np.isfinite(joints).all():
         raise SceneError(f"joints are {joints.tolist()}; the scene needs {count} finite values")
-    if not scene.servos:
-        return scene
-    *angles, slide = joints.tolist()
-    return replace(scene, servos=replace(scene.servos, angles=tuple(angles), slide=slide))
+    return posed(scene, joints[:-1], float(joints[-1])) if found else scene
 
 
 def _settled(scene: Scene) -> Simulation:

@@ -1,13 +1,16 @@
 """Joint values over time, written on one line: `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.tables.fields import other_unit
-from tripod_sim.tables.robot import Servos
+
+if TYPE_CHECKING:
+    from tripod_sim.scene_short import Joints
 
 FloatArray = NDArray[np.float64]
 
@@ -76,27 +79,29 @@ def parse_timeline(text: str, width: int, what: str) -> Timeline:
 
 
 def joint_timelines(
-    servos: Servos, servo: str | None, slide: str | None, names: tuple[str, str] = ("--servo", "--slide")
+    joints: "Joints", servo: str | None, slide: str | None, names: tuple[str, str] = ("--servo", "--slide")
 ) -> tuple[Timeline | None, Timeline | None]:
     """Return angles [rad] and slide [m] over time, None for what is not given.
 
     Args:
-        servos: Whose limits they must keep.
+        joints: Whose limits they must keep.
         servo, slide: As `parse_timeline` and `parse_slide` read them.
         names: Of the two, for messages.
 
     Raises:
         SceneError: they cannot be read, or go beyond the limits.
     """
-    angles = parse_timeline(servo, servos.count, names[0]) if servo is not None else None
+    angles = parse_timeline(servo, joints.count, names[0]) if servo is not None else None
     slides = parse_slide(slide, angles, names[1]) if slide is not None else None
-    s = servos
-    if angles and not ((angles.values >= s.angle_min) & (angles.values <= s.angle_max)).all():
+    if angles and not ((angles.values >= joints.low) & (angles.values <= joints.high)).all():
+        beyond = np.maximum(joints.low - angles.values, angles.values - joints.high).max(axis=0)
+        i = int(np.argmax(beyond))
+        low, high, of = joints.low[i], joints.high[i], angles.values[:, i]
         raise SceneError(
-            f"{names[0]}: angles reach {angles.values.min():g} to {angles.values.max():g} rad; allowed is "
-            f"{s.angle_min:g} to {s.angle_max:g} rad"
-            + other_unit(_furthest(angles), "rad", lambda a: s.angle_min <= a <= s.angle_max)
+            f"{names[0]}: angles of servo {i} reach {of.min():g} to {of.max():g} rad; allowed is {low:g} to {high:g} "
+            "rad" + other_unit(float(of[np.abs(of).argmax()]), "rad", lambda a: low <= a <= high)
         )
+    s = joints
     if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
         raise SceneError(
             f"{names[1]}: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to "

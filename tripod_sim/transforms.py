@@ -11,6 +11,7 @@ from tripod_sim.description import BALL, BASE, EFFECTOR, PLATE, arm_frames, urdf
 from tripod_sim.messages import header
 from tripod_sim.realtime import Snapshot
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of
 from tripod_sim.simulation import Pose
 
 
@@ -19,7 +20,7 @@ class Transforms:
 
     def __init__(self, node: Node, scene: Scene, prefix: str) -> None:
         """`scene` has servos; `prefix` stands before every frame but `world`."""
-        self._servos, self._prefix = scene.servos, prefix
+        self._joints, self._prefix = joints_of(scene), prefix
         self._moving = node.create_publisher(TFMessage, TF, RELIABLE)
         self._description = node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED)
         self._description.publish(String(data=urdf(scene)))
@@ -32,11 +33,11 @@ class Transforms:
 
     def publish(self, snapshot: Snapshot) -> None:
         """Publish the frames of a snapshot, if anybody listens."""
-        if not self._moving.get_subscription_count() or self._servos is None:
+        if not self._moving.get_subscription_count() or self._joints is None:
             return
         found = [
             self._transform(snapshot.stamp, parent, child, position.tolist(), quaternion.tolist())
-            for parent, child, position, quaternion in arm_frames(self._servos, snapshot.joints)
+            for parent, child, position, quaternion in arm_frames(self._joints, snapshot.joints)
         ]
         found += [self._pose(snapshot.stamp, EFFECTOR, snapshot.effector)] if snapshot.effector else []
         found += [self._pose(snapshot.stamp, BALL, snapshot.ball)] if snapshot.ball else []

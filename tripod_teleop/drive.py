@@ -32,7 +32,7 @@ class Drive:
 
     Attributes:
         limits: Bounds of the set-point.
-        joints: The set-point: three angles [rad], and the slide [m] if it is known.
+        joints: The set-point: the angle of each servo [rad], and the slide [m] if it is known.
         speed: Of a servo whose key is down [rad/s].
         hold: Time for which a press counts [s].
         pose_time: Shortest time of a motion to a pose [s].
@@ -43,7 +43,7 @@ class Drive:
     def __init__(self, limits: CommandLimits, *, speed: float, hold: float, pose_time: float) -> None:
         """Begin without a set-point; `start` gives one. The arguments are the attributes."""
         self.limits, self.speed, self.hold, self.pose_time = limits, speed, hold, pose_time
-        self.joints: FloatArray = np.zeros(3)
+        self.joints: FloatArray = np.zeros(limits.count)
         self.motion = ""
         self.at_once = False
         self._pressed: dict[int, tuple[int, float, float]] = {}  # servo: sign, moved until, pressed until
@@ -51,10 +51,15 @@ class Drive:
         self._path = (self.joints, self.joints, 0.0, 0.0)  # from, to, start, duration
 
     def start(self, joints: Sequence[float]) -> None:
-        """Begin at rest at `joints`: three angles [rad], and the slide [m] if it is known."""
+        """Begin at rest at `joints`: the angles [rad], and the slide [m] if it is known."""
         values = np.array(joints, float)
         self.joints = np.clip(values, self.limits.lower[: len(values)], self.limits.upper[: len(values)])
         self._due = float("-inf")
+        self.rest()
+
+    def fit(self, limits: CommandLimits) -> None:
+        """Be for a robot with another number of servos; `start` is due."""
+        self.limits, self.joints, self._due = limits, np.zeros(limits.count), float("-inf")
         self.rest()
 
     def rest(self) -> None:
@@ -86,7 +91,7 @@ class Drive:
         return sign == move.sign and until > now
 
     def go(self, name: str, pose: Sequence[float], now: float) -> None:
-        """Begin a motion to `pose`, three angles [rad] and the slide [m], all joints in proportion."""
+        """Begin a motion to `pose`, the angles [rad] and the slide [m], all joints in proportion."""
         self.rest()
         size = len(self.joints)
         goal = np.clip(np.array(pose, float), self.limits.lower, self.limits.upper)[:size]
@@ -95,16 +100,19 @@ class Drive:
         self.motion = name
 
     def jump(self, angles: Sequence[float]) -> None:
-        """Put the set-point at three `angles` [rad] in one step; the slide stays.
+        """Put the set-point at `angles` [rad], shape (s,), in one step; the slide stays.
 
         The joints go there as fast as their followers' slew rates let them.
         """
         self.rest()
         self.at_once = True
-        self.joints[:3] = np.clip(np.array(angles, float), self.limits.lower[:3], self.limits.upper[:3])
+        servos = self.limits.count
+        self.joints[:servos] = np.clip(
+            np.array(angles, float), self.limits.lower[:-1], self.limits.upper[:-1]
+        )
 
     def setpoint(self, now: float, ahead: float = 0.0) -> FloatArray:
-        """Return where the joints should be `ahead` [s] after `now` [s], shape (3,) or (4,); call it at a regular rate.
+        """Return where the joints should be `ahead` [s] after `now` [s], shape (s,) or (s + 1,); call it regularly.
 
         What a key moves was moved by an earlier call until its time: only what comes after that is added.
         """

@@ -30,15 +30,26 @@ class Move:
     """Move one servo while the key is down.
 
     Attributes:
-        servo: Its number.
+        servo: Its number; None: the chosen one.
         sign: +1: the angle grows, the strip goes up; -1: it bends down.
     """
 
-    servo: int
+    servo: int | None
     sign: int
 
 
-Intent = Act | Move
+@dataclass(frozen=True)
+class Choose:
+    """Choose the servo that + and - move.
+
+    Attributes:
+        servo: Its number.
+    """
+
+    servo: int
+
+
+Intent = Act | Move | Choose
 
 
 @dataclass(frozen=True)
@@ -63,8 +74,10 @@ BINDINGS: Final = (
     Binding(("down", "ctrl+down"), Move(0, -1)),
     Binding(("left", "ctrl+left"), Move(1, +1), "Left, Right", "servo 1 up, down"),
     Binding(("right", "ctrl+right"), Move(1, -1)),
-    Binding(("+", "=", "ctrl++", "ctrl+="), Move(2, +1), "+, -", "servo 2 up, down"),
-    Binding(("-", "_", "ctrl+-", "ctrl+_"), Move(2, -1)),
+    Binding(("+", "=", "ctrl++", "ctrl+="), Move(None, +1), "+, -", "servo 2, or the chosen one, up, down"),
+    Binding(("-", "_", "ctrl+-", "ctrl+_"), Move(None, -1)),
+    Binding(("0",), Choose(0), "0 to 9", "choose the servo that + and - move"),
+    *(Binding((str(i),), Choose(i)) for i in range(1, 10)),
     Binding(("space", "ctrl+space", "alt+space"), Act.STOP, "space", "stop: hold, then park"),
     Binding(("t", "T", "ctrl+t", "b", "B", "ctrl+b"), Act.TELEOP, "t or b", "drive by these keys"),
     Binding(("i", "I", "ctrl+i"), Act.IK, "i", "inverse kinematics drives"),

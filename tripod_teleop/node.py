@@ -18,7 +18,7 @@ from tripod_graph import names
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.limits import LIMIT_PARAMETERS
+from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.parameters import Parameter, ParameterError, declare
 from tripod_graph.qos import RELIABLE
@@ -49,8 +49,12 @@ PARAMETERS: tuple[Parameter, ...] = (
         dynamic=True,
     ),
     Parameter("pose_time", 3.0, "Shortest time of a motion to a pose", "s", low=0.5, high=60.0, dynamic=True),
-    Parameter("catch", list(Toss.catch), "Servo angles of the catch, key Q", "rad", low=-3.2, high=3.2),
-    Parameter("throw", list(Toss.throw), "Servo angles of the throw, key z", "rad", low=-3.2, high=3.2),
+    Parameter(
+        "catch", list(Toss.catch), "Angles of the catch, key Q; one: of all servos", "rad", low=-3.2, high=3.2
+    ),
+    Parameter(
+        "throw", list(Toss.throw), "Angles of the throw, key z; one: of all servos", "rad", low=-3.2, high=3.2
+    ),
     *(p for p in LIMIT_PARAMETERS if p.name in LIMITS),
 )
 
@@ -79,7 +83,7 @@ class TeleopNode(Node):
         toss = Toss(*(checked_angles(name, values[name], limits) for name in ("catch", "throw")))
         source = new_source(self.get_name(), self.get_namespace())
         self._range = RangeWatch(limits)
-        self._operator = Operator(source, drive, limits.park, toss)
+        self._operator = Operator(source, drive, toss)
         self._watch, self._parser, self._terminal = JointWatch(), KeyParser(), terminal
         self._rejected, self._last_rejection = 0, ""
         self._command = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
@@ -137,7 +141,8 @@ class TeleopNode(Node):
         """Return whether `key` is to be answered at once: it jumps, or moves a servo as it did not move so far."""
         intent = KEYS.get(key)
         if isinstance(intent, Move):
-            return not self._operator.drive.is_pressed(intent, time.monotonic())
+            meant = self._operator.meant(intent)
+            return not self._operator.drive.is_pressed(meant, time.monotonic())
         return intent in AT_ONCE
 
     def _on_key(self, key: str) -> None:
@@ -173,14 +178,25 @@ class TeleopNode(Node):
                 self._watch.joints(time.monotonic()),
                 driving=operator.is_driving,
                 motion=operator.drive.motion,
-                notice=operator.notice,
+                notice=operator.notice or self._watch.trouble,
                 width=self._terminal.width,
+                servos=operator.drive.limits.count,
             )
         )
 
     def _on_robot_status(self, message: RobotStatus) -> None:
+        if not self._watch.servos and len(message.joint_names):
+            self._fit(len(message.joint_names))
         if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
             self._keep_range()
+
+    def _fit(self, servos: int) -> None:
+        """Be for a robot with so many servos."""
+        if servos == self._range.limits.count:
+            return
+        self._range.resize(servos)
+        self._operator.drive.fit(self._range.limits)
+        self._keep_range()
 
     def _keep_range(self) -> None:
         limits = self._operator.drive.limits = self._range.limits
@@ -199,6 +215,7 @@ class TeleopNode(Node):
         def take(message: JointState) -> None:
             try:
                 hear(message.name, message.position, time.monotonic())
+                self._fit(self._watch.servos)
             except ValueError as error:
                 self._reject(topic, error)
 
@@ -211,7 +228,8 @@ class TeleopNode(Node):
     def _command_message(self, joints: FloatArray, duration: float) -> JointTrajectory:
         point = JointTrajectoryPoint(positions=joints.tolist())
         point.time_from_start = DurationMessage(nanosec=round(1e9 * duration))
-        message = JointTrajectory(joint_names=[*names.SERVOS, names.SLIDE][: len(joints)], points=[point])
+        named = names.joint_names(self._operator.drive.limits.count)[: len(joints)]
+        message = JointTrajectory(joint_names=list(named), points=[point])
         message.header.frame_id = self._operator.mandate.source
         return message
 
@@ -234,17 +252,15 @@ class TeleopNode(Node):
 
 def operator_limits(values: Mapping[str, Any]) -> CommandLimits:
     """Return the limits that the parameters set; raise CommandError if they contradict each other."""
-    return CommandLimits(**{n: values[n] for n in LIMITS if n != "park"}, park=tuple(values["park"]))
+    return limits_from({name: values[name] for name in LIMITS})
 
 
 def checked_angles(name: str, angles: list[float], limits: CommandLimits) -> tuple[float, ...]:
-    """Return the three servo angles of parameter `name` [rad]; raise ParameterError unless they may be commanded."""
-    if len(angles) != len(names.SERVOS):
-        raise ParameterError(
-            f"parameter '{name}' has {len(angles)} values; it needs 3: {', '.join(names.SERVOS)}"
-        )
+    """Return the angles of parameter `name` [rad]; raise ParameterError unless they may be commanded."""
+    if not angles:
+        raise ParameterError(f"parameter '{name}' is empty; it needs an angle for each servo, or one for all")
     try:
-        limits.check(np.array([*angles, 0.0]), f"parameter '{name}'")
+        limits.of(len(angles)).check(np.array([*angles, 0.0]), f"parameter '{name}'")
     except CommandError as error:
         raise ParameterError(str(error)) from None
     return tuple(angles)

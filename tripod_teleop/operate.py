@@ -1,16 +1,18 @@
 """The terminal as an operator: when it may command, what its keys decide, what it sends."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
+
+import numpy as np
 
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
-from tripod_graph.names import WORKING_POSE
+from tripod_graph.names import working_pose
 from tripod_graph.source import name_of
 from tripod_teleop.drive import Drive, FloatArray
 from tripod_teleop.joints import Joints
-from tripod_teleop.keys import Act, Intent, Move
+from tripod_teleop.keys import Act, Choose, Intent, Move
 
 TAKEOVER = 0.2
 """Pause between taking control and the first command [s]: the former source hears of it and falls silent."""
@@ -19,15 +21,16 @@ NO_JOINTS = "the joint angles are not known: is the simulator or the driver runn
 
 @dataclass(frozen=True)
 class Toss:
-    """The servo angles between which a ball is thrown [rad], shape (3,) each; those of the public tutorial's step 6.
+    """The servo angles between which a ball is thrown [rad], one for each servo or one for all; those of the public
+    tutorial's step 6.
 
     Attributes:
         catch: Strips far down.
         throw: Less far: the centre comes up.
     """
 
-    catch: Sequence[float] = (-pi / 3,) * 3
-    throw: Sequence[float] = (-pi / 4,) * 3
+    catch: Sequence[float] = (-pi / 3,)
+    throw: Sequence[float] = (-pi / 4,)
 
 
 class Operator:
@@ -42,21 +45,20 @@ class Operator:
         mandate: What this operator has decided, and what is in force.
         drive: The set-point.
         notice: One line for the user, about the newest key; empty if all is said by the rest.
+        chosen: The servo that + and - move.
     """
 
-    def __init__(
-        self, source: str, drive: Drive, park: tuple[float, float, float, float], toss: Toss | None = None
-    ) -> None:
+    def __init__(self, source: str, drive: Drive, toss: Toss | None = None) -> None:
         """Begin without control.
 
         Args:
             source: Name of this operator.
             drive: The set-point.
-            park: Three angles [rad] and the slide [m] to which PARK goes.
             toss: Where CATCH and THROW jump.
         """
-        self.mandate, self.drive, self._park, self._toss = Mandate(source), drive, park, toss or Toss()
+        self.mandate, self.drive, self._toss = Mandate(source), drive, toss or Toss()
         self.notice = ""
+        self.chosen = 2
         self._ready_at = float("-inf")
         self._lost = False
 
@@ -99,11 +101,16 @@ class Operator:
         """
         self.notice = ""
         match intent:
+            case Choose(servo):
+                self._choose(servo)
             case Move():
-                if self.is_driving:
-                    self.drive.press(intent, now)
-                else:
+                move = self.meant(intent)
+                if not self.is_driving:
                     self.notice = "press t to drive by these keys"
+                elif move.servo is not None and move.servo < self.drive.limits.count:
+                    self.drive.press(move, now)
+                else:
+                    self.notice = self._no_servo(move.servo)
             case Act.STOP:
                 return self.decide(Mode.STOP, wall, now)
             case Act.IK:
@@ -111,18 +118,20 @@ class Operator:
             case Act.TELEOP | Act.WORK | Act.PARK | Act.CATCH | Act.THROW:
                 decision = self._take_control(joints, wall, now)
                 if self.is_driving and intent is Act.WORK:
-                    self.drive.go("working pose", WORKING_POSE, max(now, self._ready_at))
+                    self.drive.go(
+                        "working pose", working_pose(self.drive.limits.count), max(now, self._ready_at)
+                    )
                 elif self.is_driving and intent is Act.PARK:
-                    self.drive.go("park position", self._park, max(now, self._ready_at))
+                    self.drive.go("park position", self.drive.limits.park, max(now, self._ready_at))
                 elif self.is_driving and intent is Act.CATCH:
-                    self.drive.jump(self._toss.catch)
+                    self._jump(self._toss.catch)
                 elif self.is_driving and intent is Act.THROW:
-                    self.drive.jump(self._toss.throw)
+                    self._jump(self._toss.throw)
                 return decision
         return None
 
     def setpoint(self, joints: Joints | None, now: float, ahead: float = 0.0) -> FloatArray | None:
-        """Return where the joints should be `ahead` [s] after `now` [s], shape (3,) or (4,); None: send nothing."""
+        """Return where the joints should be `ahead` [s] after `now` [s], shape (s,) or (s + 1,); None: send nothing."""
         if not self.is_driving:
             self._lost = True
             return None
@@ -133,6 +142,27 @@ class Operator:
             self.drive.start(joints)
             self._lost, self.notice = False, ""
         return None if now < self._ready_at else self.drive.setpoint(now, ahead)
+
+    def meant(self, move: Move) -> Move:
+        """Return the move with the number of its servo."""
+        return replace(move, servo=self.chosen) if move.servo is None else move
+
+    def _choose(self, servo: int) -> None:
+        if servo < self.drive.limits.count:
+            self.chosen = servo
+            self.notice = f"+ and - move servo {servo}"
+        else:
+            self.notice = self._no_servo(servo)
+
+    def _no_servo(self, servo: int | None) -> str:
+        return f"there is no servo {servo}; the robot has {self.drive.limits.count}"
+
+    def _jump(self, angles: Sequence[float]) -> None:
+        count = self.drive.limits.count
+        if len(angles) in (1, count):
+            self.drive.jump(np.broadcast_to(angles, count).tolist())
+        else:
+            self.notice = f"catch and throw have {len(angles)} angles, the robot has {count} servos"
 
     def _take_control(self, joints: Joints | None, wall: float, now: float) -> Decision | None:
         if self.is_driving:

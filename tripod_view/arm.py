@@ -9,8 +9,6 @@ from tripod_view.pose import Pose
 
 FloatArray = NDArray[np.float64]
 
-ARMS = 3
-
 
 class GeometryError(ValueError):
     """A dimension that no robot can have; the message names it, its value and what is allowed."""
@@ -49,39 +47,73 @@ class ArmGeometry:
             )
 
 
-def azimuth(arm: int) -> float:
-    """Return the azimuth of strip `arm` from +X, 2 pi arm / 3 [rad]."""
-    return 2 * np.pi * arm / ARMS
+@dataclass(frozen=True)
+class Stand:
+    """Where a servo stands, and what its arm looks like.
 
-
-def carriage_pose(arm: int, slide: float, geometry: ArmGeometry) -> Pose:
-    """Return the frame of servo body `arm`: it slides inward by `slide` [m] and never turns.
-
-    The origin is on the servo's axis, x points outward along the strip, z up.
+    Attributes:
+        hub: A point on its axis, slide 0 [m].
+        quaternion: Of its body: x points outward along the strip, y against the axis, z along the arm at angle 0.
+        inward: Unit vector of a positive slide; zero where it does not slide.
+        length: From the axis to the mid-plane of what the arm holds [m].
+        grip: How far inward of the axis the clamp begins [m].
+        rail: Length of the rail on which the body slides [m].
     """
-    phi, radius = azimuth(arm), geometry.axis_radius - slide
-    position = np.array([radius * np.cos(phi), radius * np.sin(phi), -geometry.axis_depth])
-    return Pose.of(position, [0.0, 0.0, np.sin(phi / 2), np.cos(phi / 2)])
+
+    hub: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+    inward: tuple[float, float, float]
+    length: float
+    grip: float
+    rail: float
 
 
-def arm_pose(arm: int, angle: float, slide: float, geometry: ArmGeometry) -> Pose:
-    """Return the frame of arm `arm` at servo angle `angle` [rad] and `slide` [m].
+def stands(count: int, geometry: ArmGeometry) -> tuple[Stand, ...]:
+    """Return `count` servos evenly about Z: number i at the azimuth 2 pi i / count from +X."""
+    found = []
+    for i in range(count):
+        phi = 2 * np.pi * i / count
+        c, s = float(np.cos(phi)), float(np.sin(phi))
+        g = geometry
+        found.append(
+            Stand(
+                (g.axis_radius * c, g.axis_radius * s, -g.axis_depth),
+                (0.0, 0.0, float(np.sin(phi / 2)), float(np.cos(phi / 2))),
+                (-c, -s, 0.0),
+                g.axis_depth,
+                g.axis_radius - g.clamp_inner,
+                g.axis_radius,
+            )
+        )
+    return tuple(found)
+
+
+def carriage_pose(stand: Stand, slide: float) -> Pose:
+    """Return the frame of a servo's body: it slides inward by `slide` [m] and never turns.
+
+    The origin is on the servo's axis, x points outward along the strip, z along the arm: up.
+    """
+    return Pose.of(np.array(stand.hub) + slide * np.array(stand.inward), stand.quaternion)
+
+
+def arm_pose(stand: Stand, angle: float, slide: float) -> Pose:
+    """Return the frame of an arm at servo angle `angle` [rad] and `slide` [m].
 
     At angle 0 it is the frame of the servo body. A negative angle turns it about its own +y, which carries
     the tip of the arm (above the axis, on +z) outward and then down.
     """
-    carriage = carriage_pose(arm, slide, geometry)
-    _, _, s, c = carriage.quaternion  # about z
-    turn_s, turn_c = np.sin(-angle / 2), np.cos(-angle / 2)  # about y
-    return Pose.of(carriage.position, [-s * turn_s, c * turn_s, s * turn_c, c * turn_c])
+    carriage = carriage_pose(stand, slide)
+    x, y, z, w = carriage.quaternion
+    s, c = np.sin(-angle / 2), np.cos(-angle / 2)  # about y
+    return Pose.of(carriage.position, [x * c - z * s, y * c + w * s, z * c + x * s, w * c - y * s])
 
 
-def clamp_corners(geometry: ArmGeometry) -> FloatArray:
+def clamp_corners(stand: Stand, geometry: ArmGeometry) -> FloatArray:
     """Return the corners of the clamped end of the strip in the frame of its arm [m], shape (2, 2, 2, 3).
 
     Indices: inner or outer edge, left or right, lower or upper face.
     """
-    x = np.array([geometry.clamp_inner, geometry.clamp_outer]) - geometry.axis_radius
+    x = -stand.grip + np.array([0.0, geometry.clamp_outer - geometry.clamp_inner])
     y = np.array([-0.5, 0.5]) * geometry.strip_width
-    z = geometry.axis_depth + np.array([-0.5, 0.5]) * geometry.thickness
+    z = stand.length + np.array([-0.5, 0.5]) * geometry.thickness
     return np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
-from tripod_graph.names import SERVOS, SLIDE
+from tripod_graph.names import servo_names
 from tripod_view.motion import PEAK, Trajectory, motion
 
 FloatArray = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Control:
     Attributes:
         mandate: What this page has decided, and what is in force.
         speed: Mean speed of a motion [rad/s], where the followers' slew rate allows it.
-        angles: What the sliders ask for [rad], shape (3,).
+        angles: What the sliders ask for [rad], shape (s,).
         slide: The same of the slide [m]; None while nobody has moved it.
         synced: Set when `angles` changed otherwise than by a slider; whoever shows the sliders clears it.
         moving: Name of the motion under way, empty if none.
@@ -54,9 +54,10 @@ class Control:
         """`source`: name of this operator; `speed`: mean speed of a motion [rad/s]."""
         self.mandate, self.limits = Mandate(source), limits
         self.speed = speed
-        self.angles: FloatArray = np.zeros(3)
+        self.angles: FloatArray = np.zeros(limits.count)
         self.slide: float | None = None
-        self._keys, self._keys_until = (0, 0, 0), float("-inf")
+        self._keys: tuple[int, ...] = ()
+        self._keys_until = float("-inf")
         self._commanded = float("-inf")
         self.synced = True
         self.moving = ""
@@ -64,7 +65,7 @@ class Control:
         self._measured: FloatArray | None = None
         self._measured_at = float("-inf")
         self._ready_at = float("-inf")
-        self._goal: FloatArray = np.zeros(4)
+        self._goal: FloatArray = np.zeros(limits.count + 1)
         self._motion_until: float | None = None
 
     @property
@@ -83,7 +84,7 @@ class Control:
         return self.in_control and self.mode is Mode.TELEOP
 
     def measured(self, now: float) -> FloatArray | None:
-        """Return the joint values, shape (4,) [rad, rad, rad, m], None when they are not known or too old."""
+        """Return the joint values, shape (s + 1,) [rad, m], None when they are not known or too old."""
         return None if now - self._measured_at > STALE else self._measured
 
     def hear(self, decision: Decision, wall: float, now: float) -> None:
@@ -116,7 +117,7 @@ class Control:
         return decision
 
     def measure(self, joints: FloatArray, now: float) -> None:
-        """Take measured joint values, shape (4,) [rad, rad, rad, m], finite.
+        """Take measured joint values, shape (s + 1,) [rad, m], finite, of as many servos as the limits.
 
         While the page does not command, and after a gap, the sliders follow them.
         """
@@ -126,9 +127,13 @@ class Control:
             self._follow_measured(now)
 
     def narrow(self, limits: CommandLimits) -> None:
-        """Keep to `limits` from now on."""
+        """Keep to `limits` from now on; with another number of servos everything begins anew."""
+        if limits.count != self.limits.count:
+            self._end_motion()
+            self._measured, self._measured_at, self._keys = None, float("-inf"), ()
+            self.angles, self.slide = np.zeros(limits.count), None
         self.limits = limits
-        self.angles = np.clip(self.angles, limits.lower[:3], limits.upper[:3])
+        self.angles = np.clip(self.angles, limits.lower[:-1], limits.upper[:-1])
         self.synced = True
 
     def set_angle(self, servo: int, angle: float) -> bool:
@@ -136,7 +141,7 @@ class Control:
 
         One beyond the limits is taken as the limit, and that is told. A motion under way ends where it is.
         """
-        if not self._takes(angle):
+        if servo >= self.limits.count or not self._takes(angle):
             return False
         low, high = self.limits.lower[servo], self.limits.upper[servo]
         self.angles[servo] = np.clip(angle, low, high)
@@ -167,7 +172,7 @@ class Control:
             self._end_motion()
         return True
 
-    def hold_keys(self, signs: tuple[int, int, int], now: float) -> None:
+    def hold_keys(self, signs: tuple[int, ...], now: float) -> None:
         """Note which keys are down: +1 moves a servo up, -1 down. They count for KEY_HOLD; repeat them."""
         if any(signs) and not self.streaming:
             self.notice = "Press t first: these keys move the servos while the sliders command."
@@ -176,7 +181,7 @@ class Control:
         self._keys, self._keys_until = signs, now + KEY_HOLD
 
     def go(self, name: str, goal: Sequence[float], now: float) -> bool:
-        """Begin a motion to `goal`, shape (4,) [rad, rad, rad, m]; return whether it is taken (see `notice`).
+        """Begin a motion to `goal`, shape (s + 1,) [rad, m]; return whether it is taken (see `notice`).
 
         The page must be in control in mode TELEOP.
         """
@@ -209,19 +214,21 @@ class Control:
         if self._motion_until is not None:
             if now < self._motion_until:
                 return None
-            if np.abs(joints[:3] - self._goal[:3]).max() > ARRIVED:
+            if np.abs(joints[:-1] - self._goal[:-1]).max() > ARRIVED:
                 self.notice = f"The servos did not reach the {self.moving}."
             self._end_motion()
             self._follow_measured(now)
         since, self._commanded = min(now - self._commanded, PERIOD), now
         if any(self._keys) and now < self._keys_until:
-            moved = self.angles + KEY_SPEED * since * np.array(self._keys)
-            self.angles = np.clip(moved, self.limits.lower[:3], self.limits.upper[:3])
+            signs = np.zeros(len(self.angles))
+            signs[: len(self._keys)] = self._keys[: len(signs)]
+            moved = self.angles + KEY_SPEED * since * signs
+            self.angles = np.clip(moved, self.limits.lower[:-1], self.limits.upper[:-1])
             self.synced = True
         if self.slide is None:
-            return Trajectory(SERVOS, np.array([PERIOD]), self.angles[None].copy())
+            return Trajectory(servo_names(self.limits.count), np.array([PERIOD]), self.angles[None].copy())
         goal = np.array([[*self.angles, self.slide]])
-        return Trajectory((*SERVOS, SLIDE), np.array([PERIOD]), goal)
+        return Trajectory(self.limits.joints, np.array([PERIOD]), goal)
 
     def _end_motion(self) -> None:
         self.moving, self._motion_until = "", None
@@ -229,6 +236,6 @@ class Control:
     def _follow_measured(self, now: float) -> None:
         joints = self.measured(now)
         if joints is not None:
-            self.angles = np.clip(joints[:3], self.limits.lower[:3], self.limits.upper[:3])
+            self.angles = np.clip(joints[:-1], self.limits.lower[:-1], self.limits.upper[:-1])
             self.slide = None
             self.synced = True

@@ -78,7 +78,7 @@ class Display:
         self._maze: Surface | None = None
         self._ball_radius: float | None = None
         self._maze_changed = self._ball_shape_changed = self._ball_changed = False
-        self._drawn_joints: FloatArray = np.full(4, np.nan)
+        self._drawn_joints: FloatArray | None = None
         self._drawn, self._counted_at, self._panel_at = 0, time.monotonic(), float("-inf")
         self._asked_at = float("-inf")
         self._show_scene()
@@ -86,7 +86,7 @@ class Display:
     def keep_picture(self, picture: Picture) -> None:
         """Keep what there is to draw of a scene."""
         self._scene.set_picture(picture)
-        self._drawn_joints = np.full(4, np.nan)
+        self._drawn_joints = None
         self._effector_changed = self._target_changed = True
         if not picture.effector:
             self.effector = None
@@ -112,7 +112,7 @@ class Display:
         self._newest = read
 
     def keep_torques(self, torques: FloatArray | None) -> None:
-        """Keep the torques of the servos [N m], shape (3,); None if they are not told."""
+        """Keep the torques of the servos [N m], shape (s,); None if they are not told."""
         self._torques = torques
 
     def keep_effector(self, pose: Pose) -> None:
@@ -176,11 +176,11 @@ class Display:
     def keep_robot(self, status: words.RobotFields) -> None:
         """Keep a status of the driver."""
         self._robot = Heard(status, time.monotonic())
-        self._find_robot()
+        self._find_robot(len(status.joint_names))
 
-    def _find_robot(self) -> None:
-        if self._scene.find_robot():
-            self._drawn_joints = np.full(4, np.nan)
+    def _find_robot(self, servos: int) -> None:
+        if servos and self._scene.find_robot(servos):
+            self._drawn_joints = None
             self._effector_changed = self._target_changed = True
             self._show_scene()
 
@@ -231,10 +231,10 @@ class Display:
             self.replay.keep(Moment(now, nodes, joints, self.effector, self.ball))
             self._nodes = None
         if joints is not None:
-            self._find_robot()
-            if not np.array_equal(joints, self._drawn_joints):
+            self._find_robot(len(joints) - 1)
+            if self._drawn_joints is None or not np.array_equal(joints, self._drawn_joints):
                 self._drawn_joints = joints
-                self._scene.set_joints(joints[:3], float(joints[3]))
+                self._scene.set_joints(joints[:-1], float(joints[-1]))
         if self._effector_changed and self.effector is not None:
             self._effector_changed = False
             self._scene.set_effector(self.effector)
@@ -245,12 +245,12 @@ class Display:
     def _draw_past(self, moment: Moment) -> None:
         self._scene.set_nodes(moment.nodes.astype(float))
         if moment.joints is not None:
-            self._scene.set_joints(moment.joints[:3], float(moment.joints[3]))
+            self._scene.set_joints(moment.joints[:-1], float(moment.joints[-1]))
         if moment.effector is not None:
             self._scene.set_effector(moment.effector)
         if moment.ball is not None:
             self._scene.game.place_ball(moment.ball)
-        self._drawn_joints = np.full(4, np.nan)  # the present is drawn anew
+        self._drawn_joints = None  # the present is drawn anew
         self._effector_changed = self._ball_changed = True
 
     def _draw_game(self) -> None:

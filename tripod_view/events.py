@@ -29,6 +29,9 @@ class Button(Enum):
     STOP_RECORDING = "stop recording"
 
 
+MOST_SERVOS = 64
+"""Of a message of the page."""
+
 WISHES = ("reset", "pause", "run", "step", "drop", "as_shipped")
 """What is asked of the simulator by one word."""
 
@@ -42,7 +45,7 @@ class Pressed:
 
 @dataclass(frozen=True)
 class SliderMoved:
-    """Servo 0..2 is asked to be at an angle [rad]."""
+    """A servo is asked to be at an angle [rad]."""
 
     servo: int
     radians: float
@@ -59,7 +62,7 @@ class SlideMoved:
 class KeysHeld:
     """Keys are down: +1, -1 or 0 for each servo; a page repeats it while they are."""
 
-    signs: tuple[int, int, int]
+    signs: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -147,12 +150,14 @@ def event_of(text: str | bytes) -> Event:  # noqa: PLR0911 - one for each kind
     match table:
         case {"press": str(name)} if name in {b.value for b in Button}:
             return Pressed(Button(name))
-        case {"servo": 0 | 1 | 2 as servo, "degrees": degrees} if not isinstance(servo, bool):
+        case {"servo": servo, "degrees": degrees} if type(servo) is int and 0 <= servo < MOST_SERVOS:
             return SliderMoved(servo, math.radians(_number("degrees", degrees)))
         case {"slide": value}:
             return SlideMoved(1e-3 * _number("slide", value))
-        case {"keys": [a, b, c]} if all(type(k) is int and abs(k) <= 1 for k in (a, b, c)):
-            return KeysHeld((a, b, c))
+        case {"keys": [*signs]} if len(signs) <= MOST_SERVOS and all(
+            type(k) is int and abs(k) <= 1 for k in signs
+        ):
+            return KeysHeld(tuple(signs))
         case {"sim": str(word)} if word in WISHES:
             return Wish(json.dumps({"do": word}))
         case {"effect": str(effect), "on": bool(on)}:

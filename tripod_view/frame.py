@@ -21,6 +21,9 @@ MARGIN = 0.92
 ROBOT = 0.085
 """Radius in which the robot stands [m]."""
 
+NEAR = 0.025
+"""How far from its axis a servo reaches [m]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -60,11 +63,15 @@ def frame(picture: Picture, nodes: FloatArray | None, depth: float) -> Frame:
     Args:
         picture: The scene.
         nodes: Of the bodies, as they are [m], shape (n, 3); None while they are not known.
-        depth: Of the servo axes [m].
+        depth: Of the servo axes where no scene is known [m].
     """
     boxes = [] if nodes is None or not len(nodes) else [(nodes.min(axis=0), nodes.max(axis=0))]
     if boxes and len(picture.held) and any(part.kind == "springs" for part in picture.parts):
         boxes.append(_swing(picture.held.mean(axis=0), *boxes[0]))
+    for arm in picture.servos.arms if picture.servos else ():
+        hub = np.array(arm.hub)
+        boxes.append((hub - np.array([NEAR, NEAR, 0.0]), hub + np.array([NEAR, NEAR, arm.length])))
+        depth = max(depth, arm.length)
     if picture.servos or not (picture.name and boxes):
         boxes.append((np.array([-ROBOT, -ROBOT, -depth - 0.012]), np.array([ROBOT, ROBOT, 0.012])))
     low, high = _union(boxes)

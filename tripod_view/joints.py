@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_graph.names import SERVOS, SLIDE
+from tripod_graph.names import SLIDE, count_servos, servo_names
 
 FloatArray = NDArray[np.float64]
 
@@ -15,17 +15,18 @@ class JointError(ValueError):
 
 
 def joint_values(names: Sequence[str], positions: Sequence[float]) -> FloatArray:
-    """Return three angles [rad] and the slide [m], shape (4,).
+    """Return the angles of all servos [rad] and the slide [m], shape (s + 1,).
 
     A slide that is not named is 0: the real robot has none. Other joints are passed over. Raises JointError.
     """
     if len(names) != len(positions):
         raise JointError(f"{len(positions)} positions for {len(names)} joints")
     values = dict(zip(names, positions, strict=True))
-    if missing := [n for n in SERVOS if n not in values]:
-        raise JointError(f"joint '{missing[0]}' is missing; joints: {', '.join(names) or 'none'}")
-    joints = np.array([*(values[n] for n in SERVOS), values.get(SLIDE, 0.0)], float)
-    for name, value in zip((*SERVOS, SLIDE), joints, strict=True):
+    servos = servo_names(count_servos(values))
+    if not servos or any(n.startswith("servo_") and n not in servos for n in values):
+        raise JointError(f"joint 'servo_{len(servos)}' is missing; joints: {', '.join(names) or 'none'}")
+    joints = np.array([*(values[n] for n in servos), values.get(SLIDE, 0.0)], float)
+    for name, value in zip((*servos, SLIDE), joints, strict=True):
         if not np.isfinite(value):
             raise JointError(f"joint '{name}' is {value}")
     return joints

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_graph.names import SERVOS, SLIDE
+from tripod_graph.names import joint_names
 
 FloatArray = NDArray[np.float64]
 
@@ -39,15 +39,15 @@ class Trajectory:
 
 
 def motion_duration(start: FloatArray, goal: FloatArray, speed: float) -> float:
-    """Return the time [s] from `start` to `goal`, shape (4,) [rad, rad, rad, m], at mean `speed` [rad/s]."""
+    """Return the time [s] from `start` to `goal`, shape (s + 1,) [rad, m], at mean `speed` [rad/s]."""
     travel = np.abs(goal - start)
-    return float(max(travel[:3].max() / speed, travel[3] / SLIDE_SPEED, SHORTEST))
+    return float(max(travel[:-1].max() / speed, travel[-1] / SLIDE_SPEED, SHORTEST))
 
 
 def motion(
     start: Sequence[float] | FloatArray, goal: Sequence[float] | FloatArray, speed: float
 ) -> Trajectory:
-    """Return the motion from `start` to `goal`, both shape (4,): three angles [rad] and the slide [m].
+    """Return the motion from `start` to `goal`, both shape (s + 1,): the angles [rad] and the slide [m].
 
     All joints move in proportion along s(u) = u^3 (10 - 15 u + 6 u^2): speed and acceleration are zero at
     both ends, and the strips keep about their length on the way, because angle and slide go together.
@@ -55,4 +55,4 @@ def motion(
     a, b = np.asarray(start, float), np.asarray(goal, float)
     u = np.arange(1, POINTS + 1) / POINTS
     s = u**3 * (10 - 15 * u + 6 * u**2)
-    return Trajectory((*SERVOS, SLIDE), motion_duration(a, b, speed) * u, a + s[:, None] * (b - a))
+    return Trajectory(joint_names(len(a) - 1), motion_duration(a, b, speed) * u, a + s[:, None] * (b - a))

@@ -31,6 +31,7 @@ from trajectory_msgs.msg import JointTrajectory
 from tripod_msgs.msg import BodyState, IkStatus, RobotStatus, SimStatus
 
 from tripod_graph import names
+from tripod_graph.command import CommandError
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
@@ -251,12 +252,13 @@ class ViewNode(Node):
     def _on_joints(self, topic: str, message: JointState) -> bool:
         try:
             joints = joint_values(message.name, message.position)
-        except JointError as error:
+            self._fit(len(joints) - 1)
+        except (JointError, CommandError) as error:
             self._refuse(topic, error)
             return False
         self._control.measure(joints, time.monotonic())
-        efforts = np.asarray(message.effort, float)[:3]
-        told = len(efforts) == 3 and bool(np.isfinite(efforts).all())
+        efforts = np.asarray(message.effort, float)[: len(joints) - 1]
+        told = len(efforts) == len(joints) - 1 and bool(np.isfinite(efforts).all())
         self._display.keep_torques(efforts if told else None)
         return True
 
@@ -290,8 +292,17 @@ class ViewNode(Node):
 
     def _on_robot_status(self, message: RobotStatus) -> None:
         self._display.keep_robot(message)
+        if self._sim_joints_at == float("-inf") and len(message.joint_names):
+            self._fit(len(message.joint_names))
         if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):
             self._keep_range()
+
+    def _fit(self, servos: int) -> None:
+        """Be for a robot with so many servos."""
+        if servos == self._range.limits.count:
+            return
+        self._range.resize(servos)
+        self._keep_range()
 
     def _keep_range(self) -> None:
         self._control.narrow(self._range.limits)
@@ -363,7 +374,7 @@ class ViewNode(Node):
                     self._publish_target()  # what is shown is what is followed
                 self._decide(Mode.IK)
             case Button.WORKING_POSE:
-                self._go("working pose", names.WORKING_POSE)
+                self._go("working pose", names.working_pose(self._control.limits.count))
             case Button.PARK:
                 self._go("park pose", self._control.limits.park)
             case Button.FETCH_TARGET:

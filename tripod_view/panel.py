@@ -46,7 +46,7 @@ class Panel:
 
     def show_range(self, limits: CommandLimits) -> None:
         """Show how far the joints may go."""
-        low, high = np.degrees(limits.lower[:3]), np.degrees(limits.upper[:3])
+        low, high = np.degrees(limits.lower[:-1]), np.degrees(limits.upper[:-1])
         self._channel.show("range", [[round(a, 2), round(b, 2)] for a, b in zip(low, high, strict=True)])
 
     def show_joints(
@@ -58,17 +58,17 @@ class Panel:
         *,
         enabled: bool,
     ) -> None:
-        """Show what the sliders ask for [rad], shape (3,), and what is measured, (4,) [rad, m]; torques [N m], (3,).
+        """Show what the sliders ask for [rad], shape (s,), what is measured, (s + 1,) [rad, m]; torques [N m], (s,).
 
         None is what is not known; `slide` [m] is asked for, None: as measured. `enabled`: whether sliders command.
         """
-        place = slide if slide is not None else None if measured is None else float(measured[3])
+        place = slide if slide is not None else None if measured is None else float(measured[-1])
         self._channel.show(
             "joints",
             {
                 "enabled": enabled,
                 "asked": _rounded(np.degrees(asked), 1),
-                "angles": None if measured is None else _rounded(np.degrees(measured[:3]), 2),
+                "angles": None if measured is None else _rounded(np.degrees(measured[:-1]), 2),
                 "slide": None if place is None else round(1e3 * place, 2),
                 "torques": None if torques is None else _rounded(torques, 4),
             },

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_view.arm import Stand
 from tripod_view.body import BodyError, Surface
 
 FloatArray = NDArray[np.float64]
@@ -35,13 +36,9 @@ class Part:
 
 @dataclass(frozen=True)
 class ServoPicture:
-    """The servos of a scene: where their axes and clamps are [m], what they may do [rad, m, N m]."""
+    """The servos of a scene: where they stand, what they may do [m, N m]."""
 
-    axis_radius: float
-    axis_depth: float
-    clamp_inner: float
-    angle_min: float
-    angle_max: float
+    arms: tuple[Stand, ...]
     slide_max: float
     stall_torque: float
     ideal: bool
@@ -136,8 +133,25 @@ def _picture(table: dict[str, Any]) -> Picture:
 
 
 def _servos(table: dict[str, Any]) -> ServoPicture:
-    numbers = {name: _number(table[name]) for name in ServoPicture.__dataclass_fields__ if name != "ideal"}
-    return ServoPicture(**numbers, ideal=bool(table["ideal"]))
+    arms = tuple(_stand(arm) for arm in _list(table["arms"]))
+    return ServoPicture(
+        arms, _number(table["slide_max"]), _number(table["stall_torque"]), ideal=bool(table["ideal"])
+    )
+
+
+def _stand(table: dict[str, Any]) -> Stand:
+    hub, inward = (_numbers(table[name], 3) for name in ("hub", "inward"))
+    quaternion = _numbers(table["quaternion"], 4)
+    if not abs(float(np.linalg.norm(quaternion)) - 1) < 1e-3:
+        raise PictureError(f"quaternion {list(quaternion)} of a servo has not the length 1")
+    length, grip, rail = (_number(table[name]) for name in ("length", "grip", "rail"))
+    return Stand(hub, quaternion, inward, length, grip, rail)  # type: ignore[arg-type]
+
+
+def _numbers(values: Any, count: int) -> tuple[float, ...]:
+    if len(_list(values)) != count:
+        raise PictureError(f"{len(values)} numbers; {count} are needed")
+    return tuple(map(_number, values))
 
 
 def _maze(table: dict[str, Any]) -> MazePicture:

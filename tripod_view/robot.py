@@ -6,13 +6,15 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from tripod_view.arm import ARMS, ArmGeometry, Pose, arm_pose, carriage_pose, clamp_corners
+from tripod_view.arm import ArmGeometry, Pose, Stand, arm_pose, carriage_pose, clamp_corners
 
 FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
-SERVO_COLOURS: tuple[Rgb, ...] = ((214, 64, 69), (31, 119, 180), (148, 90, 190))
-"""One colour a servo, the same in the scene and on the panel."""
+SERVO_COLOURS: tuple[Rgb, ...] = (
+    (214, 64, 69), (31, 119, 180), (148, 90, 190), (214, 130, 20), (30, 140, 110), (120, 90, 60),
+)  # fmt: skip
+"""One colour a servo, the same in the scene and on the panel; of more servos the first again."""
 
 EFFECTOR: Rgb = (255, 140, 0)
 SERVO_BODY: Rgb = (52, 73, 110)
@@ -28,18 +30,18 @@ BRACKET = 0.003
 class Robot:
     """Draws what it is told; every method is called from the thread of ROS only."""
 
-    def __init__(self, api: viser.SceneApi, geometry: ArmGeometry, *, servos: bool) -> None:
-        """`servos`: whether there are any; else there is only the effector's disc, once its pose is known."""
-        self._api, self._geometry = api, geometry
+    def __init__(self, api: viser.SceneApi, geometry: ArmGeometry, servos: Sequence[Stand]) -> None:
+        """`servos`: where they stand; of none there is only the effector's disc, once its pose is known."""
+        self._api, self._geometry, self._stands = api, geometry, tuple(servos)
         self._carriages: list[viser.FrameHandle] = []
         self._arms: list[viser.FrameHandle] = []
         self._rails: list[viser.FrameHandle] = []
         self._slide = float("nan")
-        if servos:
-            self._rails = [self._add_rail(i) for i in range(ARMS)]
-            self._carriages = [self._add_carriage(i) for i in range(ARMS)]
-            self._arms = [self._add_arm(i) for i in range(ARMS)]
-            self.set_joints(np.zeros(3), 0.0)
+        for i, stand in enumerate(self._stands):
+            self._rails.append(self._add_rail(i, stand))
+            self._carriages.append(self._add_carriage(i))
+            self._arms.append(self._add_arm(i, stand))
+        self.set_joints(np.zeros(len(self._stands)), 0.0)
         self._effector = self._add_effector()
 
     def remove(self) -> None:
@@ -48,11 +50,13 @@ class Robot:
             handle.remove()
 
     def set_joints(self, angles: FloatArray, slide: float) -> None:
-        """Put the arms at `angles` [rad], shape (3,), and the servo bodies at `slide` [m]."""
-        for i, (carriage, arm) in enumerate(zip(self._carriages, self._arms, strict=True)):
+        """Put the arms at `angles` [rad], shape (servos,), and the servo bodies at `slide` [m]; of others none."""
+        if len(angles) != len(self._stands):
+            return
+        for i, stand in enumerate(self._stands):
             if slide != self._slide:
-                _place(carriage, carriage_pose(i, slide, self._geometry))
-            _place(arm, arm_pose(i, float(angles[i]), slide, self._geometry))
+                _place(self._carriages[i], carriage_pose(stand, slide))
+            _place(self._arms[i], arm_pose(stand, float(angles[i]), slide))
         self._slide = slide
 
     def set_effector(self, pose: Pose) -> None:
@@ -60,13 +64,12 @@ class Robot:
         _place(self._effector, pose)
         self._effector.visible = True
 
-    def _add_rail(self, i: int) -> viser.FrameHandle:
-        g = self._geometry
-        frame = carriage_pose(i, g.axis_radius, g)  # at the centre
+    def _add_rail(self, i: int, stand: Stand) -> viser.FrameHandle:
+        frame = carriage_pose(stand, stand.rail)  # at its inner end
         name = f"/base/{i}"
         handle = self._api.add_frame(name, show_axes=False)
         _place(handle, frame)
-        length = g.axis_radius + 0.018
+        length = stand.rail + 0.018
         self._add_box(
             f"{name}/rail",
             BASE,
@@ -83,11 +86,11 @@ class Robot:
         self._add_box(f"/servos/{i}/body", SERVO_BODY, BODY_SIZE, (0.0, 0.0, 0.0))
         return frame
 
-    def _add_arm(self, i: int) -> viser.FrameHandle:
+    def _add_arm(self, i: int, stand: Stand) -> viser.FrameHandle:
         """A bracket round the servo body: two cheeks on the axis, plates under and over the clamped end."""
-        g, name, colour = self._geometry, f"/arms/{i}", SERVO_COLOURS[i]
+        g, name, colour = self._geometry, f"/arms/{i}", SERVO_COLOURS[i % len(SERVO_COLOURS)]
         frame = self._api.add_frame(name, show_axes=False)
-        corners = clamp_corners(g)
+        corners = clamp_corners(stand, g)
         inner, outer = corners[0, 0, 0, 0], corners[1, 0, 0, 0]
         lower, upper = corners[0, 0, 0, 2], corners[0, 0, 1, 2]
         tail = BRACKET  # the lower plate reaches over the axis, to the cheeks

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from tripod_view.arm import ArmGeometry
+from tripod_view.arm import ArmGeometry, stands
 from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
 from tripod_view.events import Inbox
@@ -51,7 +51,7 @@ class Scene:
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
         self._aimed: dict[int, FloatArray] = {}
-        self._robot, self._robot_heard = Robot(self._api, geometry, servos=False), False
+        self._robot, self._robot_heard = Robot(self._api, geometry, ()), 0
         self._handle = Handle(self._api, inbox, box)
         self.game = Game(self._api, "/effector")
         self.fit()
@@ -64,15 +64,17 @@ class Scene:
     @property
     def has_servos(self) -> bool:
         """Whether there is a robot: in the scene or, while that is not known, at all."""
-        return self._robot_heard if self.picture is UNKNOWN else self.picture.servos is not None
+        return self._robot_heard > 0 if self.picture is UNKNOWN else self.picture.servos is not None
 
-    def find_robot(self) -> bool:
-        """Draw the robot, since there is one, unless a simulator has told what there is; return whether that is new."""
-        if self._robot_heard or self.picture is not UNKNOWN:
+    def find_robot(self, servos: int) -> bool:
+        """Draw a robot with so many servos evenly about Z, since there is one, unless a simulator has told what there
+        is; return whether that is new.
+        """
+        if self._robot_heard == servos or self.picture is not UNKNOWN:
             return False
-        self._robot_heard = True
+        self._robot_heard = servos
         self._robot.remove()
-        self._robot = Robot(self._api, self._default, servos=True)
+        self._robot = Robot(self._api, self._default, stands(servos, self._default))
         return True
 
     def set_picture(self, picture: Picture) -> None:
@@ -83,11 +85,9 @@ class Scene:
         self.game.detach()
         self._robot.remove()
         geometry = self._default
-        if s := picture.servos:
-            geometry = replace(geometry, axis_radius=s.axis_radius, axis_depth=s.axis_depth)
         if picture.effector:
             geometry = replace(geometry, effector_radius=picture.effector)
-        self._robot = Robot(self._api, geometry, servos=picture.servos is not None)
+        self._robot = Robot(self._api, geometry, picture.servos.arms if picture.servos else ())
         self.game.attach(picture.maze)
         self._bodies.set_still(picture)
         if self._surface is not None:
@@ -118,7 +118,7 @@ class Scene:
         self._bodies.show_lines(visible)
 
     def set_joints(self, angles: FloatArray, slide: float) -> None:
-        """Put the arms at `angles` [rad], shape (3,), and the servo bodies at `slide` [m]."""
+        """Put the arms at `angles` [rad], shape (servos,), and the servo bodies at `slide` [m]."""
         self._robot.set_joints(angles, slide)
 
     def set_effector(self, pose: Pose) -> None:
@@ -157,8 +157,7 @@ class Scene:
             self.aim(client)
 
     def _see(self) -> None:
-        depth = self.picture.servos.axis_depth if self.picture.servos else self._default.axis_depth
-        seen = frame(self.picture, self._span, depth)
+        seen = frame(self.picture, self._span, self._default.axis_depth)
         camera = self._server.initial_camera
         camera.position, camera.look_at = tuple(seen.camera), tuple(seen.centre)
         camera.near, camera.far = 0.01 * seen.radius, 200 * seen.radius

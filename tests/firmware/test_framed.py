@@ -223,7 +223,8 @@ def test_a_frame_as_long_as_allowed_passes_and_one_longer_does_not() -> None:
         (lambda: encode(Hello(), 256), "sequence is 256; allowed is 0 to 255"),
         (lambda: encode(Hello(), -1), "sequence is -1; allowed is 0 to 255"),
         (lambda: SetPulses((0, 65536, 0)), "pulse of servo 1 is 65536; allowed is 0 to 65535"),
-        (lambda: SetPulses((0, 0)), "2 pulses given; a message carries 3"),  # type: ignore[arg-type]
+        (lambda: SetPulses(()), "0 pulses given; a message carries 1 to 10"),
+        (lambda: SetPulses((0,) * 11), "11 pulses given; a message carries 1 to 10"),
         (lambda: Error(ErrorCode.TYPE, 256, 0), "type is 256; allowed is 0 to 255"),
         (lambda: ImuLine("a\n"), "IMU line 'a\\n': printable ASCII, at most 32 characters"),
         (lambda: ImuLine("a" * 33), f"IMU line {'a' * 33!r}: printable ASCII, at most 32 characters"),

@@ -8,6 +8,7 @@ from tripod_graph.goal import GOAL_ANGLE, Outcome, judge, motion_of, tolerances
 from tripod_graph.names import SERVOS
 
 LIMITS = CommandLimits(timeout=0.5)
+JOINTS = LIMITS.joints
 END = 1.0
 
 
@@ -22,7 +23,7 @@ def judged(one: CommandFollower, now: float, off: float = 0.0, **asked):
     mine = one.trajectory
     one.setpoint(now)
     actual = one.joints[:3] + np.array([0.0, off, 0.0])
-    tolerance = tolerances(asked.get("path", {}), asked.get("goal", {}), asked.get("time", 0.0))
+    tolerance = tolerances(JOINTS, asked.get("path", {}), asked.get("goal", {}), asked.get("time", 0.0))
     return judge(motion_of(one, actual, now, "nobody"), tolerance, asked.get("mine", mine), END)
 
 
@@ -96,4 +97,4 @@ def test_who_interrupts_it_is_told_and_who_replaces_it() -> None:
 )
 def test_tolerances_that_say_nothing_are_refused(path, goal, message: str) -> None:
     with pytest.raises(CommandError, match=message):
-        tolerances(path, goal, 0.0)
+        tolerances(JOINTS, path, goal, 0.0)

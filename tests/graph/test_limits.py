@@ -35,4 +35,4 @@ def test_limits_that_contradict_each_other_are_refused() -> None:
     with pytest.raises(CommandError, match=r"park position: servo_1 is -1 rad, allowed is -0.5 to 0.6 rad"):
         limits_from({**DEFAULTS, "angle_min": -0.5, "park": [0.0, -1.0, 0.0, 0.0]})
     with pytest.raises(CommandError, match="park position has 3 values; it needs 4"):
-        limits_from({**DEFAULTS, "park": [0.0, 0.0, 0.0]})
+        limits_from({**DEFAULTS, "park": [0.0, 0.0, 0.0]}, 3)

@@ -282,7 +282,7 @@ def displace(message):
     [
         (poison, "W[4, 4] is nan"),
         (drop_entry, "80 entries; 3 joints give 81"),
-        (swap_joints, "joints ['servo_1', 'servo_0', 'servo_2']; they must be servo_0, servo_1, servo_2"),
+        (swap_joints, "joints ['servo_1', 'servo_0', 'servo_2']; they must be servo_0, servo_1 and so on"),
         (displace, "frame 'map'; it must be 'world'"),
     ],
 )

@@ -13,11 +13,11 @@ TIMES = np.linspace(0.0, 4.0, 401)
 def swing(amplitude: float, servo: int = 1) -> JointPath:
     joints = np.zeros((len(TIMES), 4))
     joints[:, servo] = amplitude * np.sin(TIMES)
-    return JointPath(TIMES, joints)
+    return JointPath(TIMES, joints, 3)
 
 
 def test_between_two_poses_joints_are_in_proportion() -> None:
-    path = JointPath(np.array([1.0, 3.0]), np.array([[0.0, 1.0, 2.0], [4.0, 1.0, 0.0]]))
+    path = JointPath(np.array([1.0, 3.0]), np.array([[0.0, 1.0, 2.0], [4.0, 1.0, 0.0]]), 3)
     np.testing.assert_allclose(path.at(1.5), [1.0, 1.0, 1.5])
     np.testing.assert_allclose(path.at(9.0), [4.0, 1.0, 0.0])
     assert path.end == 3.0

@@ -116,7 +116,7 @@ def motion(first: float = -0.3, size: float = 0.2) -> JointPath:
     joints = np.zeros((101, 4))
     joints[:, :3] = first + size * np.sin(np.pi * (times[:, None] - 2.0))
     joints[:, 3] = 0.02
-    return JointPath(times, joints)
+    return JointPath(times, joints, 3)
 
 
 def test_it_takes_the_mode_goes_slowly_to_the_first_pose_and_plays_to_the_end(make) -> None:
@@ -248,7 +248,9 @@ def test_a_script_waits_until_it_is_wanted_tells_its_end_and_leaves(make) -> Non
     told: list[str] = []
     graph = make(motion())
     graph.executor.remove_node(graph.node)
-    player = ScriptPlayer(JointPath(np.array([0.0, 0.2]), np.full((2, 3), -0.1)), graph.executor, told.append)
+    player = ScriptPlayer(
+        JointPath(np.array([0.0, 0.2]), np.full((2, 3), -0.1), 3), graph.executor, told.append
+    )
 
     def spun(condition: Callable[[], Any]) -> None:
         def tended() -> Any:

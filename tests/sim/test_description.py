@@ -4,9 +4,11 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.description import BASE, arm_frames, urdf
+from tripod_sim.scene_short import joints_of
 
 
 def rotation(q: np.ndarray) -> np.ndarray:
@@ -29,51 +31,65 @@ def world(frames: list) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     return found
 
 
-def test_arms_carry_the_clamped_nodes_as_the_simulation_moves_them() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
-    rest = simulation.mesh.nodes
-    servos = simulation.scene.servos
-    joints = np.array([-0.4, 0.3, -1.1, 0.02])
-    before = world(list(arm_frames(servos, np.zeros(4))))
-    for k in range(60):
-        simulation.step(joints * (k + 1) / 60)
-    after = world(list(arm_frames(servos, joints)))
-    for i in range(3):
-        azimuth = 2 * np.pi * i / 3
-        held = rest @ [np.cos(azimuth), np.sin(azimuth), 0] >= servos.clamp_radius - 1e-9
-        assert held.any()
+PLACED = [
+    "set=[{name='a',along=[1,0,0],beyond=0.045},{name='b',along=[-1,1.7320508075688772,0],beyond=0.045},"
+    "{name='c',along=[-1,-1.7320508075688772,0],beyond=0.045}]",
+    "servo=[{set='a',hub=[0.06,0,-0.02],axis=[0,-2,0.1],inward=[-3,0.2,0]},"
+    "{set='b',hub=[-0.03,0.052,-0.02],axis=[0.866,0.5,0]},{set='c',hub=[-0.03,-0.052,0.03],axis=[-0.866,0.5,0]}]",
+]
+"""The Tripod with three [[servo]]: one slides, aslant, two do not."""
+
+ROBOTS = [("tripod", []), ("cross", []), ("two_tripods", ["body.0.mesh.level=1", "body.1.mesh.level=1"]),
+          ("tripod", PLACED)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "overrides"), ROBOTS)
+def test_arms_carry_the_clamped_nodes_as_the_simulation_moves_them(name: str, overrides: list[str]) -> None:
+    level = ["mesh.level=1"] if name != "two_tripods" else []
+    simulation = Simulation(load_scene(name, [*level, *overrides]))
+    rest, arms = simulation.mesh.nodes, simulation.joints
+    joints = np.append(np.linspace(-0.4, 0.2, arms.count), 0.01)
+    before = world(list(arm_frames(arms, np.zeros(arms.count + 1))))
+    for k in range(40):
+        simulation.step(joints * (k + 1) / 40)
+    after = world(list(arm_frames(arms, joints)))
+    frames = simulation._system.groups.driven
+    assert len(frames) == arms.count
+    for i, frame in enumerate(frames):
+        held = frame.nodes
         (p0, r0), (p1, r1) = before[f"arm_{i}"], after[f"arm_{i}"]
         expected = p1 + (rest[held] - p0) @ r0 @ r1.T
-        np.testing.assert_allclose(simulation.positions[: len(rest)][held], expected, atol=1e-9)
+        np.testing.assert_allclose(simulation.positions[held], expected, atol=1e-9)
 
 
-def test_joints_of_the_urdf_give_the_same_frames() -> None:
-    scene = load_scene("tripod")
-    joints = np.array([-0.4, 0.3, -1.1, 0.02])
+@pytest.mark.parametrize(("name", "overrides"), ROBOTS)
+def test_joints_of_the_urdf_give_the_same_frames(name: str, overrides: list[str]) -> None:
+    scene = load_scene(name, overrides)
+    count = joints_of(scene).count
+    joints = np.append(np.linspace(-1.1, 0.3, count), 0.02)
     root = ET.fromstring(urdf(scene))
-    values = {"slide": joints[3], **{f"servo_{i}": joints[i] for i in range(3)}}
+    values = {"slide": joints[-1], **{f"servo_{i}": joints[i] for i in range(count)}}
     found = {BASE: (np.zeros(3), np.eye(3))}
     for joint in root.iter("joint"):
         mimic = joint.find("mimic")
         value = values.get(mimic.get("joint") if mimic is not None else joint.get("name"))
-        if value is None:
+        if value is None and joint.get("type") != "fixed":
             continue
         origin = joint.find("origin")
-        x, (_, _, yaw) = np.fromstring(origin.get("xyz"), sep=" "), np.fromstring(origin.get("rpy"), sep=" ")
-        axis = np.fromstring(joint.find("axis").get("xyz"), sep=" ")
+        x, rpy = np.fromstring(origin.get("xyz"), sep=" "), np.fromstring(origin.get("rpy"), sep=" ")
         p, r = found[joint.find("parent").get("link")]
-        turned = r @ rotation(np.array([0, 0, np.sin(yaw / 2), np.cos(yaw / 2)]))
+        p, r = p + r @ x, r @ Rotation.from_euler("xyz", rpy).as_matrix()
         if joint.get("type") == "prismatic":
-            moved = p + r @ x + turned @ axis * value, turned
-        else:
-            q = np.array([*axis * np.sin(value / 2), np.cos(value / 2)])
-            moved = p + r @ x, turned @ rotation(q)
-        found[joint.find("child").get("link")] = moved
-    expected = world(list(arm_frames(scene.servos, joints)))
+            p = p + r @ np.fromstring(joint.find("axis").get("xyz"), sep=" ") * value
+        elif joint.get("type") == "revolute":
+            axis = np.fromstring(joint.find("axis").get("xyz"), sep=" ")
+            r = r @ rotation(np.array([*axis * np.sin(value / 2), np.cos(value / 2)]))
+        found[joint.find("child").get("link")] = p, r
+    expected = world(list(arm_frames(joints_of(scene), joints)))
     assert set(found) == set(expected)
-    for name, (p, r) in expected.items():
-        np.testing.assert_allclose(found[name][0], p, atol=1e-8)
-        np.testing.assert_allclose(found[name][1], r, atol=1e-8)
+    for link, (p, r) in expected.items():
+        np.testing.assert_allclose(found[link][0], p, atol=1e-8)
+        np.testing.assert_allclose(found[link][1], r, atol=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -21,9 +20,12 @@ from tripod_msgs.msg import ControlMode, SimStatus
 from tests.sim.sim_graph import DEADLINE, Graph
 from tripod_graph import names
 from tripod_graph.command import CommandError, CommandLimits
+from tripod_graph.limits import LIMIT_PARAMETERS
 from tripod_graph.parameters import ParameterError
 from tripod_sim import SceneError, StepError, load_scene
 from tripod_sim.node import _within_scene
+from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of
 
 pytestmark = pytest.mark.ros
 
@@ -128,16 +130,34 @@ def test_bad_parameters_are_refused_by_name(make, parameters, error, message: st
         graph.start()
 
 
+def limits_of(scene: Scene, **changes) -> CommandLimits:
+    """Return the limits of the node for a scene, with these parameters."""
+    values = {p.name: p.default for p in LIMIT_PARAMETERS} | changes
+    return _within_scene(values, scene, joints_of(scene))
+
+
 def test_limits_are_the_narrower_of_parameters_and_scene() -> None:
     scene = load_scene("tripod", ["servos.angle_min=-1.0", "servos.angle_max=0.5", "servos.slide_max=0.03"])
-    wide = _within_scene(CommandLimits(-2.0, 0.6, slide_max=0.04), scene)
-    assert (wide.angle_min, wide.angle_max, wide.slide_max) == (-1.0, 0.5, 0.03)
-    narrow = _within_scene(CommandLimits(-0.5, 0.2, slide_max=0.01), scene)
-    assert (narrow.angle_min, narrow.angle_max, narrow.slide_max) == (-0.5, 0.2, 0.01)
-    assert _within_scene(CommandLimits(), replace(scene, servos=None)) == CommandLimits()
-    apart = SimpleNamespace(servo=(), servos=replace(scene.servos, angle_min=-2.0, angle_max=-1.0))
+    wide = limits_of(scene, angle_min=-2.0, angle_max=0.6, slide_max=0.04)
+    assert wide.lower == pytest.approx([-1.0] * 3 + [0.0])
+    assert wide.upper == pytest.approx([0.5] * 3 + [0.03])
+    narrow = limits_of(scene, angle_min=-0.5, angle_max=0.2, slide_max=0.01)
+    assert narrow.lower == pytest.approx([-0.5] * 3 + [0.0])
+    assert narrow.upper == pytest.approx([0.2] * 3 + [0.01])
+    assert limits_of(replace(scene, servos=None)) == CommandLimits()
+    apart = replace(scene, servos=replace(scene.servos, angle_min=-2.0, angle_max=-1.0, angles=(-1.0,) * 3))
     with pytest.raises(ParameterError, match=r"leave nothing of the scene's -2.0 to -1.0 rad"):
-        _within_scene(CommandLimits(-0.5, 0.6), apart)
+        limits_of(apart, angle_min=-0.5, angle_max=0.6)
+
+
+def test_limits_are_of_as_many_servos_as_the_scene_has() -> None:
+    assert limits_of(load_scene("cross")).joints == ("servo_0", "servo_1", "servo_2", "servo_3", "slide")
+    six = limits_of(load_scene("two_tripods", ["body.1.servos.angle_min=-1.0"]))
+    assert six.lower == pytest.approx([-2.1] * 3 + [-1.0] * 3 + [0.0])
+    with pytest.raises(
+        ParameterError, match="scene 'cross': parameter park position has 4 values; it needs 5: servo_0"
+    ):
+        limits_of(load_scene("cross"), park=[0.0] * 4)
 
 
 class Process:

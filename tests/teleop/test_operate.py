@@ -10,7 +10,7 @@ from tripod_graph.mode import LEASE, NONE, RETURN, Decision, Mode
 from tripod_graph.names import SERVOS, SLIDE, WORKING_POSE
 from tripod_teleop.drive import Drive
 from tripod_teleop.joints import STALE, JointError, JointWatch, joint_values
-from tripod_teleop.keys import Act, Move
+from tripod_teleop.keys import KEYS, Act, Choose, Move
 from tripod_teleop.operate import NO_JOINTS, TAKEOVER, Operator, Toss
 from tripod_teleop.screen import angles_text, status_line
 
@@ -20,7 +20,7 @@ UP = Move(0, 1)
 
 
 def operator() -> Operator:
-    return Operator("/teleop#1", Drive(CommandLimits(), speed=0.5, hold=0.2, pose_time=3.0), PARK)
+    return Operator("/teleop#1", Drive(CommandLimits(), speed=0.5, hold=0.2, pose_time=3.0))
 
 
 def driving(now: float = 0.0, stamp: float = 100.0) -> Operator:
@@ -99,7 +99,6 @@ def test_a_jump_ends_a_motion_and_stays_within_the_limits() -> None:
     made = Operator(
         "teleop",
         Drive(CommandLimits(angle_min=-1.0), speed=0.5, hold=0.2, pose_time=3.0),
-        PARK,
         Toss(catch=(-0.1, -0.5, -1.5), throw=(0.1, 0.2, 0.3)),
     )
     made.act(Act.PARK, JOINTS[:3], 100.0, 0.0)
@@ -222,6 +221,40 @@ def test_a_slide_that_appears_is_taken_from_where_it_is() -> None:
     assert made.setpoint(JOINTS, 1.1) == pytest.approx(JOINTS)
 
 
+def test_a_digit_chooses_what_plus_and_minus_move_of_any_number_of_servos() -> None:
+    made = Operator("teleop", Drive(CommandLimits(count=5), speed=0.5, hold=0.2, pose_time=3.0))
+    joints = (-0.1, -0.2, -0.3, -0.4, -0.5, 0.02)
+    made.act(Act.TELEOP, joints, 100.0, 0.0)
+    made.setpoint(joints, 1.0)
+    made.act(KEYS["4"], joints, 101.0, 1.0)
+    assert (made.chosen, made.notice) == (4, "+ and - move servo 4")
+    made.act(KEYS["-"], joints, 101.0, 1.0)
+    points = [made.setpoint(joints, 1.0 + 0.05 * i) for i in range(1, 10)]
+    assert points[-1] == pytest.approx([-0.1, -0.2, -0.3, -0.4, -0.6, 0.02])
+    made.act(Choose(5), joints, 102.0, 2.0)
+    assert (made.chosen, made.notice) == (4, "there is no servo 5; the robot has 5")
+    made.act(Act.WORK, joints, 103.0, 2.0)
+    assert made.setpoint(joints, 12.0) == pytest.approx([-1.4965] * 5 + [0.035])
+    made.act(Act.CATCH, joints, 104.0, 13.0)
+    assert made.setpoint(joints, 13.1) == pytest.approx([-math.pi / 3] * 5 + [0.035])
+
+
+def test_plus_without_a_servo_says_so() -> None:
+    made = Operator("teleop", Drive(CommandLimits(count=2), speed=0.5, hold=0.2, pose_time=3.0))
+    made.act(Act.TELEOP, (0.0, 0.0), 100.0, 0.0)
+    made.act(KEYS["+"], (0.0, 0.0), 100.0, 0.5)
+    assert made.notice == "there is no servo 2; the robot has 2"
+
+
+def test_a_simulator_and_a_driver_of_other_robots_are_no_place_to_start_from() -> None:
+    watch = JointWatch()
+    watch.hear_sim(("servo_0", "servo_1", "servo_2", "servo_3", SLIDE), (1.0, 2.0, 3.0, 4.0, 0.01), 10.0)
+    assert (watch.servos, watch.joints(10.0)) == (4, (1.0, 2.0, 3.0, 4.0, 0.01))
+    watch.hear_robot(SERVOS, (1.0, 2.0, 3.0), 10.0)
+    assert watch.joints(10.0) is None
+    assert watch.trouble == "the simulator has 4 servos, the driver 3"
+
+
 # joint states ----------------------------------------------------------------------------------------------
 
 
@@ -242,7 +275,7 @@ def test_the_robot_counts_before_the_simulator_and_the_old_not_at_all() -> None:
     ("names", "positions", "message"),
     [
         (SERVOS, (1.0, 2.0), "2 positions for 3 joints"),
-        (SERVOS[:2], (1.0, 2.0), "joint 'servo_2' is missing; joints: servo_0, servo_1"),
+        (SERVOS[::2], (1.0, 2.0), "joint 'servo_1' is missing; joints: servo_0, servo_2"),
         ((), (), "joint 'servo_0' is missing; joints: none"),
         (SERVOS, (1.0, math.nan, 2.0), "joint 'servo_1' is nan"),
         ((*SERVOS, SLIDE), (1.0, 1.0, 2.0, math.inf), "joint 'slide' is inf"),

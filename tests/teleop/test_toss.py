@@ -26,7 +26,7 @@ class Player:
         self.simulation = Simulation(load_scene("tripod_ball", ["mesh.level=1"]))
         self.follower = CommandFollower(limits)
         drive = Drive(limits, speed=0.5, hold=0.2, pose_time=3.0)
-        self.operator = Operator("teleop", drive, limits.park)
+        self.operator = Operator("teleop", drive)
         self.step = 0
 
     def press(self, key: str, seconds: float) -> tuple[float, float]:

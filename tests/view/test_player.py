@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tripod_view.arm import ArmGeometry, arm_pose, carriage_pose
+from tripod_view.arm import ArmGeometry, Stand, arm_pose, carriage_pose, stands
 from tripod_view.player.camera import camera
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece
 from tripod_view.player.html import player_page, write_html
@@ -131,13 +131,15 @@ def test_the_two_halves_of_a_ball_are_all_of_it() -> None:
 
 def test_servos_and_arms_are_where_the_page_has_them() -> None:
     geometry = ArmGeometry()
-    angles, slide = RNG.uniform(-2, 0.6, (5, 3)), RNG.uniform(0, 0.04, 5)
-    pieces = {p.name: p for p in robot_pieces(angles, slide, geometry)}
-    for i in range(3):
+    tilted = Stand((0.1, 0.0, 0.05), (0.5, 0.5, -0.5, 0.5), (0.0, 0.6, 0.8), 0.02, 0.01, 0.03)
+    places = [*stands(3, geometry), tilted]
+    angles, slide = RNG.uniform(-2, 0.6, (5, 4)), RNG.uniform(0, 0.04, 5)
+    pieces = {p.name: p for p in robot_pieces(angles, slide, places, geometry)}
+    for i, stand in enumerate(places):
         for k in range(5):
             for name, pose in (
-                (f"servo {i}", carriage_pose(i, slide[k], geometry)),
-                (f"arm {i}", arm_pose(i, angles[k, i], slide[k], geometry)),
+                (f"servo {i}", carriage_pose(stand, slide[k])),
+                (f"arm {i}", arm_pose(stand, angles[k, i], slide[k])),
             ):
                 poses = pieces[name].poses
                 assert poses is not None

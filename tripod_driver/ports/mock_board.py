@@ -20,6 +20,7 @@ from tripod_driver.framed_messages import (
     ResetCause,
     SetPulses,
 )
+from tripod_driver.protocol import SERVO_COUNT
 
 STEP: Final = 5
 """Steps of the timer [0.1 us]."""
@@ -39,13 +40,17 @@ class MockBoard:
     """Answers hellos, takes pulses within its range, holds and releases when the host is silent.
 
     Attributes:
+        servos: How many it drives.
         pulses: What the servos get, or got last [0.1 us]; 0 before the first.
         version: Of the protocol that it speaks.
         pulse_range: Shortest and longest pulse that it makes [0.1 us].
     """
 
-    def __init__(self, clock: Callable[[], float] = lambda: 0.0, *, version: int = VERSION) -> None:
+    def __init__(
+        self, clock: Callable[[], float] = lambda: 0.0, *, version: int = VERSION, servos: int = SERVO_COUNT
+    ) -> None:
         """`clock` gives the time of its watchdog [s]; without it the watchdog sleeps."""
+        self.servos = servos
         self.pulse_range = PULSE_RANGE
         self.version = version
         self._history: deque[Pulses] = deque(maxlen=MEMORY)
@@ -55,9 +60,9 @@ class MockBoard:
 
     def restart(self) -> None:
         """Forget everything, as a reset does."""
-        self.pulses: Pulses = (0, 0, 0)
+        self.pulses: Pulses = (0,) * self.servos
         self._state, self._flags = BoardState.IDLE, Flags.RESTARTED
-        self._decoder = Decoder()
+        self._decoder = Decoder(self.servos)
         self._heard_at = self._clock()
         self._sequence: int | None = None
         self._answers = b""
@@ -94,10 +99,9 @@ class MockBoard:
         match message:
             case Hello():
                 limits, told = (low, high, 500, SLEW), (self._state, self._taken_flags(), self.pulses)
-                return HelloReply((0, 0), VERSION, 3, *limits, ResetCause.EXTERNAL, *told)
+                return HelloReply((0, 0), VERSION, self.servos, *limits, ResetCause.EXTERNAL, *told)
             case SetPulses(pulses) if all(low <= pulse <= high for pulse in pulses):
-                a, b, c = (STEP * round(pulse / STEP) for pulse in pulses)
-                self.pulses = (a, b, c)
+                self.pulses = tuple(STEP * round(pulse / STEP) for pulse in pulses)
                 self._history.append(self.pulses)
                 self._state, self._heard_at = BoardState.ACTIVE, self._clock()
             case SetPulses(pulses):

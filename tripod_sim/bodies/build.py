@@ -196,11 +196,9 @@ def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Grou
         together = [b for b in assembly.bodies if b.tied == k]
         if not (static and k and first.tied == k):
             continue
-        held = groups.held()
         nodes = np.unique(np.concatenate([b.nodes for b in together]))
-        others = np.setdiff1d(np.arange(groups.size), nodes)
-        held[others] = True
-        if free_motion([b.blocks for b in together], assembly.nodes, held):
+        own = [np.searchsorted(nodes, b.blocks) for b in together]
+        if free_motion(own, assembly.nodes[nodes], groups.held()[nodes]):
             groups = replace(groups, fixed=np.union1d(groups.fixed, nodes))
             notes.append(f"nothing holds body {first.table.name!r}: without inertia it stays where it is")
     return groups, tuple(notes)

@@ -19,6 +19,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.tables.motion import Contact
@@ -94,8 +95,9 @@ def contact_stepper(
     from tripod_sim.contact.statics import ContactStatics  # noqa: PLC0415 - only where nothing moves
 
     solver = scene.solver
-    servos = scene.servos.count if scene.servos else 0
-    return ContactStatics(world, solver.tolerance, solver.max_turn, reach_of(scene.servos), servos)
+    joints = joints_of(scene)
+    servos = joints.count if joints else 0
+    return ContactStatics(world, solver.tolerance, solver.max_turn, reach_of(scene), servos)
 
 
 def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "ChainSkin | None") -> Parts:

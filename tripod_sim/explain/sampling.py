@@ -53,14 +53,14 @@ class StepTimes:
 
 def swing(simulation: Simulation, step: int) -> FloatArray | None:
     """Return the joints to ask for in a step, shape (s + 1,): servos swing by `SWING` one after the other."""
-    servos = simulation.scene.servos
-    if not servos:
+    joints = simulation.joints
+    if not joints:
         return None
     count = len(simulation.torques)
     phase = 2 * np.pi * (FREQUENCY * step * simulation.scene.dt + np.arange(count) / count)
-    start, middle = np.array(servos.angles), 0.5 * (servos.angle_min + servos.angle_max)
+    start, middle = joints.start[:-1], 0.5 * (joints.low + joints.high)
     move = 0.5 * SWING * (1 - np.cos(phase)) * np.where(start < middle, 1.0, -1.0)
-    return np.append(np.clip(start + move, servos.angle_min, servos.angle_max), servos.slide)
+    return np.append(np.clip(start + move, joints.low, joints.high), joints.slide)
 
 
 class Sampler:

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.description import DISC_HEIGHT
-from tripod_sim.scene_short import soft_bodies
+from tripod_sim.description import DISC_HEIGHT, standing
+from tripod_sim.scene_short import effector_of, soft_bodies
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.robot import ServoDynamics
 
@@ -26,7 +26,7 @@ def picture(simulation: Simulation) -> dict[str, Any]:
     triangles, flat), held (points that never move), servos, effector, maze, ball (None where the scene has none), note.
     """
     scene = simulation.scene
-    obstacles, note = _obstacles(simulation)
+    (obstacles, note), effector = _obstacles(simulation), effector_of(scene)
     return {
         "name": scene.name,
         "description": scene.description,
@@ -36,7 +36,7 @@ def picture(simulation: Simulation) -> dict[str, Any]:
         "obstacles": obstacles,
         "held": _held(simulation),
         "servos": _servos(simulation),
-        "effector": {"radius": scene.effector.radius, "height": DISC_HEIGHT} if scene.effector else None,
+        "effector": {"radius": effector.radius, "height": DISC_HEIGHT} if effector else None,
         "maze": _maze(simulation),
         "ball": {"radius": scene.ball.radius} if scene.ball else None,
         "note": note,
@@ -80,17 +80,13 @@ def _held(simulation: Simulation) -> list[list[float]]:
 
 
 def _servos(simulation: Simulation) -> dict[str, Any] | None:
-    servos = simulation.scene.servos
-    if not servos:
+    joints = simulation.joints
+    if not joints:
         return None
     dynamics = simulation.scene.servo_dynamics
     return {
-        "axis_radius": servos.axis_radius,
-        "axis_depth": servos.axis_depth,
-        "clamp_inner": servos.clamp_radius,
-        "angle_min": servos.angle_min,
-        "angle_max": servos.angle_max,
-        "slide_max": servos.slide_max,
+        "arms": [standing(arm) for arm in joints.arms],
+        "slide_max": joints.slide_max,
         "stall_torque": (dynamics or ServoDynamics()).stall_torque,
         "ideal": dynamics is None,
     }

@@ -10,17 +10,18 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 
-def effector_disc(nodes: FloatArray, effector: Effector) -> IndexArray:
+def effector_disc(nodes: FloatArray, effector: Effector, field: str = "effector") -> IndexArray:
     """Return the nodes within the effector's radius of the Z axis. Raises SceneError if there are none.
 
     Args:
-        nodes: Undeformed positions [m], shape (n, 3).
+        nodes: Undeformed positions in the frame of the body [m], shape (n, 3).
         effector: The disc.
+        field: How messages name it.
     """
     radius = np.hypot(nodes[:, 0], nodes[:, 1])
     held = np.flatnonzero(radius <= effector.radius + 1e-9)
     if not held.size:
         raise SceneError(
-            f"effector.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from Z"
+            f"{field}.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from Z"
         )
     return held

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from tripod_sim.tables.fields import number, one_of
+from tripod_sim.tables.robot import Effector, Servos
 
 
 @dataclass(frozen=True)
@@ -125,8 +126,8 @@ class Springs:
 class Body:
     """A soft body: a solid (`mesh` and `material`) or `springs`. Any number of them may be beside each other.
 
-    Tables of its own are written below it: `[body.mesh]`, `[body.material]`, `[[body.region]]`, `[body.springs]`. Its
-    nodes are a set of its name.
+    Tables of its own are written below it: `[body.mesh]`, `[body.material]`, `[[body.region]]`, `[body.springs]`,
+    `[body.servos]`, `[body.effector]`. Its nodes are a set of its name.
 
     Attributes:
         name: By which others refer to it; `body` is that of the short form, `[mesh]` or `[springs]`.
@@ -135,6 +136,8 @@ class Body:
         mesh, material: The solid.
         region: Parts of the solid that are of other materials.
         springs: The net of springs.
+        servos: Servo arms about its own Z axis, behind those of the bodies before it.
+        effector: A rigid disc about its own Z axis; the first of the scene is its effector.
     """
 
     name: str
@@ -144,6 +147,8 @@ class Body:
     material: Material | None = None
     region: tuple[Region, ...] = ()
     springs: Springs | None = None
+    servos: Servos | None = None
+    effector: Effector | None = None
 
 
 @dataclass(frozen=True)

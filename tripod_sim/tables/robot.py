@@ -12,7 +12,8 @@ class Servos:
     Attributes:
         count: How many; the first holds the strip along X.
         axis_radius: Of the servo axes from the centre, before sliding [m].
-        axis_depth: Of the axes below the mid-plane [m].
+        axis_depth: Of the axes below the mid-plane [m]; where servos have tables of their own, how long their arms are
+            drawn.
         clamp_radius: Nodes beyond it, along each strip, are held [m].
         angle_min: Smallest angle [rad].
         angle_max: Largest angle [rad].

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_view.arm import ArmGeometry
+from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
 from tripod_view.player.shapes import ball, disc
@@ -110,16 +110,9 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
 def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Piece]:
     """Return robot, maze, ball and obstacles, as far as there are any."""
     found: list[Piece] = []
-    if (servos := scene.get("servos")) and not scene.get("servo"):  # these stand evenly about Z
-        radius = scene.get("effector", {}).get("radius", 0.0075)
-        geometry = ArmGeometry(
-            axis_radius=servos["axis_radius"],
-            axis_depth=servos["axis_depth"],
-            clamp_inner=servos["clamp_radius"],
-            clamp_outer=max(0.055, 1.1 * servos["clamp_radius"]),
-            effector_radius=radius,
-        )
-        found += robot_pieces(arrays["angles"][steps], arrays["slide"][steps], geometry)
+    if "arms" in arrays:
+        stands = [_stand(row) for row in np.asarray(arrays["arms"], float)]
+        found += robot_pieces(arrays["angles"][steps], arrays["slide"][steps], stands, ArmGeometry())
     poses = arrays["effector"][steps] if "effector" in arrays else None
     if poses is not None and "maze_vertices" in arrays:
         found.append(Piece("maze", arrays["maze_triangles"], arrays["maze_vertices"], MAZE, poses))
@@ -128,7 +121,7 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
             vertices, triangles = disc(size, 0.0004)
             found.append(Piece("goal", triangles, vertices + np.array([x, y, z]), GOAL, poses))
     elif poses is not None:
-        found.append(effector_piece(scene["effector"]["radius"], 0.006, poses))
+        found.append(effector_piece(_disc_radius(scene), 0.006, poses))
     if "ball" in arrays:
         for (vertices, triangles), colour in zip(ball(scene["ball"]["radius"]), (BALL, BELT), strict=True):
             found.append(Piece("ball", triangles, vertices, colour, arrays["ball"][steps]))
@@ -137,10 +130,23 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
     return found
 
 
+def _stand(row: FloatArray) -> Stand:
+    if row.shape != (13,):
+        raise FilmError(f"arms: a row has shape {row.shape}; a servo has 13 numbers")
+    numbers = row.tolist()
+    return Stand(tuple(numbers[:3]), tuple(numbers[3:7]), tuple(numbers[7:10]), *numbers[10:])
+
+
+def _disc_radius(scene: Mapping[str, Any]) -> float:
+    """Return the radius of the scene's effector: its own, or of the first body that has one [m]."""
+    tables = [part["effector"] for part in (scene, *scene.get("body", [])) if "effector" in part]
+    return float(tables[0]["radius"])
+
+
 def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Curve]:
     """Return what is drawn over time: of a robot its joints, torques and effector, of all others the energies."""
     found = []
-    if scene.get("servos"):
+    if arrays["angles"].shape[1]:
         servos = tuple(f"servo {i}" for i in range(arrays["angles"].shape[1]))
         found.append(Curve("servo angles", "degrees", servos, np.degrees(arrays["angles"][steps])))
         stall = scene.get("servo_dynamics", {}).get("stall_torque")

@@ -1,15 +1,20 @@
 """The robot in a film: base, servos, arms and disc, from angles and slide over time. Pure."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_view.arm import ArmGeometry, clamp_corners
+from tripod_view.arm import ArmGeometry, Stand, clamp_corners
 from tripod_view.player.film import Piece, Rgb
 from tripod_view.player.shapes import box, disc, joined
+from tripod_view.pose import Pose
 
 FloatArray = NDArray[np.float64]
 
-SERVO_COLOURS: tuple[Rgb, ...] = ((214, 64, 69), (31, 119, 180), (148, 90, 190))
+SERVO_COLOURS: tuple[Rgb, ...] = (
+    (214, 64, 69), (31, 119, 180), (148, 90, 190), (214, 130, 20), (30, 140, 110), (120, 90, 60),
+)  # fmt: skip
 """One colour a servo, the same as of its curve."""
 
 EFFECTOR, SERVO_BODY, BASE = (255, 140, 0), (52, 73, 110), (112, 120, 130)
@@ -21,29 +26,25 @@ BRACKET = 0.003
 """Thickness of brackets and rails [m]."""
 
 
-def robot_pieces(angles: FloatArray, slide: FloatArray, geometry: ArmGeometry) -> tuple[Piece, ...]:
+def robot_pieces(
+    angles: FloatArray, slide: FloatArray, stands: Sequence[Stand], geometry: ArmGeometry
+) -> tuple[Piece, ...]:
     """Return base, servo bodies and arms at `angles` [rad], shape (k, servos), and `slide` [m], shape (k,).
 
     A negative angle tips an arm outward and down: it turns about +y of its servo's frame, x pointing outward.
     """
     pieces = []
-    count = angles.shape[1]
-    for i in range(count):
-        phi = 2 * np.pi * i / count
-        upright = np.array([0.0, 0.0, np.sin(phi / 2), np.cos(phi / 2)])
-        radius = geometry.axis_radius - slide
-        where = np.stack(
-            [radius * np.cos(phi), radius * np.sin(phi), np.full(len(slide), -geometry.axis_depth)], axis=1
-        )
-        carriage = np.concatenate([where, np.broadcast_to(upright, (len(slide), 4))], axis=1)
-        s, c = upright[2], upright[3]
+    for i, stand in enumerate(stands):
+        where = np.array(stand.hub) + slide[:, None] * np.array(stand.inward)
+        x, y, z, w = stand.quaternion
+        carriage = np.concatenate([where, np.broadcast_to(stand.quaternion, (len(slide), 4))], axis=1)
         t, u = np.sin(-angles[:, i] / 2), np.cos(-angles[:, i] / 2)
-        turned = np.stack([-s * t, c * t, s * u, c * u], axis=1)
+        turned = np.stack([x * u - z * t, y * u + w * t, z * u + x * t, w * u - y * t], axis=1)
         arm = np.concatenate([where, turned], axis=1)
         pieces += [
-            _piece(f"rail {i}", _rail(phi, geometry), BASE, None),
+            _piece(f"rail {i}", _rail(stand), BASE, None),
             _piece(f"servo {i}", box(BODY_SIZE), SERVO_BODY, carriage),
-            _piece(f"arm {i}", _bracket(geometry), SERVO_COLOURS[i % len(SERVO_COLOURS)], arm),
+            _piece(f"arm {i}", _bracket(stand, geometry), SERVO_COLOURS[i % len(SERVO_COLOURS)], arm),
         ]
     return tuple(pieces)
 
@@ -59,19 +60,17 @@ def _piece(
     return Piece(name, shape[1], shape[0], colour, poses)
 
 
-def _rail(phi: float, g: ArmGeometry) -> tuple[FloatArray, NDArray[np.int64]]:
-    length = g.axis_radius + 0.018
+def _rail(stand: Stand) -> tuple[FloatArray, NDArray[np.int64]]:
     vertices, triangles = box(
-        (length, BODY_SIZE[1] + 0.004, BRACKET),
-        (length / 2, 0.0, -g.axis_depth - BODY_SIZE[2] / 2 - BRACKET / 2),
+        (stand.rail + 0.018, BODY_SIZE[1] + 0.004, BRACKET),
+        ((0.018 - stand.rail) / 2, 0.0, -BODY_SIZE[2] / 2 - BRACKET / 2),
     )
-    c, s = np.cos(phi), np.sin(phi)
-    return vertices @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]), triangles
+    return Pose.of(stand.hub, stand.quaternion).apply(vertices), triangles
 
 
-def _bracket(g: ArmGeometry) -> tuple[FloatArray, NDArray[np.int64]]:
+def _bracket(stand: Stand, g: ArmGeometry) -> tuple[FloatArray, NDArray[np.int64]]:
     """Return two cheeks on the axis, and plates under and over the clamped end."""
-    corners = clamp_corners(g)
+    corners = clamp_corners(stand, g)
     inner, outer = corners[0, 0, 0, 0], corners[1, 0, 0, 0]
     lower, upper = corners[0, 0, 0, 2], corners[0, 0, 1, 2]
     y = max(g.strip_width, BODY_SIZE[1] + 4 * BRACKET) / 2 - BRACKET / 2

@@ -4,7 +4,6 @@ import { listen, send, value } from "./channel.js";
 import { button, element, place, section, setText, showLines } from "./dom.js";
 
 const STEP = 0.5; // of the sliders [degrees]
-const SERVOS = [0, 1, 2];
 
 export function controls() {
   return place(element("div"), [simulation(), servos(), target()]);
@@ -44,7 +43,11 @@ function servos() {
   const drive = button("Drive by sliders and keys", () => send({ press: "TELEOP" }), "Key t");
   drive.id = "drive";
   const follow = withClass("target", button("Follow the green target", () => send({ press: "IK" }), "Key i"));
-  const rows = SERVOS.map(servo);
+  const rows = element("div");
+  listen("range", (range) => { // a slider for each servo; those of a scene that had more are hidden
+    while (rows.children.length < range.length) rows.append(servo(rows.children.length));
+    [...rows.children].forEach((row, i) => (row.style.display = i < range.length ? "" : "none"));
+  });
   const slide = slideRow();
   const motions = place(element("div", { class: "row" }), [
     button("Working pose", () => send({ press: "working pose" }), "A slow motion; key a"),
@@ -55,8 +58,8 @@ function servos() {
     follow.classList.toggle("on", own && mode === "IK");
   });
   const choice = place(element("div", { class: "row" }), [drive, follow]);
-  const note = element("p", { class: "small" }, "Keys: arrows and + - move servos, t drive, i follow, a working pose, p park, Space or Esc STOP.");
-  return withClass("servos", section("servos", "Servos", [choice, ...rows, slide, motions, note]));
+  const note = element("p", { class: "small" }, "Keys: arrows and + - move servos, 0 to 9 choose that of + -, t drive, i follow, a working pose, p park, Space or Esc STOP.");
+  return withClass("servos", section("servos", "Servos", [choice, rows, slide, motions, note]));
 }
 
 // A slider moves as long as a hand holds it; else it shows what is asked for.
@@ -69,6 +72,7 @@ function held(input) {
 }
 
 function servo(i) {
+  const row = element("div", { class: "servo" });
   const slider = element("input", { type: "range", step: STEP, "aria-label": `servo ${i} (degrees)`, disabled: "" });
   const number = element("input", { type: "number", step: STEP, "aria-label": `servo ${i}, typed (degrees)`, disabled: "" });
   const torque = element("span", { class: "torque" });
@@ -78,19 +82,21 @@ function servo(i) {
   slider.addEventListener("input", () => send({ servo: i, degrees: Number(slider.value) }));
   number.addEventListener("change", () => send({ servo: i, degrees: Number(number.value) }));
   listen("colours", (colours) => {
-    name.style.color = colours[i];
-    slider.style.accentColor = colours[i];
+    name.style.color = colours[i % colours.length];
+    slider.style.accentColor = colours[i % colours.length];
   });
   listen("range", (range) => {
+    if (i >= range.length) return;
     [slider.min, slider.max] = [Math.ceil(range[i][0] / STEP) * STEP, Math.floor(range[i][1] / STEP) * STEP];
     number.title = `${range[i][0]} to ${range[i][1]} degrees`;
   });
   listen("joints", (joints) => {
+    if (i >= joints.asked.length) return;
     slider.disabled = number.disabled = !joints.enabled;
     if (!isHeld()) slider.value = joints.asked[i];
     if (document.activeElement !== number) number.value = joints.asked[i].toFixed(1);
     const limit = value("scene")?.stall_torque;
-    if (joints.torques === null) {
+    if (!joints.torques || i >= joints.torques.length) {
       setText(torque, "torque not known");
       bar.value = 0;
       return;
@@ -100,7 +106,6 @@ function servo(i) {
     torque.classList.toggle("bad", Boolean(limit) && Math.abs(load) > limit);
     bar.value = limit ? Math.min(Math.abs(load) / limit, 1) : 0;
   });
-  const row = element("div", { class: "servo" });
   return place(row, [name, slider, number, element("span", { class: "unit" }, "°"), bar, torque]);
 }
 

@@ -5,15 +5,16 @@ import { send, value } from "./channel.js";
 const REPEAT = 100; // the node takes keys as released if it hears nothing for 300 ms
 const MOVES = {
   ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, 1], ArrowRight: [1, -1],
-  "+": [2, 1], "=": [2, 1], "-": [2, -1], _: [2, -1],
 };
+const SIGNS = { "+": 1, "=": 1, "-": -1, _: -1 }; // of the chosen servo
 const PRESSES = { t: "TELEOP", b: "TELEOP", i: "IK", a: "working pose", p: "park" };
 
 export function keys() {
   const down = new Map();
+  let chosen = 2;
   const tell = () => {
-    const signs = [0, 0, 0];
-    for (const [servo, sign] of down.values()) signs[servo] = Math.sign(signs[servo] + sign);
+    const signs = (value("range") ?? []).map(() => 0);
+    for (const [servo, sign] of down.values()) if (servo < signs.length) signs[servo] = Math.sign(signs[servo] + sign);
     send({ keys: signs });
   };
   setInterval(() => down.size && tell(), REPEAT);
@@ -33,7 +34,13 @@ export function keys() {
       return;
     }
     if (event.altKey || event.metaKey || typing(event.target) || !value("scene")?.servos) return;
-    const move = MOVES[event.key];
+    const move = event.key in SIGNS ? [chosen, SIGNS[event.key]] : MOVES[event.key];
+    if (/^[0-9]$/.test(event.key) && Number(event.key) < (value("range") ?? []).length) {
+      chosen = Number(event.key);
+      event.preventDefault();
+      event.stopPropagation();
+      return;
+    }
     const press = PRESSES[event.key.toLowerCase()];
     if (!move && !press) return;
     event.preventDefault();

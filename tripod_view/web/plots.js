@@ -25,6 +25,7 @@ function plot(title, kind) {
   place(box, [element("figcaption", {}, title), canvas]);
   function add(values, colours, low, high) {
     const now = performance.now() / 1e3;
+    if (rows.length && rows[0][1].length !== values.length) rows.length = 0; // another robot
     rows.push([now, values]);
     while (now - rows[0][0] > SPAN) rows.shift();
     if (!canvas.offsetParent) return; // nobody looks
@@ -51,7 +52,7 @@ function draw(canvas, rows, now, colours, low, high) {
   }
   pen.lineWidth = 3;
   rows[0][1].forEach((_, k) => {
-    pen.strokeStyle = colours[k] ?? "#333";
+    pen.strokeStyle = colours[k % colours.length] ?? "#333";
     pen.beginPath();
     rows.forEach(([time, values], n) => pen[n ? "lineTo" : "moveTo"](x(time), y(values[k])));
     pen.stroke();

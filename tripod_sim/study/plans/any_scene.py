@@ -21,6 +21,7 @@ from tripod_sim.build import body_mesh
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, value_of
+from tripod_sim.scene_short import effector_of, joints_of
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
@@ -175,8 +176,9 @@ def task(settings: Settings) -> Measured:
         return lambda: _seen(simulation, probes)
 
     command = None
-    if scene.servos and script:
-        command = partial(script.joints, np.array([*scene.servos.angles, scene.servos.slide]))
+    joints = joints_of(scene)
+    if joints and script:
+        command = partial(script.joints, joints.start)
     measured = motion(script.started(scene), interval * int(settings[SAMPLES]), interval, watch, command)
     measured.observed = {name: [first[name], *rows] for name, rows in measured.observed.items()}
     return measured
@@ -191,7 +193,7 @@ def _quantities(scene: Scene) -> tuple[Quantity, ...]:
         Quantity(f"marker {m.set}", "m", f"mean position of the set {m.set!r}, the worst instant")
         for m in scene.marker
     ]
-    if scene.effector:
+    if effector_of(scene):
         found.append(Quantity("effector", "m", "position of the effector, the worst instant"))
     if scene.ball:
         found.append(Quantity("ball", "m", "position of the ball, the worst instant"))
@@ -351,7 +353,7 @@ def _check_moves(scene: Scene, *, moved: bool) -> None:
         return
     if not scene.inertia:
         raise SceneError(f"scene {scene.name!r} is static and no servo moves: say what does by --servo")
-    if scene.servos and not (scene.ball or scene.rigid):
+    if joints_of(scene) and not (scene.ball or scene.rigid):
         raise SceneError(f"scene {scene.name!r} starts at rest and no servo moves: say what does by --servo")
 
 
@@ -365,9 +367,10 @@ def _soft(scene: Scene) -> bool:
 
 def _held(scene: Scene) -> str:
     """Return the servo script that leaves the angles of the scene."""
-    if not scene.servos:
+    joints = joints_of(scene)
+    if not joints:
         raise SceneError(f"--slide: scene {scene.name!r} has no servos")
-    return "0: " + ", ".join(f"{a!r}" for a in scene.servos.angles)
+    return "0: " + ", ".join(f"{arm.angle!r}" for arm in joints.arms)
 
 
 def _given(word: str) -> tuple[str, Value]:
