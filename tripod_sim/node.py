@@ -585,14 +585,11 @@ def stalls(snapshot: Snapshot) -> str:
 def _within_scene(values: Mapping[str, Any], scene: Scene, joints: Joints | None) -> CommandLimits:
     """Return the limits that the parameters set, narrowed to what the scene allows.
 
-    Raises ParameterError if nothing is left, or the park position is one of other joints.
+    Raises ParameterError if nothing is left, CommandError if the park position is one of other joints.
     """
     if not joints:
         return limits_from(values)
-    try:
-        limits = limits_from(values, joints.count)
-    except CommandError as error:
-        raise ParameterError(f"scene {scene.name!r}: parameter {error}") from None
+    limits = limits_from(values, joints.count)
     for arm in joints.arms:
         if not max(limits.angle_min, arm.low) < min(limits.angle_max, arm.high):
             raise ParameterError(

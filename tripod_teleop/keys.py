@@ -25,16 +25,19 @@ class Act(Enum):
     QUIT = auto()
 
 
+CHOSEN: Final = -1
+
+
 @dataclass(frozen=True)
 class Move:
     """Move one servo while the key is down.
 
     Attributes:
-        servo: Its number; None: the chosen one.
+        servo: Its number; CHOSEN: the one that a digit chose last.
         sign: +1: the angle grows, the strip goes up; -1: it bends down.
     """
 
-    servo: int | None
+    servo: int
     sign: int
 
 
@@ -74,8 +77,8 @@ BINDINGS: Final = (
     Binding(("down", "ctrl+down"), Move(0, -1)),
     Binding(("left", "ctrl+left"), Move(1, +1), "Left, Right", "servo 1 up, down"),
     Binding(("right", "ctrl+right"), Move(1, -1)),
-    Binding(("+", "=", "ctrl++", "ctrl+="), Move(None, +1), "+, -", "servo 2, or the chosen one, up, down"),
-    Binding(("-", "_", "ctrl+-", "ctrl+_"), Move(None, -1)),
+    Binding(("+", "=", "ctrl++", "ctrl+="), Move(CHOSEN, +1), "+, -", "servo 2, or the chosen one, up, down"),
+    Binding(("-", "_", "ctrl+-", "ctrl+_"), Move(CHOSEN, -1)),
     Binding(("0",), Choose(0), "0 to 9", "choose the servo that + and - move"),
     *(Binding((str(i),), Choose(i)) for i in range(1, 10)),
     Binding(("space", "ctrl+space", "alt+space"), Act.STOP, "space", "stop: hold, then park"),

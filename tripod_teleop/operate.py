@@ -12,7 +12,7 @@ from tripod_graph.names import working_pose
 from tripod_graph.source import name_of
 from tripod_teleop.drive import Drive, FloatArray
 from tripod_teleop.joints import Joints
-from tripod_teleop.keys import Act, Choose, Intent, Move
+from tripod_teleop.keys import CHOSEN, Act, Choose, Intent, Move
 
 TAKEOVER = 0.2
 """Pause between taking control and the first command [s]: the former source hears of it and falls silent."""
@@ -107,7 +107,7 @@ class Operator:
                 move = self.meant(intent)
                 if not self.is_driving:
                     self.notice = "press t to drive by these keys"
-                elif move.servo is not None and move.servo < self.drive.limits.count:
+                elif move.servo < self.drive.limits.count:
                     self.drive.press(move, now)
                 else:
                     self.notice = self._no_servo(move.servo)
@@ -145,7 +145,7 @@ class Operator:
 
     def meant(self, move: Move) -> Move:
         """Return the move with the number of its servo."""
-        return replace(move, servo=self.chosen) if move.servo is None else move
+        return replace(move, servo=self.chosen) if move.servo == CHOSEN else move
 
     def _choose(self, servo: int) -> None:
         if servo < self.drive.limits.count:
@@ -154,7 +154,7 @@ class Operator:
         else:
             self.notice = self._no_servo(servo)
 
-    def _no_servo(self, servo: int | None) -> str:
+    def _no_servo(self, servo: int) -> str:
         return f"there is no servo {servo}; the robot has {self.drive.limits.count}"
 
     def _jump(self, angles: Sequence[float]) -> None:

@@ -72,6 +72,7 @@ class RobotFields(Protocol):
     state: int
     message: str
     port: str
+    joint_names: Sequence[str]
     packets_sent: int
 
 

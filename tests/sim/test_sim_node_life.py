@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -145,18 +146,17 @@ def test_limits_are_the_narrower_of_parameters_and_scene() -> None:
     assert narrow.lower == pytest.approx([-0.5] * 3 + [0.0])
     assert narrow.upper == pytest.approx([0.2] * 3 + [0.01])
     assert limits_of(replace(scene, servos=None)) == CommandLimits()
-    apart = replace(scene, servos=replace(scene.servos, angle_min=-2.0, angle_max=-1.0, angles=(-1.0,) * 3))
+    apart = SimpleNamespace(count=3, arms=[SimpleNamespace(low=-2.0, high=-1.0)] * 3)
+    values = {p.name: p.default for p in LIMIT_PARAMETERS} | {"angle_min": -0.5}
     with pytest.raises(ParameterError, match=r"leave nothing of the scene's -2.0 to -1.0 rad"):
-        limits_of(apart, angle_min=-0.5, angle_max=0.6)
+        _within_scene(values, scene, apart)
 
 
 def test_limits_are_of_as_many_servos_as_the_scene_has() -> None:
     assert limits_of(load_scene("cross")).joints == ("servo_0", "servo_1", "servo_2", "servo_3", "slide")
     six = limits_of(load_scene("two_tripods", ["body.1.servos.angle_min=-1.0"]))
     assert six.lower == pytest.approx([-2.1] * 3 + [-1.0] * 3 + [0.0])
-    with pytest.raises(
-        ParameterError, match="scene 'cross': parameter park position has 4 values; it needs 5: servo_0"
-    ):
+    with pytest.raises(CommandError, match="park position has 4 values; it needs 5: servo_0"):
         limits_of(load_scene("cross"), park=[0.0] * 4)
 
 

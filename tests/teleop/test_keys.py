@@ -4,15 +4,15 @@ import re
 
 import pytest
 
-from tripod_teleop.keys import BINDINGS, HELP, KEYS, Act, Move
+from tripod_teleop.keys import BINDINGS, CHOSEN, HELP, KEYS, Act, Move
 
 TUTORIAL = [
     ("up", Move(0, +1)),
     ("down", Move(0, -1)),
     ("left", Move(1, +1)),
     ("right", Move(1, -1)),
-    ("+", Move(None, +1)),
-    ("-", Move(None, -1)),
+    ("+", Move(CHOSEN, +1)),
+    ("-", Move(CHOSEN, -1)),
     ("a", Act.WORK),
     ("i", Act.IK),
     ("b", Act.TELEOP),
@@ -56,4 +56,4 @@ def test_the_help_names_every_meaning_once() -> None:
     lines = HELP.splitlines()
     assert len(lines) == len({re.split(r"\s{2,}", line.strip())[0] for line in lines}) == 13
     assert {b.intent for b in BINDINGS if b.label and isinstance(b.intent, Act)} == set(Act)
-    assert {b.intent.servo for b in BINDINGS if b.label and isinstance(b.intent, Move)} == {0, 1, 2}
+    assert {b.intent.servo for b in BINDINGS if b.label and isinstance(b.intent, Move)} == {0, 1, CHOSEN}

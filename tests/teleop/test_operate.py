@@ -239,6 +239,14 @@ def test_a_digit_chooses_what_plus_and_minus_move_of_any_number_of_servos() -> N
     assert made.setpoint(joints, 13.1) == pytest.approx([-math.pi / 3] * 5 + [0.035])
 
 
+def test_a_throw_of_another_number_of_angles_is_refused() -> None:
+    drive = Drive(CommandLimits(count=4), speed=0.5, hold=0.2, pose_time=3.0)
+    made = Operator("teleop", drive, Toss(catch=(-0.1, -0.2, -0.3)))
+    made.act(Act.CATCH, (0.0,) * 4, 100.0, 0.0)
+    assert made.notice == "catch and throw have 3 angles, the robot has 4 servos"
+    assert made.setpoint((0.0,) * 4, 1.0) == pytest.approx([0.0] * 4)
+
+
 def test_plus_without_a_servo_says_so() -> None:
     made = Operator("teleop", Drive(CommandLimits(count=2), speed=0.5, hold=0.2, pose_time=3.0))
     made.act(Act.TELEOP, (0.0, 0.0), 100.0, 0.0)

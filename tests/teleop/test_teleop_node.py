@@ -350,7 +350,7 @@ def test_bad_messages_are_counted_and_change_nothing(session: Session) -> None:
     ("parameter", "message"),
     [
         ("hold:=7.0", "parameter 'hold' is 7.0; allowed: 0.05 to 1 s"),
-        ("throw:=[0.1, 0.2]", "parameter 'throw' has 2 values; it needs 3: servo_0, servo_1, servo_2"),
+        ("throw:=[0.9]", "parameter 'throw': servo_0 is 0.9 rad, allowed is -2.1 to 0.6 rad"),
         ("catch:=[0.1, 0.2, 0.9]", "parameter 'catch': servo_2 is 0.9 rad, allowed is -2.1 to 0.6 rad"),
     ],
 )
