@@ -91,9 +91,7 @@ class MeshError:
         system = self._system = parts.system
         self._newton = Newton(system, solver.tolerance, solver.max_iterations)
         self._newton.near = NEAR
-        self._careful = QuasiStatic(
-            self._newton, solver.max_halvings, solver.max_turn, reach_of(scene.servos)
-        )
+        self._careful = QuasiStatic(self._newton, solver.max_halvings, solver.max_turn, reach_of(scene))
         self._share = scene.mesh_error.share if scene.mesh_error else np.inf
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
         self._own: State | None = None

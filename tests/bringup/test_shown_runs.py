@@ -46,12 +46,12 @@ def test_each_shipped_scene_is_shown_with_all_that_is_in_it(name: str) -> None:
     assert len(film.bodies) == bool(scene.mesh or scene.springs) + len(scene.body) + len(scene.rigid)
     assert all(len(body.triangles) for body in film.bodies)
     names = [piece.name for piece in film.pieces]
-    assert ("arm 2" in names) == bool(scene.servos)
+    assert ("arm 2" in names) == bool(joints_of(scene))
     assert ("maze" in names) == ("goal" in names) == bool(scene.maze)
     assert names.count("ball") == 2 * bool(scene.ball)
     assert ("obstacles" in names) == bool(scene.obstacles)
     assert ("effector" in names) == bool(scene.effector and not scene.maze)
-    assert ("servo torques" in [c.title for c in film.curves]) == bool(scene.servos)
+    assert ("servo torques" in [c.title for c in film.curves]) == bool(joints_of(scene))
 
 
 def test_a_run_writes_what_is_asked_and_says_so(tmp_path: Path) -> None:

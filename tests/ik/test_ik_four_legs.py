@@ -70,7 +70,7 @@ def test_run_takes_four_angles_and_tells_four_torques() -> None:
         run("cross", servo="0: 0,0,0")
     with pytest.raises(SceneError, match=r"servos.angles has 3 values; it needs 4"):
         load_scene("cross", ["servos.angles=[0, 0, 0]"])
-    with pytest.raises(SceneError, match=r"servo 2 holds no node; strip 2 of the mesh reaches 0.0"):
+    with pytest.raises(SceneError, match=r"servo 2 holds no node; the nearest is node 93"):
         Simulation(load_scene("cross", ["mesh.legs=3"]))
 
 
