@@ -16,6 +16,7 @@ from typer.testing import CliRunner, Result
 from tripod_bringup.cli import app
 from tripod_sim import Simulation, load_scene, scene_names
 from tripod_sim.recording import Recording
+from tripod_sim.scene_short import effector_of, joints_of
 from tripod_view.player.of_run import film_of
 
 SHORT = ["run", "pendulum", "--duration", "0.1"]
@@ -50,7 +51,7 @@ def test_each_shipped_scene_is_shown_with_all_that_is_in_it(name: str) -> None:
     assert ("maze" in names) == ("goal" in names) == bool(scene.maze)
     assert names.count("ball") == 2 * bool(scene.ball)
     assert ("obstacles" in names) == bool(scene.obstacles)
-    assert ("effector" in names) == bool(scene.effector and not scene.maze)
+    assert ("effector" in names) == bool(effector_of(scene) and not scene.maze)
     assert ("servo torques" in [c.title for c in film.curves]) == bool(joints_of(scene))
 
 

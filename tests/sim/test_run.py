@@ -14,7 +14,7 @@ import pytest
 from tripod_sim import SceneError, StepError, load_scene, scene_names
 from tripod_sim import run as run_module
 from tripod_sim.run import run
-from tripod_sim.scene_short import soft_bodies
+from tripod_sim.scene_short import effector_of, joints_of, soft_bodies
 
 COARSE = ["mesh.level=1"]
 BEND = "0:0,0,0; 0.2:-0.4,-0.3,0.1"
@@ -151,10 +151,14 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
     coarse = ["springs.nodes=5"] if scene.springs else COARSE if scene.mesh else []
     summary = run(name, duration=0.02, overrides=coarse, out=out)
     assert summary["steps"] == round(0.02 / scene.dt)
-    assert (summary["effector"] is None) == (scene.effector is None)
-    assert len(summary["angles"]) == len(summary["torques"]) == (scene.servos.count if scene.servos else 0)
+    assert (summary["effector"] is None) == (effector_of(scene) is None)
+    assert (
+        len(summary["angles"])
+        == len(summary["torques"])
+        == (joints.count if (joints := joints_of(scene)) else 0)
+    )
     with np.load(out) as arrays:
-        assert ("effector" in arrays) == (scene.effector is not None)
+        assert ("effector" in arrays) == (effector_of(scene) is not None)
         assert all(np.isfinite(arrays[n]).all() for n in arrays if arrays[n].dtype.kind == "f")
         corners = arrays["vertices" if "vertices" in arrays else "positions"].shape[1]
         assert sum(arrays["bodies"]) == corners > arrays["triangles"].max()
