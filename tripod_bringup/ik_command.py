@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
-from tripod_bringup.run_summary import error_words
 
 MISSED = 1
 """Exit code where the target was not reached."""
@@ -102,6 +101,8 @@ def numbers(option: str, text: str, count: int) -> list[float]:
 
 def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return what is printed for people: names and texts."""
+    from tripod_sim.figures.errors import error_words  # noqa: PLC0415 - not needed for the help
+
     x, y, z = (1e3 * v for v in result["position"])
     missing = []
     for name, value in result["residuals"].items():

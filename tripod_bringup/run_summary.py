@@ -35,6 +35,8 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if error := result.get("time_error"):
         rows.append(("time error", _time_error(error)))
     if error := result.get("mesh_error"):
+        from tripod_sim.figures.errors import error_words  # noqa: PLC0415 - not needed for the help
+
         step = (result.get("time_error") or {}).get("effector", math.nan)
         told = f"effector {error_words(error['distance'], step)}; mesh at worst {1e3 * error['worst']:.2g} (estimated)"
         rows.append(("error", told))
@@ -96,15 +98,6 @@ def _time_error(error: Mapping[str, Any]) -> str:
         return f"{nodes} (estimated)"
     end, worst = error["effector"] * 1e3, error["worst_effector"] * 1e3
     return f"effector {end:.3g} mm, at worst {worst:.3g} mm; {nodes} (estimated)"
-
-
-def error_words(mesh: float, step: float = math.nan) -> str:
-    """Return lengths of the errors of mesh and time steps [m], NaN if not known, and their sum, which bounds both."""
-    if math.isnan(mesh):
-        return "of the mesh not known: the richer mesh has no equilibrium here"
-    if math.isnan(step):
-        return f"mesh {1e3 * mesh:.2g} mm"
-    return f"{1e3 * (mesh + step):.2g} mm: mesh {1e3 * mesh:.2g}, step {1e3 * step:.2g}"
 
 
 def _millijoules(value: float) -> str:

@@ -113,29 +113,35 @@ class MeshError:
             self._trial, self._seen = self._own.copy(), state.copy()
             self._careful.step(self._own, state.joints, 0.0)
             self._start = self._own.copy()
+            self.estimate(state)  # what compiles here is not to count
         self._start.copy_to(self._own)
         state.copy_to(self._seen)
         self._newton.forget()
-        self._credit = self._cost = 0.0
+        self._credit = 0.0
         if self._moving:
             self._before[:], self._acceleration[:] = state.velocities[: len(self._before)], 0.0
+        begin = time.thread_time()
         self._last = self.estimate(state)
+        self._cost = time.thread_time() - begin
         return self._last
 
-    def follow(self, state: State, spent: float) -> MeshErrorReport:
-        """Take notice of a step to `state`, for which `spent` [s] were spent.
+    def follow(self, state: State, begin: float) -> MeshErrorReport:
+        """Take notice of a step to `state` that began at `begin` of the thread's clock [s].
 
         Returns:
             The error at its end where an estimate is due, else the last one.
         """
+        end = time.thread_time()
+        self._credit += self._share * (end - begin)
         if self._moving:
             track(state.velocities, self._rate, self._drag, self._lets, self._before, self._acceleration)
-        self._credit += self._share * spent
-        if self._credit >= self._cost:
-            begin = time.thread_time()
+        due = self._credit >= self._cost
+        if due:
             self._last = self.estimate(state)
-            self._cost = time.thread_time() - begin
-            self._credit -= self._cost
+        taken = time.thread_time() - end
+        self._credit -= taken
+        if due:
+            self._cost = taken
         return self._last
 
     def estimate(self, state: State) -> MeshErrorReport:

@@ -262,7 +262,7 @@ class Simulation:
         if self._ball and ball:
             self._ball.follow(self.state, ball, self.scene.dt)
         if self._mesh_error:
-            self.report.mesh_error = self._mesh_error.follow(self.state, time.thread_time() - begin)
+            self.report.mesh_error = self._mesh_error.follow(self.state, begin)
         return self.report
 
     def renew(self) -> None:

@@ -18,6 +18,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.figures.accuracy import accuracy_figures, as_table
 from tripod_sim.figures.effects import effect_figures
 from tripod_sim.figures.energy import EnergyBooks
+from tripod_sim.figures.errors import errors_line
 from tripod_sim.figures.picture import picture
 from tripod_sim.figures.stability import stability, stability_lines
 from tripod_sim.realtime import Snapshot
@@ -107,7 +108,8 @@ class Teller:
             latest, balance, halvings = self._latest, self._books.balance, self._halvings
         figures = asdict(stability(latest.report, halvings, balance, self._scene.dt))
         lines = stability_lines(figures)
-        table = {**figures, "lines": lines, "event": latest.event, "notice": self.notice}
+        told = {"errors": errors_line(latest.report), "event": latest.event, "notice": self.notice}
+        table = {**figures, "lines": lines, **told}
         self._figures.publish(String(data=as_json(table)))
 
 

@@ -9,9 +9,12 @@ from tripod_sim import Simulation, load_scene
 from tripod_sim.figures.accuracy import WISHES, accuracy_figures, accuracy_line
 from tripod_sim.figures.effects import effect_figures, effect_lines, stored
 from tripod_sim.figures.energy import EnergyBooks, total
+from tripod_sim.figures.errors import errors_line
 from tripod_sim.figures.picture import picture
 from tripod_sim.figures.stability import stability, stability_lines
 from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.time_error import TimeErrorReport
+from tripod_sim.mesh_error import MeshErrorReport
 from tripod_sim.scene import EFFECTS
 from tripod_sim.scene_file import scene_names
 from tripod_sim.simulation import Energies
@@ -192,3 +195,14 @@ def test_a_picture_describes_what_is_in_the_scene(name: str) -> None:
         board = s.plate.board
         assert found["maze"]["goal"] == list(board.goal)
         assert found["maze"]["holes"] == board.obstacles.holes.tolist()
+
+
+def test_errors_are_told_of_mesh_and_steps_where_the_scene_asks_for_them() -> None:
+    assert errors_line(StepReport()) == ""
+    steps = TimeErrorReport(3e-5, 4e-5, 7, np.nan)
+    assert errors_line(StepReport(time_error=steps)) == ""
+    mesh = MeshErrorReport((0.0, 5.4e-5, -7.2e-5), 0.1)
+    assert errors_line(StepReport(mesh_error=mesh)) == "mesh 0.09 mm"
+    assert errors_line(StepReport(mesh_error=mesh, time_error=steps)) == "0.12 mm: mesh 0.09, step 0.03"
+    lost = MeshErrorReport((np.nan,) * 3, 0.1)
+    assert "the richer mesh has no equilibrium here" in errors_line(StepReport(mesh_error=lost))

@@ -11,6 +11,7 @@ from tripod_sim import Simulation, load_scene
 from tripod_sim.figures.accuracy import accuracy_figures, as_table
 from tripod_sim.figures.effects import effect_figures
 from tripod_sim.figures.energy import EnergyBooks
+from tripod_sim.figures.errors import errors_line
 from tripod_sim.figures.picture import picture
 from tripod_sim.figures.stability import stability, stability_lines
 
@@ -24,7 +25,12 @@ def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.nda
     table = {**picture(simulation), "changes": [], "accuracy": accuracy, "effects": effects}
     books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
     figures = asdict(stability(simulation.report, 0, books.balance, simulation.scene.dt))
-    figures |= {"lines": stability_lines(figures), "event": "", "notice": ""}
+    figures |= {
+        "lines": stability_lines(figures),
+        "errors": errors_line(simulation.report),
+        "event": "",
+        "notice": "",
+    }
     skin = simulation.skin
     return table, figures, np.array(skin.nodes), np.array(skin.surface, dtype=np.uint32)
 

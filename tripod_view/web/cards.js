@@ -10,6 +10,7 @@ export function cards() {
 
 function accuracy() {
   const here = element("p", { id: "here" });
+  const errors = element("p", { id: "errors", hidden: "" });
   const picture = element("div");
   const table = element("table", { id: "offers" });
   const about = element("p", { class: "small" });
@@ -29,13 +30,17 @@ function accuracy() {
     const rows = (figures.offers ?? []).map((offer) => offered(offer, figures));
     table.replaceChildren(...(rows.length ? [head(), ...rows] : []));
   });
+  listen("figures", (figures) => {
+    errors.hidden = !figures?.errors;
+    setText(errors, figures?.errors ? `Effector now: ${figures.errors} (estimated)` : "");
+  });
   let last = 0;
   listen("run", () => {
     if (performance.now() - last < 1000) return;
     last = performance.now();
     show();
   });
-  return section("accuracy", "Accuracy and time", [here, picture, table, about]);
+  return section("accuracy", "Accuracy and time", [here, errors, picture, table, about]);
 }
 
 function head() {
