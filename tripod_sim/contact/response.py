@@ -80,7 +80,7 @@ class Response:
     ROUGH = 12
     """Linear solves of a rough response."""
 
-    FEW, FIRST = 4, 0.05
+    FEW, FIRST = 8, 0.05
     """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
 
     THOROUGH = 4
