@@ -51,6 +51,15 @@ AT_BOUND = 1e-3
 OUTLIER = 6.0
 """A row that is further off than so many sigma is named."""
 
+USUAL = (1e-3, 1e-2)
+"""Errors of places [m] and rotations [rad], before they are known."""
+
+SAME = 1e-6
+"""Values count as doing the same where the smallest singular value of the Jacobian is this share of the largest."""
+
+RIDGE = 30.0
+"""Plausible widths: so weakly is each value held to where a fit begins, that it stays where the data say nothing."""
+
 Note = Callable[[str], None]
 
 
@@ -156,12 +165,7 @@ def fit(
     use = np.isfinite(measured.values) & rows[:, None]
     weights = _Weights(use, np.array([c.angle for c in measured.channels]))
     sums = _Sums(problem, weights, priors or {})
-    number = int(use.sum())
-    if number + len(sums.known) < count + 1:
-        raise DataError(
-            f"{number} measured numbers for {count} values ({', '.join(p.name for p in wanted)}): give more rows, or "
-            "fit fewer"
-        )
+    number = enough(problem, rows, priors or {})
     u = problem.start() if start is None else start.copy()
     weights.sigma = _sigma(measured.values - problem.at(u).values, weights, 0)
     for turn in range(ROUNDS):
@@ -176,11 +180,24 @@ def fit(
     raise FitError(f"the size of the errors did not settle in {ROUNDS} rounds; are most of the rows wrong?")
 
 
+def enough(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior]) -> int:
+    """Return how many numbers count. Raises DataError where they do not suffice for the parameters."""
+    names = [p.name for p in problem.wanted]
+    number = int((np.isfinite(problem.measured.values) & rows[:, None]).sum())
+    if number + sum(name in priors for name in names) < len(names) + 1:
+        raise DataError(
+            f"{number} measured numbers for {len(names)} values ({', '.join(names)}): give more rows, or fit fewer"
+        )
+    return number
+
+
 class _Sums:
     """The sum to be made least, with its rows and their derivatives."""
 
     def __init__(self, problem: Problem, weights: _Weights, priors: Mapping[str, Prior]) -> None:
         self.problem, self.weights = problem, weights
+        self._held = 1.0 / (RIDGE * np.array([p.width for p in problem.wanted]))
+        self._begin = problem.start()
         self.known = [(j, p, priors[p.name]) for j, p in enumerate(problem.wanted) if p.name in priors]
 
     def residual(self, u: FloatArray) -> FloatArray:
@@ -209,7 +226,9 @@ class _Sums:
         """Return where the sum is least, near `u`, to `tolerance`. Raises FitError."""
         lows, highs = (np.array(b) for b in zip(*(p.bounds for p in self.problem.wanted), strict=True))
         found = least_squares(
-            self.residual, np.clip(u, lows + 1e-9, highs - 1e-9), self.slope, bounds=(lows, highs), loss="cauchy",
+            lambda v: np.concatenate([self.residual(v), self._held * (v - self._begin)]),
+            np.clip(u, lows + 1e-9, highs - 1e-9),
+            lambda v: np.concatenate([self.slope(v), np.diag(self._held)]), bounds=(lows, highs), loss="cauchy",
             f_scale=CAUCHY, x_scale="jac", xtol=tolerance, ftol=1e-7, gtol=1e-12, max_nfev=40,
         )  # fmt: skip
         if not np.isfinite(found.cost):
@@ -217,6 +236,29 @@ class _Sums:
         if found.status == 0:
             raise FitError(f"no convergence after {self.problem.evaluations} predictions")
         return np.asarray(found.x)
+
+
+def hopeless(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior]) -> dict[int, str]:
+    """Return which values no data like these could tell, and why: others, named before them, do the same."""
+    use = np.isfinite(problem.measured.values) & rows[:, None]
+    angle = np.array([c.angle for c in problem.measured.channels])
+    sums = _Sums(problem, _Weights(use, angle, np.array(USUAL)), priors)
+    scaled = sums.slope(problem.start()) * np.array([p.width for p in problem.wanted])
+    found: dict[int, str] = {}
+    kept: list[int] = []
+    for j in range(scaled.shape[1]):
+        sizes = np.linalg.svd(scaled[:, [*kept, j]], compute_uv=False)
+        if len(sizes) > len(kept) and sizes.min() > SAME * max(float(sizes.max()), SAME):
+            kept.append(j)
+            continue
+        found[j] = "nothing in these data depends on it"
+        if kept and np.linalg.norm(scaled[:, j]) > SAME:
+            mixture = np.abs(np.linalg.lstsq(scaled[:, kept], scaled[:, j], rcond=None)[0])
+            names = [
+                problem.wanted[i].name for i, m in zip(kept, mixture, strict=True) if m > 0.05 * mixture.max()
+            ]
+            found[j] = f"{' and '.join(names)} can do the same to these data"
+    return found
 
 
 def profile(

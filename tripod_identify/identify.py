@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from tripod_identify.errors import DataError, FitError
-from tripod_identify.fit import CONFIDENCE, Fit, Note, Prior, fit, profile
+from tripod_identify.fit import CONFIDENCE, Fit, Note, Prior, enough, fit, hopeless, profile
 from tripod_identify.left_over import LeftOver, left_over
 from tripod_identify.measured import Measured
 from tripod_identify.mesh_share import Share, mesh_share, step_share
@@ -25,7 +25,7 @@ from tripod_sim.scene import Scene
 FloatArray = NDArray[np.float64]
 
 LEFT = 0.02
-"""Of a number's range: what has moved farther has begun to move."""
+"""Of the largest range of any number: what has moved farther has begun to move."""
 
 
 @dataclass(frozen=True)
@@ -201,11 +201,11 @@ def identify(
 
 
 def beginning(measured: Measured) -> float:
-    """Return the last time before a number has left where it began by `LEFT` of its range [s]."""
+    """Return the last time before a place or rotation has left where it began by `LEFT` of the largest range [s]."""
     if measured.times is None:
         return 0.0
     away = np.abs(measured.values - measured.values[0])
-    moved = (away > LEFT * np.nanmax(away, axis=0)).any(axis=1)
+    moved = (away > LEFT * np.nanmax(away)).any(axis=1)
     return float(measured.times[max(int(np.argmax(moved)) - 1, 0)])
 
 
@@ -247,6 +247,19 @@ def _told_ones(
     """Fit, hold the value that the data tell least where it was, and fit again until all are told."""
     untold: list[Untold] = []
     start: FloatArray | None = None
+    enough(problem, rows, priors)
+    near = problem.at(problem.start())
+    same = hopeless(problem, rows, priors)
+    for j, why in same.items():
+        untold.append(Untold(problem.wanted[j], why))
+        say(f"{problem.wanted[j].name} is not told by the data: {untold[-1].why}")
+    if same:
+        others = [i for i in range(len(problem.wanted)) if i not in same]
+        if not [i for i in others if not problem.wanted[i].nuisance]:
+            names = ", ".join(u.parameter.name for u in untold)
+            raise FitError(f"the data tell none of the values: {names}; {untold[-1].why}")
+        problem = Problem(problem.base, [problem.wanted[i] for i in others], problem.measured, problem.points)
+        problem.lend(near)
     while True:
         last = fit(problem, rows, priors, start, say)
         halves = last.half / np.array([p.width for p in last.wanted])

@@ -1,9 +1,10 @@
 """What mesh and time steps make of predictions, and of the values that are found with them.
 
 A number that a mesh gets wrong by C h^p is corrected by (f_h/2 - f_h) / (1 - 2^-p) [Richardson1911]. p is 1 where a
-clamp's edge rules, 2 where the elements do: the middle of both corrections is taken, and half their distance, a third
-of f_h/2 - f_h, is what remains unknown. With d the correction at some rows, the values that the same data give without
-the error of the mesh are u - (J^T J + W^-2)^-1 J^T d, W their plausible widths. Time steps likewise.
+clamp's edge rules, 2 where the elements do: the middle of both corrections is taken. With d the correction at some
+rows, the values that the same data give without the error of the mesh are u - (J^T J + W^-2)^-1 J^T d, W their
+plausible widths. One refinement tells how large that is and hardly more, since what clamp and disc hold changes with
+the nodes, too: the move itself counts as a standard deviation. Time steps likewise.
 """
 
 from dataclasses import dataclass, replace
@@ -23,8 +24,8 @@ FloatArray = NDArray[np.float64]
 ROWS = 6
 """Poses at which the finer mesh is solved."""
 
-FACTOR, UNSURE = 5 / 3, 1 / 3
-"""Of f_h/2 - f_h: the correction, and what remains unknown of it."""
+FACTOR = 5 / 3
+"""Of f_h/2 - f_h: the correction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,7 @@ def _share(fit: Fit, problem: Problem, change: FloatArray, rows: NDArray[np.int6
     move = -np.linalg.solve(normal, J.T @ (change / sigma)[use])
     kind = ~angle if (~angle).any() else angle
     size = FACTOR * float(np.sqrt((change[:, kind] ** 2).mean()))
-    return Share(size, np.asarray(FACTOR * move), np.asarray(UNSURE * np.abs(move)), len(rows))
+    return Share(size, np.asarray(FACTOR * move), np.asarray(FACTOR * np.abs(move)), len(rows))
 
 
 def between(coarse: Rest, state: State, fine: Rest, joints: FloatArray) -> State:

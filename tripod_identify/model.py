@@ -128,12 +128,50 @@ def rest_states(
     return found
 
 
-def motion(
-    told: Told, measured: Measured, points: Sequence[Point], progress: Progress | None = None
-) -> FloatArray:
-    """Return what a motion shows at the times of the data [m, rad], shape (k, m).
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A motion that was stepped.
 
-    Commands are joined by straight lines; between two steps what is seen is, too.
+    Attributes:
+        told: With these values.
+        times: Of the steps, from the beginning of the motion [s], shape (n,).
+        raw: What was seen in the world, see `Observer.raw`, shape (n, sources, 2, 3).
+        observer: Of the data.
+    """
+
+    told: Told
+    times: FloatArray
+    raw: FloatArray
+    observer: Observer
+
+    def serves(self, told: Told, measured: Measured) -> bool:
+        """Return whether the same motion, seen by another sensor or begun at another time, is that of `told`."""
+        own = self.told
+        same = (
+            own.scene == told.scene
+            and np.array_equal(own.zero, told.zero)
+            and np.array_equal(own.gain, told.gain)
+        )
+        same &= np.array_equal(own.sensor.mount, told.sensor.mount)
+        same &= own.start == told.start or not told.scene.servos
+        assert measured.times is not None
+        return bool(same and measured.times[-1] - told.start <= self.times[-1])
+
+    def at(self, told: Told, measured: Measured) -> FloatArray:
+        """Return what the data would be [m, rad], shape (k, m)."""
+        assert measured.times is not None
+        times = np.maximum(measured.times - told.start, 0.0)
+        flat = self.raw.reshape(len(self.times), -1)
+        rows = np.column_stack([np.interp(times, self.times, column) for column in flat.T])
+        return self.observer.framed(rows.reshape(-1, *self.raw.shape[1:]), told.sensor)
+
+
+def run_motion(
+    told: Told, measured: Measured, points: Sequence[Point], progress: Progress | None = None, further: float = 0.0
+) -> Run:  # fmt: skip
+    """Return the motion of a scene until the end of the data, and `further` [s].
+
+    Commands are joined by straight lines.
 
     Raises:
         SceneError: the scene cannot be stepped.
@@ -156,10 +194,8 @@ def motion(
         )  # fmt: skip
     simulation = Simulation(scene)
     observer = Observer(measured.channels, points, simulation.watched, simulation.mesh.nodes)
-    times = np.maximum(measured.times - told.start, 0.0)
-    steps = int(np.ceil(times[-1] / scene.dt - 1e-9))
-    seen = np.empty((steps + 1, len(measured.channels)))
-    seen[0] = observer.see(simulation.state, told.sensor)
+    steps = int(np.ceil(max(measured.times[-1] - told.start + further, 0.0) / scene.dt - 1e-9))
+    seen = [observer.raw(simulation.state, told.sensor.mount)]
     for i in range(1, steps + 1):
         joints = None
         if scene.servos:
@@ -167,11 +203,18 @@ def motion(
             joints = np.array([np.interp(at, measured.times, column) for column in commands.T])
         if unstable := simulation.step(joints).instability:
             raise StepError(unstable)
-        seen[i] = observer.see(simulation.state, told.sensor)
+        seen.append(observer.raw(simulation.state, told.sensor.mount))
         if progress:
             progress(i / steps)
-    grid = np.arange(steps + 1) * scene.dt
-    return np.column_stack([np.interp(times, grid, column) for column in seen.T])
+    times = np.asarray(np.arange(steps + 1) * scene.dt, dtype=np.float64)
+    return Run(told, times, np.array(seen), observer)
+
+
+def motion(
+    told: Told, measured: Measured, points: Sequence[Point], progress: Progress | None = None
+) -> FloatArray:
+    """Return what a motion shows at the times of the data [m, rad], shape (k, m). Raises as `run_motion`."""
+    return run_motion(told, measured, points, progress).at(told, measured)
 
 
 def predict(

@@ -112,22 +112,35 @@ class Observer:
 
     def see(self, state: State, sensor: Sensor) -> FloatArray:
         """Return the channels [m, rad], shape (m,)."""
-        turn = rotation_matrix(sensor.turn)
-        seen = np.empty((len(self._sources), 2, 3))
+        return self.framed(self.raw(state, sensor.mount)[None], sensor)[0]
+
+    def raw(self, state: State, mount: FloatArray) -> FloatArray:
+        """Return place [m] and rotation vector [rad] of each source in the world, shape (sources, 2, 3)."""
+        seen = np.zeros((len(self._sources), 2, 3))
         for i, (nodes, arms) in enumerate(zip(self._nodes, self._arms, strict=True)):
             if nodes is None:
                 R = state.rotations[0]
-                place = state.centres[0] + R @ sensor.mount
-            else:
-                here = state.positions[nodes]
-                place, R = here.mean(axis=0), np.eye(3)
-                if arms:
-                    R = best_rotation(arms[0], here - place)
-                    place = place + R @ arms[1]
-            seen[i, 0] = turn @ place + sensor.shift
-            seen[i, 1] = rotation_vector(turn @ R)
+                seen[i] = state.centres[0] + R @ mount, rotation_vector(R)
+                continue
+            here = state.positions[nodes]
+            seen[i, 0] = here.mean(axis=0)
+            if arms:
+                R = best_rotation(arms[0], here - seen[i, 0])
+                seen[i] = seen[i, 0] + R @ arms[1], rotation_vector(R)
+        return seen
+
+    def framed(self, raw: FloatArray, sensor: Sensor) -> FloatArray:
+        """Return the channels [m, rad], shape (k, m), for rows as `raw` gives them, shape (k, sources, 2, 3)."""
+        turn = rotation_matrix(sensor.turn)
+        seen = raw @ turn.T
+        seen[:, :, 0] += sensor.shift
+        if sensor.turn.any():
+            for k, i in np.ndindex(*raw.shape[:2]):
+                seen[k, i, 1] = rotation_vector(turn @ rotation_matrix(raw[k, i, 1]))
+        else:
+            seen[:, :, 1] = raw[:, :, 1]
         source, axis, angle = self._place.T
-        return np.asarray(seen[source, angle, axis])
+        return np.asarray(seen[:, source, angle, axis])
 
 
 def best_rotation(before: FloatArray, after: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
-from tripod_identify.model import Progress, Rest, Told, check_points, motion, rest_states
+from tripod_identify.model import Progress, Rest, Run, Told, check_points, rest_states, run_motion
 from tripod_identify.observe import Point
 from tripod_identify.parameters import START, Parameter, told
 from tripod_sim.errors import SceneError, StepError
@@ -30,6 +30,9 @@ STEP = 1e-6
 
 RUN_STEP = 1e-3
 """The same for a difference of motions, whose steps are solved to a tolerance."""
+
+BEFORE = 0.1
+"""A motion is stepped for so much longer [s]: it may begin so much earlier."""
 
 KEPT = 2
 """Sets of values whose states are kept: the last, and the one before a step that is refused."""
@@ -84,6 +87,7 @@ class Problem:
         self._progress = progress
         self._kept: dict[bytes, Solved] = {}
         self._near: tuple[State, ...] = ()
+        self._runs: list[Run] = []
         self._slope: tuple[bytes, FloatArray] | None = None
 
     def start(self) -> FloatArray:
@@ -108,7 +112,7 @@ class Problem:
 
     def _solve(self, assumed: Told) -> Solved:
         if self.measured.times is not None:
-            return Solved(assumed, motion(assumed, self.measured, self.points, self._progress))
+            return Solved(assumed, self._run(assumed).at(assumed, self.measured))
         rest = Rest(assumed.scene, self.measured, self.points)
         near = self._near
         if near and near[0].positions.shape != rest.system.rest.shape:
@@ -136,8 +140,17 @@ class Problem:
             other = u.copy()
             other[j] += step
             assumed = told(self.base, self.wanted, other)
-            columns.append((motion(assumed, self.measured, self.points, self._progress) - here.values) / step)
+            columns.append((self._run(assumed).at(assumed, self.measured) - here.values) / step)
         return np.stack(columns, axis=-1)
+
+    def _run(self, assumed: Told) -> Run:
+        """Return the motion with some values; one of the last serves if only the sensor or the start differ."""
+        for run in self._runs:
+            if run.serves(assumed, self.measured):
+                return run
+        run = run_motion(assumed, self.measured, self.points, self._progress, BEFORE)
+        self._runs = [run, *self._runs][: len(self.wanted) + KEPT]
+        return run
 
 
 def rest_jacobian(
