@@ -164,7 +164,6 @@ WHY: tuple[tuple[str, str, str], ...] = (
     ("rigid needs inertia", PHYSICS, "nothing determines where a free body rests"),
     ("nothing holds the body", PHYSICS, "a free body has no equilibrium"),
     ("initial_velocity needs inertia", PHYSICS, "at rest nothing has a velocity"),
-    ("explicit schemes move one solid", LATER, "explicit loops over several terms"),
     ("strain_limit is of one body", LATER, "a bound among the terms of a system"),
     (r"\w+ needs a solid", LATER, "servos and disc hold nodes of a solid's mesh only"),
     ("dt = 'auto' and strain_limit exclude", LATER, "a bound that steps of any length meet alike"),

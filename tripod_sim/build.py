@@ -270,11 +270,11 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
 
                 return AutoSteps(scheme, newton, most, wanted.tolerance, wanted.shortest, mixed=mixed)
         return scheme
-    from tripod_sim.integrators.explicit import ExplicitSolid
+    from tripod_sim.integrators.explicit import ExplicitSteps
 
     rayleigh = scene.damping.stiffness if scene.damping else 0.0
     divide = scene.inertia.substeps == "auto"
-    return ExplicitSolid(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
+    return ExplicitSteps(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
 
 
 def reach_of(scene: Scene) -> float:

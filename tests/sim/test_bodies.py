@@ -273,7 +273,6 @@ stiffness = 50.0
         (["body.0.springs={}"], "body.0.mesh and body.0.springs exclude each other"),
         (["body.0.mesh=off"], "override body.0.mesh=off: only an effect can be off"),
         (['body.0.region=[{set="cable"}]'], "body.0.region.0.set is 'cable': its 21 nodes hold no element"),
-        (["inertia.scheme=rk4", "damping=off"], "explicit schemes move one solid of one material"),
     ],
 )  # fmt: skip
 def test_bad_bodies_are_told_in_one_line(words: list[str], message: str) -> None:

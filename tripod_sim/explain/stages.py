@@ -39,13 +39,13 @@ STAGES: dict[str, dict[str, str]] = {
     "integrators.load_steps.LoadSteps": {"carry": "load increments"},
     "integrators.stage.ImplicitStage": {"read": SCHEME, "solve": SCHEME},
     "integrators.substeps.Substeps": {"step": SCHEME},
-    "integrators.explicit.ExplicitSolid": {
+    "integrators.explicit.ExplicitSteps": {
         "step": SCHEME,
         "_longest_part": "stability limit",
         "_advance": "explicit parts",
         "_energy": "watch over the energy",
     },
-    "integrators.frequency.LargestFrequency": {"squared": "stability limit"},
+    "integrators.frequency.LargestFrequency": {"largest": "stability limit"},
     "integrators.time_error.ErrorTransport": {
         "keep_residual": "time error",
         "euler": "time error",

@@ -2,12 +2,16 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import add_element_products
+
+if TYPE_CHECKING:  # only with springs
+    from tripod_sim.springs.spring_kernels import Links
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -53,6 +57,12 @@ class ElasticTerm(Protocol):
 
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`."""
+
+    def arrays(self) -> "SolidArrays | Links":
+        """Return what compiled loops need; the arrays are the term's own."""
+
+    def limit(self) -> None:
+        """Where that is known, write matrices to `matrices` that no tangent of the term exceeds; else leave them."""
 
     def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:
         """Return how bad its worst element is, the smaller the worse, and what to say of it."""
@@ -134,6 +144,11 @@ class Elastic:
         for term in self.terms:
             term.balance_modes()
 
+    def limit(self) -> None:
+        """Write matrices that no tangent of a term exceeds, where the term knows such."""
+        for term in self.terms:
+            term.limit()
+
     def forget(self) -> None:
         """Drop the condensations of the last `stiffness`."""
         for term in self.terms:
@@ -153,7 +168,7 @@ class Elastic:
 
     def largest_stiffness(self) -> float:
         """Return the largest entry of the matrices [N/m]."""
-        return max(float(np.abs(t.matrices).max(initial=0.0)) for t in self.terms)
+        return max((float(np.abs(t.matrices).max(initial=0.0)) for t in self.terms), default=0.0)
 
     def add_stiffness(self, nodes: IndexArray, stiffness: FloatArray) -> None:
         """Add a `stiffness` between `nodes` to the matrices until the next assembly.
@@ -173,4 +188,5 @@ class Elastic:
 
     def culprit(self, x: FloatArray, modes: FloatArray) -> str:
         """Return in words what is worst of all elements."""
-        return min(t.culprit(x, self.of(modes, k)) for k, t in enumerate(self.terms))[1]
+        found = [t.culprit(x, self.of(modes, k)) for k, t in enumerate(self.terms)]
+        return min(found, default=(0.0, "nodes without elements move too far"))[1]

@@ -62,6 +62,9 @@ class Solid:
             self._mean, self.matrices, self._X, self._inverse, self._y, self._work,
         )  # fmt: skip
 
+    def limit(self) -> None:
+        """Leave the tangents of the last `stiffness`: there are larger ones elsewhere."""
+
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
         self._X[:] = 0.0

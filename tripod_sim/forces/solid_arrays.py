@@ -2,6 +2,8 @@
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 Array = Any
 
 
@@ -24,3 +26,12 @@ class SolidArrays(NamedTuple):
     inverse: Array
     y: Array
     work: Array
+
+
+def no_solid() -> SolidArrays:
+    """Return a solid without elements."""
+    zeros = np.zeros
+    return SolidArrays(
+        zeros((0, 0), dtype=np.int64), zeros(0, dtype=np.int64), zeros((0, 0, 0, 0)), zeros((0, 0)), 0, 0.0, 0.0,
+        False, zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0)), zeros((12, 3)),
+    )  # fmt: skip

@@ -11,7 +11,32 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 
-class SpringForce:
+class SpringTangents:
+    """What terms along springs share: their Hessian.
+
+    Attributes:
+        elements: The ends of each, shape (m, 2).
+        links: As kernels take them.
+        matrices: [B, -B; -B, B] of each [N/m], shape (m, 6, 6), of the last `write`.
+    """
+
+    def __init__(self, links: Links) -> None:
+        m = len(links.ends)
+        self.elements, self.links = links.ends, links
+        self.matrices, self._blocks = np.zeros((m, 6, 6)), np.zeros((m, 6))
+        self._none, self._all = np.zeros(m), np.arange(m)
+
+    def write(self, x: FloatArray, rate: float, reference: FloatArray, *, project: bool) -> None:
+        """Write `matrices` at positions `x` [m]; `rate`, `reference`: see `spring_kernels.tangents`."""
+        tangents(x, self.links, rate, reference, project, self._blocks)
+        _expand(self._blocks, self.matrices)
+
+    def add_products(self, dx: FloatArray, g: FloatArray) -> None:
+        """Add the matrices times `dx` [m] to `g` [N], both of shape (n, 3)."""
+        add_element_products(self.matrices, self.elements, self._all, dx, 1.0, g)
+
+
+class SpringForce(SpringTangents):
     """Strain energy E = sum of k (l - L)² / 2 over springs of length l (see `springs.body`).
 
     Attributes:
@@ -34,11 +59,10 @@ class SpringForce:
             slack: Whether springs that are compressed carry no force.
             owner: Name of the body, for messages.
         """
-        m, self._owner = len(ends), owner
-        self.elements = np.ascontiguousarray(ends)
-        self.matrices, self.mode_residual_squared = np.zeros((m, 6, 6)), 0.0
-        self._links = Links(self.elements, rest_length, stiffness, np.zeros(m), slack)
-        self._none, self._blocks = np.zeros(m), np.zeros((m, 6))
+        super().__init__(
+            Links(np.ascontiguousarray(ends), rest_length, stiffness, np.zeros(len(ends)), slack)
+        )
+        self._owner, self.mode_residual_squared = owner, 0.0
 
     def rest_modes(self) -> FloatArray:
         """Return no modes, shape (m, 0, 3)."""
@@ -46,16 +70,15 @@ class SpringForce:
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3)."""
-        return float(elastic_energy(x, self._links))
+        return float(elastic_energy(x, self.links))
 
     def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
         """Add dE/dx [N] to `g`, shape (n, 3), and return E [J]."""
-        return float(add_gradient(x, self._links, 0.0, self._none, g))
+        return float(add_gradient(x, self.links, 0.0, self._none, g))
 
     def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
         """Write `matrices`, with `project` positive semi-definite; return -1."""
-        tangents(x, self._links, 0.0, self._none, project, self._blocks)
-        _expand(self._blocks, self.matrices)
+        self.write(x, 0.0, self._none, project=project)
         return -1
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
@@ -63,6 +86,14 @@ class SpringForce:
 
     def balance_modes(self) -> None:
         """There are none."""
+
+    def arrays(self) -> Links:
+        """Return what compiled loops need; the arrays are the springs' own."""
+        return self.links
+
+    def limit(self) -> None:
+        """Write k times [I, -I; -I, I]: stretched, a spring's tangent is below that, k (1 - L / l) across it."""
+        write_networks(self.links.stiffness, self.matrices)
 
     def forget(self) -> None:
         """There is nothing to forget."""
@@ -72,7 +103,7 @@ class SpringForce:
         return np.inf, f"springs of {self._owner} move too far"
 
 
-class SpringDampers:
+class SpringDampers(SpringTangents):
     """Dampers along springs, whose force c dl/dt an implicit stage takes from how the lengths change in it.
 
     What a scheme does to positions it does to lengths: dl/dt = (l - l_0) / s. So the force is the gradient of
@@ -81,6 +112,7 @@ class SpringDampers:
 
     Attributes:
         elements: The ends of each damper, shape (m, 2).
+        links: The dampers as springs without stiffness.
         matrices: Of the last `stiffness` [N/m], shape (m, 6, 6).
         reference: l_0 [m], shape (m,).
         rate: 1 / s [1/s].
@@ -88,29 +120,31 @@ class SpringDampers:
 
     def __init__(self, ends: IndexArray, damping: FloatArray) -> None:
         """`ends`: node indices, shape (m, 2); `damping`: c [N s/m], shape (m,)."""
-        m = len(ends)
-        self.elements = np.ascontiguousarray(ends)
-        self._links = Links(self.elements, np.zeros(m), np.zeros(m), damping, False)
-        self.matrices, self._blocks = np.zeros((m, 6, 6)), np.zeros((m, 6))
-        self.reference, self.rate = np.zeros(m), 0.0
-        self._all = np.arange(m)
+        rest, stiffness = np.zeros((2, len(ends)))
+        super().__init__(Links(np.ascontiguousarray(ends), rest, stiffness, damping, False))
+        self.reference, self.rate = np.zeros(len(ends)), 0.0
 
     def lengths(self, x: FloatArray, out: FloatArray) -> None:
         """Write l of each at positions `x` [m], shape (n, 3), to `out`, shape (m,)."""
-        lengths(x, self._links, out)
+        lengths(x, self.links, out)
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
         """Add dD/dx [N] to `g`, shape (n, 3), and return D [J]."""
-        return float(add_gradient(x, self._links, self.rate, self.reference, g))
+        return float(add_gradient(x, self.links, self.rate, self.reference, g))
 
     def stiffness(self, x: FloatArray, *, project: bool) -> None:
         """Write `matrices`, with `project` positive semi-definite."""
-        tangents(x, self._links, self.rate, self.reference, project, self._blocks)
-        _expand(self._blocks, self.matrices)
+        self.write(x, self.rate, self.reference, project=project)
 
-    def add_products(self, dx: FloatArray, g: FloatArray) -> None:
-        """Add the matrices times `dx` [m] to `g` [N], both of shape (n, 3)."""
-        add_element_products(self.matrices, self.elements, self._all, dx, 1.0, g)
+    def limit(self) -> None:
+        """Write c times [I, -I; -I, I] to `matrices` [N s/m], which the force of no motion exceeds."""
+        write_networks(self.links.damping, self.matrices)
+
+
+def write_networks(weights: FloatArray, out: FloatArray) -> None:
+    """Write w [I, -I; -I, I] for each of the `weights`, shape (m,), to `out`, shape (m, 6, 6)."""
+    network = np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.eye(3))
+    np.multiply(weights[:, None, None], network, out=out)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,11 +1,12 @@
-"""Explicit schemes for solids with lumped masses, whatever holds them.
+"""Explicit schemes for solids and springs with lumped masses, whatever holds them.
 
     explicit Euler        x' = x + h v,   v' = v + h a      unstable: undamped modes grow by w² h² / 2 a step
     semi-implicit Euler   v' = v + h a,   x' = x + h v'     first order, keeps the energy of long motions
     RK4                   the classical scheme, fourth order, for reference
 
 with a = M^-1 f(x, v), f = -dE/dx + weight - (a M + b K) v [HairerLubichWanner2006]; incompatible modes, which have no
-mass, follow the nodes in equilibrium. K is the tangent of the moment for RK4, else that of at most `RUN` parts before.
+mass, follow the nodes in equilibrium. K is the tangent of the moment for RK4, else that of at most `RUN` parts before;
+of springs it is always that of the moment, projected.
 
 Constraints are exact, as for the implicit schemes:
 
@@ -19,6 +20,7 @@ Constraints are exact, as for the implicit schemes:
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +28,13 @@ from numpy.typing import NDArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.constraints.rigid_kernels import Bodies
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.forces.solid import Solid
+from tripod_sim.forces.solid_arrays import SolidArrays, no_solid
 from tripod_sim.integrators import explicit_kernels as kernels
-from tripod_sim.integrators.force_kernels import ForceScratch, Load
+from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Nets, Solids
 from tripod_sim.integrators.frequency import LargestFrequency
 from tripod_sim.integrators.stability import longest_part, longest_step
 from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.springs.spring_kernels import Links
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -56,8 +59,8 @@ THIN = 1e-9
 """Smallest principal moment of inertia of a rigid body, as a share of its largest."""
 
 
-class ExplicitSolid:
-    """Advances a solid by one of three schemes.
+class ExplicitSteps:
+    """Advances all terms of a system by one of three schemes.
 
     Attributes:
         finer: Times as many parts as are needed that a step is divided into.
@@ -81,15 +84,22 @@ class ExplicitSolid:
         """
         self._system, self._scheme, self._divide, self._mass = system, scheme, divide, mass
         self._drag, self._rayleigh = drag, rayleigh
-        self._frequency = LargestFrequency(system, mass)
-        self._solid = _only_solid(system).arrays()
+        self._frequency = LargestFrequency(system, mass, self._add_stiffness)
+        self._damping = (
+            LargestFrequency(system, mass, system.dampers.add_products) if system.dampers else None
+        )
+        terms = [t.arrays() for t in system.elastic.terms]
+        self._solids = [(k, arrays) for k, arrays in enumerate(terms) if isinstance(arrays, SolidArrays)]
+        self._nets = _nets([t for t in terms if isinstance(t, Links)], system)
+        self._rates = [
+            np.zeros_like(system.elastic.of(system.elastic.rest_modes(), k)) for k, _ in self._solids
+        ]
+        self._rate_y = [np.zeros_like(arrays.y) for _, arrays in self._solids]
         self._bodies, self._offset = _bodies(system, mass)
         self._frames = _frames(system)
         self._load = self._make_load()
         n, s, b = len(mass), len(system.groups.driven), len(system.groups.rigid)
-        modes = system.elastic.rest_modes()
-        rest = [modes, np.zeros((len(modes), 3 * modes.shape[1])), np.zeros(1)]
-        self._scratch = ForceScratch._make([*np.zeros((6, n, 3)), *rest])
+        self._scratch = ForceScratch._make([*np.zeros((6, n, 3)), np.zeros(1)])
         turns = [np.zeros((b, 3)), np.zeros((b, 3, 3)), *np.zeros((3, b, 3)), np.zeros((4, b, 3))]
         self._begin = kernels.Start._make([*np.zeros((4, n, 3)), *turns])
         self._jerked, self._reduced = np.zeros(s), np.zeros(system.unknowns)
@@ -122,6 +132,8 @@ class ExplicitSolid:
         """Measure growth and frequency anew from the next step on."""
         self._start_energy = None
         self._frequency.forget()
+        if self._damping:
+            self._damping.forget()
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.
@@ -161,16 +173,29 @@ class ExplicitSolid:
         system = self._system
         if system.assemble(state, project=False) >= 0:
             system.assemble(state, project=True)
-        square = self._frequency.squared(state) * MARGIN**2
+        system.elastic.limit()
+        square = self._frequency.largest(state) * MARGIN**2
         rate = self._drag + self._rayleigh * square
+        if self._damping and system.dampers:
+            system.dampers.limit()
+            rate += self._damping.largest(state) * MARGIN**2
         omega = math.sqrt(square)
         self._limit = min(self._limit, longest_step(self._scheme, omega, rate))
         return longest_part(self._scheme, omega, rate) if self._divide else np.inf
 
+    def _add_stiffness(self, dx: FloatArray, out: FloatArray) -> None:
+        """Add K dx to `out` [N], K that of all terms."""
+        system = self._system
+        system.elastic.add_products(system.elastic.matrices, dx, 1.0, out)
+        if system.foundation:
+            system.foundation.add_gradient(dx, out)
+
     def _advance(self, state: State, joints: FloatArray, dt: float) -> tuple[int, float]:
         """Move `state`, write torques and work; return parts and strain energy [J], or raise FloatingPointError."""
-        bodies, frames, scratch, scheme = self._bodies, self._frames, self._scratch, SCHEMES[self._scheme]
+        system, scheme = self._system, SCHEMES[self._scheme]
+        bodies, frames, scratch = self._bodies, self._frames, self._scratch
         load, nodes = self._prepare(state, joints, dt), (state.positions, state.velocities)
+        solids, nets = self._solids_of(state), self._nets
         kernels.start_step(*nodes, load, frames, bodies)
         count, time, h, work = 0, 0.0, 0.0, 0.0
         while time < dt:
@@ -178,24 +203,33 @@ class ExplicitSolid:
             left = max(1, math.ceil(self.finer * (dt - time) / part)) if part < np.inf else 1
             if count + left > MOST_PARTS:
                 raise FloatingPointError(f"it would take {count + left} parts of {part:.2g} s")
-            largest = float(np.abs(self._solid.matrices).max(initial=0.0) * np.abs(state.positions).max())
+            largest = system.elastic.largest_stiffness() * float(np.abs(state.positions).max())
             load = load._replace(floor=(1e-6 * largest) ** 2)
             before, h = h, (dt - time) / left
             done, given = kernels.explicit_parts(
-                scheme, min(left, RUN), h, before, time, *nodes, state.modes, self._solid, load, frames, bodies,
-                scratch, self._begin,
+                scheme, min(left, RUN), h, before, time, *nodes, solids, nets, load, frames, bodies, scratch,
+                self._begin,
             )  # fmt: skip
             self._place_bodies(state)
             if not math.isfinite(given):
                 raise FloatingPointError(self._culprit(state))
             count, work, time = count + done, work + given, dt if done == left else time + done * h
-        strain, given = kernels.finish_step(
-            scheme, h, *nodes, state.modes, self._solid, load, frames, scratch
-        )
+        strain, given = kernels.finish_step(scheme, h, *nodes, solids, nets, load, frames, scratch)
         if not math.isfinite(strain):
             raise FloatingPointError(self._culprit(state))
         self._finish(state, joints, work + given)
         return count, strain
+
+    def _solids_of(self, state: State) -> Solids:
+        """Return the solids with the modes of `state`, as many as a power of two: few sizes are compiled."""
+        of = self._system.elastic.of
+        found = [
+            MovingSolid(arrays, of(state.modes, k), rates, rate_y)
+            for (k, arrays), rates, rate_y in zip(self._solids, self._rates, self._rate_y, strict=True)
+        ]
+        count = 1 << max(0, len(found) - 1).bit_length()
+        none = np.zeros((0, 0, 3))
+        return (*found, *[MovingSolid(no_solid(), none, none, np.zeros((0, 0)))] * (count - len(found)))
 
     def _prepare(self, state: State, joints: FloatArray, dt: float) -> Load:
         """Set bodies and frames for a step from `state`; return the load."""
@@ -263,15 +297,18 @@ class ExplicitSolid:
         return self._system.elastic.culprit(state.positions, state.modes)
 
 
-def _only_solid(system: System) -> Solid:
-    """Return the one elastic term. Raises SceneError where there are others."""
-    term = system.elastic.terms[0]
-    if len(system.elastic.terms) > 1 or not isinstance(term, Solid):
-        raise SceneError(
-            "explicit schemes move one solid of one material; with several bodies inertia.scheme may be one of: "
-            "implicit_euler, bdf2, tr_bdf2"
+def _nets(springs: Sequence[Links], system: System) -> Nets:
+    """Return all springs that push and all that only pull; those that damp are among the first."""
+    dampers = [system.dampers.links] if system.dampers else []
+    nets = []
+    for slack in (False, True):
+        own = [net for net in springs if bool(net.slack) == slack] + ([] if slack else dampers)
+        ends = np.concatenate([*(net.ends for net in own), np.zeros((0, 2), dtype=np.int64)])
+        rest, stiffness, damping = (
+            np.concatenate([*(net[k] for net in own), np.zeros(0)]) for k in (1, 2, 3)
         )
-    return term
+        nets.append(Links(ends, rest, stiffness, damping, slack))
+    return nets[0], nets[1]
 
 
 def _bodies(system: System, mass: FloatArray) -> tuple[Bodies, FloatArray]:

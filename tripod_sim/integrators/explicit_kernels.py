@@ -1,4 +1,4 @@
-"""Compiled parts of an explicit step of a solid: forces, driven frames, rigid bodies, the three schemes.
+"""Compiled parts of an explicit step: forces, driven frames, rigid bodies, the three schemes.
 
 The unknowns are the free nodes and the bodies (mass centre, rotation, momentum, angular momentum); the nodes of driven
 frames are where the joints put them at each instant and move with their velocity.
@@ -19,8 +19,7 @@ from tripod_sim.constraints.rigid_kernels import (
     spin,
     turned,
 )
-from tripod_sim.forces.solid_arrays import SolidArrays
-from tripod_sim.integrators.force_kernels import ForceScratch, Load, begin, evaluate, power
+from tripod_sim.integrators.force_kernels import ForceScratch, Load, Nets, Solids, begin, evaluate, power
 
 Array = Any
 
@@ -146,7 +145,7 @@ def _follow(bodies: Bodies, h: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _runge_kutta(
-    h: float, time: float, x: Array, v: Array, modes: Array, solid: SolidArrays, load: Load, frames: Frames,
+    h: float, time: float, x: Array, v: Array, solids: Solids, nets: Nets, load: Load, frames: Frames,
     bodies: Bodies, scratch: ForceScratch, s: Start,
 ) -> float:  # fmt: skip
     """Make one part from `time` [s] by the classical scheme; return the work of the frames [J], not finite if it fails.
@@ -162,7 +161,7 @@ def _runge_kutta(
         weight = 2.0 if stage in (1, 2) else 1.0
         reach = 0.5 * h if stage < 2 else h
         if stage < 4:
-            if not np.isfinite(evaluate(x, v, modes, solid, load, scratch)):
+            if not np.isfinite(evaluate(x, v, solids, nets, load, scratch)):
                 return np.inf
             work += h / 6.0 * weight * _given(g, v, frames)
             add_up(g, x, bodies)
@@ -212,24 +211,24 @@ def start_step(x: Array, v: Array, load: Load, frames: Frames, bodies: Bodies) -
 
 @njit(cache=True, error_model="numpy")
 def explicit_parts(
-    scheme: int, parts: int, h: float, h_before: float, time: float, x: Array, v: Array, modes: Array,
-    solid: SolidArrays, load: Load, frames: Frames, bodies: Bodies, scratch: ForceScratch, start: Start,
+    scheme: int, parts: int, h: float, h_before: float, time: float, x: Array, v: Array, solids: Solids,
+    nets: Nets, load: Load, frames: Frames, bodies: Bodies, scratch: ForceScratch, start: Start,
 ) -> tuple[int, float]:  # fmt: skip
-    """Advance a body by up to `parts` parts of `h` [s] from `time` [s] of the step, in place, the condensation fresh.
+    """Advance bodies by up to `parts` parts of `h` [s] from `time` [s] of the step, in place, the condensation fresh.
 
     Ends early once a correction of the modes took more than `FEW` evaluations: the condensation is to be renewed.
 
     Returns:
-        Parts made; work of the frames on the body [J], not finite where a force or a number ceased to exist. For the
+        Parts made; work of the frames on them [J], not finite where a force or a number ceased to exist. For the
         schemes of Euler it is that of the trapezoidal rule, without its last half: `h_before` [s] is the length of the
         part before, zero at the start of the step.
     """
-    begin(x, solid, scratch)
+    begin(x, solids, scratch)
     g, work = scratch.gradient, 0.0
     for part in range(parts):
         if scheme == RK4:
-            work += _runge_kutta(h, time + part * h, x, v, modes, solid, load, frames, bodies, scratch, start)
-        elif np.isfinite(evaluate(x, v, modes, solid, load, scratch)):
+            work += _runge_kutta(h, time + part * h, x, v, solids, nets, load, frames, bodies, scratch, start)
+        elif np.isfinite(evaluate(x, v, solids, nets, load, scratch)):
             work += 0.5 * ((h if part else h_before) + h) * _given(g, v, frames)
             _euler(scheme == SEMI_IMPLICIT_EULER, h, time + (part + 1) * h, x, v, load, frames, bodies, g)
         else:
@@ -241,7 +240,7 @@ def explicit_parts(
 
 @njit(cache=True, error_model="numpy")
 def finish_step(
-    scheme: int, h: float, x: Array, v: Array, modes: Array, solid: SolidArrays, load: Load, frames: Frames,
+    scheme: int, h: float, x: Array, v: Array, solids: Solids, nets: Nets, load: Load, frames: Frames,
     scratch: ForceScratch,
 ) -> tuple[float, float]:  # fmt: skip
     """Evaluate the forces at the end of a step, minus them in `scratch.gradient`.
@@ -249,5 +248,5 @@ def finish_step(
     Returns:
         Strain energy [J], infinite where there is none; the half of the work that `explicit_parts` left out [J].
     """
-    strain = evaluate(x, v, modes, solid, load, scratch)
+    strain = evaluate(x, v, solids, nets, load, scratch)
     return strain, 0.0 if scheme == RK4 else 0.5 * h * _given(scratch.gradient, v, frames)

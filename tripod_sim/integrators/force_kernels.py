@@ -1,4 +1,4 @@
-"""Compiled forces on the nodes of a solid in motion, its incompatible modes in equilibrium."""
+"""Compiled forces on the nodes of solids and springs in motion, incompatible modes in equilibrium."""
 
 from typing import Any, NamedTuple
 
@@ -8,6 +8,7 @@ from numba import njit
 from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import add_element_products, solid_gradient, update_modes
+from tripod_sim.springs.spring_kernels import Links, add_forces
 
 Array = Any
 
@@ -20,7 +21,7 @@ MOST_CORRECTIONS = 30
 
 
 class Load(NamedTuple):
-    """What acts on the nodes besides the solid.
+    """What acts on the nodes besides solids and springs.
 
     constant (n, 3): minus weight and dead loads [N]; mass (n,) [kg]; inverse (n,): 1 / m of free nodes, zero of others
     [1/kg]; drag: a of -a M v [1/s]; rayleigh: b of -b K v [s]; lag: whether K is the last assembled, else that of the
@@ -40,12 +41,29 @@ class Load(NamedTuple):
     floor: float
 
 
+class MovingSolid(NamedTuple):
+    """A solid with its modes (m, k, 3) [m], in place, and what evaluations keep of them.
+
+    rates (m, k, 3): of the modes [m/s]; rate_y (m, 3 k): K_aa^-1 times what their rates leave unbalanced.
+    """
+
+    arrays: SolidArrays
+    modes: Array
+    rates: Array
+    rate_y: Array
+
+
+Solids = tuple[MovingSolid, ...]
+Nets = tuple[Links, Links]
+"""Springs that push as well as pull, those that only pull."""
+
+
 class ForceScratch(NamedTuple):
-    """Of one solid with n nodes, m elements of k modes.
+    """Of n nodes.
 
     gradient (n, 3): minus the forces of the last `evaluate` [N]; damping, still, move (n, 3): `still` stays zero;
-    last_x, last_v (n, 3): of the nodes at that evaluation; rates (m, k, 3), rate_y (m, 3 k): of the modes; corrections
-    (1,): most that an evaluation has taken since `begin`.
+    last_x, last_v (n, 3): of the nodes at that evaluation; corrections (1,): most that an evaluation has taken since
+    `begin`.
     """
 
     gradient: Array
@@ -54,43 +72,44 @@ class ForceScratch(NamedTuple):
     move: Array
     last_x: Array
     last_v: Array
-    rates: Array
-    rate_y: Array
     corrections: Array
 
 
 @njit(cache=True, error_model="numpy")
-def begin(x: Array, solid: SolidArrays, scratch: ForceScratch) -> None:
+def begin(x: Array, solids: Solids, scratch: ForceScratch) -> None:
     """Prepare evaluations from nodes at `x` (n, 3), where the modes are in equilibrium and X and K_aa^-1 are exact."""
-    solid.y[:] = 0.0
+    for solid in solids:
+        solid.arrays.y[:] = 0.0
+        solid.rates[:] = 0.0
+        solid.rate_y[:] = 0.0
     scratch.last_x[:] = x
     scratch.last_v[:] = 0.0
-    scratch.rates[:] = 0.0
-    scratch.rate_y[:] = 0.0
     scratch.corrections[0] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def evaluate(
-    x: Array, v: Array, modes: Array, solid: SolidArrays, load: Load, scratch: ForceScratch
-) -> float:
+def evaluate(x: Array, v: Array, solids: Solids, nets: Nets, load: Load, scratch: ForceScratch) -> float:
     """Write minus the forces on the nodes [N] to `scratch.gradient` and return the strain energy [J].
 
     The modes follow the nodes from the evaluation before, to first order, and are then corrected until they are in
     equilibrium; so are their rates, where the damping needs them. The energy is infinite where there is no force.
     """
     g, move = scratch.gradient, scratch.move
-    energy = _evaluate_elastic(x, modes, solid, load, scratch)
+    energy = _evaluate_solids(x, solids, load, scratch)
     if not np.isfinite(energy):
         return np.inf
+    for net in nets:
+        if net.ends.shape[0]:
+            energy += _add_springs(x, v, net, load.rayleigh, scratch.damping, g)
     if load.which.shape[0]:
         energy += add_element_products(load.matrices, load.elements, load.which, x, 1.0, g)
     if load.rayleigh > 0.0:
         if load.lag:
-            which = solid.every
-            add_element_products(solid.matrices, solid.elements, which, v, load.rayleigh, g)
+            for solid in solids:
+                s = solid.arrays
+                add_element_products(s.matrices, s.elements, s.every, v, load.rayleigh, g)
         else:
-            _add_rates(x, v, modes, solid, load, scratch, move)
+            _add_rates(x, v, solids, load, scratch, move)
     if load.drag > 0.0:
         for n in range(x.shape[0]):
             for i in range(3):
@@ -99,56 +118,94 @@ def evaluate(
 
 
 @njit(cache=True, error_model="numpy")
-def _evaluate_elastic(x: Array, modes: Array, solid: SolidArrays, load: Load, scratch: ForceScratch) -> float:
-    """Write minus weight, dead loads and elastic forces to `scratch.gradient`; move the modes to equilibrium."""
-    g, move = scratch.gradient, scratch.move
-    has_modes = modes.shape[1] > 0
+def _add_springs(x: Array, v: Array, net: Links, rayleigh: float, force: Array, g: Array) -> float:
+    """Take the forces of springs and of their dampers from `g`; return their energy [J]. `force` is scratch."""
+    force[:] = 0.0
+    energy = add_forces(x, v, net, rayleigh, force)
+    for n in range(x.shape[0]):
+        for i in range(3):
+            g[n, i] -= force[n, i]
+    return energy
+
+
+@njit(cache=True, error_model="numpy")
+def _has_modes(solids: Solids) -> bool:
+    found = False
+    for solid in solids:
+        found = found or solid.modes.shape[1] > 0
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _evaluate_solids(x: Array, solids: Solids, load: Load, scratch: ForceScratch) -> float:
+    """Write minus weight, dead loads and the solids' forces to `scratch.gradient`; move the modes to equilibrium."""
+    g, move, has_modes = scratch.gradient, scratch.move, _has_modes(solids)
     if has_modes:
         for n in range(x.shape[0]):
             for i in range(3):
                 move[n, i] = x[n, i] - scratch.last_x[n, i]
-        update_modes(modes, solid.elements, solid.X, solid.y, move, 1.0, modes)
+        _follow_nodes(solids, move)
         scratch.last_x[:] = x
     energy = np.inf
     for correction in range(MOST_CORRECTIONS):
         scratch.corrections[0] = max(scratch.corrections[0], correction)
         g[:] = load.constant
-        energy, unbalanced = solid_gradient(
-            x, modes, solid.elements, solid.G, solid.weight, solid.law, solid.lam, solid.mu, solid.mean, solid.X,
-            solid.inverse, solid.y, g, solid.work,
-        )  # fmt: skip
+        energy = unbalanced = 0.0
+        for solid in solids:
+            s = solid.arrays
+            own, left = solid_gradient(
+                x, solid.modes, s.elements, s.G, s.weight, s.law, s.lam, s.mu, s.mean, s.X, s.inverse, s.y, g, s.work,
+            )  # fmt: skip
+            energy += own
+            unbalanced += left
         if not has_modes or not np.isfinite(energy) or _balanced(unbalanced, g, load.floor):
             break
-        update_modes(modes, solid.elements, solid.X, solid.y, scratch.still, 1.0, modes)
+        _follow_nodes(solids, scratch.still)
     return energy
 
 
 @njit(cache=True, error_model="numpy")
-def _add_rates(
-    x: Array, v: Array, modes: Array, solid: SolidArrays, load: Load, scratch: ForceScratch, move: Array
-) -> None:
-    """Add b times the rate of the elastic forces to `scratch.gradient`, the modes' rates in equilibrium."""
-    d, rates, y = scratch.damping, scratch.rates, scratch.rate_y
-    has_modes = modes.shape[1] > 0
+def _follow_nodes(solids: Solids, move: Array) -> None:
+    """Move the modes as a Newton step does in which the nodes move by `move` [m], shape (n, 3)."""
+    for solid in solids:
+        s = solid.arrays
+        update_modes(solid.modes, s.elements, s.X, s.y, move, 1.0, solid.modes)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_rates(x: Array, v: Array, solids: Solids, load: Load, scratch: ForceScratch, move: Array) -> None:
+    """Add b times the rate of the solids' forces to `scratch.gradient`, the modes' rates in equilibrium."""
+    d, has_modes = scratch.damping, _has_modes(solids)
     if has_modes:
         for n in range(x.shape[0]):
             for i in range(3):
                 move[n, i] = v[n, i] - scratch.last_v[n, i]
-        update_modes(rates, solid.elements, solid.X, y, move, 1.0, rates)
+        _follow_rates(solids, move)
         scratch.last_v[:] = v
     for correction in range(MOST_CORRECTIONS):
         scratch.corrections[0] = max(scratch.corrections[0], correction)
         d[:] = 0.0
-        unbalanced = add_solid_rates(
-            x, v, modes, rates, solid.elements, solid.G, solid.weight, solid.law, solid.lam, solid.mu, solid.mean,
-            load.rayleigh, solid.X, solid.inverse, y, d,
-        )  # fmt: skip
+        unbalanced = 0.0
+        for solid in solids:
+            s = solid.arrays
+            unbalanced += add_solid_rates(
+                x, v, solid.modes, solid.rates, s.elements, s.G, s.weight, s.law, s.lam, s.mu, s.mean, load.rayleigh,
+                s.X, s.inverse, solid.rate_y, d,
+            )  # fmt: skip
         if not has_modes or _balanced(load.rayleigh**2 * unbalanced, scratch.gradient, load.floor):
             break
-        update_modes(rates, solid.elements, solid.X, y, scratch.still, 1.0, rates)
+        _follow_rates(solids, scratch.still)
     for n in range(x.shape[0]):
         for i in range(3):
             scratch.gradient[n, i] += d[n, i]
+
+
+@njit(cache=True, error_model="numpy")
+def _follow_rates(solids: Solids, move: Array) -> None:
+    """Change the modes' rates as a Newton step does in which those of the nodes change by `move` [m/s], (n, 3)."""
+    for solid in solids:
+        s = solid.arrays
+        update_modes(solid.rates, s.elements, s.X, solid.rate_y, move, 1.0, solid.rates)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,4 +1,6 @@
-"""The largest frequency of a solid in the unknowns that its constraints leave."""
+"""The largest frequency of bodies in the unknowns that their constraints leave."""
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,18 +14,25 @@ FloatArray = NDArray[np.float64]
 FIRST, LATER = 500, 10
 """Products of the power iteration at the first call and at those after, which begin where the last one ended."""
 
+STIRRED = 0.1
+"""Of the start of a later call, by what it is off where the last one ended: of several terms another may have become
+the stiffest, of which that knows nothing."""
+
 
 class LargestFrequency:
-    """Estimates the largest w² of K u = w² M u, driven nodes at rest, by power iteration.
+    """Estimates the largest w² of K u = w² M u, driven nodes at rest, by power iteration; of dampers w² is a rate.
 
     With M = L L^T the iteration is on L^-1 K L^-T. M is diagonal but for a block of six rows for each rigid body,
 
         sum_i m_i [I, -[r_i]x; [r_i]x, -[r_i]x²].
     """
 
-    def __init__(self, system: System, mass: FloatArray) -> None:
-        """`mass`: of nodes [kg], shape (n,)."""
-        self._system, self._mass = system, mass
+    def __init__(
+        self, system: System, mass: FloatArray, add: Callable[[FloatArray, FloatArray], object]
+    ) -> None:
+        """`mass`: of nodes [kg], shape (n,); `add`: adds K times the first to the second, both of shape (n, 3)."""
+        self._system, self._mass, self._add = system, mass, add
+        self._stirs = len(system.elastic.terms) > 1
         reduction, n = system.reduction, len(mass)
         self._first = 3 * reduction.free_count
         self._root = np.repeat(1.0 / np.sqrt(mass[reduction.free]), 3)
@@ -40,8 +49,8 @@ class LargestFrequency:
         """Begin anew at the next call."""
         self._vector = None
 
-    def squared(self, state: State) -> float:
-        """Return w² [1/s²], an estimate from below, with the matrices that the system assembled last, at `state`."""
+    def largest(self, state: State) -> float:
+        """Return w² [1/s²], or a rate [1/s], an estimate from below, with the K at hand and the levers of `state`."""
         system = self._system
         system.update_levers(state)
         for b, nodes in enumerate(system.groups.rigid):
@@ -49,11 +58,10 @@ class LargestFrequency:
                 np.linalg.cholesky(_inertia(self._mass[nodes], system.lever[nodes]))
             )
         first = self._vector is None
-        start = (
-            np.random.default_rng(0).standard_normal(len(self._unknowns))
-            if self._vector is None
-            else self._vector
-        )
+        start = self._vector
+        if start is None or self._stirs:
+            noise = np.random.default_rng(0).standard_normal(len(self._unknowns))
+            start = noise if start is None else start + STIRRED / np.linalg.norm(noise) * noise
         value, self._vector = largest_eigenvalue(self._product, start, FIRST if first else LATER)
         return max(0.0, value)
 
@@ -65,9 +73,7 @@ class LargestFrequency:
             u[part] = p[part] @ block
         system.reduction.moves(u, system.lever, self._move)
         self._force[:] = 0.0
-        system.elastic.add_products(system.elastic.matrices, self._move, 1.0, self._force)
-        if system.foundation:
-            system.foundation.add_gradient(self._move, self._force)
+        self._add(self._move, self._force)
         out = np.empty_like(u)
         system.reduction.gradient(self._force, system.lever, system.axes, out, self._torques)
         out[:first] *= self._root
