@@ -164,9 +164,7 @@ WHY: tuple[tuple[str, str, str], ...] = (
     ("rigid needs inertia", PHYSICS, "nothing determines where a free body rests"),
     ("nothing holds the body", PHYSICS, "a free body has no equilibrium"),
     ("initial_velocity needs inertia", PHYSICS, "at rest nothing has a velocity"),
-    ("strain_limit is of one body", LATER, "a bound among the terms of a system"),
     (r"\w+ needs a solid", LATER, "servos and disc hold nodes of a solid's mesh only"),
-    ("dt = 'auto' and strain_limit exclude", LATER, "a bound that steps of any length meet alike"),
     ("contact and ball exclude", LATER, "the ball as a rigid body"),
 )
 """Beginning of a refusal, as a regular expression; whose it is; why, or what is missing."""

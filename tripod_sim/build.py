@@ -17,6 +17,7 @@ from tripod_sim.bodies.build import (
     shown,
     spring_dampers,
     spring_sides,
+    strain_bound,
     with_held,
 )
 from tripod_sim.constraints.groups import DrivenFrame, Groups
@@ -29,6 +30,7 @@ from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
+from tripod_sim.scene_checks import halves
 from tripod_sim.scene_short import discs_of, joints_of, pose_of, servo_tables, soft_bodies, springs_alone
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
     from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.gravity import GravityForce
     from tripod_sim.forces.loads import NodalLoads
+    from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.integrators.doubling import Doubling
     from tripod_sim.integrators.time_error import ErrorTransport
     from tripod_sim.maze.plate import Plate
@@ -170,10 +173,11 @@ def _built(scene: Scene) -> Parts:
 
         inertia = Anchor(len(rest))
     damping = scene.damping.stiffness if scene.damping and not explicit else 0.0
+    bound = strain_bound(assembly, groups, inert, scene.strain_limit.stretch) if scene.strain_limit else None
     system = System(
         rest, elastic_terms(assembly, sets, rest, groups), groups, gravity=gravity, inertia=inertia, damping=damping,
-        dampers=spring_dampers(assembly) if scene.inertia else None, foundation=foundation, loads=loads,
-        joined=spring_sides(assembly) if scene.contact else (),
+        dampers=spring_dampers(assembly) if scene.inertia else None, bound=None if explicit else bound,
+        foundation=foundation, loads=loads, joined=spring_sides(assembly) if scene.contact else (),
         linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
     )  # fmt: skip
     mesh, skin, counts = shown(assembly)
@@ -182,7 +186,7 @@ def _built(scene: Scene) -> Parts:
 
         parts = solid_parts(assembly, mesh, skin, system, inertia, inert, scene, scene.contact, plate)
     else:
-        stepper = _stepper(scene, system, inertia, inert)
+        stepper = _stepper(scene, system, inertia, inert, bound)
         errors = stepper.errors if isinstance(stepper, Substeps) else None
         parts = Parts(mesh, inert, system, stepper, skin=skin, plate=plate, ball=ball, errors=errors)
     servos = _servos(scene, groups)
@@ -228,10 +232,13 @@ def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":
     return ServoMotion(scene.servo_dynamics, len(groups.driven))
 
 
-def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray) -> Stepper:
+def _stepper(
+    scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray, bound: "StrainBound | None"
+) -> Stepper:
     """Return the time integrator or the static solver; `inertia` is None where that needs no such term."""
     solver = scene.solver
     one_solve = scene.inertia and solver.mode == "one_solve"  # statics goes to the tolerance
+    one_solve = one_solve and not bound  # nor does one solve find which springs are at it
     if one_solve and not servo_tables(
         scene
     ):  # where nothing holds a body errors of the momentum would add up
@@ -241,6 +248,10 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
         from tripod_sim.integrators.one_solve import OneSolve
 
         newton: Newton = OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)
+    elif bound and inertia:
+        from tripod_sim.integrators.strain_limit import BoundedNewton
+
+        newton = BoundedNewton(system, bound, solver.tolerance, solver.max_iterations)
     else:
         newton = Newton(system, solver.tolerance, solver.max_iterations)
     if not scene.inertia:
@@ -252,14 +263,11 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
         from tripod_sim.integrators.schemes import make_scheme
 
         most = scene.solver.max_halvings
-        mixed = (
-            scene.inertia.scheme == "auto"
-            and scene.time_error is not None
-            and scene.time_error.steps == "auto"
-        )
+        wanted = None if halves(scene) else scene.time_error
+        mixed = scene.inertia.scheme == "auto" and wanted is not None and wanted.steps == "auto"
         name = "tr_bdf2" if mixed else scene.inertia.scheme
         scheme = make_scheme(name, newton, inertia, mass, drag, most)
-        if wanted := scene.time_error:
+        if wanted:
             from tripod_sim.integrators.time_error import ErrorTransport
 
             scheme.errors = ErrorTransport(
@@ -274,7 +282,13 @@ def _stepper(scene: Scene, system: System, inertia: "Anchor | None", mass: Float
 
     rayleigh = scene.damping.stiffness if scene.damping else 0.0
     divide = scene.inertia.substeps == "auto"
-    return ExplicitSteps(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
+    stepper = ExplicitSteps(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
+    if not bound:
+        return stepper
+    from tripod_sim.integrators.strain_limit import StrainLimited
+
+    blocks = [term.elements for term in system.elastic.terms]
+    return StrainLimited(stepper, system, bound, mass, blocks, solver.max_iterations)
 
 
 def reach_of(scene: Scene) -> float:

@@ -58,7 +58,7 @@ TABLE: dict[str, Effect] = {
     "servo_dynamics": Effect(("robot.servo",), ("servo dynamics",)),
     "clamp": Effect(("robot.clamp", "forces.foundation"), ("clamp",)),
     "effector": Effect(("robot.disc",)),
-    "strain_limit": Effect(("springs.strain_limit",), ("strain limit",)),
+    "strain_limit": Effect(("forces.strain_bound", "integrators.strain_limit"), ("strain limit",)),
     "maze": Effect(("maze",)),
     "ball": Effect(("ball", "forces.loads"), ("ball",)),
     "contact": Effect(("contact",), ("contact",), ("contact={self_contact=true}",)),

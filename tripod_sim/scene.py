@@ -117,5 +117,5 @@ def at_rest(scene: Scene) -> Scene:
     """Return the static scene: without what only a body in motion has, or other bodies."""
     return replace(
         scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, mesh_error=None, sleep=None,
-        contact=None, obstacles=(), rigid=(), initial_velocity=(),
+        strain_limit=None, contact=None, obstacles=(), rigid=(), initial_velocity=(),
     )  # fmt: skip

@@ -36,10 +36,6 @@ def check_body(scene: "Scene") -> None:
         raise SceneError(
             "strain_limit needs springs and inertia: it bounds how far springs stretch in motion"
         )
-    if scene.strain_limit and not springs_alone(scene):
-        raise SceneError(
-            "strain_limit is of one body of springs alone; leave it out, or the other soft bodies"
-        )
     for name in ("servos", "effector", "ball"):
         if getattr(scene, name) and bodies and not bodies[0].mesh:
             raise SceneError(
@@ -291,14 +287,10 @@ def check_time_error(scene: "Scene") -> None:
             "time_error.estimate is 'global', but the explicit steps of springs that dt = 'auto' takes by itself carry "
             "no error along; name an implicit inertia.scheme, such as tr_bdf2, or set time_error.estimate to auto"
         )
-    if scene.strain_limit and wanted.steps == "auto":
-        raise SceneError(
-            "dt = 'auto' and strain_limit exclude each other: each step takes springs to 1e-4 below their bound, by a "
-            "velocity that grows as the step shrinks; name a dt"
-        )
     if halves(scene) and wanted.steps == "auto" and wanted.estimate == "global":
         raise SceneError(
-            "time_error.estimate is 'global', but with contact or an explicit scheme dt = 'auto' carries none along; "
+            "time_error.estimate is 'global', but with contact, strain_limit or an explicit scheme dt = 'auto' carries "
+            "none along; "
             "name a dt, or set time_error.estimate to auto"
         )
     if wanted.steps == "auto" and wanted.shortest > scene.dt:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.forces.rayleigh import StiffnessDamping
     from tripod_sim.forces.spring_force import SpringDampers
+    from tripod_sim.forces.strain_bound import StrainBound
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -39,6 +40,7 @@ class System:
 
     Attributes:
         elastic: The strain energy: a sum of terms.
+        bound: Of the stretch of springs; its potential is no energy of the bodies.
         gradient: dPhi/dx of the last `evaluate` [N], shape (n, 3).
         residual: Reduced gradient of the last `evaluate` [N, N m], shape (unknowns,).
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
@@ -59,6 +61,7 @@ class System:
         inertia: "Anchor | None" = None,
         damping: float = 0.0,
         dampers: "SpringDampers | None" = None,
+        bound: "StrainBound | None" = None,
         foundation: "Foundation | None" = None,
         loads: "NodalLoads | None" = None,
         joined: Sequence[IndexArray] = (),
@@ -70,13 +73,14 @@ class System:
             rest: Undeformed positions [m], shape (n, 3).
             terms: Of the strain energy.
             groups: What holds nodes.
-            gravity, inertia, dampers, foundation, loads: Further terms; None for none.
+            gravity, inertia, dampers, bound, foundation, loads: Further terms; None for none.
             damping: b of the force -b K v [s].
             joined: Nodes that have entries with each other in the Hessian besides those of elements, shapes (m, k).
             linear: Makes the solver.
         """
         self.rest, self.groups = rest, groups
-        self.gravity, self.inertia, self.dampers = gravity, inertia, dampers
+        self.gravity, self.inertia, self.dampers, self.bound = gravity, inertia, dampers, bound
+        self._springs = [t for t in (dampers, bound) if t]
         self.foundation, self.loads = foundation, loads
         frames = groups.driven
         self._arms = np.concatenate([f.nodes for f in frames] or [np.zeros(0, dtype=np.int64)])
@@ -85,7 +89,7 @@ class System:
         self.driven = np.concatenate([self._arms, *others])
         self.elastic = Elastic(terms, self.driven)
         self.damping = self._damping(damping)
-        self._further = [t for t in (foundation, dampers) if t]
+        self._further = [t for t in (foundation, *self._springs) if t]
         blocks = [t.elements for t in (*terms, *self._further)]
         self.reduction = Reduction([*blocks, *joined], groups)
         free, bodies = self.reduction.free_count, self.reduction.bodies
@@ -203,8 +207,8 @@ class System:
             bedding = self.foundation.add_gradient(state.positions, g)
             self.strain_energy += bedding
             phi += bedding
-        if self.dampers:
-            phi += self.dampers.add_gradient(state.positions, g)
+        for term in self._springs:
+            phi += term.add_gradient(state.positions, g)
         if self.gravity:
             self.gravity_energy = self.gravity.add_gradient(state.positions, g)
             phi += self.gravity_energy
@@ -251,12 +255,12 @@ class System:
             dx: What it moves each node by [m], shape (n, 3).
         """
         damping, change = self.damping, self._change
-        if self.foundation or self.dampers or (damping and damping.held):
+        if self._further or (damping and damping.held):
             change[:] = 0.0
             if self.foundation:
                 self.foundation.add_gradient(dx, change)
-            if self.dampers:
-                self.dampers.add_products(dx, change)
+            for term in self._springs:
+                term.add_products(dx, change)
             if damping and damping.held:
                 self.elastic.add_products(damping.matrices, dx, damping.factor, change)
             self.reduction.gradient(change, self.lever, self.axes, self._reduced, self._unused)
@@ -292,8 +296,8 @@ class System:
         """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""
         if self.elastic.has_modes:
             self._known = False  # the condensed gradient belongs to the last assembly
-        if self.dampers:
-            self.dampers.stiffness(state.positions, project=project)
+        for term in self._springs:
+            term.stiffness(state.positions, project=project)
         return self.elastic.stiffness(state.positions, state.modes, project=project)
 
     def factor(self, shift: float = 0.0) -> bool:
@@ -341,8 +345,8 @@ class System:
             self.elastic.add_response(matrices, dx, factor, self._change)
         if self.foundation:
             self.foundation.add_gradient(dx, self._change)
-        if self.dampers:
-            self.dampers.add_products(dx, self._change)
+        for term in self._springs:
+            term.add_products(dx, self._change)
         self.reduction.gradient(self._change, self.lever, self.axes, self._reduced, self._unused)
         self.residual += self._reduced
 

@@ -157,3 +157,14 @@ def test_reset_of_several_bodies_returns_the_same_bits() -> None:
         ends.append(simulation.positions.tobytes())
         simulation.reset()
     assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("scheme", ["semi_implicit_euler", "rk4"])
+def test_a_free_body_with_a_disc_moves_though_nothing_resists(scheme: str) -> None:
+    """Its static tangent is singular, so it may have no compliance."""
+    words = ["mesh.level=1", "mesh.element=h8_modes", f"inertia.scheme={scheme}", "dt=2e-4", "effector={}",
+             "damping={mass=5.0, stiffness=2e-6}"]  # fmt: skip
+    net = '[[body]]\nname = "net"\nposition = [0, 0, 1]\n[body.springs]\nsource = "grid"\nnodes = 4\nsize = 0.1\n'
+    simulation = Simulation(scene_from_toml(scene_to_toml(load_scene("silicone_free", words)) + net))
+    simulation.step()
+    assert simulation.state.velocities[:, 2].max() < 0

@@ -186,7 +186,6 @@ def test_the_shortest_part_is_accepted_whatever_it_adds() -> None:
             ("time_error.estimate=global",),
             "time_error.estimate is 'global', but the explicit steps of springs",
         ),
-        (("strain_limit={}",), "dt = 'auto' and strain_limit exclude each other"),
         (
             ("springs.stiffness=1e9", "springs.node_mass=1e-10"),
             r"dt is 0.02 s: a step would take .* parts of .* s to be stable",

@@ -226,13 +226,13 @@ def test_what_a_scene_does_not_name_is_not_imported() -> None:
     assert "tripod_sim.springs.explicit" in explicit
     for name in (
         "springs.implicit",
-        "springs.strain_limit",
+        "forces.strain_bound",
         "mesh.read_surface",
         "integrators.backward",
     ):
         assert f"tripod_sim.{name}" not in explicit
     assert not {m for m in loaded("silicone", "mesh.level=1") if m.startswith("tripod_sim.springs")}
-    assert "tripod_sim.springs.strain_limit" in loaded("cloth", "strain_limit={}")
+    assert "tripod_sim.integrators.strain_limit" in loaded("cloth", "strain_limit={}")
 
 
 def test_a_chain_is_shown_by_a_surface_that_moves_with_it() -> None:

@@ -21,6 +21,7 @@ from tripod_sim.tables.bodies import Body, Material, Mesh, Region
 
 if TYPE_CHECKING:
     from tripod_sim.forces.spring_force import SpringDampers
+    from tripod_sim.forces.strain_bound import StrainBound
 
 
 class Masses(NamedTuple):
@@ -167,6 +168,15 @@ def spring_dampers(assembly: Assembly) -> "SpringDampers | None":
     from tripod_sim.forces.spring_force import SpringDampers  # noqa: PLC0415 - an effect that is absent
 
     return SpringDampers(np.concatenate([e for e, _ in nets]), np.concatenate([c for _, c in nets]))
+
+
+def strain_bound(assembly: Assembly, groups: Groups, mass: FloatArray, stretch: float) -> "StrainBound":
+    """Return the bound of the stretch of all springs; `mass`: of nodes [kg], shape (n,)."""
+    from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
+
+    nets = [(b.blocks, b.net.rest_length, strained(b.blocks, groups)) for b in assembly.bodies if b.net]
+    ends = np.concatenate([blocks[moving] for blocks, _, moving in nets])
+    return StrainBound(ends, np.concatenate([rest[moving] for _, rest, moving in nets]), stretch, mass)
 
 
 def spring_sides(assembly: Assembly) -> list[IndexArray]:

@@ -104,9 +104,9 @@ def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "Ch
     """Return the parts of a simulation of a spring body, and rigid ones if there are any, among obstacles."""
     damping, body, bound = scene.damping, system.body, None
     if scene.strain_limit:
-        from tripod_sim.springs.strain_limit import Bound  # noqa: PLC0415 - an effect that is absent
+        from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
 
-        bound = Bound(system, scene.strain_limit.stretch, scene.dt)
+        bound = StrainBound(body.ends, body.rest_length, scene.strain_limit.stretch, system.mass)
     drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
     nodes = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound)
     part = body_part(body, contact)

@@ -41,12 +41,10 @@ class SolidNodes:
         base, width: First unknown of each of them, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
         held: Along which axes each of them does not yield, shape (k, 3).
         given: See `Body`.
-        bounded: Whether strains are: no.
+        bounded: Whether strains are: where there are springs and a limit.
         looked_back: Whether the next stage may look back on the last.
         served: See `Body`.
     """
-
-    bounded = False
 
     def __init__(self, stage: ImplicitStage, mass: FloatArray, nodes: IndexArray, tolerance: float) -> None:
         """Take part in steps with contact.
@@ -59,7 +57,8 @@ class SolidNodes:
         """
         self._stage, self._system, self._mass, self.nodes = stage, stage.newton.system, mass, nodes
         system, r = self._system, self._system.reduction
-        self._tolerance = tolerance**2
+        self._tolerance, self._bound = tolerance**2, system.bound
+        self.bounded = self._bound is not None
         kind = r.kind[nodes]
         self._arms = np.flatnonzero(kind == Kind.DRIVEN)
         self._driven = np.flatnonzero(np.isin(nodes, system.driven) & (kind != Kind.FREE))
@@ -97,7 +96,7 @@ class SolidNodes:
     @property
     def lasting(self) -> bool:
         """Whether the Hessian of a step may serve in the next: not where the damping is that of its start."""
-        return not (self._projected or self._hold)
+        return not (self._projected or self._hold or self._bound)
 
     # what the stepper asks --------------------------------------------------------------------------------------------
 
@@ -115,8 +114,10 @@ class SolidNodes:
             getattr(state, name)[:] = getattr(start, name)
 
     def forget(self) -> None:
-        """Drop what was kept from earlier steps."""
+        """Drop what was kept from earlier steps: the tensions at the bound too."""
         self._stage.newton.forget()
+        if self._bound:
+            self._bound.relax()
         self._at[:] = np.nan
         self._hold = self._projected = False
 
@@ -239,11 +240,15 @@ class SolidNodes:
 
     def ends(self, u: FloatArray, out: FloatArray) -> None:
         """Write where the surface's vertices are after the moves `u` [m], shape (k, 3)."""
+        out[:] = self._moved(u)[self.nodes]
+
+    def _moved(self, u: FloatArray) -> FloatArray:
+        """Return where all nodes are after the moves `u` [m], shape (n, 3)."""
         assert self._trial is not None
         if not np.array_equal(u, self._at):
             self._move(u)
             self._at[:] = np.nan
-        out[:] = self._trial.positions[self.nodes]
+        return self._trial.positions
 
     def rate_at_start(self, out: FloatArray) -> None:
         """Write the velocities of the unknowns at the start of the stage, of given ones those over it."""
@@ -296,19 +301,26 @@ class SolidNodes:
         out[self.given] = 0.0
 
     def exceeds(self, u: FloatArray) -> bool:
-        """Strains of a solid have no bound."""
-        return False
+        """Return whether springs are longer than their bound after the moves `u`."""
+        return self._bound is not None and self._bound.exceeded(self._moved(u))
 
     def taut(self) -> bool:
-        """Strains of a solid have no bound."""
-        return False
+        """Return whether the bound of strains pulls."""
+        return self._bound is not None and self._bound.pulls
 
     def tighten(self) -> None:
-        """There is nothing that bounds strains."""
+        """Stiffen the bound of strains."""
+        if self._bound:
+            self._bound.harden()
+            self._at[:] = np.nan
 
     def settle(self, u: FloatArray) -> float:
-        """There is nothing that bounds strains."""
-        return 0.0
+        """Give the bound of strains the tensions that the moves `u` ask for; return the error: 1 is small enough."""
+        if not self._bound:
+            return 0.0
+        error = self._bound.settle(self._moved(u))
+        self._at[:] = np.nan
+        return error
 
     def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
         """Let the moves `u` be made; `kick`: what impulses add to the velocities of the unknowns afterwards."""

@@ -12,7 +12,7 @@ from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.springs.strain_limit import Bound
+    from tripod_sim.forces.strain_bound import StrainBound
 
 
 class _SpringPast(NamedTuple):
@@ -42,7 +42,7 @@ class SpringNodes:
         M |d - s u_0|² / (2 s²) + a M |d|² / (2 s) + b / (2 s) d^T K_n d + E(x + u) + D(x + u) - F . u
 
     (u_0 what is known of the velocity) and, with a limit of strains, that of the springs beyond their bound (see
-    `springs.strain_limit`).
+    `forces.strain_bound`).
 
     Attributes:
         x, v: Positions [m] and velocities [m/s] of all nodes at the start of the stage, shape (n, 3).
@@ -51,7 +51,12 @@ class SpringNodes:
     """
 
     def __init__(
-        self, system: SpringSystem, *, drag: float = 0.0, rayleigh: float = 0.0, bound: "Bound | None" = None
+        self,
+        system: SpringSystem,
+        *,
+        drag: float = 0.0,
+        rayleigh: float = 0.0,
+        bound: "StrainBound | None" = None,
     ) -> None:
         """`drag`: a of the force -a M v [1/s]; `rayleigh`: b of the force -b K v [s]; `bound`: of strains."""
         body = system.body
@@ -172,6 +177,8 @@ class SpringNodes:
         """Prepare a stage from `x` and `v`."""
         system, s = self._system, stage.s
         self._stage = stage
+        if self._bound:
+            self._bound.aim(s)
         np.divide(system.mass, s * s, out=self._inertia)
         np.multiply(system.mass, self._drag / s, out=self.weight)
         self.weight += self._inertia

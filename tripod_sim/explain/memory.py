@@ -38,7 +38,8 @@ PARTS = {
     "springs.estimated": "time error",
     "mesh_error": "mesh error",
     "integrators.sleep": "sleep",
-    "springs.strain_limit": "strain limit",
+    "integrators.strain_limit": "strain limit",
+    "forces.strain_bound": "strain limit",
     "springs": "springs",
 }
 """Name of a part by the module, below `tripod_sim`, of the object that holds an array; the longest one counts."""

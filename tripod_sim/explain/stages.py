@@ -83,7 +83,12 @@ STAGES: dict[str, dict[str, str]] = {
     "springs.automatic.AutomaticSprings": {"step": LOOP},
     "springs.estimated.EstimatedSprings": {"step": LOOP},
     "springs.explicit.ExplicitSprings": {"step": LOOP},
-    "springs.strain_limit.StrainLimited": {"step": "strain limit"},
+    "forces.strain_bound.StrainBound": {
+        "add_gradient": "strain limit",
+        "stiffness": "strain limit",
+        "settle": "strain limit",
+    },
+    "integrators.strain_limit.StrainLimited": {"step": "strain limit"},
 }
 """Methods by class, below `tripod_sim`, with the name of their stage. A method's time counts without that of the stages
 called by it."""

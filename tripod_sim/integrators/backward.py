@@ -50,6 +50,11 @@ class Bdf2(Substeps):
         self._now, self._before = np.zeros_like(stage.known), np.zeros_like(stage.known)
         self._h_before: float | None = None
 
+    @property
+    def looks_back(self) -> bool:
+        """Whether there is a part before the next."""
+        return self._h_before is not None
+
     def _drop_history(self) -> None:
         self._h_before = None
 

@@ -135,6 +135,10 @@ class ExplicitSteps:
         if self._damping:
             self._damping.forget()
 
+    def take(self, work: float) -> None:
+        """Count `work` [J] that something else than this has done to the bodies since the last step."""
+        self._given += work
+
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.
 

@@ -259,8 +259,7 @@ class Newton:
         except LinearError as error:
             raise NewtonError(str(error)) from error
 
-    @staticmethod
-    def _slack(phi: float) -> float:
+    def _slack(self, phi: float) -> float:
         """Rounding of the potential [J]."""
         return 1e-12 * max(abs(phi), 1e-6)
 

@@ -72,6 +72,8 @@ class ImplicitStage:
         system, inertia, (z, u) = self.newton.system, self._inertia, self.known[:2]
         damping, dampers = system.damping, system.dampers
         aim_anchor(self._mass, self._mass_damping, s, z, u, inertia.weight, inertia.point)
+        if system.bound:
+            system.bound.aim(s)
         if damping:
             damping.factor = damping.coefficient / s
             damping.start[:], damping.elastic[:] = z, self.known[2]

@@ -83,6 +83,7 @@ class Substeps(ABC):
         self._newton, self._max_halvings = newton, max_halvings
         self._backup: State | None = None
         self.errors: ErrorTransport | None = None
+        self._bound = newton.system.bound
 
     @abstractmethod
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
@@ -103,6 +104,11 @@ class Substeps(ABC):
     def recall_history(self) -> None:  # noqa: B027
         """Take back what the part after `keep_history` has changed in that."""
 
+    @property
+    def looks_back(self) -> bool:
+        """Whether the next part depends on those before it."""
+        return False
+
     def _drop_history(self) -> None:  # noqa: B027 - schemes of one step have none
         """Drop what a scheme of several steps knows of earlier ones."""
 
@@ -117,6 +123,20 @@ class Substeps(ABC):
 
     def renew(self, state: State, dt: float) -> None:  # noqa: B027 - not every scheme can
         """Do now what the next step, of `dt` [s] from `state`, would begin with, where that takes long."""
+
+    def _bounded_part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        """As `_part`; where the bound of strains pulls, velocities jump, so that is done by implicit Euler alone."""
+        assert self._bound and self._backup
+        again, self._bound.pulled = self.looks_back, False
+        result = self._part(state, joints, h)
+        if self._bound.pulled:
+            self._drop_history()
+            if again:
+                self._backup.copy_to(state)
+                result = self._part(state, joints, h)
+                if self._bound.pulls:
+                    self._drop_history()
+        return result
 
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance `state` by `dt` [s] while the driven frames move to `joints`, shape (s + 1,), in place.
@@ -134,7 +154,8 @@ class Substeps(ABC):
             goal = joints if end == 1.0 else start + end * (joints - start)
             state.copy_to(self._backup)
             try:
-                result = self._part(state, goal, dt if end - done == 1.0 else dt * (end - done))
+                h = dt if end - done == 1.0 else dt * (end - done)
+                result = self._bounded_part(state, goal, h) if self._bound else self._part(state, goal, h)
             except NewtonError as error:
                 self._backup.copy_to(state)
                 report.halvings += 1

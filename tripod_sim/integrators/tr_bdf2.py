@@ -42,6 +42,11 @@ class TrBdf2(Substeps):
         self._rate: FloatArray | None = None
         self._start, self._end = np.zeros_like(stage.known), np.zeros_like(stage.known)
 
+    @property
+    def looks_back(self) -> bool:
+        """Whether there is a part before the next."""
+        return self._rate is not None
+
     def _drop_history(self) -> None:
         self._rate = None
 

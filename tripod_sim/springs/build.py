@@ -45,11 +45,11 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
         return Parts(body, system.mass, system, estimated, skin=skin, errors=estimated)
     stepper = _stepper(scene, system)
     if scene.strain_limit:
-        from tripod_sim.springs.strain_limit import StrainLimited  # noqa: PLC0415 - an effect that is absent
+        from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
+        from tripod_sim.integrators.strain_limit import StrainLimited  # noqa: PLC0415
 
-        stepper = StrainLimited(
-            system, stepper, scene.strain_limit.stretch, _options(scene, system), scene.dt
-        )
+        bound = StrainBound(body.ends, body.rest_length, scene.strain_limit.stretch, system.mass)
+        stepper = StrainLimited(stepper, system, bound, system.mass, [], scene.solver.max_iterations)
     return Parts(body, system.mass, system, stepper, skin=skin)
 
 
