@@ -45,6 +45,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.ik.search import Flood, Limits
 from tripod_graph.names import WORKING_POSE
+from tripod_ik.atlas import Atlas
 from tripod_ik.model import SAME, StaticModel, goes_on, linear_state
 from tripod_ik.pathfinder import Pathfinder, Way
 from tripod_ik.snap import SOFTEST
@@ -80,13 +81,18 @@ class Timed:
 
     def __init__(self, slide: float) -> None:
         """`slide`: [m]."""
-        self.finder = Pathfinder.of(load_scene("tripod"), slide, *Tracker(SETTINGS).reach)
+        self.finder = Pathfinder(Atlas.of(load_scene("tripod"), slide), *Tracker(SETTINGS).reach)
+        begin = time.thread_time()
+        self.finder.prepare()
+        print(
+            f"poses of slide {1e3 * slide:g}: {time.thread_time() - begin:.1f} s", file=sys.stderr, flush=True
+        )
         self.times: list[float] = []
 
-    def __call__(self, state: LinearState, tasks: Sequence[Task], *, hurry: bool = False) -> Way | None:
+    def __call__(self, state: LinearState, tasks: Sequence[Task]) -> Way | None:
         """Return the way, as a tracker asks for it."""
         begin = time.thread_time()
-        way = self.finder.way(state, tasks, hurry=hurry)
+        way = self.finder.way(state, tasks)
         self.times.append(time.thread_time() - begin)
         return way
 

@@ -4,23 +4,27 @@ Angles do not tell a pose: near a snap the body has several equilibria at the sa
 hang together elsewhere, where the strips are taut. Nor does det(J) part what cannot be gone to: the body passes a fold
 of the forward map without noticing. So the poses are found by a flood over a grid of angles about the model's home,
 each pose from a neighbour along the equilibria (`StaticModel.follow`): where the flood comes to, the driven robot does.
+They are found in an order of their own, those whose effector is near home first, and who asks is told of those up to
+a distance: so what is answered depends on nothing that was asked before. Of poses that are images of each other
+(`StaticModel.symmetries`) one is gone to.
 """
 
 import heapq
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import chain
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tripod_graph.names import WORKING_SLIDE
 from tripod_ik.arrays import FloatArray
-from tripod_ik.merit import limits_passed
-from tripod_ik.model import Saved, StaticModel, goes_on
-from tripod_ik.row_limits import RowLimit
-from tripod_ik.snap import SOFTEST
+from tripod_ik.errors import IkError
+from tripod_ik.model import Saved, StaticModel, goes_on, image_of, working_angles
+from tripod_ik.snap import SOFTEST, WITHIN
 from tripod_ik.state import LinearState
-from tripod_ik.tasks import Task, total_distance
+from tripod_ik.symmetry import Image, table
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of
 from tripod_sim.softness import FIRM
 
 SPACING = 0.2
@@ -36,17 +40,17 @@ BEYOND = -0.02
 SAME = 1e-4
 """Positions of the effector that differ by less [m] belong to one equilibrium, or to a robot and its model."""
 
-APART = 0.25
-"""How far poses of one sheet are apart that a search begins at [rad]."""
-
 NEAR = 1.5 * SPACING
 """How far a pose may be from one of the grid that it is looked for from [rad]."""
 
 CALM = 0.15
 """Firmness of a pose on a way that makes it as long again as a firm one."""
 
-DAMPING = 1e-3
-"""Of the step by which what a pose is near to is foretold [m/rad]."""
+ITERATIONS = 25
+"""Of Newton's method, in a step of the model: what takes more is no small one."""
+
+Cell = tuple[int, ...]
+"""Angles from home, in steps of the grid."""
 
 
 @dataclass(eq=False)
@@ -56,74 +60,118 @@ class Pose:
     Attributes:
         state: The linearised state.
         saved: What brings the model there.
+        level: How far the effector has to go from home on the way there [m], at least.
+        images: Numbers of its images, in the order of `StaticModel.symmetries`.
         neighbours: Numbers of the poses that the body goes to from here by one step of the grid.
     """
 
     state: LinearState
     saved: Saved
+    level: float
+    images: list[int] = field(default_factory=list)
     neighbours: list[int] = field(default_factory=list)
 
 
 class Atlas:
-    """Poses of a model with angles from `low` to `high` [rad], shape (s,) each, that hang together with its home.
+    """Poses of a model that hang together with its home.
 
     Attributes:
         model: It is left anywhere.
-        poses: Those found so far.
+        poses: Those found so far, home first.
     """
 
     def __init__(
-        self, model: StaticModel, low: FloatArray, high: FloatArray, limits: Sequence[RowLimit] = ()
+        self,
+        model: StaticModel,
+        low: FloatArray,
+        high: FloatArray,
+        progress: Callable[[int], None] | None = None,
     ) -> None:
-        """`limits`: of torques and effector; poses beyond them by more than a step of the grid are left out."""
-        self.model, self._low, self._high, self._limits = model, low, high, tuple(limits)
-        self._home, home = model.home, model.go_home()
-        self.poses = [Pose(home, model.save())]
-        self._cells: dict[tuple[int, ...], list[int]] = {(0,) * len(self._home): [0]}
-        self._open = {0: (0,) * len(self._home)}
+        """Begin with the home of `model`.
 
-    @property
-    def complete(self) -> bool:
-        """Whether all poses are found."""
-        return not self._open
-
-    def explore(self, cost: Callable[[LinearState], float]) -> Iterator[float]:
-        """Look at the neighbours of ever more poses, first of those of the least `cost`.
-
-        Yields:
-            The cost of the pose that is next.
+        Args:
+            model: The robot.
+            low: Smallest angles of poses [rad], shape (s,).
+            high: Largest ones [rad], shape (s,).
+            progress: Called with the number of poses that are known, as these become more.
         """
-        heap = [(cost(self.poses[number].state), number) for number in self._open]
-        heapq.heapify(heap)
-        while heap:
-            least, number = heapq.heappop(heap)
-            yield least
-            for new in self._spread(number):
-                heapq.heappush(heap, (cost(self.poses[new].state), new))
+        self.model, self._low, self._high, self._progress = model, low, high, progress
+        alike = np.ptp(low) == 0.0 == np.ptp(high)
+        self._images: Sequence[Image] = model.symmetries() if alike else model.symmetries()[:1]
+        self._products = table(self._images)
+        home = model.go_home()
+        self._home, self.poses = home.angles, list[Pose]()
+        self._cells: dict[Cell, list[int]] = {}
+        cell = (0,) * len(self._home)
+        self._open = [(0.0, self._add(cell, home, 0.0), cell)]
 
-    def _spread(self, number: int) -> Iterator[int]:
-        """Find the neighbours of a pose; yield the new ones."""
-        cell, here = self._open.pop(number), self.poses[number]
+    @classmethod
+    def of(cls, scene: Scene, slide: float, progress: Callable[[int], None] | None = None) -> "Atlas":
+        """Return the atlas of a scene, servo bodies slid in by `slide` [m].
+
+        The home of its model depends on `slide` alone, in proportion between the flat and the working pose: there the
+        strips are stretched.
+        """
+        joints, solver = joints_of(scene), replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0)
+        if joints is None:
+            raise IkError(f"scene {scene.name!r} has no servos: there is nothing to solve for")
+        low, high = np.asarray(joints.low, dtype=float), np.asarray(joints.high, dtype=float)
+        home = np.clip(working_angles(joints.count) * slide / WORKING_SLIDE, low, high)
+        model = StaticModel(replace(scene, solver=solver), slide, home)
+        return cls(model, low, high, progress)
+
+    def distance(self, place: FloatArray) -> float:
+        """Return how far a place of the effector, shape (3,), is from that at home [m]."""
+        return float(np.linalg.norm(place - self.poses[0].state.equilibrium))
+
+    def within(self, reach: float) -> set[int]:
+        """Return the poses to which the effector comes from home without going farther than `reach` [m]; find them."""
+        while self._open and self._open[0][0] <= reach:
+            _, number, cell = heapq.heappop(self._open)
+            for new, there in self._spread(number, cell):
+                heapq.heappush(self._open, (self.poses[new].level, new, there))
+            if self._progress:
+                self._progress(len(self.poses))
+        return {n for n, pose in enumerate(self.poses) if pose.level <= reach}
+
+    def _add(self, cell: Cell, state: LinearState, level: float) -> int:
+        """Add the pose where the model stands, and its images; return its number."""
+        saved, numbers = self.model.save(), list[int]()
+        for image in self._images:
+            there = tuple(cell[i] for i in image.servos)
+            seen, known = image.state(state), self._cells.setdefault(there, [])
+            same = [n for n in numbers if n in known and _is_same(self.poses[n].state, seen)]
+            if not same:
+                same = [len(self.poses)]
+                self.poses.append(Pose(seen, image_of(saved, image), level))
+                known += same
+            numbers += same[:1]
+        for i, number in enumerate(numbers):
+            self.poses[number].images = [numbers[k] for k in self._products[:, i]]
+        return numbers[0]
+
+    def _spread(self, number: int, cell: Cell) -> Iterator[tuple[int, Cell]]:
+        """Find the neighbours of a pose; yield the new ones that are no images of each other."""
+        here = self.poses[number]
         for i in range(len(cell)):
             for move in (-1, 1):
                 there = (*cell[:i], cell[i] + move, *cell[i + 1 :])
                 angles = self._home + SPACING * np.array(there)
                 known = self._cells.setdefault(there, [])
-                if (angles < self._low).any() or (angles > self._high).any():
+                if not self._low[i] <= angles[i] <= self._high[i] or any(n in here.neighbours for n in known):
                     continue
-                if any(n in here.neighbours for n in known):
-                    continue
-                found = self._step(here, angles, known)
+                before = len(self.poses)
+                found = self._step(here, there, angles, known)
                 if found is None:
                     continue
-                here.neighbours.append(found)
-                self.poses[found].neighbours.append(number)
-                if found not in known:
-                    known.append(found)
-                    self._open[found] = there
-                    yield found
+                for a, b in zip(here.images, self.poses[found].images, strict=True):
+                    if b not in self.poses[a].neighbours:
+                        self.poses[a].neighbours.append(b)
+                        self.poses[b].neighbours.append(a)
+                if found >= before:
+                    yield found, there
 
-    def _step(self, here: Pose, angles: FloatArray, known: Sequence[int]) -> int | None:
+    def _step(self, here: Pose, cell: Cell, angles: FloatArray, known: Sequence[int]) -> int | None:
         """Return the number of the pose that the body goes to from `here`, a new one if need be; None for none."""
         for number in known:
             if goes_on(here.state, self.poses[number].state):
@@ -139,72 +187,48 @@ class Atlas:
         except (StepError, SceneError):
             return None
         for number in known:
-            if np.abs(state.equilibrium - self.poses[number].state.equilibrium).max() < SAME:
+            if _is_same(state, self.poses[number].state):
                 return number
-        if state.firmness < SOFTEST or limits_passed(state, self._limits) > SPACING:
+        if state.firmness < SOFTEST:
             return None
-        self.poses.append(Pose(state, self.model.save()))
-        return len(self.poses) - 1
+        return self._add(cell, state, max(here.level, self.distance(state.equilibrium)))
 
-    def promising(self, missed: Callable[[LinearState], float], count: int) -> list[int]:
-        """Return at most `count` poses, apart from each other, of those of which least [m] seems to be `missed`."""
-        ranked = sorted((missed(pose.state), number) for number, pose in enumerate(self.poses))
-        chosen: list[int] = []
-        for _, number in ranked:
-            state = self.poses[number].state
-            others = (self.poses[other].state for other in chosen)
-            if all(
-                np.abs(state.angles - o.angles).max() > APART
-                or np.abs(state.equilibrium - o.equilibrium).max() > 0.1 * APART
-                for o in others
-            ):
-                chosen.append(number)
-            if len(chosen) == count:
-                break
-        return chosen
+    def find(self, state: LinearState, among: Iterable[int]) -> int | None:
+        """Bring the model to `state`; return the number of the pose that it came from, one of `among`.
 
-    def find(self, state: LinearState, most: int) -> int | None:
-        """Bring the model to `state`; return the number of the pose that it came from.
-
-        None where the model has no such equilibrium, or none that hangs together with its home by ways near here: at
-        most `most` poses are looked at.
+        None where the model has no such equilibrium, or none that it comes to from near here, by poses that are hardly
+        softer than it, or than `SOFTEST`.
         """
-
-        def apart(other: LinearState) -> float:
-            return float(np.abs(other.angles - state.angles).max())
-
-        tried: set[int] = set()
-        for count, least in enumerate(chain(self.explore(apart), [np.inf])):
-            near = [(apart(pose.state), n) for n, pose in enumerate(self.poses) if n not in tried]
-            for distance, number in sorted(near):
-                if distance > NEAR:
-                    break
-                tried.add(number)
-                if self._comes_to(state, number):
-                    return number
-            if count >= most or (tried and least > 1.4 * NEAR):
+        softest = WITHIN * min(SOFTEST, max(state.firmness, 0.0))
+        near = [(float(np.abs(self.poses[n].state.angles - state.angles).max()), n) for n in among]
+        for distance, number in sorted(near):
+            if distance > NEAR:
                 break
+            self.model.restore(self.poses[number].saved)
+            try:
+                here = self.model.follow(
+                    state.angles, softest=softest, shortest=SHORTEST / 4, longest=SPACING / 2
+                )
+            except (StepError, SceneError):
+                continue
+            if _is_same(here, state):
+                return number
         return None
 
-    def _comes_to(self, state: LinearState, number: int) -> bool:
-        """Return whether the body goes from a pose straight to `state`; the model is there then."""
-        self.model.restore(self.poses[number].saved)
-        try:
-            here = self.model.follow(state.angles, shortest=SHORTEST / 4)
-        except (StepError, SceneError):
-            return False
-        return bool(np.abs(here.equilibrium - state.equilibrium).max() < SAME)
+    def path(self, start: int, end: int, among: Collection[int]) -> list[int]:
+        """Return the poses on the shortest way from one to another, both included; soft ones make it longer.
 
-    def path(self, start: int, end: int) -> list[int]:
-        """Return the poses on the shortest way from one to another, both included; soft ones make it longer."""
-        before, todo = {}, [(0.0, end, end)]
+        `among`: poses that it may lead by, all that hang together with `start`.
+        """
+        before: dict[int, int] = {}
+        todo = [(0.0, end, end)]
         while start not in before:
             length, number, after = heapq.heappop(todo)
             if number in before:
                 continue
             before[number] = after
             for neighbour in self.poses[number].neighbours:
-                if neighbour not in before:
+                if neighbour not in before and neighbour in among:
                     soft = CALM / self.poses[neighbour].state.firmness
                     heapq.heappush(todo, (length + 1.0 + soft**2, neighbour, number))
         way = [start]
@@ -213,26 +237,5 @@ class Atlas:
         return way
 
 
-class Foretold:
-    """What poses miss of `tasks`, see `foretold`; each is looked at once."""
-
-    def __init__(self, tasks: Sequence[Task]) -> None:
-        self._tasks = tasks
-        self._known: dict[int, tuple[LinearState, float]] = {}  # the state is kept: no other has its id
-
-    def __call__(self, state: LinearState) -> float:
-        """Return how near a step brings `state` [m]."""
-        if id(state) not in self._known:
-            self._known[id(state)] = state, foretold(self._tasks, state)
-        return self._known[id(state)][1]
-
-
-def foretold(tasks: Sequence[Task], state: LinearState) -> float:
-    """Return how near [m] a linear step of at most the grid's spacing brings `state` to what `tasks` ask."""
-    rows = [task.rows(state) for task in tasks]
-    e = np.concatenate([r.weights * r.error for r in rows])
-    J = np.concatenate([r.weights[:, None] * r.jacobian for r in rows])
-    n = J.shape[1]
-    step = np.linalg.solve(J.T @ J + DAMPING**2 * np.eye(n), J.T @ e)
-    step = np.clip(step, -SPACING, SPACING)
-    return total_distance(tasks, [r.error - r.jacobian @ step for r in rows])
+def _is_same(state: LinearState, other: LinearState) -> bool:
+    return bool(np.abs(state.equilibrium - other.equilibrium).max() < SAME)

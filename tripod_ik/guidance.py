@@ -141,7 +141,7 @@ class Guidance:
         if self._question is None:
             self._question, self._target = (state, tasks), target
         moved = float(np.abs(target - self._target).max())
-        way = self._ask(*self._question, hurry=moved > MOVED)
+        way = self._ask(*self._question)
         if way is None:
             return
         strayed = float(np.abs(state.angles - self._question[0].angles).max()) > STRAYED

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 SLID = 1e-5
 """Slides that differ by more [m] need another pathfinder."""
 
+SETTLED = 1.0
+"""Time [s] after which servo bodies that have not slid are taken to stay."""
 
 NEAR_WAY = "closest pose near the way here"
 """What there is to say where there is no way to a better one."""
@@ -38,7 +40,8 @@ class Guide:
         self._thread: threading.Thread | None = None
         self._asked: LinearState | None = None
         self._answer: Way | None = None
-        self._waiting = False
+        self._prepared = np.nan
+        self._since: float | None = None
         self.slide = 0.0
         self.notice = ""
 
@@ -46,26 +49,46 @@ class Guide:
         """Build the pathfinder anew for the next question: the limits have changed."""
         self._built_at = np.nan
 
-    def __call__(self, state: LinearState, tasks: Sequence[Task], *, hurry: bool = False) -> Way | None:
+    def stand(self, slide: float, now: float) -> None:
+        """Take notice of where the servo bodies are [m] at `now` [s]; where they stay, what takes long of the first
+        answer is done before it is asked for.
+        """
+        if not abs(slide - self.slide) < SLID or self._since is None:
+            self.slide, self._since = slide, now
+        elif now - self._since > SETTLED and not abs(slide - self._prepared) < SLID and not self._is_busy():
+            self._prepared = slide
+            self._begin(None, ())
+
+    def tell(self, poses: int) -> None:
+        """Say how many poses are known while the pathfinder is built."""
+        self.notice = f"looking at all poses of the body: {poses} so far"
+
+    def __call__(self, state: LinearState, tasks: Sequence[Task]) -> Way | None:
         """Return the way that was asked for; None as long as it is not known, or where there is none."""
-        if self._thread is not None and self._thread.is_alive():
-            self._waiting = hurry
+        if self._is_busy():
             return None
         if state is self._asked:
             return self._answer
-        self._asked, self._answer, self._waiting = state, None, False
+        self._asked, self._answer = state, None
         self.notice = "looking for the closest pose"
-        self._thread = threading.Thread(
-            target=self._find, args=(state, tuple(tasks), self.slide), daemon=True
-        )
-        self._thread.start()
+        self._begin(state, tuple(tasks))
         return None
 
-    def _find(self, state: LinearState, tasks: Sequence[Task], slide: float) -> None:
+    def _is_busy(self) -> bool:
+        return self._thread is not None and self._thread.is_alive()
+
+    def _begin(self, state: LinearState | None, tasks: Sequence[Task]) -> None:
+        self._thread = threading.Thread(target=self._find, args=(state, tasks, self.slide), daemon=True)
+        self._thread.start()
+
+    def _find(self, state: LinearState | None, tasks: Sequence[Task], slide: float) -> None:
         try:
             if self._finder is None or not abs(slide - self._built_at) < SLID:
                 self._finder, self._built_at = self._build(slide), slide
-                self._finder.hurry = lambda: self._waiting
+            if state is None:
+                self._finder.prepare()
+                self.notice = ""
+                return
             self._answer = self._finder.way(state, tasks)
             known = self._answer is not NOWHERE
             self.notice = "" if known else f"{NEAR_WAY}; the robot does not rest as its model does"

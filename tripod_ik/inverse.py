@@ -32,7 +32,7 @@ from tripod_sim.softness import FIRM
 LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
 """Step limits [rad]: the first one tried, and the one below which no step helps any more."""
 
-SHARE = 0.2
+SHARE = 0.5
 """What a step may use of what is left to a snap, see `SnapLimit`."""
 
 PASSED = 1e-6
@@ -289,7 +289,7 @@ class InverseSolver:
         try:
             if self._snapping:
                 return self._seen(self.model.move(command))
-            return self._seen(self.model.follow(command, longest=LONGEST_STEP / 3))
+            return self._seen(self.model.follow(command, longest=LONGEST_STEP / 3, shortest=0.05))
         except (StepError, SceneError):
             return None
 

@@ -10,7 +10,9 @@ import numpy as np
 from tripod_graph.names import WORKING_ANGLE, WORKING_SLIDE, servo_names
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
+from tripod_ik.snap import longest_step
 from tripod_ik.state import LinearState
+from tripod_ik.symmetry import Image, images
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene, at_rest
@@ -18,7 +20,7 @@ from tripod_sim.scene_short import effector_of, joints_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 
-Saved = tuple[tuple[State, FloatArray], LinearState | None]
+Saved = tuple[tuple[State, FloatArray], LinearState | None, Image]
 """What `StaticModel.save` gives and `restore` takes."""
 
 TOLERANCE = 1e-7
@@ -26,6 +28,9 @@ TOLERANCE = 1e-7
 
 SAME = 1e-6
 """Positions of the effector that differ by less [m] belong to one equilibrium; two are millimetres apart."""
+
+ASIDE = (0.1, -0.2, 0.15)
+"""Turns of the servos from home [rad], in this order again and again, at which images of a pose are compared."""
 
 SHORTEST = 1e-3
 """Part of a way [rad] below which an end of the equilibria is no longer looked for, by default."""
@@ -110,6 +115,7 @@ class StaticModel:
         self.simulation = Simulation(replace(at_rest(scene), solver=solver))
         self.slide = slide
         self._state: LinearState | None = None
+        self._image = images(count, mirrored=False)[0]
         start, end = self.simulation.command, np.append(wanted, slide)
         for part in np.linspace(0.0, 1.0, 11)[
             1:
@@ -120,7 +126,7 @@ class StaticModel:
     @property
     def angles(self) -> FloatArray:
         """Of the servos [rad], shape (s,), a copy."""
-        return self.simulation.command[:-1]
+        return np.asarray(self.simulation.command[:-1][self._image.servos])
 
     def move(self, angles: FloatArray) -> LinearState:
         """Bring the servos to `angles` [rad], shape (s,), and return the state there.
@@ -129,12 +135,12 @@ class StaticModel:
             SceneError: the angles are out of the scene's limits.
             StepError: no equilibrium on the way, or none that has a compliance; the model stays where it was.
         """
-        goal = np.append(angles, self.slide)
+        goal = np.append(self._image.back(angles), self.slide)
         if not np.array_equal(goal, self.simulation.command):
             before = self.simulation.save()
             try:
                 self.simulation.step(goal)
-                self._state = linear_state(self.simulation.compliance())
+                self._state = self._image.state(linear_state(self.simulation.compliance()))
             except Exception:
                 self.simulation.restore(before)
                 self._state = None
@@ -153,7 +159,8 @@ class StaticModel:
 
         Args:
             angles: [rad], shape (s,).
-            softest: Firmness that no pose on the way may be below.
+            softest: Firmness that no pose on the way may be below; parts are then no longer than what firmness and
+                its slope foretell is to be trusted.
             shortest: Part of the way [rad] below which an end of the equilibria is no longer looked for.
             longest: Part of the way [rad] to go at once, at most: from one side of a snap to the other all may look
                 smooth.
@@ -169,6 +176,8 @@ class StaticModel:
         part = most
         while done < 1.0:
             here, before = self.save(), self.state()
+            if softest > 0 and far > 0:
+                part = min(part, max(longest_step(before), shortest) / far)
             end = 1.0 if done + part > 1.0 - 1e-9 else done + part
             try:
                 after = self.move(angles if end == 1.0 else start + end * whole)
@@ -187,7 +196,7 @@ class StaticModel:
     def state(self) -> LinearState:
         """Return the state at the present angles; computed once for each pose."""
         if self._state is None:
-            self._state = linear_state(self.simulation.compliance())
+            self._state = self._image.state(linear_state(self.simulation.compliance()))
         return self._state
 
     @property
@@ -221,9 +230,47 @@ class StaticModel:
 
     def save(self) -> Saved:
         """Return what `restore` needs to come back here."""
-        return self.simulation.save(), self._state
+        return self.simulation.save(), self._state, self._image
 
     def restore(self, saved: Saved) -> None:
         """Return to where `save` was called, without moving there: on the same branch."""
-        before, self._state = saved
+        before, self._state, self._image = saved
         self.simulation.restore(before)
+
+    def symmetries(self) -> list[Image]:
+        """Return the images that the robot, at its home and about it, is of itself; the pose itself first.
+
+        They are looked for, not known: servos may be anywhere, and the body need not be the same in all directions.
+        """
+        here, home = self.save(), self.go_home()
+        n = len(home.angles)
+        turn = np.resize(ASIDE, n)
+        found = [images(n, mirrored=False)[0]]
+        for mirrored in (True, False):
+            group = images(n, mirrored=mirrored)
+            generators = (group[1 % n], *group[n : n + 1])
+            if all(self._is_image(home.angles, home.angles + turn, image) for image in generators):
+                found = group
+                break
+        self.restore(here)
+        return found
+
+    def _is_image(self, home: FloatArray, angles: FloatArray, image: Image) -> bool:
+        """Return whether the robot's pose at the image of `angles` is the image of that there."""
+        if np.ptp(home) > 0:
+            return False
+        found = []
+        for there in (angles, angles[image.servos]):
+            self.go_home()
+            try:
+                found.append(self.move(there))
+            except (SceneError, StepError):
+                return False
+        away = found[1].equilibrium - image.matrix @ found[0].equilibrium
+        return bool(np.abs(away).max() < SAME)
+
+
+def image_of(saved: Saved, image: Image) -> Saved:
+    """Return what brings a model to the image of where it was saved; it goes on there as the image of itself."""
+    before, state, first = saved
+    return before, image.state(state) if state else None, image.of(first)

@@ -37,7 +37,7 @@ from tripod_graph.source import IK, new_source
 from tripod_graph.timers import set_period
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
-from tripod_ik.guide import Guide
+from tripod_ik.guide import SLID, Guide
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
 from tripod_ik.rotation import quaternion_matrix, unit_quaternion
@@ -68,6 +68,7 @@ class IkNode(Node):
         self._range = RangeWatch(command_limits(self._tracker.settings, self._servos))
         self._scene, self._slide = values["scene"], values["slide"]
         self._guide.slide = self._slide
+        self._atlas: Any = None
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
         self._own_in_use = False
@@ -128,10 +129,13 @@ class IkNode(Node):
         set_period(self._own_timer, 1.0 / values["own_model_rate"])
 
     def _build_pathfinder(self, slide: float) -> Any:
-        from tripod_ik.pathfinder import Pathfinder  # noqa: PLC0415 - where every goal is met it is not needed
+        from tripod_ik.atlas import Atlas  # noqa: PLC0415 - a node that is never in charge needs no model
+        from tripod_ik.pathfinder import Pathfinder  # noqa: PLC0415
         from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
-        return Pathfinder.of(load_scene(self._scene), slide, *self._tracker.reach)
+        if self._atlas is None or abs(slide - self._atlas.model.slide) > SLID:
+            self._atlas = Atlas.of(load_scene(self._scene), slide, self._guide.tell)
+        return Pathfinder(self._atlas, *self._tracker.reach)
 
     def close(self) -> None:
         """Say that nothing more will be commanded, and leave the graph."""
@@ -253,7 +257,7 @@ class IkNode(Node):
             self._reject("compliances", str(error))
             return
         if state is not None:
-            self._guide.slide = self._slide
+            self._guide.stand(self._slide, time.monotonic())
             self._on_state(state, time.monotonic())
 
     def _on_compliance(self, message: Any) -> None:
@@ -266,7 +270,7 @@ class IkNode(Node):
         except IkError as error:
             self._reject("compliances", str(error))
             return
-        self._guide.slide = message.slide
+        self._guide.stand(message.slide, now)
         self._on_state(state, now)
 
     def _on_state(self, state: LinearState, now: float) -> None:

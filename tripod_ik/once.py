@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
+from tripod_ik.atlas import Atlas
 from tripod_ik.errors import IkError
 from tripod_ik.inverse import PASSED, InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
@@ -88,20 +89,21 @@ def solve_once(
         model, angles, row_limits=limits, any_branch=any_branch, tolerance=tolerance, progress=progress
     )
     began = clock.perf_counter()
-    begun = model.angles
+    begun, first = model.angles, model.state()
     solution = solver.solve(tasks, everywhere=True)
     if (
         solution.outcome is Outcome.CLOSEST and SNAP in solution.active_limits
     ):  # another way round may be closer
-        count = solution.iterations
-        finder = Pathfinder.of(
-            scene, slide, angles, limits, home=begun, tolerance=tolerance,
+        count, missing = solution.iterations, solution.residual
+        atlas = Atlas.of(scene, slide, progress and (lambda poses: progress(count + poses, missing)))
+        finder = Pathfinder(
+            atlas, angles, limits, tolerance=tolerance,
             progress=progress and (lambda more, missing: progress(count + more, missing)),
         )  # fmt: skip
-        other, there, _ = finder.closest(tasks, begun)
-        if other.residual < solution.residual - 1e-9:
-            solution, model = replace(other, iterations=count + finder.count), finder.model
-            model.restore(there)
+        if around := finder.around(first):
+            other = finder.closest(tasks, begun, around).solution
+            if other.residual < solution.residual - 1e-9:
+                solution, model = replace(other, iterations=solution.iterations + finder.count), finder.model
     state, seconds = solution.state, clock.perf_counter() - began
     straight = not (hard and limits) or _keeps_to(limits, model, begun)
     found = roll_pitch(state.equilibrium_rotation[:, 2])

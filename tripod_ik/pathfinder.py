@@ -1,259 +1,271 @@
 """The closest pose that the driven robot comes to without a snap, and the way there."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Self
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tripod_graph.names import WORKING_SLIDE
 from tripod_ik.arrays import FloatArray
-from tripod_ik.atlas import APART, CALM, SAME, SHORTEST, Atlas, Foretold
+from tripod_ik.atlas import CALM, SAME, SHORTEST, SPACING, Atlas
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
-from tripod_ik.limits import AngleLimit, Motion
-from tripod_ik.model import Saved, StaticModel, working_angles
+from tripod_ik.limits import AngleLimit, Motion, StepLimit
+from tripod_ik.merit import limits_passed
+from tripod_ik.model import Saved
+from tripod_ik.problem import build_ik
 from tripod_ik.row_limits import RowLimit
-from tripod_ik.snap import WITHIN
+from tripod_ik.snap import SOFTEST, WITHIN
+from tripod_ik.solver import IkSolver
 from tripod_ik.state import LinearState
-from tripod_ik.tasks import Task, total_distance
+from tripod_ik.tasks import PositionTask, Task, TiltTask, total_distance
 from tripod_ik.way import NOWHERE, Way
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
 
-MARGIN = 2e-3
-"""Of a target that is not met, poses are looked at that are as far from home as it is, and by this farther [m]."""
+DAMPING = 1e-3
+"""Of the step by which what a pose is near to is foretold [m/rad]."""
 
-SEEDS = 20
-"""How many of them a search begins at, at most."""
+PROMISING, SEEDS = 150, 16
+"""Poses of which a quadratic program foretells what they are near to, and of these where searches begin, at most."""
 
-FIRST, PROGRAMS = 15, 80
-"""Programs for each of these, and for each that may then end as good as the best one."""
+BEND = 0.03
+"""How fast Jacobians turn [m/rad²], see `tasks.PositionTask`; by half of that times its square a step may miss less."""
 
-NEARLY = 1e-4
-"""Where a linear step misses less [m], a search may meet the target."""
+CHUNK, PROGRAMS = 5, 200
+"""Programs that a search solves at once, and all of them together, at most."""
 
-CLOSE = 0.2
-"""Part of the distances of other poses up to which two searches have come to one."""
+APART, OFF = 0.1, 5e-4
+"""Poses whose angles [rad] and effectors [m] differ by less are on the way to the same one."""
 
-GOOD = 1.3
-"""A search that misses at most so many times what the best one does is continued: a snap is come to slowly."""
+GAIN = 1e-4
+"""Part of what is missing that a search has to gain by so many programs to go on."""
 
-ITERATIONS = 25
-"""Of Newton's method, in a step of the model."""
-
-MOST = 200
-"""Poses that are looked at to find the present one, at most."""
-
-ALL = 800
-"""Poses that are looked at for one target that is not met, at most."""
+FARTHEST, MARGIN = 0.016, 2e-3
+"""Poses are looked at that are so far from home [m], from where a search goes on by itself, and to leave one that is
+farther those up to it, and by MARGIN more."""
 
 LONGEST = 0.1
 """Part of a way that is tried at once [rad]."""
 
-DRAWN = 3
-"""Times that a stop of a way is drawn in, at most, by half of what it is off the straight line."""
+DRAWN, OFF_LINE = 3, 0.05
+"""Times that a stop of a way is drawn in, at most, by half of what it is off the line, and what may stay [rad]."""
 
 Stop = tuple[Saved, LinearState]
 """A pose of a way: what brings the model there, and its state."""
 
-Found = tuple[Solution, Saved, int]
-"""A solution, what brings the model there, and the number of the pose of the atlas that it was found from."""
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The end of a search.
+
+    Attributes:
+        solution: The pose.
+        number: The pose of the atlas that the search began at.
+        trail: The poses from there to the end, in this order.
+    """
+
+    solution: Solution
+    number: int
+    trail: tuple[Stop, ...]
 
 
 class Pathfinder:
-    """Finds poses of one model, and ways to them. What is found out about the model is remembered.
+    """Finds poses of an atlas, and ways to them. What it answers depends on nothing that it was asked before.
 
     Attributes:
         model: Left anywhere.
-        count: Programs solved so far, and poses looked at.
-        hurry: Asked during a flood whether it is to end: somebody waits for another answer.
+        count: Programs solved so far.
     """
 
     def __init__(
         self,
-        model: StaticModel,
+        atlas: Atlas,
         angles: AngleLimit,
         row_limits: Sequence[RowLimit] = (),
         *,
         tolerance: float = 1e-6,
         progress: Callable[[int, float], None] | None = None,
     ) -> None:
-        """Begin at the model's home.
+        """Look in `atlas`.
 
         Args:
-            model: The robot; it is left anywhere.
+            atlas: Poses of the robot; its model is left anywhere.
             angles: Limits of the angles.
             row_limits: Of torques and effector.
             tolerance: What may be missing of a target that is met [m].
-            progress: Called with the number of programs and poses so far and with what the best one misses [m].
+            progress: Called with the number of programs so far and with what the best one misses [m].
         """
-        low, high = angles.interval(Motion(model.go_home(), model.angles, 0.0))
-        self._atlas = Atlas(model, low, high, row_limits)
-        self.model, self._tolerance, self._progress = model, tolerance, progress
+        self._atlas, self.model, self._progress = atlas, atlas.model, progress
+        self._angles, self._row_limits = angles, tuple(row_limits)
+        home = atlas.poses[0].state
+        self._low, self._high = angles.interval(Motion(home, home.angles, 0.0))
         self.count = 0
-        self._trails: dict[int, list[Stop]] = {}
-        self.hurry: Callable[[], bool] = lambda: False
+        n = len(home.angles)
+        self._foretell = IkSolver(n, rows=sum(limit.size(n) for limit in self._row_limits))
         self._solver = InverseSolver(
-            model, angles, row_limits=row_limits, tolerance=tolerance, any_branch=True, smooth=True,
+            atlas.model, angles, row_limits=row_limits, tolerance=tolerance, any_branch=True, smooth=True,
         )  # fmt: skip
+        self._allowed: dict[int, bool] = {}
 
-    @classmethod
-    def of(
-        cls,
-        scene: Scene,
-        slide: float,
-        angles: AngleLimit,
-        row_limits: Sequence[RowLimit] = (),
-        *,
-        home: FloatArray | None = None,
-        tolerance: float = 1e-6,
-        progress: Callable[[int, float], None] | None = None,
-    ) -> Self:
-        """Return the pathfinder of a scene, servo bodies slid in by `slide` [m].
+    def _is_allowed(self, number: int) -> bool:
+        """Return whether a pose is within the limits, or beyond them by no more than a step of the grid."""
+        if number not in self._allowed:
+            state = self._atlas.poses[number].state
+            self._allowed[number] = bool(
+                (state.angles >= self._low - SPACING).all()
+                and (state.angles <= self._high + SPACING).all()
+                and limits_passed(state, self._row_limits) <= SPACING
+            )
+        return self._allowed[number]
 
-        Without `home`, angles [rad], that of its model depends on `slide` alone, in proportion between the flat and
-        the working pose: there the strips are stretched. The model gives up early: what takes many iterations is no
-        small step.
+    def prepare(self) -> None:
+        """Find the poses that every answer looks at: what takes long of the first one."""
+        self._atlas.within(FARTHEST)
+
+    def around(self, state: LinearState) -> list[int]:
+        """Bring the model to `state`; return the poses that hang together with that, by poses within the limits.
+
+        The first of them is the nearest one; none where the model does not come to `state`.
         """
-        solver = replace(scene.solver, max_iterations=ITERATIONS, max_halvings=0)
-        if home is None:
-            joints = joints_of(scene)
-            count = joints.count if joints else 0  # of none the model refuses the scene
-            home = np.clip(working_angles(count) * slide / WORKING_SLIDE, angles.low, angles.high)
-        model = StaticModel(replace(scene, solver=solver), slide, home)
-        return cls(model, angles, row_limits, tolerance=tolerance, progress=progress)
+        far = max(FARTHEST, self._atlas.distance(state.equilibrium) + MARGIN)
+        inside = self._atlas.within(far)
+        start = self._atlas.find(state, inside)
+        if start is None:
+            return []
+        found, seen = [start], {start}
+        for number in found:
+            for other in self._atlas.poses[number].neighbours:
+                if other in inside and other not in seen and self._is_allowed(other):
+                    seen.add(other)
+                    found.append(other)
+        return found
 
-    def closest(self, tasks: Sequence[Task], near: FloatArray) -> Found:
-        """Return the pose that meets `tasks` best, and from which pose of the atlas it was found.
+    def closest(
+        self, tasks: Sequence[Task], near: FloatArray, around: Collection[int] | None = None
+    ) -> Found:
+        """Return the pose that meets `tasks` best; the model stands there.
 
-        First the flood goes downhill to where the target may be met. What that leads to need not be the closest pose:
-        the sheets of equilibria hang together far from the target. So where it is not met all is flooded that is no
-        farther from home than the target, unless `hurry` says so.
+        Several searches begin at different poses. The one goes on whose present pose promises most, by what a step
+        may miss; the others are left as soon as they promise less than the best one has found,
+        or have come to where another has been.
 
         Args:
             tasks: What to do.
             near: Of poses equally good the one nearest to these angles [rad] is taken, shape (s,).
+            around: Poses of the atlas that it has to hang together with; None for home.
         """
-        missed = Foretold(tasks)
-        self._trails.clear()
-        self._downhill(missed)
-        best = self._polished(tasks, missed, near)
-        if best[0].outcome is Outcome.REACHED:
-            return best
-        before = len(self._atlas.poses)
-        met = self._all_round(tasks, missed)
-        if met or len(self._atlas.poses) == before:
-            return met or best
-        return self._polished(tasks, missed, near)
-
-    def _polished(self, tasks: Sequence[Task], missed: Foretold, near: FloatArray) -> Found:
-        """Return the best pose that searches from promising ones end in."""
-        begun: list[Found] = []
-        least = np.inf
-        for number in self._atlas.promising(missed, SEEDS):
-            pose = self._atlas.poses[number]
-            if missed(pose.state) > least + MARGIN:
-                continue
-            begun.append(self._descended(tasks, pose.saved, number, FIRST))
-            least = min(least, begun[-1][0].residual)
-            if begun[-1][0].outcome is Outcome.REACHED:
-                return begun[-1]
-        best: Found | None = None
-        ended: list[LinearState] = []
-        for solution, there, number in begun:
-            if solution.residual > GOOD * least or any(_alike(solution.state, other) for other in ended):
-                continue
-            ended.append(solution.state)
-            found = solution, there, number
-            if solution.outcome is Outcome.UNFINISHED:
-                found = self._descended(tasks, there, number, PROGRAMS)
-            better = best[0].residual - found[0].residual if best else np.inf
-            nearer = best and np.linalg.norm(found[0].state.angles - near) < np.linalg.norm(
-                best[0].state.angles - near
-            )
-            if better > SAME / 100 or (nearer and better > -SAME / 100):
-                best = found
-        assert best
-        self.model.restore(best[1])
-        return best
-
-    def _descended(self, tasks: Sequence[Task], saved: Saved, number: int, most: int) -> Found:
-        self.model.restore(saved)
-        found = self._solver.descend(tasks, most)
-        self.count += found.iterations
-        there = self.model.save()
-        self._trails[id(there)] = [
-            *self._trails.get(id(saved), []),
-            *self._solver.trail,
-            (there, found.state),
+        if around is None:
+            around = self.around(self._atlas.poses[0].state)
+        inside = self._atlas.within(FARTHEST)
+        straight = [
+            replace(task, curvature=0.0) if isinstance(task, PositionTask | TiltTask) else task
+            for task in tasks
         ]
-        return found, there, number
-
-    def _downhill(self, missed: Foretold) -> None:
-        """Look at poses that come nearer than any known one, until one may meet the target."""
-        least = min(missed(pose.state) for pose in self._atlas.poses)
-        for next_one in self._atlas.explore(missed):
-            if next_one > least or least < self._tolerance:
+        todo = self._promising(straight, sorted(inside.intersection(around) or around))
+        best: Found | None = None  # of those that have ended
+        most = self.count + PROGRAMS
+        while todo and self.count < most:
+            promised, found = min(todo, key=lambda search: search[0])
+            if best and promised > best.solution.residual + SAME / 100:
                 break
-            least = next_one
-            self._tell(least)
+            todo.remove((promised, found))
+            after = self._descended(tasks, found)
+            solution = after.solution
+            if solution.outcome is Outcome.REACHED:
+                best = after
+                break
+            others = [other for _, other in todo] + ([best] if best else [])
+            if any(_alike(solution.state, state) for other in others for _, state in other.trail[1:]):
+                continue
+            gained = found.solution.residual - solution.residual
+            if solution.outcome is Outcome.UNFINISHED and gained > GAIN * solution.residual:
+                todo.append((self._promised(straight, solution.state)[0], after))
+                continue
+            after = replace(after, solution=replace(solution, outcome=Outcome.CLOSEST, reason=""))
+            if best is None or _is_better(solution, best.solution, near):
+                best = after
+        ends = ([best] if best else []) + [found for _, found in todo if found.solution.iterations]
+        end = min(ends, key=lambda found: found.solution.residual)
+        self.model.restore(end.trail[-1][0])
+        return end
 
-    def _all_round(self, tasks: Sequence[Task], missed: Foretold) -> Found | None:
-        """Look at all poses that are no farther from home than the target, but for `MARGIN`; return the first that a
-        search meets the target from.
+    def _promising(self, tasks: Sequence[Task], numbers: Sequence[int]) -> list[tuple[float, Found]]:
+        """Return poses from which a step leads near to what `tasks` ask, to different ends, and what it misses [m]."""
+        poses = self._atlas.poses
+        missed = foretold(tasks, [poses[n].state for n in numbers])
+        some = [numbers[i] for i in np.argsort(missed, kind="stable")[:PROMISING]]
+        promised = {n: self._promised(tasks, poses[n].state) for n in some}
+        chosen: list[int] = []
+        for number in sorted(some, key=lambda n: (promised[n][0], n)):
+            near = {number, *poses[number].neighbours}  # and their neighbours: on one sheet
+            near |= {m for n in near for m in poses[n].neighbours}
+            if len(chosen) < SEEDS and all(
+                np.abs(promised[number][1] - promised[n][1]).max() > APART for n in near.intersection(chosen)
+            ):
+                chosen.append(number)
+        return [(promised[n][0], self._begun(tasks, n)) for n in chosen]
+
+    def _begun(self, tasks: Sequence[Task], number: int) -> Found:
+        """Return the search that begins at a pose of the atlas, or at the nearest angles that are allowed."""
+        pose = self._atlas.poses[number]
+        trail: tuple[Stop, ...] = ((pose.saved, pose.state),)
+        inside = np.clip(pose.state.angles, self._low, self._high)
+        if (inside != pose.state.angles).any():
+            self.model.restore(pose.saved)
+            with suppress(StepError, SceneError):
+                self.model.follow(inside, shortest=SHORTEST)
+                trail = (*trail, (self.model.save(), self.model.state()))
+        state = trail[-1][1]
+        missed = total_distance(tasks, [task.rows(state).error for task in tasks])
+        solution = Solution(Outcome.UNFINISHED, "", state, missed, {}, (), 0.0, np.inf, 0, 0.0)
+        return Found(solution, number, trail)
+
+    def _promised(self, tasks: Sequence[Task], state: LinearState) -> tuple[float, FloatArray]:
+        """Return what a step of the grid may miss [m], and the angles that it leads to [rad].
+
+        What is foretold of snaps does not count: for a step as long as that it is far too much.
         """
-        home, seen = self._atlas.poses[0].state, len(self._atlas.poses)
-        least = min(missed(pose.state) for pose in self._atlas.poses)
-        asked = [task.rows(home) for task in tasks]
-        far = total_distance(tasks, [rows.error for rows in asked]) + MARGIN
+        problem = build_ik(state, tasks, [self._angles, StepLimit(SPACING)], self._row_limits)
+        result = self._foretell.solve(problem)
+        if not result.ok:
+            return total_distance(tasks, [r.error for r in problem.rows]), state.angles
+        curved = BEND / 2 * float(np.sum((result.command - state.angles) ** 2))
+        return max(0.0, result.residual - curved), result.command
 
-        def from_home(state: LinearState) -> float:
-            rows = [task.rows(state) for task in tasks]
-            return total_distance(tasks, [h.error - r.error for h, r in zip(asked, rows, strict=True)])
-
-        for count, next_one in enumerate(self._atlas.explore(from_home)):
-            for number in range(seen, len(self._atlas.poses)):
-                pose = self._atlas.poses[number]
-                if missed(pose.state) < NEARLY:
-                    found = self._descended(tasks, pose.saved, number, FIRST)
-                    if found[0].outcome is Outcome.REACHED:
-                        return found
-            seen = len(self._atlas.poses)
-            if next_one > far or count == ALL or self.hurry():
-                break
-            self._tell(least)
-        return None
-
-    def _tell(self, least: float) -> None:
-        self.count += 1
+    def _descended(self, tasks: Sequence[Task], found: Found) -> Found:
+        """Continue a search."""
+        self.model.restore(found.trail[-1][0])
+        solution = self._solver.descend(tasks, CHUNK)
+        self.count += solution.iterations
         if self._progress:
-            self._progress(self.count, least)
+            self._progress(self.count, solution.residual)
+        return Found(solution, found.number, (*found.trail, *self._solver.trail))
 
-    def way(self, state: LinearState, tasks: Sequence[Task], *, hurry: bool = False) -> Way:
+    def way(self, state: LinearState, tasks: Sequence[Task]) -> Way:
         """Return the way from `state` to the pose that meets `tasks` best; `NOWHERE` where the model does not come to
-        `state`. It is an `Ask` that answers at once, so that `hurry` is nothing to it.
+        `state`. It is an `Ask` that answers at once.
         """
-        start = self._atlas.find(state, MOST)
-        if start is None:
+        around = self.around(state)
+        if not around:
             return NOWHERE
         here = self.model.save()
-        best, there, number = self.closest(tasks, state.angles)
-        poses = [self._atlas.poses[n] for n in self._atlas.path(start, number)]
-        stops = [(here, state), *((p.saved, p.state) for p in poses), *self._trails[id(there)]]
-        kept, at = [stops[0]], 0
+        best = self.closest(tasks, state.angles, around)
+        end, last = best.trail[-1], self._atlas.find(best.solution.state, around)
+        number, rest = (best.number, best.trail[1:]) if last is None else (last, (end,))
+        poses = [self._atlas.poses[n] for n in self._atlas.path(around[0], number, set(around))]
+        stops = [(here, state), *((p.saved, p.state) for p in poses), *rest]
+        kept, at, ahead = [stops[0]], 0, len(stops)
         while at < len(stops) - 1:
-            after = len(stops) - 1
+            after = min(at + ahead, len(stops) - 1)
             while after > at + 1 and not self._is_straight(stops[at], stops[after]):
                 after = at + (after - at + 1) // 2
-            at = after
+            at, ahead = after, 2 * (after - at)
             kept.append(stops[at])
         for i in range(1, len(kept) - 1):
             kept[i] = self._drawn_in(*kept[i - 1 : i + 2])
         return Way(
             np.array([stop.angles for _, stop in kept[1:]]).reshape(-1, len(state.angles)),
-            best.residual,
-            best.active_limits,
+            best.solution.residual,
+            best.solution.active_limits,
         )
 
     def _drawn_in(self, before: Stop, stop: Stop, after: Stop) -> Stop:
@@ -264,12 +276,12 @@ class Pathfinder:
         for _ in range(DRAWN):
             here = stop[1].angles
             along = float((here - before[1].angles) @ whole) / max(float(whole @ whole), 1e-12)
-            part = min(max(along, 0.0), 1.0)
+            off = before[1].angles + min(max(along, 0.0), 1.0) * whole - here
+            if np.abs(off).max() < OFF_LINE:
+                break
             self.model.restore(stop[0])
             try:
-                state = self.model.follow(
-                    0.5 * (here + before[1].angles + part * whole), shortest=SHORTEST / 4
-                )
+                state = self.model.follow(here + 0.5 * off, shortest=SHORTEST / 4)
             except (StepError, SceneError):
                 break
             nearer = self.model.save(), state
@@ -281,7 +293,7 @@ class Pathfinder:
     def _is_straight(self, start: Stop, end: Stop) -> bool:
         """Return whether the body goes straight from one pose to another, and hardly softer than these."""
         self.model.restore(start[0])
-        softest = WITHIN * min(CALM, start[1].firmness, end[1].firmness)
+        softest = WITHIN * max(SOFTEST, min(CALM, start[1].firmness, end[1].firmness))
         try:
             found = self.model.follow(end[1].angles, softest=softest, shortest=SHORTEST / 4, longest=LONGEST)
         except (StepError, SceneError):
@@ -289,7 +301,27 @@ class Pathfinder:
         return bool(np.abs(found.equilibrium - end[1].equilibrium).max() < SAME)
 
 
+def foretold(tasks: Sequence[Task], states: Sequence[LinearState]) -> FloatArray:
+    """Return how near [m] a linear step of at most the grid's spacing brings each of `states` to what `tasks` ask."""
+    rows = [[task.rows(state) for task in tasks] for state in states]
+    e = np.array([np.concatenate([r.weights * r.error for r in found]) for found in rows])
+    J = np.array([np.concatenate([r.weights[:, None] * r.jacobian for r in found]) for found in rows])
+    normal = J.transpose(0, 2, 1) @ J + DAMPING**2 * np.eye(J.shape[2])
+    steps = np.linalg.solve(normal, (J.transpose(0, 2, 1) @ e[:, :, None]))[:, :, 0].clip(-SPACING, SPACING)
+    return np.array([
+        total_distance(tasks, [r.error - r.jacobian @ step for r in found])
+        for found, step in zip(rows, steps, strict=True)
+    ])  # fmt: skip
+
+
 def _alike(state: LinearState, other: LinearState) -> bool:
     """Return whether two searches have come to where they go on to the same pose."""
     turn, move = state.angles - other.angles, state.equilibrium - other.equilibrium
-    return bool(np.abs(turn).max() < CLOSE * APART and np.abs(move).max() < CLOSE * MARGIN)
+    return bool(np.abs(turn).max() < APART and np.abs(move).max() < OFF)
+
+
+def _is_better(solution: Solution, other: Solution, near: FloatArray) -> bool:
+    """Return whether a solution is closer; of two equally close ones, nearer to the angles `near` [rad]."""
+    gain = other.residual - solution.residual
+    away, there = (float(np.linalg.norm(s.state.angles - near)) for s in (solution, other))
+    return gain > SAME / 100 or (away < there and gain > -SAME / 100)

@@ -144,6 +144,8 @@ def build_ik(
     rows = tuple(task.rows(state) for task in tasks)
     Se = np.concatenate([r.weights * r.error for r in rows])
     SJ = np.concatenate([r.weights[:, None] * r.jacobian for r in rows])
+    straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
+    soft = 0.0 if straight else softening(state, SJ, Se)
     mu = sum(r.curvature * float(np.linalg.norm(r.weights**2 * r.error)) for r in rows)
     sigma = max(float(np.sum(SJ**2)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 
@@ -151,7 +153,7 @@ def build_ik(
     extra = sum(len(r.names) for r in limited)
     m = n + extra
     P, q, A = np.eye(m), np.zeros(m), np.zeros((m + extra, m))
-    P[:n, :n] = (SJ.T @ SJ + mu * np.eye(n) + softening(state, SJ, Se)) / sigma + REGULARISATION * np.eye(n)
+    P[:n, :n] = (SJ.T @ SJ + mu * np.eye(n) + soft) / sigma + REGULARISATION * np.eye(n)
     q[:n] = -SJ.T @ Se / sigma - REGULARISATION * keep
     A[:m] = np.eye(m)
     low, high, push = np.full(m + extra, -np.inf), np.full(m + extra, np.inf), np.ones(m + extra)

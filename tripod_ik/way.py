@@ -33,8 +33,5 @@ NOWHERE = Way(np.empty((0, 0)), np.inf, ())
 class Ask(Protocol):
     """Who knows ways."""
 
-    def __call__(self, state: LinearState, tasks: Sequence[Task], *, hurry: bool = False) -> Way | None:
-        """Return the way from a state to the pose that meets tasks best; None is no answer yet: to be asked again.
-
-        `hurry`: the answer is hardly of use any more; what is known will do.
-        """
+    def __call__(self, state: LinearState, tasks: Sequence[Task]) -> Way | None:
+        """Return the way from a state to the pose that meets tasks best; None is no answer yet: to be asked again."""

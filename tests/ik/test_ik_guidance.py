@@ -1,6 +1,7 @@
 """A tracker that stands still asks for a way, goes along it, rests at its end and goes on when the target moves."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,9 @@ import pytest
 from tests.ik.plant import SpringRobot
 from tripod_ik.errors import IkError
 from tripod_ik.guide import NEAR_WAY, Guide
-from tripod_ik.tasks import PositionTask
+from tripod_ik.problem import build_ik
+from tripod_ik.solver import IkSolver
+from tripod_ik.tasks import PositionTask, PostureTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
 from tripod_ik.way import NOWHERE, Way
@@ -23,14 +26,12 @@ class Robot:
 
     def __init__(self, answers):
         self.plant, self.questions, self.answers = SpringRobot(slide=0.035), [], list(answers)
-        self.hurried = []
         self.tracker = Tracker(TrackerSettings(angle_max=-1.0), guide=self.ask)
         self.angles, self.now = WORKING, 0.0
         self.tracker.target = self.plant.rest(WORKING) + np.array([0.0, 0.0, 0.1])
 
-    def ask(self, state, tasks, *, hurry=False):
+    def ask(self, state, tasks):
         self.questions.append((state, tasks))
-        self.hurried.append(hurry)
         return self.answers.pop(0)
 
     def run(self, ticks, *, obeys=True):
@@ -119,6 +120,9 @@ class Finder:
     def __init__(self, answer):
         self.answer, self.go = answer, threading.Event()
 
+    def prepare(self):
+        self.prepared = True
+
     def way(self, state, tasks):
         assert self.go.wait(60)
         if isinstance(self.answer, Exception):
@@ -154,26 +158,26 @@ def test_a_guide_answers_when_it_knows_and_says_what_it_does(answer, notice):
     assert slides == [0.035, 0.02]
 
 
-def test_a_question_that_is_of_no_use_any_more_is_answered_in_a_hurry():
-    class Thorough:
-        def way(self, _state, _tasks):
-            assert any(self.hurry() or threading.Event().wait(0.01) for _ in range(6000))
-            return NOWHERE
+def test_a_guide_prepares_its_answers_once_where_the_slide_stays():
+    finder, slides = Finder(NOWHERE), []
+    guide = Guide(lambda slide: slides.append(slide) or finder)
+    for now, slide in ((0.0, 0.02), (0.9, 0.02), (1.0, 0.03), (1.9, 0.03)):
+        guide.stand(slide, now)
+        guide.close(60.0)
+        assert slides == []
+    for now in (2.1, 2.2, 9.0):
+        guide.stand(0.03, now)
+        guide.close(60.0)
+        assert slides == [0.03]
+        assert finder.prepared
+    assert guide.notice == ""
 
-    guide = Guide(lambda _: Thorough())
-    state, tasks = SpringRobot(slide=0.035).state(WORKING), [PositionTask(np.zeros(3))]
-    assert guide(state, tasks) is None
-    assert guide(state, tasks, hurry=True) is None
-    guide.close(60.0)
-    assert guide(state, tasks) is NOWHERE
-    assert guide.notice == f"{NEAR_WAY}; the robot does not rest as its model does"
 
-
-def test_a_tracker_whose_target_moves_on_hurries():
-    robot = Robot([None] * 20)
-    robot.until_asked()
-    robot.run(3)
-    robot.tracker.aim(robot.tracker.target + np.array([0.003, 0.0, 0.0]), None, robot.now)
-    robot.run(10)
-    assert not any(robot.hurried[:3])
-    assert robot.hurried[-1]
+def test_a_posture_is_gone_to_straight_however_near_a_snap():
+    """Else a robot that is led leaves the way where that becomes firmer, and snaps."""
+    turn = np.array([0.008, 0.022, -0.029])
+    state = replace(
+        SpringRobot(slide=0.035).state(WORKING), firmness=0.05, firmness_slope=np.array([53.5, 53.5, 38.2])
+    )
+    result = IkSolver(3).solve(build_ik(state, [PostureTask(WORKING + turn, weight=1.0)]))
+    assert result.command - WORKING == pytest.approx(turn, abs=1e-3 * np.abs(turn).max())

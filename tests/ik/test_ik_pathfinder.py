@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.ik.search import Flood, Limits
-from tripod_graph.names import WORKING_POSE
+from tripod_ik.atlas import Atlas
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel, goes_on
 from tripod_ik.pathfinder import Pathfinder
@@ -29,7 +29,12 @@ def at(degrees, radius=0.01):
 
 @pytest.fixture(scope="module")
 def finder():
-    return Pathfinder.of(load_scene("tripod"), 0.0, *Tracker(SETTINGS).reach)
+    return Pathfinder(Atlas.of(load_scene("tripod"), 0.0), *Tracker(SETTINGS).reach)
+
+
+@pytest.fixture(scope="module")
+def between():
+    return Pathfinder(Atlas.of(load_scene("tripod"), 0.012), *Tracker(SETTINGS).reach)
 
 
 def follow(flat, finder, goals):
@@ -73,26 +78,36 @@ def test_round_the_edge_of_reach_it_ends_closest_and_comes_back_mirrored_for_mir
     assert found["left"] == pytest.approx(turned, abs=2e-5)
 
 
-def test_beyond_a_gap_between_sheets_the_closest_pose_is_found_whatever_was_asked_before():
+def test_beyond_a_gap_between_sheets_the_closest_pose_is_found_whatever_was_asked_before(between):
     """Slid in by 12 mm the body rests above or below; the sheets of both hang together only near home."""
-    start = np.array(WORKING_POSE[:3]) * 12 / 35
-    finder = Pathfinder.of(load_scene("tripod"), 0.012, *Tracker(SETTINGS).reach)
-    home = finder.model.go_home().equilibrium
+    home, start = between.model.go_home().equilibrium, between.model.home
 
     def asked(goal):
-        return finder.closest([PositionTask(home + goal)], start)[0]
+        return between.closest([PositionTask(home + goal)], start).solution.residual
+
+    def seven(sign, radius):
+        return [asked(at(sign * degrees + turn, radius)) for degrees in (0, 30) for turn in (0, 120, 240)] + [
+            asked(at(60, radius))
+        ]
 
     low, high = np.array([0.0, 0.0, -0.002]), np.array([0.0, 0.0, 0.002])
-    assert asked(at(0) + low).residual < 1e-6  # now the sheet below is known, and little else
-    finder.hurry = lambda: True
-    hurried = asked(at(0) + high)
-    assert hurried.residual > 3e-3
-    finder.hurry = lambda: False
-    assert asked(at(0) + high).residual < 1e-6
-    between = [asked(at(sign * 30 + turn)) for sign in (1, -1) for turn in (0, 120)]
-    assert np.ptp([found.residual for found in between]) < 2e-5
-    assert between[0].residual == pytest.approx(0.904e-3, abs=1e-5)
-    assert between[0].iterations < 80
+    first = asked(at(0))
+    assert asked(at(0) + low) < 1e-6
+    assert asked(at(0) + high) < 1e-6
+    assert asked(at(0)) == pytest.approx(first, abs=1e-9)
+    for radius, expected in ((0.008, (0.516, 0.282, 0.227)), (0.01, (0.393, 0.904, 0.989))):
+        for sign in (1, -1):
+            found = seven(sign, radius)
+            assert found[:3] == pytest.approx([1e-3 * expected[0]] * 3, abs=2e-6)
+            assert found[3:6] == pytest.approx([1e-3 * expected[1]] * 3, abs=2e-6)
+            assert found[6] == pytest.approx(1e-3 * expected[2], abs=2e-6)
+
+
+def test_a_goal_on_another_sheet_is_met(between):
+    """30 degrees beside a servo and 2 mm lower."""
+    home = between.model.go_home().equilibrium
+    found = between.closest([PositionTask(home + at(30, 0.006) - [0.0, 0.0, 0.002])], between.model.home)
+    assert found.solution.residual < 1e-6
 
 
 def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
@@ -100,7 +115,7 @@ def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
     home, limits = flat.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
     flood = Flood(flat, -2.1, 0.6, limits, spacing=0.2, within=0.011)
     for goal in (at(0), at(35, 0.012), at(-120, 0.008)):
-        solution, _, _ = finder.closest([PositionTask(home + goal)], np.zeros(3))
+        solution = finder.closest([PositionTask(home + goal)], np.zeros(3)).solution
         least = flood.closest(home + goal, limits, starts=2)[0]
         assert solution.residual > 1e-4
         assert solution.residual < least + 5e-5
@@ -113,7 +128,7 @@ def test_a_robot_that_does_not_rest_as_the_model_does_gets_no_way(flat, finder):
 
 def test_a_way_is_known_where_all_poses_are():
     """Of few angles all poses are soon found: then the present one is still among them."""
-    finder = Pathfinder.of(load_scene("tripod"), 0.035, AngleLimit(-1.8, -1.2))
+    finder = Pathfinder(Atlas.of(load_scene("tripod"), 0.035), AngleLimit(-1.8, -1.2))
     home = finder.model.go_home().equilibrium
     far = [PositionTask(home + np.array([0.05, 0.0, 0.0]))]
     finder.closest(far, finder.model.home)
@@ -125,7 +140,7 @@ def test_a_way_is_known_where_all_poses_are():
 
 def test_a_way_does_not_lead_over_a_snap_that_its_ends_say_nothing_of():
     """From the sheet above to that below, past where the body would snap: what the Jacobians at both ends say fits."""
-    finder = Pathfinder.of(load_scene("tripod"), 0.023, *Tracker(SETTINGS).reach)
+    finder = Pathfinder(Atlas.of(load_scene("tripod"), 0.023), *Tracker(SETTINGS).reach)
     model = finder.model
     goal = [PositionTask(model.go_home().equilibrium + np.array([0.012, 0.0, 0.002]))]
     state = model.follow(np.array([-1.242, -0.59, -0.59]))
