@@ -38,11 +38,11 @@ def between():
 
 
 def follow(flat, finder, goals):
-    """Go to one goal after the other, 1 s for each; return the states and the tracker's last steps."""
+    """Go to one goal after the other, 1.2 s for each; return the states and the tracker's last steps."""
     home, tracker, now, ends = flat.state().equilibrium, Tracker(SETTINGS, guide=finder.way), 0.0, []
     for goal in goals:
         tracker.aim(home + goal, None, now)
-        for _ in range(round(1.0 / DT)):
+        for _ in range(round(1.2 / DT)):
             before = flat.state()
             step = tracker.update(before, now)
             after = flat.move(step.result.command)
