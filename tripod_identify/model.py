@@ -53,7 +53,16 @@ class Told:
 
 
 def plainly(scene: Scene) -> Told:
-    """Return what is assumed where nothing is known: servos and sensor as the scene has them."""
+    """Return what is assumed where nothing is known: servos and sensor as the scene has them.
+
+    Raises:
+        SceneError: a body has servos of its own: two robots' data would need names for theirs.
+    """
+    if any(body.servos for body in scene.body):
+        raise SceneError(
+            f"scene {scene.name!r} has bodies with servos of their own ([body.servos]); only those of [servos] can be "
+            "compared with data: make a scene of that one robot"
+        )
     count = scene.servos.count if scene.servos else 0
     return Told(scene, np.zeros(count), np.ones(count), plain_sensor())
 

@@ -11,6 +11,7 @@ from tripod_identify.model import plainly
 from tripod_identify.observe import Point
 from tripod_identify.parameters import parameters
 from tripod_identify.problem import Problem
+from tripod_sim import SceneError, load_scene
 
 TIP = tuple(Channel("tip", axis) for axis in range(3))
 FAR = tuple(Channel("far", axis) for axis in range(3))
@@ -87,3 +88,8 @@ def test_values_that_the_data_have_nothing_to_do_with_are_refused() -> None:
         parameters(beam(), ["servos.zero"])
     with pytest.raises(DataError, match="given twice"):
         parameters(scene, ["material.young", "material.young"])
+
+
+def test_two_robots_in_one_scene_are_not_compared() -> None:
+    with pytest.raises(SceneError, match="make a scene of that one robot"):
+        plainly(load_scene("two_tripods"))

@@ -64,7 +64,7 @@ class TrBdf2(Substeps):
         if self._rate is None:
             stage.known[:] = start
             report = stage.solve(state, joints, h)
-            self._rate = np.empty_like(start)
+            self._rate = np.zeros_like(start)
             self._measure_rate(state, h)
             if self.errors and state.errors:
                 self.errors.euler(state.errors, start[1], state.velocities, h, keep_rates=True)
