@@ -91,7 +91,8 @@ class Asker:
         return {n: result.reason for n, result in zip(values, answer.results, strict=True)}
 
     def topics(self, name: str, namespace: str) -> set[str]:
-        """Return what a node publishes and listens to."""
+        """Return what a node publishes and listens to, once the graph knows it by name."""
+        self.wait(lambda: (name, namespace) in self.node.get_node_names_and_namespaces(), f"node {name}")
         found = self.node.get_publisher_names_and_types_by_node(name, namespace)
         found += self.node.get_subscriber_names_and_types_by_node(name, namespace)
         return {topic for topic, _ in found}
@@ -293,7 +294,7 @@ def test_a_servo_script_moves_the_simulator_and_stop_ends_it(domain: int) -> Non
             )
             asker.node.create_subscription(ControlMode, names.CONTROL_MODE, modes.append, LATCHED)
             asker.wait(lambda: heard and heard[-1] == pytest.approx([-0.3, -0.2, -0.1], abs=1e-3), "motion")
-            assert modes[-1].mode == ControlMode.REPLAY
+            asker.wait(lambda: modes and modes[-1].mode == ControlMode.REPLAY, "the mode")
             assert "script#" in modes[-1].source
             stop.publish(ControlMode(mode=ControlMode.STOP, source="operator#1"))
             asker.wait(lambda: heard[-1] == pytest.approx([0.0] * 3, abs=1e-3), "parked servos")

@@ -17,7 +17,9 @@ import os, sys
 from tripod_graph.run import run_node
 
 def make():
-    print("range", os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"], "FASTRTPS_DEFAULT_PROFILES_FILE" in os.environ)
+    print(
+        "range", os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"], "FASTRTPS_DEFAULT_PROFILES_FILE" in os.environ, flush=True
+    )
     if {failing!r} == "make":
         raise ValueError("a bad parameter")
     from rclpy.node import Node
@@ -25,12 +27,12 @@ def make():
     class Probe(Node):
         def __init__(self):
             super().__init__("probe")
-            print("ready", flush=True)
+            os.write(1, b"ready\\n")  # whole at once: a signal may come before `print` has left its buffer
             if {failing!r} == "run":
                 self.create_timer(0.01, lambda: 1 / 0)
 
         def close(self):
-            print("closed", flush=True)
+            os.write(1, b"closed\\n")
             if {failing!r} == "close":
                 raise RuntimeError("the port is gone")
 

@@ -76,7 +76,7 @@ with stop.taken() as asked, stop.taken() as same:
     assert same is asked
     os.kill(os.getpid(), 15)
     os.kill(os.getpid(), 2)
-    print(asked.count, asked.name)
+    print(asked.count, asked.name, flush=True)
 os.kill(os.getpid(), 2)
 """
     done = run(program)

@@ -16,6 +16,7 @@ from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.rerun import Ended
 from tripod_sim.scene_file import load_scene, scene_to_toml
+from tripod_sim.scene_short import joints_of
 from tripod_sim.simulation import Simulation
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -64,7 +65,7 @@ def run_session(
     found = Recorded(simulation)
     rng, count = np.random.default_rng(seed), itertools.count(1)
     asked: list[threading.Thread] = []
-    joints = simulation.command
+    joints, limits = simulation.command, joints_of(simulation.scene)
 
     def request(what: Callable[[], object]) -> None:
         asked.append(threading.Thread(target=what))
@@ -78,12 +79,12 @@ def run_session(
             request(lambda: physics.request_reset(60.0))
         if made == checkpoint_at:
             physics.request_checkpoint()
-        if not (servos := simulation.scene.servos):
+        if limits is None:
             return None
         if made % 20 < 12:  # else they hold
-            joints[:] += rng.normal(size=len(joints)) * [*[0.01] * servos.count, 1e-4]
-            joints[:-1] = np.clip(joints[:-1], servos.angle_min, servos.angle_max)
-            joints[-1] = np.clip(joints[-1], 0.0, servos.slide_max)
+            joints[:] += rng.normal(size=len(joints)) * [*[0.01] * limits.count, 1e-4]
+            joints[:-1] = np.clip(joints[:-1], limits.low, limits.high)
+            joints[-1] = np.clip(joints[-1], 0.0, limits.slide_max)
         return joints.copy()
 
     def keep(snapshot: Snapshot) -> None:

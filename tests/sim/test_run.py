@@ -79,6 +79,7 @@ def test_the_recording_holds_every_step(recorded) -> None:
         "energies": (60, 3),
         "effector": (60, 7),
         "angles": (60, 3),
+        "arms": (3, 13),
         "slide": (60,),
         "torques": (60, 3),
         "event_times": (0,),
@@ -206,8 +207,8 @@ def test_progress_rises_to_one() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"servo": "0:0,0,0; 1:0,0,0.7"}, "--servo: angles reach 0 to 0.7 rad; allowed is -2.1 to 0.6 rad"),
-        ({"servo": "0:0,0,-2.2"}, "--servo: angles reach -2.2 to 0 rad; allowed is -2.1 to 0.6 rad"),
+        ({"servo": "0:0,0,0; 1:0,0,0.7"}, "--servo: angles of servo 2 reach 0 to 0.7 rad; allowed is -2.1 to 0.6 rad"),
+        ({"servo": "0:0,0,-2.2"}, "--servo: angles of servo 2 reach -2.2 to -2.2 rad; allowed is -2.1 to 0.6 rad"),
         ({"servo": "0:0,0"}, "--servo: '0:0,0' is not 'time: value, ...' with 3 finite values"),
         ({"slide": "0.05"}, "--slide: reaches 0.05 to 0.05 m; allowed is 0 to 0.04 m"),
         ({"slide": "0:0; 1:-0.001"}, "--slide: reaches -0.001 to 0 m; allowed is 0 to 0.04 m"),
@@ -397,7 +398,8 @@ def test_only_a_run_takes_notice_of_the_motion() -> None:
         ),
         (
             'motion.servo="0:0,0,9"',
-            "motion.servo: angles reach 0 to 9 rad; allowed is -2.1 to 0.6 rad; degrees? 9 degrees are 0.1571 rad; "
+            "motion.servo: angles of servo 2 reach 9 to 9 rad; allowed is -2.1 to 0.6 rad; "
+            "degrees? 9 degrees are 0.1571 rad; "
             "give --servo",
         ),
         (

@@ -49,7 +49,8 @@ def test_joints_come_in_any_order_and_the_slide_may_miss() -> None:
 @pytest.mark.parametrize(
     ("names", "positions", "words"),
     [
-        (["servo_0", "servo_1"], [0.0, 0.0], "joint 'servo_2' is missing"),
+        (["servo_0", "servo_2"], [0.0, 0.0], "joint 'servo_1' is missing"),
+        (["slide"], [0.0], "joint 'servo_0' is missing"),
         (["servo_0", "servo_1", "servo_2"], [0.0], "1 positions for 3 joints"),
         (["servo_0", "servo_1", "servo_2"], [0.0, float("nan"), 0.0], "joint 'servo_1' is nan"),
         (["servo_0", "servo_1", "servo_2", "slide"], [0.0, 0.0, 0.0, float("inf")], "joint 'slide' is inf"),

@@ -146,7 +146,7 @@ def _disc_radius(scene: Mapping[str, Any]) -> float:
 def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Curve]:
     """Return what is drawn over time: of a robot its joints, torques and effector, of all others the energies."""
     found = []
-    if arrays["angles"].shape[1]:
+    if "angles" in arrays and arrays["angles"].shape[1]:
         servos = tuple(f"servo {i}" for i in range(arrays["angles"].shape[1]))
         found.append(Curve("servo angles", "degrees", servos, np.degrees(arrays["angles"][steps])))
         stall = scene.get("servo_dynamics", {}).get("stall_torque")
