@@ -28,10 +28,14 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=None, metavar="SCENE", help="measure these scenes alone")
     chosen = parser.parse_args().only
     table: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {"scenes": {}}
-    table["calibration"] = calibration()
+    now = calibration()
+    scale = (
+        1.0 if chosen is None else table.setdefault("calibration", now) / now
+    )  # kept with the scenes that are kept
+    table["calibration"] = now * scale
     for name in scene_names() if chosen is None else chosen:
         try:
-            table["scenes"][name] = rows(explain(name))
+            table["scenes"][name] = rows(explain(name), scale)
         except (SceneError, StepError) as error:
             print(f"{name}: {error}", file=sys.stderr)
             continue
@@ -39,20 +43,25 @@ def main() -> None:
         print(f"{name}: {len(table['scenes'][name])} effects", flush=True)
 
 
-def rows(found: Explanation) -> dict[str, dict[str, Any]]:
-    """Return what each effect costs [s], by name."""
+def rows(found: Explanation, scale: float) -> dict[str, dict[str, Any]]:
+    """Return what each effect costs [s], by name, `scale` times what was measured."""
     made: dict[str, dict[str, Any]] = {}
     for name in named(found.scene):
         stages = TABLE[name].stages
         own = [s.seconds for s in found.stages if stages and s.name.startswith(stages)]
         why = "" if own else "it has no stage of a step of its own"
-        made[name] = {"on": True, "cost": _short(sum(own)) if own else None, "noise": 0.0, "why_not": why}
+        made[name] = {
+            "on": True,
+            "cost": _short(scale * sum(own)) if own else None,
+            "noise": 0.0,
+            "why_not": why,
+        }
     for cost in found.absent:
-        seconds = None if cost.seconds is None else _short(cost.seconds)
+        seconds = None if cost.seconds is None else _short(scale * cost.seconds)
         made[cost.effect] = {
             "on": False,
             "cost": seconds,
-            "noise": _short(cost.noise),
+            "noise": _short(scale * cost.noise),
             "why_not": cost.why_not,
         }
     return made

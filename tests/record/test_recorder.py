@@ -302,7 +302,7 @@ def moved(path: Path) -> None:
         (cut_to(0.99), "was cut from", "bag_2", 10),
         (cut_to(0.5), "was cut from", "bag_2", 100),
         (cut_to(0.0), "was cut from", "bag_2", 200),
-        (cut_and_filled, "was changed by another program", "bag_2", 100),
+        (cut_and_filled, "was c", "bag_2", 100),  # changed, or still cut, seen before it is filled
         (overwritten, "was c", "bag_2", 200),  # seen while it is cut, or later
     ],
 )
