@@ -27,6 +27,15 @@ def scaled_norm_squared(a: Array, scale: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def dot(a: Array, b: Array) -> float:
+    """Return sum_i a_i b_i, in one thread: NumPy's keeps the others awake for it."""
+    total = 0.0
+    for k in range(a.shape[0]):
+        total += a[k] * b[k]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
 def largest(a: Array) -> float:
     """Return max |a_i| of any shape; NaN is not larger than a number."""
     x, most = a.ravel(), 0.0

@@ -33,13 +33,13 @@ def test_the_hanging_piece_needs_few_increments_and_no_line_search() -> None:
 
 
 def test_it_is_the_equilibrium_that_a_line_search_finds() -> None:
-    """Which takes four times the solves; both leave 1e-8 N on a piece that yields about 1 m/N."""
+    """Which takes more than three times the solves; both leave 1e-8 N on a piece that yields about 1 m/N."""
     (system, state), (other, searched) = flat(), flat()
     carried = LoadSteps(system, 1e-8).carry(state)
     report = Newton(other, 1e-8, 1000).solve(searched, np.zeros(1))
     np.testing.assert_allclose(state.positions, searched.positions, atol=1e-7)
     assert state.positions[:, 2].min() < -0.07
-    assert report.iterations > 4 * carried.increments
+    assert report.iterations > 3 * carried.increments
 
 
 def test_the_step_reports_its_increments_and_the_next_has_none() -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
-from tripod_sim.system_kernels import largest, same, write_moves
+from tripod_sim.system_kernels import dot, largest, same, write_moves
 
 if TYPE_CHECKING:  # only steps of changing length need it
     from tripod_sim.integrators.factor_store import FactorStore
@@ -157,7 +157,7 @@ class Newton:
 
     def _drive(self, state: State, trial: State, report: NewtonReport) -> float:
         """Make the step that moves the driven nodes; return the potential after it."""
-        phi = self._step(state, trial, 1.0, report)
+        phi = self._step(state, trial, report)
         if not math.isfinite(phi):
             raise NewtonError(f"{self._culprit(trial)} as the servos moved")
         trial.copy_to(state)
@@ -181,7 +181,7 @@ class Newton:
                     f"largest at {self._largest()}"
                 )
             before = size
-            lower = self._step(state, trial, 1.0, report)  # chord: with the factorisation at hand
+            lower = self._step(state, trial, report)  # chord: with the factorisation at hand
             size = system.unbalanced() if math.isfinite(lower) else np.inf
             if not (self._converges(size, before) and lower <= phi + self._slack(phi)):
                 lower = self._newton_step(state, trial, report)
@@ -203,10 +203,13 @@ class Newton:
         system = self.system
         phi = self._renew(state, report)
         before = system.unbalanced()
-        slope = float(system.residual @ self._solve())
+        solution = self._proposed()
+        report.iterations += 1
+        slope = dot(system.residual, solution)
+        np.negative(solution, out=solution)
         scale = 1.0
         while scale >= self.SHORTEST:
-            trial_phi = self._step(state, trial, scale, report)
+            trial_phi = self._walk(state, trial, solution, scale)
             if trial_phi <= phi - 1e-4 * scale * slope + self._slack(phi) or (
                 math.isfinite(trial_phi) and system.unbalanced() < 0.1 * before
             ):
@@ -236,12 +239,16 @@ class Newton:
             shift *= 100
         raise NewtonError("the tangent is singular: is a part of the body held by nothing?")
 
-    def _step(self, state: State, trial: State, scale: float, report: NewtonReport) -> float:
-        """Solve for a step from the evaluated `state`, write `scale` of it to `trial`, return Phi there."""
-        system = self.system
+    def _step(self, state: State, trial: State, report: NewtonReport) -> float:
+        """Solve for a step from the evaluated `state`, write it to `trial`, return Phi there."""
         report.iterations += 1
         solution = self._proposed()
         np.negative(solution, out=solution)
+        return self._walk(state, trial, solution, 1.0)
+
+    def _walk(self, state: State, trial: State, solution: FloatArray, scale: float) -> float:
+        """Write `scale` of the step `solution` from the evaluated `state` to `trial`, return Phi there."""
+        system = self.system
         system.reduction.moves(solution, system.lever, self._dx)
         if self.near:
             self._moved = largest(self._dx)
