@@ -1,5 +1,6 @@
 """The demo's node: plays `demo_session` into the graph and measures how well it is followed."""
 
+import math
 import threading
 import time
 from contextlib import suppress
@@ -50,7 +51,7 @@ class DemoNode(Node):
         self.session = DemoSession(SessionTimes(track=track), shape)
         self.measured = Measurements()
         self._go, self._cut = threading.Event(), threading.Event()
-        self._joints, self._effector = np.full(1, np.nan), np.full(3, np.nan)
+        self._joints, self._effector = np.full(1, np.nan), (math.nan,) * 3
         self._stamp_start = 0.0
         self._mandate = Mandate(new_source("demo", self.get_namespace()))
         self._speaker = Speaker(self, self._mandate)
@@ -58,14 +59,16 @@ class DemoNode(Node):
         self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._target = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
         later = Patient()  # measured when the next target is told
-        for kind, topic, callback, qos in (
-            (SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE),
-            (IkStatus, names.IK_STATUS, self._on_ik_status, NEWEST),
-            (RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE),
-            (JointState, names.SIM_JOINT_STATES, self._on_joints, NEWEST),
-            (PoseStamped, names.EFFECTOR_POSE, self._on_effector, NEWEST),
-        ):
+        self._joint_states, *_ = [
             self.create_subscription(kind, topic, callback, qos, callback_group=later)
+            for kind, topic, callback, qos in (
+                (JointState, names.SIM_JOINT_STATES, self._on_joints, NEWEST),
+                (SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE),
+                (IkStatus, names.IK_STATUS, self._on_ik_status, NEWEST),
+                (RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE),
+                (PoseStamped, names.EFFECTOR_POSE, self._on_effector, NEWEST),
+            )
+        ]
         self.create_subscription(
             BodyState, names.BODY_STATE, self._on_body_state, SENSOR, raw=True, callback_group=later
         )
@@ -93,19 +96,23 @@ class DemoNode(Node):
     def _on_timer(self) -> None:
         if not self._go.is_set() or self._cut.is_set() or self.session.finished:
             return
-        linked = (
+        was = self.session.phase
+        linked = was is Phase.WAIT and self._is_linked()
+        self._publish(self.session.step(time.monotonic(), Heard(linked, self._joints, self._effector)))
+        if was is not Phase.TRACK and self._tracking:
+            self._stamp_start = seconds(self.get_clock().now().to_msg())
+            self.measured.packets_before = self.measured.packets
+            self.destroy_subscription(self._joint_states)  # where the joints are is asked no more
+        if self.session.failure:
+            self.measured.session_failure = self.session.failure
+
+    def _is_linked(self) -> bool:
+        return bool(
             self._trajectory.get_subscription_count() >= FOLLOWERS
             and self._speaker.is_heard_by(FOLLOWERS + 1)
             and self._target.get_subscription_count() >= 1
             and self.measured.packets is not None
         )
-        was = self.session.phase
-        self._publish(self.session.step(time.monotonic(), Heard(linked, self._joints, self._effector)))
-        if was is not Phase.TRACK and self._tracking:
-            self._stamp_start = seconds(self.get_clock().now().to_msg())
-            self.measured.packets_before = self.measured.packets
-        if self.session.failure:
-            self.measured.session_failure = self.session.failure
 
     def _publish(self, action: Action) -> None:
         stamp = self.get_clock().now().to_msg()
@@ -145,12 +152,11 @@ class DemoNode(Node):
 
     def _on_effector(self, message: Any) -> None:
         position = message.pose.position
-        self._effector = np.array([position.x, position.y, position.z])
+        self._effector = position.x, position.y, position.z
         if self._tracking and self.session.target is not None:
             age = seconds(message.header.stamp) - self._stamp_start
             if age > SETTLED_AFTER:
-                error = np.linalg.norm(self._effector - self.session.target(age))
-                self.measured.tracking.add(float(error))
+                self.measured.tracking.add(math.dist(self._effector, self.session.target(age)))
 
     def _on_body_state(self, _raw: bytes) -> None:
         if self._tracking:

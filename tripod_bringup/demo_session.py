@@ -1,5 +1,6 @@
 """The script of the demo as a rule: what to publish next, given what was heard. Pure."""
 
+import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -31,12 +32,12 @@ class Heard:
     Attributes:
         linked: Whether everybody who must hear the session is connected and alive.
         joints: Simulated joint values: angles [rad] and the slide [m], NaN before the first.
-        effector: Simulated effector position [m], shape (3,), NaN before the first.
+        effector: Simulated effector position [m], NaN before the first.
     """
 
     linked: bool = False
     joints: FloatArray = field(default_factory=lambda: np.full(1, np.nan))
-    effector: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+    effector: tuple[float, float, float] = (math.nan,) * 3
 
     @property
     def complete(self) -> bool:
@@ -161,19 +162,13 @@ class DemoSession:
     def _settle(self, now: float, elapsed: float, heard: Heard) -> Action:
         if elapsed < self.times.settle:
             return Action()
-        self.target = replace(self._shape, centre=point(heard.effector))
+        self.target = replace(self._shape, centre=heard.effector)
         self.track_start = now
         self._enter(Phase.TRACK, now)
-        return Action(mode=Mode.IK, target=point(self.target(0.0)))
+        return Action(mode=Mode.IK, target=self.target(0.0))
 
     def _track(self, now: float, elapsed: float) -> Action:
         if self.times.track is not None and elapsed >= self.times.track:
             self._enter(Phase.DONE, now)
             return Action(mode=Mode.STOP)
-        return Action(target=point(self.target(elapsed)) if self.target else None)
-
-
-def point(position: FloatArray) -> tuple[float, float, float]:
-    """Return a position of shape (3,) as numbers."""
-    x, y, z = position.tolist()
-    return x, y, z
+        return Action(target=self.target(elapsed) if self.target else None)

@@ -1,9 +1,9 @@
 """The target that the demo asks of the effector: a horizontal circle and a slower rise and fall. Pure."""
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -44,18 +44,13 @@ class DemoTarget:
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)} s; it must be positive")
 
-    def __call__(self, t: float) -> NDArray[np.float64]:
-        """Return the target [m] at `t` seconds after the start, shape (3,); before it, the centre."""
+    def __call__(self, t: float) -> tuple[float, float, float]:
+        """Return the target [m] at `t` seconds after the start; before it, the centre."""
         t = max(t, 0.0)
-        circle, rise = 2 * np.pi * t / self.period, 2 * np.pi * t / self.height_period
-        offset = np.array(
-            [
-                self.radius * np.cos(circle),
-                self.radius * np.sin(circle),
-                self.lift + self.height * np.sin(rise),
-            ]
-        )
-        return np.asarray(self.centre, float) + smooth_step(t / self.blend) * offset
+        circle, rise = math.tau * t / self.period, math.tau * t / self.height_period
+        (x, y, z), s = self.centre, smooth_step(t / self.blend)
+        height = self.lift + self.height * math.sin(rise)
+        return x + s * self.radius * math.cos(circle), y + s * self.radius * math.sin(circle), z + s * height
 
     @property
     def speed_bound(self) -> float:

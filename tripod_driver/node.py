@@ -181,7 +181,9 @@ class DriverNode(LifecycleNode):
         shown = (state, message, self._safety.rejected)
         if shown != self._shown or now >= self._status_due:
             self._log_change(state, message)
-            self._shown, self._status_due = shown, now + STATUS_PERIOD
+            self._shown = shown
+            due = min(self._status_due, now)  # looks are late, each by a little, and that does not add up
+            self._status_due = max(due, now - STATUS_PERIOD) + STATUS_PERIOD
             self._publish_status()
             if self._safety.listens and not self._safety.can_move:  # nothing is sent
                 self._publish_joint_states(self._safety.place)
@@ -194,7 +196,8 @@ class DriverNode(LifecycleNode):
 
     def _on_soon(self) -> None:
         self._soon.cancel()
-        self._on_timer()
+        self._timer.reset()  # the next turn is a turn after this look
+        self._on_turn()
 
     def _publish_joint_states(self, angles: Sequence[float]) -> None:
         message = JointState(name=list(self._safety.servos), position=angles)

@@ -188,7 +188,7 @@ class Safety:
     def at_rest(self) -> bool:
         """Whether what may be sent is where it should be."""
         goal = np.clip(self._follower.goal[:-1], self._lower, self._upper)
-        return bool(np.allclose(self._output, goal, rtol=0, atol=1e-9))
+        return bool(np.abs(self._output - goal).max() <= 1e-9)
 
     # the board ------------------------------------------------------------------------------------------------
 
@@ -333,9 +333,9 @@ class Safety:
             self._follower.joints[:-1][behind] = np.clip(
                 self._output, self._limits.angle_min, self._limits.angle_max
             )[behind]
-            end = np.clip(self._follower.end[:-1], self._lower, self._upper)
-            if np.allclose(self._output, end, rtol=0, atol=np.radians(0.5)):
-                self._creeping = False
+            if self._creeping:
+                end = np.clip(self._follower.end[:-1], self._lower, self._upper)
+                self._creeping = not np.allclose(self._output, end, rtol=0, atol=np.radians(0.5))
         return self._output.copy()
 
     def _leave(self, board: State, now: float, why: str) -> None:

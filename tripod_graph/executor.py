@@ -233,7 +233,7 @@ class NodeExecutor(Executor):
         return True
 
     def _take_all(self, subscription: Any) -> None:
-        for _ in range(MOST):
+        for _ in range(min(MOST, subscription.qos_profile.depth)):
             if not self._take_one(subscription) or self._stale:
                 return
 

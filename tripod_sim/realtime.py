@@ -181,6 +181,8 @@ class RealTime(threading.Thread):
         return self._stopping or waits or single or self.activity is Activity.RUNNING
 
     def _do_between(self) -> None:
+        if not self._between:  # the rule
+            return
         with self._requests:
             asked, self._between = self._between, []
         for act in asked:
@@ -288,7 +290,9 @@ class RealTime(threading.Thread):
         else:  # steps that take longer than the window, or none at all
             slow = dt / max(done[-1] - done[-2], now - done[-1])
             factor = slow if self.activity is Activity.RUNNING else 0.0
-        return Speed(factor, float(np.median(taken)), float(np.percentile(taken, 99)), self._missed)
+        ranks = np.multiply((0.5, 0.99), len(taken) - 1)
+        median, p99 = np.interp(ranks, np.arange(len(taken)), np.sort(taken)).tolist()
+        return Speed(factor, median, p99, self._missed)
 
     def pause(self, paused: bool, timeout: float = 2.0) -> None:
         """Pause, and wait for the end of the step at hand, or go on; a failure stays until the next reset."""

@@ -8,11 +8,10 @@ from tf2_msgs.msg import TFMessage
 from tripod_graph.names import ROBOT_DESCRIPTION, TF, TF_STATIC, WORLD
 from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_sim.description import BALL, BASE, EFFECTOR, PLATE, arm_frames, urdf
-from tripod_sim.messages import header
+from tripod_sim.messages import header, set_stamp
 from tripod_sim.realtime import Snapshot
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
-from tripod_sim.simulation import Pose
 
 
 class Transforms:
@@ -25,10 +24,11 @@ class Transforms:
         self._description = node.create_publisher(String, ROBOT_DESCRIPTION, LATCHED)
         self._description.publish(String(data=urdf(scene)))
         self._static = node.create_publisher(TFMessage, TF_STATIC, LATCHED)
+        self._told: dict[str, TransformStamped] = {}
         stamp = node.get_clock().now().nanoseconds
-        fixed = [self._transform(stamp, WORLD, BASE, [0, 0, 0], [0, 0, 0, 1])]
+        fixed = [self._tell(stamp, WORLD, BASE, [0, 0, 0], [0, 0, 0, 1])]
         if scene.maze:
-            fixed.append(self._transform(stamp, EFFECTOR, PLATE, [0, 0, scene.maze.offset], [0, 0, 0, 1]))
+            fixed.append(self._tell(stamp, EFFECTOR, PLATE, [0, 0, scene.maze.offset], [0, 0, 0, 1]))
         self._static.publish(TFMessage(transforms=fixed))
 
     def publish(self, snapshot: Snapshot) -> None:
@@ -36,21 +36,25 @@ class Transforms:
         if not self._moving.get_subscription_count() or self._joints is None:
             return
         found = [
-            self._transform(snapshot.stamp, parent, child, position.tolist(), quaternion.tolist())
+            self._tell(snapshot.stamp, parent, child, position.tolist(), quaternion.tolist())
             for parent, child, position, quaternion in arm_frames(self._joints, snapshot.joints)
         ]
-        found += [self._pose(snapshot.stamp, EFFECTOR, snapshot.effector)] if snapshot.effector else []
-        found += [self._pose(snapshot.stamp, BALL, snapshot.ball)] if snapshot.ball else []
+        for child, pose in ((EFFECTOR, snapshot.effector), (BALL, snapshot.ball)):
+            if pose:
+                place = pose.position.tolist(), pose.quaternion.tolist()
+                found.append(self._tell(snapshot.stamp, BASE, child, *place))
         self._moving.publish(TFMessage(transforms=found))
 
-    def _pose(self, stamp: int, child: str, pose: Pose) -> TransformStamped:
-        return self._transform(stamp, BASE, child, pose.position.tolist(), pose.quaternion.tolist())
-
-    def _transform(
+    def _tell(
         self, stamp: int, parent: str, child: str, position: list[float], quaternion: list[float]
     ) -> TransformStamped:
-        message = TransformStamped(header=header(stamp), child_frame_id=self._prefix + child)
-        message.header.frame_id = parent if parent == WORLD else self._prefix + parent
+        """Return a frame as a message, the same each time: what it is made of costs more than what it says."""
+        message = self._told.get(child)
+        if message is None:
+            message = TransformStamped(header=header(0), child_frame_id=self._prefix + child)
+            message.header.frame_id = parent if parent == WORLD else self._prefix + parent
+            self._told[child] = message
+        set_stamp(message.header, stamp)
         t, r = message.transform.translation, message.transform.rotation
         t.x, t.y, t.z = map(float, position)
         r.x, r.y, r.z, r.w = map(float, quaternion)

@@ -5,6 +5,7 @@ import viser
 
 from tripod_view.body import Surface
 from tripod_view.picture import MazePicture
+from tripod_view.place import place
 from tripod_view.pose import Pose
 
 Rgb = tuple[int, int, int]
@@ -98,6 +99,5 @@ class Game:
     def place_ball(self, pose: Pose) -> None:
         """Put the ball at `pose`."""
         if self._ball is not None:
-            self._ball.position = pose.position
-            self._ball.wxyz = np.roll(pose.quaternion, 1)
+            place(self._ball, pose.position, pose.quaternion)
             self._ball.visible = True

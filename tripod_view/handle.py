@@ -7,6 +7,7 @@ import viser
 from numpy.typing import NDArray
 
 from tripod_view.events import Dragged, Dropped, Grabbed, Inbox
+from tripod_view.place import place
 
 FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
@@ -48,14 +49,14 @@ class Handle:
             self._gizmo = self._add_gizmo()
             self._plate.visible = turns
 
-    def set(self, position: FloatArray, wxyz: FloatArray, *, dragging: bool) -> None:
+    def set(self, position: FloatArray, quaternion: FloatArray, *, dragging: bool) -> None:
         """Put the target at `position` [m]; the handle follows unless it is dragged: then it is the hand's."""
-        self._marker.position, self._marker.wxyz = position, wxyz
+        place(self._marker, position, quaternion)
         self._marker.visible = True
         if self._box.visible != dragging:
             self._box.visible = dragging
         if not dragging:
-            self._gizmo.position, self._gizmo.wxyz = position, wxyz
+            place(self._gizmo, position, quaternion)
             self._gizmo.visible = True
 
     def hide(self) -> None:

@@ -7,6 +7,7 @@ import viser
 from numpy.typing import NDArray
 
 from tripod_view.arm import ArmGeometry, Pose, Stand, arm_pose, carriage_pose, clamp_corners
+from tripod_view.place import place
 
 FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
@@ -55,20 +56,20 @@ class Robot:
             return
         for i, stand in enumerate(self._stands):
             if slide != self._slide:
-                _place(self._carriages[i], carriage_pose(stand, slide))
-            _place(self._arms[i], arm_pose(stand, float(angles[i]), slide))
+                _put(self._carriages[i], carriage_pose(stand, slide))
+            _put(self._arms[i], arm_pose(stand, float(angles[i]), slide))
         self._slide = slide
 
     def set_effector(self, pose: Pose) -> None:
         """Put the effector's disc and frame at `pose`."""
-        _place(self._effector, pose)
+        _put(self._effector, pose)
         self._effector.visible = True
 
     def _add_rail(self, i: int, stand: Stand) -> viser.FrameHandle:
         frame = carriage_pose(stand, stand.rail)  # at its inner end
         name = f"/base/{i}"
         handle = self._api.add_frame(name, show_axes=False)
-        _place(handle, frame)
+        _put(handle, frame)
         length = stand.rail + 0.018
         self._add_box(
             f"{name}/rail",
@@ -142,6 +143,5 @@ class Robot:
         )
 
 
-def _place(handle: viser.SceneNodeHandle, pose: Pose) -> None:
-    handle.position = pose.position
-    handle.wxyz = np.roll(pose.quaternion, 1)
+def _put(handle: viser.SceneNodeHandle, pose: Pose) -> None:
+    place(handle, pose.position, pose.quaternion)

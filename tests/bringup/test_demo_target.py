@@ -23,10 +23,10 @@ def test_after_the_blend_it_is_on_the_circle_and_rises_and_falls_by_the_height()
 
 
 def test_a_period_later_it_is_at_the_same_place_of_the_circle() -> None:
-    first, later = TARGET(12.0), TARGET(12.0 + TARGET.period)
+    first, later = np.array(TARGET(12.0)), np.array(TARGET(12.0 + TARGET.period))
     assert first[:2] == pytest.approx(later[:2], abs=1e-15)
     quarter = TARGET(12.0 + TARGET.period / 4)
-    assert np.linalg.norm(quarter[:2] - first[:2]) == pytest.approx(0.010 * np.sqrt(2))
+    assert np.linalg.norm(np.array(quarter[:2]) - first[:2]) == pytest.approx(0.010 * np.sqrt(2))
 
 
 def test_speed_and_acceleration_have_no_jump() -> None:

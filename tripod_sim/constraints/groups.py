@@ -5,6 +5,7 @@ coordinate that matters for torque and compliance), or is fixed; a free one may 
 may move as time says (`prescribed`).
 """
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING
@@ -130,22 +131,16 @@ def rotation_vector(matrix: FloatArray) -> FloatArray:
 
 def quaternion(matrix: FloatArray) -> FloatArray:
     """Return the unit quaternion (x, y, z, w), w >= 0, of a rotation matrix [Shepperd1978]."""
-    m = matrix
-    squares = np.array(
-        [
-            1 + m[0, 0] - m[1, 1] - m[2, 2],
-            1 - m[0, 0] + m[1, 1] - m[2, 2],
-            1 - m[0, 0] - m[1, 1] + m[2, 2],
-            1 + np.trace(m),
-        ]
-    )
-    i = int(np.argmax(squares))
-    q = np.empty(4)
-    q[i] = squares[i]
-    if i == 3:
-        q[:3] = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
-    else:
-        j, k = (i + 1) % 3, (i + 2) % 3
-        q[j], q[k], q[3] = m[i, j] + m[j, i], m[i, k] + m[k, i], m[k, j] - m[j, k]
-    q /= np.linalg.norm(q)
-    return -q if q[3] < 0 else q
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()  # numbers: nine are too few for arrays
+    squares = 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz
+    match squares.index(max(squares)):
+        case 0:
+            q = squares[0], xy + yx, xz + zx, zy - yz
+        case 1:
+            q = yx + xy, squares[1], yz + zy, xz - zx
+        case 2:
+            q = zx + xz, zy + yz, squares[2], yx - xy
+        case _:
+            q = zy - yz, xz - zx, yx - xy, squares[3]
+    norm = math.copysign(math.hypot(*q), q[3])
+    return np.array([value / norm for value in q])
