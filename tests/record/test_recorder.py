@@ -260,10 +260,12 @@ def cut_to(share: float):
     return cut
 
 
-def cut_and_filled(path: Path) -> None:
+def emptied(path: Path) -> None:
+    """As long as before, its second half zeros: in one stroke, so that nobody sees it cut."""
     size = path.stat().st_size
-    os.truncate(path, size // 2)
-    os.truncate(path, size)
+    file = os.open(path, os.O_WRONLY)
+    os.pwrite(file, bytes(size - size // 2), size // 2)
+    os.close(file)
 
 
 def replaced(path: Path) -> None:
@@ -302,7 +304,7 @@ def moved(path: Path) -> None:
         (cut_to(0.99), "was cut from", "bag_2", 10),
         (cut_to(0.5), "was cut from", "bag_2", 100),
         (cut_to(0.0), "was cut from", "bag_2", 200),
-        (cut_and_filled, "was c", "bag_2", 100),  # changed, or still cut, seen before it is filled
+        (emptied, "was changed by another program", "bag_2", 100),
         (overwritten, "was c", "bag_2", 200),  # seen while it is cut, or later
     ],
 )
