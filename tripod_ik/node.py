@@ -38,6 +38,7 @@ from tripod_graph.timers import set_period
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.guide import SLID, Guide
+from tripod_ik.joining import Joining
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
 from tripod_ik.rotation import quaternion_matrix, unit_quaternion
@@ -51,6 +52,7 @@ WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
 FEEDBACK_SILENT = 0.5  # [s]: without a measurement for so long the status says so
 LAST_WORD = Duration(seconds=1.0)  # how long the last status waits until all have it
+JOINING = "the simulated servos go to where the robot's are: then the target is followed"
 THROTTLE = 2.0  # [s]: shortest time between two log lines about the same kind of message
 
 
@@ -72,6 +74,7 @@ class IkNode(Node):
         self._own = OwnModel(self._build_model)
         self._own_after: float = values["own_model_after"]
         self._own_in_use = False
+        self._joining = Joining()
         self._angles: FloatArray | None = None  # of the robot, as the driver tells
         self._angles_at = self._simulator_at = float("-inf")
         self._feedback_at = float("-inf")
@@ -169,6 +172,7 @@ class IkNode(Node):
         if mode is Mode.IK and before is not Mode.IK:
             self._entered = time.monotonic()
             self._tracker.start()
+            self._joining.begin()
             self.get_logger().info(f"mode IK, by {self._authority.source}")
         elif before is Mode.IK and mode is not Mode.IK:
             self._tracker.target = None  # coming back to IK must not move the robot to where it once was sent
@@ -271,7 +275,22 @@ class IkNode(Node):
             self._reject("compliances", str(error))
             return
         self._guide.stand(message.slide, now)
-        self._on_state(state, now)
+        if not self._joins(state.angles, now):
+            self._on_state(state, now)
+
+    def _joins(self, simulated: FloatArray, now: float) -> bool:
+        """Return whether the simulated servos are still on their way to the robot's, and send them there."""
+        if now - self._received > self._stale_after:
+            self._joining.begin()
+        known = now - self._angles_at <= self._stale_after
+        place = self._joining.place(simulated, self._angles if known else None, now)
+        if place is None:
+            return False
+        self._received = now
+        self._tracker.start()
+        self._commands.publish(trajectory(place, self._source))
+        self._rest_again(Activity.STALE, JOINING, now)
+        return True
 
     def _on_state(self, state: LinearState, now: float) -> None:
         if now - self._received > self._stale_after:

@@ -103,6 +103,8 @@ class Graph:
         self.nodes = [self.sim]
 
     def start(self, **parameters):
+        """Start the node: with no model to look farther, since none is of this robot, unless a scene is named."""
+        parameters = {"scene": "none", **parameters}
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         before = Node.__init__
         node = None
@@ -175,5 +177,5 @@ def start_alone(graph, **parameters):
     """Start the node where nobody publishes a compliance."""
     driver, sim = FakeDriver(graph.sim), graph.sim
     sim.compliance = sim.joints = driver.joints  # what `start` waits for
-    graph.start(own_model_after=0.2, **parameters)
+    graph.start(**{"own_model_after": 0.2, "scene": "tripod", **parameters})
     sim.say_mode(ControlMode.IK)

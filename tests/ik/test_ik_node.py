@@ -1,4 +1,5 @@
 import time
+from array import array
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ pytest.importorskip("rclpy")
 pytest.importorskip("tripod_msgs")
 
 from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import Imu
+from sensor_msgs.msg import Imu, JointState
 from tripod_msgs.msg import ControlMode, IkStatus, RobotStatus
 
 from tests.ik.ik_graph import NAN, WORKING, near, standing_at, start_alone
@@ -366,3 +367,22 @@ def test_a_lost_operator_ends_commands_and_is_named(graph):
     sim.commands.clear()
     graph.spin(0.3)
     assert not sim.commands
+
+
+def test_a_simulator_that_begins_anew_is_sent_to_where_the_robot_stands(graph):
+    graph.start()
+    sim = graph.sim
+    joints = sim.create_publisher(JointState, names.ROBOT_JOINT_STATES, RELIABLE)
+    told = JointState(name=list(names.servo_names(3)), position=array("d", WORKING))
+    timer = sim.create_timer(0.01, lambda: joints.publish(told))
+    sim.say_mode(ControlMode.IK)
+    graph.wait_state(IkStatus.TRACKING, "no target yet")
+    graph.spin(0.2)
+    sim.commands.clear()
+    sim.follower = standing_at(np.zeros(3))
+    graph.wait_state(IkStatus.STALE, "the simulated servos go to where the robot's are")
+    graph.wait(lambda: np.abs(sim.angles - WORKING).max() < 0.05)
+    graph.wait_state(IkStatus.TRACKING, "no target yet")
+    sent = np.array([command.points[0].positions for command in sim.commands])
+    assert np.abs(sent - WORKING).max() < 0.06  # the robot's servos are asked for nothing else
+    sim.destroy_timer(timer)
