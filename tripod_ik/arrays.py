@@ -23,8 +23,8 @@ def frozen(name: str, values: Any, shape: tuple[int, ...]) -> FloatArray:
         raise IkError(f"{name} is not an array of numbers") from None
     if array.shape != shape:
         raise IkError(f"{name} has shape {array.shape}; it must be {shape}")
-    sane = np.abs(array) <= LARGEST  # not so for NaN
-    if not sane.all():
+    if array.size and not abs(array).max() <= LARGEST:  # not so for NaN
+        sane = np.abs(array) <= LARGEST
         where = tuple(int(i) for i in np.argwhere(~sane)[0])
         raise IkError(
             f"{name}{list(where)} is {array[where]:g}; it must be finite and below {LARGEST:g} in size"
@@ -38,4 +38,4 @@ def per_joint(name: str, value: float | FloatArray, n: int) -> FloatArray:
     array = np.asarray(value, np.float64)
     if array.shape not in ((), (n,)):
         raise IkError(f"{name} has shape {array.shape}; it must be one number or have shape ({n},)")
-    return np.broadcast_to(array, (n,))
+    return array if array.shape else np.full(n, array)

@@ -6,6 +6,7 @@ which nothing moves the effector: who stands there exactly does not find out aga
 """
 
 from collections.abc import Sequence
+from math import sqrt
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def branch(state: LinearState, tasks: Sequence[Task]) -> float:
         return 0.0
     J = np.concatenate([(rows.weights[:, None] * rows.jacobian)[rows.weights > 0] for rows in found])
     n = J.shape[1]
-    size = float(np.linalg.norm(J)) / np.sqrt(n)
+    size = sqrt(float(np.vdot(J, J)) / n)
     return float(np.linalg.det(J / size)) if len(J) == n and size > 0 else 0.0
 
 

@@ -8,6 +8,7 @@ command that keeps to all of them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Protocol
 
 import numpy as np
@@ -131,14 +132,15 @@ class CommandBox:
 def command_box(limits: Sequence[IntervalLimit], motion: Motion) -> CommandBox:
     """Return the commands that keep to `limits`, the first of them first."""
     names = motion.state.joint_names
-    low, high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    low, high = [-inf] * len(names), [inf] * len(names)
     low_names, high_names = [""] * len(names), [""] * len(names)
     for limit in limits:
-        new_low, new_high = (np.clip(side, low, high) for side in limit.interval(motion))
-        for i, name in enumerate(names):
-            if new_low[i] > low[i]:
+        asked = (side.tolist() for side in limit.interval(motion))
+        for i, (name, *sides) in enumerate(zip(names, *asked, strict=True)):
+            new_low, new_high = (min(max(side, low[i]), high[i]) for side in sides)
+            if new_low > low[i]:
                 low_names[i] = f"{name} {limit.kind}{limit.sides[0]}"
-            if new_high[i] < high[i]:
+            if new_high < high[i]:
                 high_names[i] = f"{name} {limit.kind}{limit.sides[1]}"
-        low, high = new_low, new_high
-    return CommandBox(low, high, tuple(low_names), tuple(high_names))
+            low[i], high[i] = new_low, new_high
+    return CommandBox(np.array(low), np.array(high), tuple(low_names), tuple(high_names))

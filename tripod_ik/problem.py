@@ -21,6 +21,7 @@ any rate it converges as the Newton iteration does.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot, inf, sqrt
 
 import numpy as np
 
@@ -138,45 +139,50 @@ def build_ik(
     if not 0 <= dt < np.inf:
         raise IkError(f"dt is {dt} s; it must be finite and not negative")
     box = command_box(limits, Motion(state, before, dt))
-    hold = np.clip(before, box.low, box.high)
+    hold = np.minimum(np.maximum(before, box.low), box.high)
     keep = hold - state.angles
 
     rows = tuple(task.rows(state) for task in tasks)
-    Se = np.concatenate([r.weights * r.error for r in rows])
-    SJ = np.concatenate([r.weights[:, None] * r.jacobian for r in rows])
+    Se, SJ = weighted(rows)
     straight = all(r.curvature == 0.0 for r in rows)  # a posture: no snap makes its Jacobian grow
     soft = 0.0 if straight else softening(state, SJ, Se)
-    mu = sum(r.curvature * float(np.linalg.norm(r.weights**2 * r.error)) for r in rows)
-    sigma = max(float(np.sum(SJ**2)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
+    mu = sum(r.curvature * hypot(*(r.weights**2 * r.error).tolist()) for r in rows)
+    sigma = max(float(np.vdot(SJ, SJ)) / n + mu, 1e-18)  # [m²]; less only on a target that nothing moves
 
     limited = [limit.rows(state) for limit in row_limits]
     extra = sum(len(r.names) for r in limited)
     m = n + extra
-    P, q, A = np.eye(m), np.zeros(m), np.zeros((m + extra, m))
-    P[:n, :n] = (SJ.T @ SJ + mu * np.eye(n) + soft) / sigma + REGULARISATION * np.eye(n)
+    P, q, A = np.eye(m), np.zeros(m), np.eye(m + extra, m)
+    P[:n, :n] = (SJ.T @ SJ + soft) / sigma
+    P.flat[: n * m : m + 1] += mu / sigma + REGULARISATION
     q[:n] = -SJ.T @ Se / sigma - REGULARISATION * keep
-    A[:m] = np.eye(m)
-    low, high, push = np.full(m + extra, -np.inf), np.full(m + extra, np.inf), np.ones(m + extra)
+    low, high, push = np.empty(m + extra), np.empty(m + extra), np.ones(m + extra)
+    low[n:m], high[n:m] = -np.inf, np.inf
     low[:n], high[:n] = box.low - state.angles, box.high - state.angles
+    ends = np.minimum(np.maximum([low[:n], high[:n]], -ROW_BOUND), ROW_BOUND)
     first = 0
     for limit, found in zip(row_limits, limited, strict=True):
         slack = slice(n + first, n + first + len(found.names))
         here = slice(m + first, m + first + len(found.names))
-        k = np.linalg.norm(found.matrix, axis=1)
-        k = np.where(k > BLIND, k, np.inf)  # what no angle changes gets a row of zeros without bounds
-        off = limit.curvature * ahead**2 / 2 / k
-        A[here, :n] = G = found.matrix / k[:, None]
-        least, most = _reach(G, low[:n], high[:n])
-        low[here] = np.where(np.isinf(k), -ROW_BOUND, np.clip(found.low / k, least, most))
-        high[here] = np.where(np.isinf(k), ROW_BOUND, np.clip(found.high / k, least, most))
-        A[here, slack] = np.eye(len(found.names)) / np.sqrt(limit.weight)
+        k = np.array(
+            [size if size > BLIND else inf for size in (hypot(*row) for row in found.matrix.tolist())]
+        )
+        A[here, :n] = G = (
+            found.matrix / k[:, None]
+        )  # what no angle changes gets a row of zeros without bounds
+        least, most = _reach(G, ends)
+        blind = k == inf
+        low[here] = np.where(blind, -ROW_BOUND, np.minimum(np.maximum(found.low / k, least), most))
+        high[here] = np.where(blind, ROW_BOUND, np.minimum(np.maximum(found.high / k, least), most))
+        A[here, slack].flat[:: len(found.names) + 1] = 1.0 / sqrt(limit.weight)
         push[here] = 1.0 if limit.hard else 1.0 / limit.weight
         if limit.hard:  # no more slack than holding needs, and on that side only
-            held = A[here, :n] @ keep
+            off = limit.curvature * ahead**2 / 2 / k
+            held = G @ keep
             low[here] = np.maximum(low[here], np.minimum(low[here] + off, held))
             high[here] = np.minimum(high[here], np.maximum(high[here] - off, held))
-            high[slack] = np.sqrt(limit.weight) * np.maximum(low[here] - held, 0.0)
-            low[slack] = -np.sqrt(limit.weight) * np.maximum(held - high[here], 0.0)
+            high[slack] = sqrt(limit.weight) * np.maximum(low[here] - held, 0.0)
+            low[slack] = -sqrt(limit.weight) * np.maximum(held - high[here], 0.0)
             q[slack] = PRICE * (np.sign(high[slack]) + np.sign(low[slack]))
         first += len(found.names)
     names = tuple(name for found in limited for name in found.names)
@@ -189,16 +195,24 @@ def softening(state: LinearState, SJ: FloatArray, Se: FloatArray) -> FloatArray:
     With s = dρ/dα, J n grows along n = s / |s| as |s| / ρ does, so that is |Se · SJ n| |s| / ρ in that direction.
     """
     slope = state.firmness_slope
-    steep = float(np.linalg.norm(slope))
+    steep = hypot(*slope.tolist())
     if steep == 0.0:
         return np.zeros((len(slope), len(slope)))
-    return np.outer(slope, slope) * (
-        abs(float(Se @ (SJ @ slope))) / (steep**2 * max(abs(state.firmness), 1e-3))
+    return (
+        slope[:, None] * slope * (abs(float(Se @ (SJ @ slope))) / (steep**2 * max(abs(state.firmness), 1e-3)))
     )
 
 
-def _reach(G: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the largest value of G δ for low ≤ δ ≤ high, `REACH` beyond, but within `ROW_BOUND`."""
-    ends = np.clip([low, high], -ROW_BOUND, ROW_BOUND)
-    least, most = (side(G * ends[0], G * ends[1]).sum(axis=1) for side in (np.minimum, np.maximum))
+def weighted(rows: Sequence[TaskRows]) -> tuple[FloatArray, FloatArray]:
+    """Return S e, shape (m,), and S J, shape (m, n), of the rows of all tasks."""
+    Se, SJ = [r.weights * r.error for r in rows], [r.weights[:, None] * r.jacobian for r in rows]
+    return (Se[0], SJ[0]) if len(rows) == 1 else (np.concatenate(Se), np.concatenate(SJ))
+
+
+def _reach(G: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the least and the largest value of G δ for δ between `ends`, shape (2, n), `REACH` beyond, but within
+    `ROW_BOUND`.
+    """
+    one, other = G * ends[0], G * ends[1]
+    least, most = np.minimum(one, other).sum(axis=1), np.maximum(one, other).sum(axis=1)
     return np.maximum(least - REACH, -ROW_BOUND), np.minimum(most + REACH, ROW_BOUND)

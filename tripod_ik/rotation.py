@@ -10,7 +10,7 @@ from tripod_ik.errors import IkError
 
 def quaternion_matrix(quaternion: FloatArray) -> FloatArray:
     """Return the matrix, shape (3, 3), of a unit quaternion (x, y, z, w)."""
-    x, y, z, w = (float(v) for v in quaternion)
+    x, y, z, w = map(float, quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -22,10 +22,11 @@ def quaternion_matrix(quaternion: FloatArray) -> FloatArray:
 
 def vector_matrix(vector: FloatArray) -> FloatArray:
     """Return the matrix, shape (3, 3), that turns by the rotation vector `vector` [rad] (Rodrigues' formula)."""
-    angle = float(np.linalg.norm(vector))
+    x, y, z = map(float, vector)
+    angle = math.hypot(x, y, z)
     if angle == 0.0:
         return np.eye(3)
-    x, y, z = (float(v) / angle for v in vector)
+    x, y, z = x / angle, y / angle, z / angle
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * (K @ K)
 

@@ -9,6 +9,7 @@ and each step uses up a share of what is left: a body that is carried there fast
 """
 
 from dataclasses import dataclass, field
+from math import hypot, inf, sqrt
 
 import numpy as np
 
@@ -33,8 +34,8 @@ BEND = 0.03
 
 def longest_step(state: LinearState) -> float:
     """Return how far the limit's tangent is to be trusted [rad]: √(BEND ρ / 2|dρ/dα|)."""
-    steep = float(np.linalg.norm(state.firmness_slope))
-    return float(np.sqrt(BEND * max(state.firmness, 1e-3) / (2 * steep))) if steep > 0 else np.inf
+    steep = hypot(*state.firmness_slope.tolist())
+    return sqrt(BEND * max(state.firmness, 1e-3) / (2 * steep)) if steep > 0 else inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import hypot
 
 import numpy as np
 
@@ -74,10 +75,10 @@ class LinearState:
         object.__setattr__(self, "joint_names", names)
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen(name, getattr(self, name), shape))
-        length = float(np.linalg.norm(self.rotation))
+        length = hypot(*self.rotation.tolist())
         if not abs(length - 1.0) < 1e-3:
             raise IkError(f"rotation has length {length:g}; it must be a unit quaternion")
-        asymmetry, largest = float(np.abs(self.W - self.W.T).max()), float(np.abs(self.W).max())
+        asymmetry, largest = float(abs(self.W - self.W.T).max()), float(abs(self.W).max())
         if not asymmetry <= ASYMMETRY * largest:
             raise IkError(f"W differs from its transpose by {asymmetry:g}, its largest entry is {largest:g}")
 
@@ -98,7 +99,7 @@ class LinearState:
     def equilibrium_rotation(self) -> FloatArray:
         """Orientation of the effector at rest at these angles, matrix, shape (3, 3)."""
         return vector_matrix(self.equilibrium_offset[3:]) @ quaternion_matrix(
-            self.rotation / np.linalg.norm(self.rotation)
+            self.rotation / hypot(*self.rotation.tolist())
         )
 
     @cached_property
@@ -111,8 +112,9 @@ class LinearState:
         """
         block = self.W[6:, 6:]
         values, vectors = np.linalg.eigh(0.5 * (block + block.T))
-        cutoff = max(SINGULAR * float(np.abs(values).max()), 1e-12)
-        inverse = np.where(np.abs(values) > cutoff, 1.0 / np.where(values == 0.0, 1.0, values), 0.0)
+        known = values.tolist()
+        cutoff = max(SINGULAR * max(map(abs, known)), 1e-12)
+        inverse = np.array([1.0 / value if abs(value) > cutoff else 0.0 for value in known])
         return (vectors * inverse) @ vectors.T
 
     @cached_property

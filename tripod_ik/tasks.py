@@ -7,7 +7,7 @@ left free because nothing drives them (`orientation_tasks`).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import sqrt
+from math import hypot, sqrt
 from typing import Protocol
 
 import numpy as np
@@ -85,7 +85,14 @@ class PositionTask:
 
     def distances(self, error: FloatArray) -> dict[str, float]:
         """Return the length of `error`, shape (3,), over the axes that count [m]."""
-        return {f"{self.name} [m]": float(np.linalg.norm(error[self.weights > 0]))}
+        parts = zip(error.tolist(), self.weights.tolist(), strict=True)
+        return {f"{self.name} [m]": hypot(*(e for e, weight in parts if weight > 0))}
+
+    def moved(self, target: FloatArray) -> "PositionTask":
+        """Return the same task for another target [m], shape (3,), finite: not checked again."""
+        other = object.__new__(PositionTask)
+        other.__dict__.update(self.__dict__, target=target)
+        return other
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +132,7 @@ class TiltTask:
 
     def distances(self, error: FloatArray) -> dict[str, float]:
         """Return the angle between the normals [rad]."""
-        return {TILT: float(np.linalg.norm(error))}
+        return {TILT: hypot(*error.tolist())}
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -61,7 +62,6 @@ class TrackerSettings:
         AngleLimit(self.angle_min, self.angle_max)
         SpeedLimit(self.angle_speed)
         StepLimit(self.step)
-        PositionTask(np.zeros(3), np.array(self.weights))
         if not self.effector_speed > 0:
             raise IkError(f"effector_speed is {self.effector_speed} m/s; it must be positive")
         if not self.torque_max > 0:
@@ -74,9 +74,13 @@ class TrackerSettings:
             raise IkError(f"lead is {self.lead} s; allowed is 0 to 0.5 s")
         self.tasks(np.zeros(3), UP)
 
+    @cached_property
+    def _position(self) -> PositionTask:
+        return PositionTask(np.zeros(3), np.array(self.weights))
+
     def tasks(self, position: FloatArray, normal: FloatArray) -> tuple[Task, ...]:
         """Return what brings the effector to `position` [m] and `normal`, shape (3,) each, as far as the goal says."""
         if self.goal is Goal.ORIENTATION:
             return orientation_tasks(normal, float(position[2]), lever=self.lever)
-        task = PositionTask(position, np.array(self.weights))
+        task = self._position.moved(position)
         return (task,) if self.goal is Goal.POSITION else (task, TiltTask(normal, lever=self.lever))
