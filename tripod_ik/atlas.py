@@ -12,16 +12,18 @@ a distance: so what is answered depends on nothing that was asked before. Of pos
 import heapq
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from math import log
 
 import numpy as np
 
 from tripod_graph.names import WORKING_SLIDE
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
-from tripod_ik.model import Saved, StaticModel, goes_on, image_of, working_angles
-from tripod_ik.snap import SOFTEST, WITHIN
+from tripod_ik.model import Saved, StaticModel, goes_on, image_of, softest_between, working_angles
+from tripod_ik.snap import SOFTENING, SOFTEST, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image, table
+from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
@@ -43,11 +45,14 @@ SAME = 1e-4
 NEAR = 1.5 * SPACING
 """How far a pose may be from one of the grid that it is looked for from [rad]."""
 
-CALM = 0.15
-"""Firmness of a pose on a way that makes it as long again as a firm one."""
+SPEED, LEAST = TrackerSettings.effector_speed, WITHIN * SOFTEST
+"""Of the effector [m/s], and firmness of which nothing may be left, where it is foretold how long a way takes."""
 
 ITERATIONS = 25
 """Of Newton's method, in a step of the model: what takes more is no small one."""
+
+DIGITS = 6
+"""Of what is compared to choose one of several: what is equal but for rounding is so, and the first is taken."""
 
 Cell = tuple[int, ...]
 """Angles from home, in steps of the grid."""
@@ -77,6 +82,7 @@ class Atlas:
 
     Attributes:
         model: It is left anywhere.
+        images: Those that all its poses have, the pose itself first.
         poses: Those found so far, home first.
     """
 
@@ -97,8 +103,8 @@ class Atlas:
         """
         self.model, self._low, self._high, self._progress = model, low, high, progress
         alike = np.ptp(low) == 0.0 == np.ptp(high)
-        self._images: Sequence[Image] = model.symmetries() if alike else model.symmetries()[:1]
-        self._products = table(self._images)
+        self.images: Sequence[Image] = model.symmetries() if alike else model.symmetries()[:1]
+        self._products = table(self.images)
         home = model.go_home()
         self._home, self.poses = home.angles, list[Pose]()
         self._cells: dict[Cell, list[int]] = {}
@@ -137,7 +143,7 @@ class Atlas:
     def _add(self, cell: Cell, state: LinearState, level: float) -> int:
         """Add the pose where the model stands, and its images; return its number."""
         saved, numbers = self.model.save(), list[int]()
-        for image in self._images:
+        for image in self.images:
             there = tuple(cell[i] for i in image.servos)
             seen, known = image.state(state), self._cells.setdefault(there, [])
             same = [n for n in numbers if n in known and _is_same(self.poses[n].state, seen)]
@@ -200,10 +206,9 @@ class Atlas:
         softer than it, or than `SOFTEST`.
         """
         softest = WITHIN * min(SOFTEST, max(state.firmness, 0.0))
-        near = [(float(np.abs(self.poses[n].state.angles - state.angles).max()), n) for n in among]
-        for distance, number in sorted(near):
-            if distance > NEAR:
-                break
+        far = {n: float(np.abs(self.poses[n].state.angles - state.angles).max()) for n in among}
+        near = [(round(distance, DIGITS), n) for n, distance in far.items() if distance <= NEAR]
+        for _, _, number in sorted((not goes_on(self.poses[n].state, state), away, n) for away, n in near):
             self.model.restore(self.poses[number].saved)
             try:
                 here = self.model.follow(
@@ -216,25 +221,38 @@ class Atlas:
         return None
 
     def path(self, start: int, end: int, among: Collection[int]) -> list[int]:
-        """Return the poses on the shortest way from one to another, both included; soft ones make it longer.
+        """Return the poses on the quickest way from one to another, both included, by `duration`.
 
         `among`: poses that it may lead by, all that hang together with `start`.
         """
         before: dict[int, int] = {}
         todo = [(0.0, end, end)]
         while start not in before:
-            length, number, after = heapq.heappop(todo)
+            time, number, after = heapq.heappop(todo)
             if number in before:
                 continue
             before[number] = after
+            here = self.poses[number].state
             for neighbour in self.poses[number].neighbours:
                 if neighbour not in before and neighbour in among:
-                    soft = CALM / self.poses[neighbour].state.firmness
-                    heapq.heappush(todo, (length + 1.0 + soft**2, neighbour, number))
+                    more = round(duration(self.poses[neighbour].state, here), DIGITS)
+                    heapq.heappush(todo, (time + more, neighbour, number))
         way = [start]
         while way[-1] != end:
             way.append(before[way[-1]])
         return way
+
+
+def duration(before: LinearState, after: LinearState) -> float:
+    """Return about how long the straight way from one state to another takes [s].
+
+    The effector is not moved faster than `SPEED`, and what is left of ρ² is used up with the time constant `SOFTENING`.
+    """
+    first, least = (
+        (max(rho, SOFTEST) / LEAST) ** 2 for rho in (before.firmness, softest_between(before, after))
+    )
+    move = float(np.linalg.norm(after.equilibrium - before.equilibrium)) / SPEED
+    return max(move, SOFTENING * log((first - 1.0) / (least - 1.0)))
 
 
 def _is_same(state: LinearState, other: LinearState) -> bool:

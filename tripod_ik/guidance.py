@@ -13,8 +13,11 @@ from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 from tripod_ik.way import Ask
 
-STUCK = 0.1
-"""Time at a pose that no step betters after which the way is asked for [s]."""
+STUCK = 0.02
+"""Time without coming closer, from a pose that no step betters on, after which the way is asked for [s]."""
+
+CLOSER = 0.1
+"""Part of what is missing that has to be removed to come closer."""
 
 STILL, MOVED = 2e-5, 1e-3
 """A target that moves by less than STILL [m, of a normal] is the same; one that moves by MOVED needs another way."""
@@ -59,6 +62,7 @@ class Guidance:
         self._answered = False
         self._worth = 0.0
         self._since: float | None = None
+        self._least, self._beside = np.inf, np.zeros(0)
         self._moved: tuple[float, FloatArray] | None = None
         self.arrived = self._met = False
         self.limits: tuple[str, ...] = ()
@@ -120,6 +124,15 @@ class Guidance:
                 return at
             self._stops.pop(0)
 
+    def notice(self, target: FloatArray, error: float) -> None:
+        """Take notice of how far the resting effector is from what it is to do, in each step [m].
+
+        A step that comes closer than all before it betters the pose; one that goes to and fro before a fold does not.
+        """
+        same = len(self._beside) and np.abs(target - self._beside).max() < STILL
+        if not same or error < (1.0 - CLOSER) * self._least:
+            self._since, self._least, self._beside = None, error, target
+
     def look(
         self, state: LinearState, tasks: Sequence[Task], target: FloatArray, residual: float, now: float
     ) -> None:
@@ -153,7 +166,3 @@ class Guidance:
         if worth > -WORSE - moved and len(way.stops):
             self._stops, self.limits, self._met = list(way.stops), way.limits, way.residual < MET
             self._worth, self._moved = worth, None
-
-    def free(self) -> None:
-        """Take notice of a step that betters the pose."""
-        self._since = None

@@ -1,5 +1,6 @@
 """The pathfinder in a thread of its own, for a node that must not stop answering meanwhile."""
 
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -20,6 +21,11 @@ SLID = 1e-5
 
 SETTLED = 1.0
 """Time [s] after which servo bodies that have not slid are taken to stay."""
+
+HANDOVER = 5e-4
+"""Time [s] that the thread keeps the interpreter while the node waits for it: with Python's own 5 ms each step of
+inverse kinematics would wait for one of the model, and more than once.
+"""
 
 NEAR_WAY = "closest pose near the way here"
 """What there is to say where there is no way to a better one."""
@@ -78,6 +84,7 @@ class Guide:
         return self._thread is not None and self._thread.is_alive()
 
     def _begin(self, state: LinearState | None, tasks: Sequence[Task]) -> None:
+        sys.setswitchinterval(min(sys.getswitchinterval(), HANDOVER))
         self._thread = threading.Thread(target=self._find, args=(state, tasks, self.slide), daemon=True)
         self._thread.start()
 

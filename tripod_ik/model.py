@@ -184,11 +184,12 @@ class StaticModel:
                 if goes_on(before, after, softest):
                     done, part = end, min(most, 2 * part)
                     continue
+                soft = after.firmness < softest and goes_on(before, after)  # and so it is in shorter parts
             except StepError:
-                pass
+                soft = False
             self.restore(here)
             part = (end - done) / 2
-            if part * far < shortest:
+            if soft or part * far < shortest:
                 self.restore(begin)
                 raise StepError("the equilibria of the body end on the way: it would snap")
         return self.state()

@@ -7,16 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tripod_ik.arrays import FloatArray
-from tripod_ik.atlas import CALM, SAME, SHORTEST, SPACING, Atlas
+from tripod_ik.atlas import DIGITS, SAME, SHORTEST, SPACING, SPEED, Atlas
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
 from tripod_ik.limits import AngleLimit, Motion, StepLimit
 from tripod_ik.merit import limits_passed
 from tripod_ik.model import Saved
 from tripod_ik.problem import build_ik
-from tripod_ik.row_limits import RowLimit
-from tripod_ik.snap import SOFTEST, WITHIN
+from tripod_ik.row_limits import RowLimit, TorqueLimit
+from tripod_ik.snap import SOFTEST, WITHIN, longest_step
 from tripod_ik.solver import IkSolver
 from tripod_ik.state import LinearState
+from tripod_ik.symmetry import Image
 from tripod_ik.tasks import PositionTask, Task, TiltTask, total_distance
 from tripod_ik.way import NOWHERE, Way
 from tripod_sim.errors import SceneError, StepError
@@ -24,7 +25,7 @@ from tripod_sim.errors import SceneError, StepError
 DAMPING = 1e-3
 """Of the step by which what a pose is near to is foretold [m/rad]."""
 
-PROMISING, SEEDS = 150, 16
+PROMISING, SEEDS = 80, 16
 """Poses of which a quadratic program foretells what they are near to, and of these where searches begin, at most."""
 
 BEND = 0.03
@@ -46,8 +47,19 @@ farther those up to it, and by MARGIN more."""
 LONGEST = 0.1
 """Part of a way that is tried at once [rad]."""
 
-DRAWN, OFF_LINE = 3, 0.05
-"""Times that a stop of a way is drawn in, at most, by half of what it is off the line, and what may stay [rad]."""
+CALM = 0.15
+"""Firmness that a straight way may always come down to where its ends are firmer: a softer one takes longer than one
+round it.
+"""
+
+DRAWN, WORTH = 2, 0.04
+"""Times that a stop of a way is drawn in, at most, by half of what it is off the line, and time on the way that each is
+to save [s]: about what it takes to try."""
+
+Promise = tuple[float, float]
+"""What a step may miss [m], and the square of how much longer it is than what is trusted near a snap: of steps that may
+miss nothing the least daring is gone first.
+"""
 
 Stop = tuple[Saved, LinearState]
 """A pose of a way: what brings the model there, and its state."""
@@ -98,6 +110,10 @@ class Pathfinder:
         self._angles, self._row_limits = angles, tuple(row_limits)
         home = atlas.poses[0].state
         self._low, self._high = angles.interval(Motion(home, home.angles, 0.0))
+        self._tolerance = tolerance
+        self._symmetric = np.ptp(self._low) == 0.0 == np.ptp(self._high) and all(
+            isinstance(limit, TorqueLimit) and np.ptp(limit.maximum) == 0.0 for limit in self._row_limits
+        )
         self.count = 0
         n = len(home.angles)
         self._foretell = IkSolver(n, rows=sum(limit.size(n) for limit in self._row_limits))
@@ -165,7 +181,7 @@ class Pathfinder:
         most = self.count + PROGRAMS
         while todo and self.count < most:
             promised, found = min(todo, key=lambda search: search[0])
-            if best and promised > best.solution.residual + SAME / 100:
+            if best and promised[0] > best.solution.residual + SAME / 100:
                 break
             todo.remove((promised, found))
             after = self._descended(tasks, found)
@@ -188,8 +204,8 @@ class Pathfinder:
         self.model.restore(end.trail[-1][0])
         return end
 
-    def _promising(self, tasks: Sequence[Task], numbers: Sequence[int]) -> list[tuple[float, Found]]:
-        """Return poses from which a step leads near to what `tasks` ask, to different ends, and what it misses [m]."""
+    def _promising(self, tasks: Sequence[Task], numbers: Sequence[int]) -> list[tuple[Promise, Found]]:
+        """Return poses from which a step leads near to what `tasks` ask, to different ends, and what it promises."""
         poses = self._atlas.poses
         missed = foretold(tasks, [poses[n].state for n in numbers])
         some = [numbers[i] for i in np.argsort(missed, kind="stable")[:PROMISING]]
@@ -219,17 +235,19 @@ class Pathfinder:
         solution = Solution(Outcome.UNFINISHED, "", state, missed, {}, (), 0.0, np.inf, 0, 0.0)
         return Found(solution, number, trail)
 
-    def _promised(self, tasks: Sequence[Task], state: LinearState) -> tuple[float, FloatArray]:
-        """Return what a step of the grid may miss [m], and the angles that it leads to [rad].
+    def _promised(self, tasks: Sequence[Task], state: LinearState) -> tuple[Promise, FloatArray]:
+        """Return what a step of the grid promises, and the angles that it leads to [rad].
 
         What is foretold of snaps does not count: for a step as long as that it is far too much.
         """
         problem = build_ik(state, tasks, [self._angles, StepLimit(SPACING)], self._row_limits)
         result = self._foretell.solve(problem)
         if not result.ok:
-            return total_distance(tasks, [r.error for r in problem.rows]), state.angles
-        curved = BEND / 2 * float(np.sum((result.command - state.angles) ** 2))
-        return max(0.0, result.residual - curved), result.command
+            return (total_distance(tasks, [r.error for r in problem.rows]), 0.0), state.angles
+        square = float(np.sum((result.command - state.angles) ** 2))
+        missed = max(0.0, result.residual - BEND / 2 * square - self._tolerance)
+        steps = square / min(longest_step(state), LONGEST / 2) ** 2
+        return (round(missed, 2 * DIGITS), round(steps, DIGITS)), result.command
 
     def _descended(self, tasks: Sequence[Task], found: Found) -> Found:
         """Continue a search."""
@@ -243,7 +261,21 @@ class Pathfinder:
     def way(self, state: LinearState, tasks: Sequence[Task]) -> Way:
         """Return the way from `state` to the pose that meets `tasks` best; `NOWHERE` where the model does not come to
         `state`. It is an `Ask` that answers at once.
+
+        Of questions that are images of each other one is answered, so that the answers are images, too.
         """
+        asked = [(self._atlas.images[0], tuple(tasks))]
+        if self._symmetric:
+            seen = [(image, [image.task(task) for task in tasks]) for image in self._atlas.images]
+            asked = [(image, tuple(t for t in found if t)) for image, found in seen if all(found)] or asked
+        image, tasks = max(asked, key=lambda question: _order(state, *question))
+        way = self._way(image.state(state), tasks)
+        return Way(
+            np.array([image.back(stop) for stop in way.stops]).reshape(way.stops.shape), way.residual,
+            image.names(way.limits, state.joint_names),
+        ) if way is not NOWHERE else NOWHERE  # fmt: skip
+
+    def _way(self, state: LinearState, tasks: Sequence[Task]) -> Way:
         around = self.around(state)
         if not around:
             return NOWHERE
@@ -272,12 +304,14 @@ class Pathfinder:
         """Return a stop nearer to the straight line between its neighbours, where the ways stay as firm: the grid is
         coarse.
         """
-        whole = after[1].angles - before[1].angles
+        whole, ends = after[1].angles - before[1].angles, (before[1].equilibrium, after[1].equilibrium)
         for _ in range(DRAWN):
             here = stop[1].angles
             along = float((here - before[1].angles) @ whole) / max(float(whole @ whole), 1e-12)
             off = before[1].angles + min(max(along, 0.0), 1.0) * whole - here
-            if np.abs(off).max() < OFF_LINE:
+            place = stop[1].equilibrium
+            saved = _length(ends, place) - _length(ends, place + 0.5 * stop[1].jacobian[:3] @ off)
+            if saved < WORTH * SPEED:
                 break
             self.model.restore(stop[0])
             try:
@@ -312,6 +346,19 @@ def foretold(tasks: Sequence[Task], states: Sequence[LinearState]) -> FloatArray
         total_distance(tasks, [r.error - r.jacobian @ step for r in found])
         for found, step in zip(rows, steps, strict=True)
     ])  # fmt: skip
+
+
+def _length(ends: tuple[FloatArray, FloatArray], between: FloatArray) -> float:
+    """Return the way from one place to another by one between them [m]."""
+    return sum(float(np.linalg.norm(end - between)) for end in ends)
+
+
+def _order(state: LinearState, image: Image, tasks: Sequence[Task]) -> tuple[float, ...]:
+    """Return by what one of several images of a question is chosen: the largest angles first, then the target."""
+    places = [task.rows(image.state(state)).error for task in tasks]
+    return tuple(
+        np.concatenate([state.angles[image.servos].round(3), *(e.round(6) for e in places)]).tolist()
+    )
 
 
 def _alike(state: LinearState, other: LinearState) -> bool:

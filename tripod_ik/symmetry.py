@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tripod_ik.arrays import FloatArray
 from tripod_ik.state import LinearState
+from tripod_ik.tasks import PositionTask, Task, TiltTask
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,20 @@ class Image:
             W=T @ state.W @ T.T,
             firmness_slope=state.firmness_slope[self.servos],
         )
+
+    def task(self, task: Task) -> Task | None:
+        """Return the image of a task; None where it has none."""
+        if isinstance(task, PositionTask) and task.weights[0] == task.weights[1]:
+            return replace(task, target=self.matrix @ task.target)
+        if isinstance(task, TiltTask):
+            return replace(task, normal=self.matrix @ task.normal)
+        return None
+
+    def names(self, names: Sequence[str], servos: Sequence[str]) -> tuple[str, ...]:
+        """Return what limits `names`, such as "servo_0 torque", of the image are of the pose; `servos`: their names."""
+        before = {servo: servos[i] for servo, i in zip(servos, self.servos, strict=True)}
+        words = (name.split(" ", 1) for name in names)
+        return tuple(" ".join((before.get(first, first), *rest)) for first, *rest in words)
 
 
 def images(count: int, *, mirrored: bool) -> list[Image]:

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from math import hypot
 
 import numpy as np
 
@@ -211,7 +212,8 @@ class Tracker:
         if self._kept is None:
             self._kept = np.concatenate([state.equilibrium, state.equilibrium_rotation[:, 2]])
         wanted = self._kept if self._target is None else self._motion.at(now)
-        wanted = np.where(np.isfinite(wanted), wanted, self._kept)
+        if not np.isfinite(wanted).all():
+            wanted = np.where(np.isfinite(wanted), wanted, self._kept)
         position, normal = self._corrected(wanted, state, now)
         wanted_tasks = self.settings.tasks(position, normal)
         tasks: Sequence[Task] = wanted_tasks
@@ -255,10 +257,9 @@ class Tracker:
         self._previous, self._time = result.command, max(self._time, now)
         error, tilt = self._present_error(state, wanted)
         activity = self._activity(result, beyond=beyond)
+        self._guidance.notice(aimed, result.error)
         if activity is Activity.CLOSEST:
             self._guidance.look(state, wanted_tasks, aimed, result.residual, now)
-        elif led is None:
-            self._guidance.free()
         if led is not None and not self._guidance.arrived and result.ok:
             activity = Activity.TRACKING
         return TrackerStep(activity, wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result)
@@ -275,9 +276,7 @@ class Tracker:
         problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
         result = self._solver.solve(problem)
         turn = result.command - problem.hold
-        part = float(np.linalg.norm(state.jacobian[:3] @ turn)) / max(
-            self.settings.effector_speed * dt, 1e-12
-        )
+        part = hypot(*(state.jacobian[:3] @ turn).tolist()) / max(self.settings.effector_speed * dt, 1e-12)
         if part > 1 + 1e-6 and dt > 0 and result.ok:
             limits = (*limits, SpeedLimit(float(np.abs(turn).max()) / (part * dt)))
             problem = build_ik(state, tasks, limits, row_limits, previous=self._previous, dt=dt)
@@ -325,7 +324,7 @@ class Tracker:
 
     def _is_beyond_fold(self, state: LinearState, here: float, now: float) -> bool:
         """Return whether the way back is to be taken; keep the trail that leads there."""
-        calm = bool(np.linalg.norm(state.equilibrium_offset[:3]) < CALM)
+        calm = hypot(*state.equilibrium_offset[:3].tolist()) < CALM
         if self._side == 0:
             self._side = here
         if is_beyond(here, self._side) or state.firmness < min(0.0, self._least or 0.0):

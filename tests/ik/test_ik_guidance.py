@@ -1,6 +1,8 @@
 """A tracker that stands still asks for a way, goes along it, rests at its end and goes on when the target moves."""
 
+import sys
 import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 
 from tests.ik.plant import SpringRobot
 from tripod_ik.errors import IkError
+from tripod_ik.guidance import Guidance
 from tripod_ik.guide import NEAR_WAY, Guide
 from tripod_ik.problem import build_ik
 from tripod_ik.solver import IkSolver
@@ -171,6 +174,53 @@ def test_a_guide_prepares_its_answers_once_where_the_slide_stays():
         assert slides == [0.03]
         assert finder.prepared
     assert guide.notice == ""
+
+
+def test_a_guide_hands_the_interpreter_over_while_it_looks():
+    """Counted: programs that its thread solves while the node lets go of the interpreter and takes it again."""
+    done, solved, handovers, interval = threading.Event(), [], 100, sys.getswitchinterval()
+    state, task, solver = SpringRobot(slide=0.035).state(WORKING), PositionTask(np.zeros(3)), IkSolver(3)
+
+    class Solving(Finder):
+        def prepare(self):
+            while not done.is_set():
+                solved.append(solver.solve(build_ik(state, [task])))
+
+    guide = Guide(lambda slide: Solving(NOWHERE))
+    sys.setswitchinterval(0.1)
+    try:
+        guide.stand(0.035, 0.0)
+        guide.stand(0.035, 2.0)
+        while not solved:
+            time.sleep(1e-4)
+        before = len(solved)
+        for _ in range(handovers):
+            time.sleep(1e-4)
+        assert (
+            len(solved) - before < 50 * handovers
+        )  # 10 a handover; some 200 where the thread keeps it for 0.1 s
+    finally:
+        done.set()
+        guide.close(60.0)
+        sys.setswitchinterval(interval)
+
+
+def test_where_steps_go_to_and_fro_before_a_fold_it_asks_as_where_they_stand_still():
+    state, target, asked = SpringRobot(slide=0.035).state(WORKING), np.zeros(6), []
+    guidance = Guidance(lambda state, tasks: asked.append(state))
+    for k in range(8):
+        error = (3.3e-3, 3.9e-3)[k % 2]
+        guidance.notice(target, error)
+        if k % 2 == 0:
+            guidance.look(state, (), target, error, k * DT)
+    assert asked
+    asked.clear()
+    guidance.reset()
+    for k in range(8):  # these come closer
+        error = 3e-3 * 0.8**k
+        guidance.notice(target, error)
+        guidance.look(state, (), target, error, k * DT)
+    assert not asked
 
 
 def test_a_posture_is_gone_to_straight_however_near_a_snap():

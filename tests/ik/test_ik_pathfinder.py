@@ -38,11 +38,11 @@ def between():
 
 
 def follow(flat, finder, goals):
-    """Go to one goal after the other, 1.2 s for each; return the states and the tracker's last steps."""
+    """Go to one goal after the other, 1.0 s for each; return the states and the tracker's last steps."""
     home, tracker, now, ends = flat.state().equilibrium, Tracker(SETTINGS, guide=finder.way), 0.0, []
     for goal in goals:
         tracker.aim(home + goal, None, now)
-        for _ in range(round(1.2 / DT)):
+        for _ in range(round(1.0 / DT)):
             before = flat.state()
             step = tracker.update(before, now)
             after = flat.move(step.result.command)
@@ -124,6 +124,23 @@ def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
 def test_a_robot_that_does_not_rest_as_the_model_does_gets_no_way(flat, finder):
     other = StaticModel(load_scene("tripod", ["material.young=4e5"]), 0.0, np.zeros(3)).state()
     assert finder.way(other, [PositionTask(np.array([0.01, 0.0, 0.0]))]) is NOWHERE
+
+
+def test_ways_of_turned_and_mirrored_questions_are_turned_and_mirrored(flat, finder):
+    home = flat.go_home()
+    state = flat.follow(np.array([0.03, -0.4, 0.3]))
+    task, ways = PositionTask(home.equilibrium + at(120)), []
+    images = flat.symmetries()
+    assert len(images) == 6
+    for image in images:
+        way = finder.way(image.state(state), [image.task(task)])
+        assert len(way.stops) > 1
+        ways.append((np.array([image.back(stop) for stop in way.stops]), way.residual))
+    for stops, residual in ways:
+        assert stops == pytest.approx(ways[0][0], abs=1e-9)
+        assert residual == pytest.approx(ways[0][1], abs=1e-12)
+    names = ["servo_0 torque", "snap", "servo_2 angle max"]
+    assert images[1].names(names, state.joint_names) == ("servo_2 torque", "snap", "servo_1 angle max")
 
 
 def test_a_way_is_known_where_all_poses_are():
