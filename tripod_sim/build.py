@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,13 +47,13 @@ if TYPE_CHECKING:
     from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.integrators.doubling import Doubling
+    from tripod_sim.integrators.stage import ImplicitStage
     from tripod_sim.integrators.time_error import ErrorTransport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion
     from tripod_sim.springs.automatic import AutomaticSprings
     from tripod_sim.springs.body import SpringBody
-    from tripod_sim.springs.estimated import EstimatedSprings
     from tripod_sim.springs.skin import ChainSkin
     from tripod_sim.springs.system import SpringSystem
 
@@ -102,7 +102,7 @@ class Parts:
     skin: "ChainSkin | AssemblySkin | JoinedSkin | None" = None
     plate: "Plate | None" = None
     ball: "MazeBall | BodyBall | None" = None
-    errors: "ErrorTransport | EstimatedSprings | AutomaticSprings | None" = None
+    errors: "ErrorTransport | AutomaticSprings | None" = None
     doubling: "Doubling | None" = None
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
@@ -260,24 +260,10 @@ def _stepper(
         return QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach_of(scene))
     drag = scene.damping.mass if scene.damping else 0.0
     if inertia:
-        from tripod_sim.integrators.schemes import make_scheme
+        from tripod_sim.integrators.stage import ImplicitStage
 
-        most = scene.solver.max_halvings
-        wanted = None if halves(scene) else scene.time_error
-        mixed = scene.inertia.scheme == "auto" and wanted is not None and wanted.steps == "auto"
-        name = "tr_bdf2" if mixed else scene.inertia.scheme
-        scheme = make_scheme(name, newton, inertia, mass, drag, most)
-        if wanted:
-            from tripod_sim.integrators.time_error import ErrorTransport
-
-            scheme.errors = ErrorTransport(
-                system, inertia, mass, local=wanted.steps == "auto", carried=wanted.carries
-            )
-            if wanted.steps == "auto":
-                from tripod_sim.integrators.auto_steps import AutoSteps
-
-                return AutoSteps(scheme, newton, most, wanted.tolerance, wanted.shortest, mixed=mixed)
-        return scheme
+        rates = system.dampers.add_products if system.dampers else None
+        return implicit_steps(scene, ImplicitStage(newton, inertia, mass, drag), system, inertia, mass, rates)
     from tripod_sim.integrators.explicit import ExplicitSteps
 
     rayleigh = scene.damping.stiffness if scene.damping else 0.0
@@ -289,6 +275,34 @@ def _stepper(
 
     blocks = [term.elements for term in system.elastic.terms]
     return StrainLimited(stepper, system, bound, mass, blocks, solver.max_iterations)
+
+
+def implicit_steps(
+    scene: Scene,
+    stage: "ImplicitStage",
+    system: Any,
+    inertia: "Anchor",
+    mass: FloatArray,
+    rates: Callable[[FloatArray, FloatArray], None] | None,
+) -> "Substeps":
+    """Return the implicit time integrator of a scene; all but the scene and the stage are as for `ErrorTransport`."""
+    from tripod_sim.integrators.schemes import make_scheme
+
+    assert scene.inertia
+    most, wanted = scene.solver.max_halvings, None if halves(scene) else scene.time_error
+    mixed = scene.inertia.scheme == "auto" and wanted is not None and wanted.steps == "auto"
+    scheme = make_scheme("tr_bdf2" if mixed else scene.inertia.scheme, stage, most)
+    if not wanted:
+        return scheme
+    from tripod_sim.integrators.time_error import ErrorTransport
+
+    auto = wanted.steps == "auto"
+    scheme.errors = ErrorTransport(system, inertia, mass, local=auto, carried=wanted.carries, rates=rates)
+    if not auto:
+        return scheme
+    from tripod_sim.integrators.auto_steps import AutoSteps
+
+    return AutoSteps(scheme, stage.newton, most, wanted.tolerance, wanted.shortest, mixed=mixed)
 
 
 def reach_of(scene: Scene) -> float:

@@ -83,8 +83,6 @@ TABLE: dict[str, Effect] = {
             "integrators.factor_store",
             "springs.automatic",
             "springs.automatic_kernels",
-            "springs.estimated",
-            "springs.error_kernels",
         ),
         ("time error",),
     ),

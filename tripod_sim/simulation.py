@@ -277,8 +277,8 @@ class Simulation:
             self._renew(self.state, self.scene.dt)
 
     def advance(self, steps: int) -> StepReport:
-        """Make `steps` steps with the joints as they are asked last: the same bits as one by one, and for a body of
-        springs much faster.
+        """Make `steps` steps with the joints as they are asked last: the same bits as one by one, and for explicit
+        schemes of springs alone much faster.
 
         Returns:
             What all of them took together; residual, growth and stalls are those of the last.

@@ -19,6 +19,7 @@ from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.quasi_static import QuasiStatic
 from tripod_sim.integrators.schemes import make_scheme
+from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.system import System
 
@@ -52,7 +53,9 @@ def hang(element: str, law: str, scheme: str, rotation: Rotation, change: Change
     system = System(nodes, [solid], groups, gravity=gravity, inertia=inertia, damping=damping)
     newton = Newton(system, 1e-11, 200)
     stepper = (
-        make_scheme(scheme, newton, inertia, inert, 0.5, 8) if inertia else QuasiStatic(newton, 8, 0.1, 0.03)
+        make_scheme(scheme, ImplicitStage(newton, inertia, inert, 0.5), 8)
+        if inertia
+        else QuasiStatic(newton, 8, 0.1, 0.03)
     )
     state = system.start_state(np.zeros(1))
     for _ in range(6 if inertia else 1):

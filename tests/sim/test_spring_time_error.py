@@ -130,6 +130,26 @@ def test_the_local_estimate_steers_to_the_same_bits_and_tells_no_more(
     assert found[0] == found[1] == found[2]
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_springs_among_other_bodies_have_the_motion_and_the_estimate_of_springs_alone(
+    scheme: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whose stages are one compiled call: with dampers, which the estimate has to know of."""
+    words, found = ("springs.damping=5.0", f"inertia.scheme={scheme}", "dt=2e-3", "time_error={}"), []
+    for alone in (True, False):
+        if not alone:
+            monkeypatch.setattr("tripod_sim.build.springs_alone", lambda _: False)
+        simulation = pendulum(*words)
+        simulation.advance(200)
+        assert simulation.state.errors
+        found.append((simulation.positions.copy(), simulation.state.errors.error[0].copy()))
+    (x, one), (y, other) = found
+    np.testing.assert_allclose(x, y, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        one, other, rtol=0, atol=0.1 * np.abs(one).max()
+    )  # without dampers off by half
+
+
 @pytest.mark.parametrize(("scheme", "order"), [("implicit_euler", 1), ("bdf2", 2), ("tr_bdf2", 2)])
 @pytest.mark.parametrize("words", [(), DAMPED], ids=["undamped", "damped"])
 def test_the_local_estimate_is_what_one_step_adds(scheme: str, order: int, words: tuple[str, ...]) -> None:
@@ -226,9 +246,9 @@ def test_conjugate_gradients_estimate_what_a_factorisation_does(scheme: str, ste
 @pytest.mark.parametrize("steps", ["fixed", "auto"])
 def test_a_step_that_cannot_be_saved_leaves_the_state(steps: str) -> None:
     broken = pendulum("inertia.scheme=bdf2", f"time_error.steps={steps}", "solver.max_halvings=2")
-    stepper = broken._stepper
-    stepper._solver.options = stepper._solver.options._replace(tolerance=1e-30, max_iterations=1)
-    stepper._solver.problem = stepper._solver.problem._replace(rounding=-1.0)
+    solver = broken._stepper._newton.solver
+    solver.options = solver.options._replace(tolerance=1e-30, max_iterations=1)
+    solver.problem = solver.problem._replace(rounding=-1.0)
     before = broken.positions.copy()
     with pytest.raises(
         StepError, match=r"step 1 at 0 s cannot be saved, even in parts of .*: the unbalanced force"
@@ -260,6 +280,7 @@ def test_absent_it_is_not_imported() -> None:
     code = (
         "import sys; from tripod_sim import Simulation, load_scene;"
         "s = Simulation(load_scene('pendulum', ['inertia.scheme=bdf2'])); s.step(); assert s.state.errors is None;"
-        "assert not {'tripod_sim.springs.estimated', 'tripod_sim.springs.error_kernels'} & set(sys.modules)"
+        "assert 'tripod_sim.springs.stage' in sys.modules;"
+        "assert not {'tripod_sim.integrators.time_error', 'tripod_sim.integrators.auto_steps'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -18,9 +18,8 @@ LONG, REPEATS = 1e-3, 5
 """Time of one repetition of a kernel [s]; the least of so many counts."""
 
 IMPLICIT = (
-    "tripod_sim.springs.implicit.ImplicitSprings",
+    "tripod_sim.springs.stage.SpringNewton",
     "tripod_sim.springs.implicit.StaticSprings",
-    "tripod_sim.springs.estimated.EstimatedSprings",
 )
 EXPLICIT = "tripod_sim.springs.explicit.ExplicitSprings"
 AUTOMATIC = "tripod_sim.springs.automatic.AutomaticSprings"
@@ -48,7 +47,7 @@ def kernel_stages(simulation: Simulation, report: StepReport, steps: int) -> dic
 def _implicit(stepper: Any, simulation: Simulation, report: StepReport, steps: int) -> dict[str, float]:
     from tripod_sim.explain import repeat_kernels as kernels  # noqa: PLC0415 - springs are an effect that may be absent
 
-    solver, state, dt = stepper._solver, simulation.state, simulation.scene.dt
+    solver, state, dt = stepper.solver, simulation.state, simulation.scene.dt
     body, work, factor, options = solver.problem, solver.work, solver.factor, solver.options
     x, v, links = state.positions, state.velocities, body.links
     scheme = simulation.scene.inertia.scheme if simulation.scene.inertia else ""

@@ -35,7 +35,6 @@ PARTS = {
     "contact.rigid_system": "rigid bodies",
     "integrators.time_error": "time error",
     "integrators.doubling": "time error",
-    "springs.estimated": "time error",
     "mesh_error": "mesh error",
     "integrators.sleep": "sleep",
     "integrators.strain_limit": "strain limit",

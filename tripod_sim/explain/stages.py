@@ -78,10 +78,9 @@ STAGES: dict[str, dict[str, str]] = {
         "solve_bodies": SOLUTION,
         "rows": SOLUTION,
     },
-    "springs.implicit.ImplicitSprings": {"step": LOOP},
+    "springs.stage.SpringNewton": {"solve_stage": LOOP},
     "springs.implicit.StaticSprings": {"step": LOOP},
     "springs.automatic.AutomaticSprings": {"step": LOOP},
-    "springs.estimated.EstimatedSprings": {"step": LOOP},
     "springs.explicit.ExplicitSprings": {"step": LOOP},
     "forces.strain_bound.StrainBound": {
         "add_gradient": "strain limit",

@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.errors import StepError
-from tripod_sim.integrators.factor_store import FactorStore
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.integrators.time_error import ErrorState
@@ -89,7 +88,7 @@ class AutoSteps(Substeps):
         super().__init__(newton, max_halvings)
         self._scheme, self._tolerance, self._shortest, self._mixed = scheme, tolerance, shortest, mixed
         self.errors = scheme.errors
-        newton.store = FactorStore(newton.system)
+        newton.keep_several()
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
         return self._scheme._part(state, joints, h)
@@ -141,6 +140,7 @@ class AutoSteps(Substeps):
                 continue
             report.iterations += result.iterations
             report.factorisations += result.factorisations
+            report.linear_iterations += result.linear_iterations
             added = errors.largest_added
             ratio = added / limit
             if not ratio <= 1 and size > least:  # so that NaN counts as too much

@@ -38,6 +38,7 @@ class NewtonReport:
         residual: Unbalanced force at the end [N].
         increments: Of the load in statics, before Newton's method (see `load_steps`); 0 where none was needed.
         halvings: Times these were rolled back and halved.
+        linear_iterations: Of conjugate gradients, where they tell.
     """
 
     iterations: int = 0
@@ -45,6 +46,7 @@ class NewtonReport:
     residual: float = np.inf
     increments: int = 0
     halvings: int = 0
+    linear_iterations: int = 0
 
 
 class Newton:
@@ -86,6 +88,12 @@ class Newton:
         if self.store:
             self.store.forget()
         self.system.forget()
+
+    def keep_several(self) -> None:
+        """Keep factorisations of several time steps from now on."""
+        from tripod_sim.integrators.factor_store import FactorStore  # noqa: PLC0415 - steps of changing length
+
+        self.store = FactorStore(self.system)
 
     def renews(self, keep: float) -> bool:
         """Return whether the next solve, of the time step `keep` [s], would begin with a factorisation."""

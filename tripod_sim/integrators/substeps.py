@@ -173,6 +173,7 @@ class Substeps(ABC):
                 origin = self._backup.copy()
             report.iterations += result.iterations
             report.factorisations += result.factorisations
+            report.linear_iterations += result.linear_iterations
             report.residual = result.residual
             report.increments += result.increments
             report.halvings += result.halvings

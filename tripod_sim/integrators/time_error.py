@@ -8,7 +8,8 @@ values. The exact motion fulfils both but for the defects tau of the scheme,
 so that the error e, exact minus computed, of a body with stiffness K, damping a M + b K and a force r left over by the
 solver follows from one solve with the matrix A of the stage, w = M / s² + a M / s, c = b / s,
 
-    A e_x' = (w + c K) y + M (e_u + tau_v) / s - r,   A = w + (1 + c) K,   y = e_z + tau_x,   e_v' = (e_x' - y) / s,
+    A e_x' = (w + c K) y + M (e_u + tau_v) / s - r,   A = w + (1 + c) K,   y = e_z + tau_x,   e_v' = (e_x' - y) / s;
+    dampers of the matrix C add C / s to A, and C y / s,
 
 e_z and e_u made of the errors as z and u are made of the values. With c K y = c / (1 + c) (A - w) y no product with K
 is left. The defects are those of the Taylor series, a = (v' - u) / s and backward differences of it for j and dj/dt,
@@ -22,7 +23,9 @@ that comes of it, a change of e_v by -h² / 2 j, waits for the second. Nodes tha
 error.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +34,6 @@ from tripod_sim.constraints.groups import Kind
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
 from tripod_sim.linear.solver import LinearError
-from tripod_sim.system import System
 
 FloatArray = NDArray[np.float64]
 
@@ -111,10 +113,19 @@ class ErrorTransport:
     """
 
     def __init__(
-        self, system: System, inertia: Anchor, mass: FloatArray, *, local: bool, carried: bool = True
-    ) -> None:
-        """`inertia`: the system's; `mass`: of nodes [kg], shape (n,); `local`, `carried`: what is asked for."""
-        self._system, self._inertia, self._mass = system, inertia, mass
+        self, system: Any, inertia: Anchor, mass: FloatArray, *, local: bool, carried: bool = True,
+        rates: "Callable[[FloatArray, FloatArray], None] | None" = None,
+    ) -> None:  # fmt: skip
+        """Prepare.
+
+        Args:
+            system: A `System`, or what of one is used here.
+            inertia: The system's.
+            mass: Of nodes [kg], shape (n,).
+            local, carried: What is asked for.
+            rates: Adds C / s times the first to the second, both of shape (n, 3), C the matrix of dampers.
+        """
+        self._system, self._inertia, self._mass, self._rates = system, inertia, mass, rates
         self.local, self.carried = local, carried
         n = len(mass)
         self.order, self._s = 1, 1.0
@@ -266,6 +277,8 @@ class ErrorTransport:
         damping, system = self._system.damping, self._system
         share = damping.factor / (1 + damping.factor) if damping else 0.0
         self._load(first, c1, second, c2, derivative, factor, s, share)
+        if self._rates:
+            self._rates(self._y, self._force)
         system.reduction.gradient(self._force, system.lever, system.axes, self._reduced, self._torques)
         self._reduced -= left
         try:

@@ -87,6 +87,7 @@ class TrBdf2(Substeps):
             first.iterations + second.iterations,
             first.factorisations + second.factorisations,
             second.residual,
+            linear_iterations=first.linear_iterations + second.linear_iterations,
         )
 
     def _measure_rate(self, state: State, s: float) -> None:

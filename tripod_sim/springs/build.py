@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tripod_sim.build import Parts, Stepper
+from tripod_sim.build import Parts, Stepper, implicit_steps
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
@@ -17,12 +17,11 @@ from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.tables.bodies import Springs
-from tripod_sim.tables.method import TimeError
-from tripod_sim.tables.motion import Inertia
+from tripod_sim.tables.motion import EXPLICIT
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.integrators.time_error import ErrorTransport
     from tripod_sim.springs.automatic import AutomaticSprings
-    from tripod_sim.springs.estimated import EstimatedSprings
     from tripod_sim.springs.implicit_kernels import Options
 
 LARGE = 60_000
@@ -40,17 +39,14 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
         return spring_parts(system, scene, scene.contact, None if len(body.triangles) else ChainSkin(body))
     system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
     skin = None if len(body.triangles) else ChainSkin(body)
-    if (wanted := scene.time_error) and not halves(scene):
-        estimated = _estimated(scene, system, wanted)
-        return Parts(body, system.mass, system, estimated, skin=skin, errors=estimated)
-    stepper = _stepper(scene, system)
+    stepper, errors = _stepper(scene, system)
     if scene.strain_limit:
         from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
         from tripod_sim.integrators.strain_limit import StrainLimited  # noqa: PLC0415
 
         bound = StrainBound(body.ends, body.rest_length, scene.strain_limit.stretch, system.mass)
         stepper = StrainLimited(stepper, system, bound, system.mass, [], scene.solver.max_iterations)
-    return Parts(body, system.mass, system, stepper, skin=skin)
+    return Parts(body, system.mass, system, stepper, skin=skin, errors=errors)
 
 
 def spring_body(scene: Scene, description: Springs) -> SpringBody:
@@ -74,52 +70,40 @@ def spring_body(scene: Scene, description: Springs) -> SpringBody:
     return body
 
 
-def _stepper(scene: Scene, system: SpringSystem) -> Stepper:
+def _stepper(
+    scene: Scene, system: SpringSystem
+) -> "tuple[Stepper, ErrorTransport | AutomaticSprings | None]":
+    """Return the time integrator or the static solver, and what carries the error of the time steps along."""
     drag = scene.damping.mass if scene.damping else 0.0
     rayleigh = scene.damping.stiffness if scene.damping else 0.0
     if not scene.inertia:
         from tripod_sim.springs.implicit import StaticSprings  # noqa: PLC0415
 
-        return StaticSprings(system, _options(scene, system))
-    from tripod_sim.springs.explicit import SCHEMES, ExplicitSprings  # noqa: PLC0415
-
-    if scene.inertia.scheme in SCHEMES:
-        divide = scene.inertia.substeps == "auto"
-        return ExplicitSprings(system, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
-    from tripod_sim.springs.implicit import ImplicitSprings  # noqa: PLC0415
-
-    return ImplicitSprings(
-        system,
-        _implicit(scene.inertia),
-        _options(scene, system),
-        drag=drag,
-        rayleigh=rayleigh,
-        max_halvings=scene.solver.max_halvings,
-    )
-
-
-def _implicit(inertia: Inertia) -> str:
-    """Return the scheme of implicit steps of a fixed dt."""
-    return "implicit_euler" if inertia.scheme == "auto" else inertia.scheme
-
-
-def _estimated(
-    scene: Scene, system: SpringSystem, wanted: TimeError
-) -> "EstimatedSprings | AutomaticSprings":
-    """Return what carries the error of the time steps along, or takes steps as long as what they add allows."""
-    assert scene.inertia
-    damping = scene.damping
-    drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
-    if scene.inertia.scheme == "auto" and wanted.steps == "auto":
+        return StaticSprings(system, _options(scene, system)), None
+    scheme, wanted = scene.inertia.scheme, None if halves(scene) else scene.time_error
+    if wanted and scheme == "auto" and wanted.steps == "auto":
         from tripod_sim.springs.automatic import AutomaticSprings  # noqa: PLC0415 - an effect that is absent
 
-        return AutomaticSprings(system, wanted.tolerance, wanted.shortest, drag=drag, rayleigh=rayleigh)
-    from tripod_sim.springs.estimated import EstimatedSprings  # noqa: PLC0415 - an effect that is absent
+        chosen = AutomaticSprings(system, wanted.tolerance, wanted.shortest, drag=drag, rayleigh=rayleigh)
+        return chosen, chosen
+    if scheme in EXPLICIT:
+        from tripod_sim.springs.explicit import ExplicitSprings  # noqa: PLC0415
 
-    return EstimatedSprings(
-        system, _implicit(scene.inertia), _options(scene, system), wanted, drag=drag, rayleigh=rayleigh,
-        max_halvings=scene.solver.max_halvings,
-    )  # fmt: skip
+        divide = scene.inertia.substeps == "auto"
+        return ExplicitSprings(system, scheme, drag=drag, rayleigh=rayleigh, divide=divide), None
+    from tripod_sim.forces.anchor import Anchor  # noqa: PLC0415
+    from tripod_sim.springs.implicit import SpringSolver  # noqa: PLC0415
+    from tripod_sim.springs.stage import SpringNewton, SpringStage, StageEnd  # noqa: PLC0415
+
+    solver = SpringSolver(system, _options(scene, system), drag=drag, rayleigh=rayleigh, moving=True)
+    auto = wanted is not None and wanted.steps == "auto"
+    end = StageEnd(system, solver, keep=auto) if wanted else None
+    inertia = Anchor(len(system.mass))
+    newton = SpringNewton(system, solver, predict=auto, end=end)
+    stage = SpringStage(newton, inertia, system.mass, drag)
+    rates = end.add_rates if end and (system.dampers or rayleigh) else None
+    steps = implicit_steps(scene, stage, end, inertia, system.mass, rates)
+    return steps, steps.errors
 
 
 def _options(scene: Scene, system: SpringSystem) -> "Options":

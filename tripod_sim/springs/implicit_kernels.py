@@ -1,11 +1,11 @@
-"""Compiled time loops of the implicit schemes for springs: many steps in one call, the same bits as one by one.
+"""Newton's method for one implicit stage of springs alone, compiled, and what the estimate of its error asks for.
 
 A stage ends with x' = z + s v' and M (v' - u) / s = f(x', v') (see `integrators.stage`); its unknown here is v', so
 that small steps lose no digits. It is the minimum of
 
     Phi(v') = E(x') + D(x') - F . x' + 1/2 |v' - u|²_M + a s / 2 |v'|²_M + b s / 2 (v')^T K_n v',
 
-K_n the springs' projected tangents at the start of the step; D is the dampers' part, sum of c/(2 s) (l(x') - l_0)²:
+K_n the springs' projected tangents at the start of the stage; D is the dampers' part, sum of c/(2 s) (l(x') - l_0)²:
 what the scheme does to positions it does to lengths, so that dl/dt = (l - l_0) / s has the scheme's order.
 """
 
@@ -16,32 +16,22 @@ from numba import njit
 
 from tripod_sim.springs.cg_kernels import Sweep, conjugate_gradients, prepare
 from tripod_sim.springs.linear_kernels import Factor, assemble, factorise, solve_direct
-from tripod_sim.springs.spring_kernels import (
-    Links,
-    add_gradient,
-    add_products,
-    length_rates,
-    lengths,
-    tangents,
-)
+from tripod_sim.springs.spring_kernels import Links, add_gradient, add_products, direction, tangents
 
 Array = Any
-
-IMPLICIT_EULER, BDF2, TR_BDF2 = 0, 1, 2
 
 SOLVED, UNSOLVED, NO_DESCENT, SINGULAR, BROKEN, UNITERATED = 0, 1, 2, 3, 4, 5
 """How a solve ended: as it should; too many iterations; no lower state along the step; matrix not definite although
 projected; a number not finite; conjugate gradients gave up."""
-
-G = 2.0 - np.sqrt(2.0)
-P = 1.0 / (G * (2.0 - G))
-Q = (1.0 - G) ** 2 * P
 
 FEW = 4
 """A factorisation that needed at most so many linear solves serves the next stage of the same length too."""
 
 SHORTEST = 1e-6
 """Smallest fraction of a step of Newton's method that is tried."""
+
+MOST_REFINEMENTS, REFINED = 4, 0.02
+"""Of a solution by a factorisation that may lag behind, and the share of its load at which they end."""
 
 
 class Problem(NamedTuple):
@@ -75,23 +65,25 @@ class Options(NamedTuple):
 class Work(NamedTuple):
     """Scratch: (n, 3) each, then blocks and lagged (m, 6), weight (n,), reference (m,).
 
-    guess: v' as the conjugate gradients expect it; kept: the s that the factorisation at hand belongs to [s], zero for
-    none, (1,); sweep: of the conjugate gradients.
+    z, u, reference: of the stage, see above; guess: v' as it is expected, u + s rate; rate: (v' - u) / s of the last
+    stage that was solved; kept: the s that the factorisation at hand belongs to [s], zero for none, (1,); sweep: of the
+    conjugate gradients.
     """
 
     g: Array
     p: Array
     x: Array
     w: Array
-    z: Array
-    u: Array
     guess: Array
+    rate: Array
     blocks: Array
     lagged: Array
     weight: Array
-    reference: Array
     kept: Array
     sweep: Sweep
+    z: Array
+    u: Array
+    reference: Array
 
 
 @njit(cache=True, error_model="numpy")
@@ -177,15 +169,30 @@ def rounding(s: float, body: Problem, work: Work) -> float:
 
 @njit(cache=True, error_model="numpy")
 def solve_stage(
-    x: Array, v: Array, s: float, body: Problem, A: Factor, options: Options, work: Work, counts: Array
+    x: Array,
+    v: Array,
+    s: float,
+    predict: bool,
+    body: Problem,
+    A: Factor,
+    options: Options,
+    work: Work,
+    counts: Array,
 ) -> int:
     """Solve one stage with `work.z`, `work.u` and `work.reference`, from the positions `x`; write x' and v'.
 
+    predict: Whether a direct solver with a factorisation at hand begins where the guess leads; else where the body is.
     counts: linear solves, factorisations, conjugate gradients' iterations (each added to); residual [N] (written).
     """
+    if body.rayleigh > 0.0:
+        tangents(x, body.links, 0.0, work.reference, True, work.lagged)
+    begin = predict and options.direct and work.kept[0] == s
     for k in range(body.free.shape[0]):
         n = body.free[k]
         for i in range(3):
+            work.guess[n, i] = work.u[n, i] + s * work.rate[n, i]
+            if begin:
+                x[n, i] = work.z[n, i] + s * work.guess[n, i]
             v[n, i] = (x[n, i] - work.z[n, i]) / s
     work.x[:] = x  # fixed nodes
     work.w[:] = v
@@ -246,119 +253,111 @@ def solve_stage(
         work.kept[0] = s
     counts[0] += iterations
     counts[3] = size
+    for k in range(body.free.shape[0]):
+        n = body.free[k]
+        for i in range(3):
+            work.rate[n, i] = (v[n, i] - work.u[n, i]) / s
     return SOLVED
 
 
 @njit(cache=True, error_model="numpy")
-def implicit_steps(
-    scheme: int,
-    count: int,
-    h: float,
-    x: Array,
-    v: Array,
-    history: Array,
-    past: Array,
-    clock: Array,
-    body: Problem,
-    A: Factor,
-    options: Options,
-    work: Work,
-    counts: Array,
-    predict: bool,
-) -> tuple[int, int]:
-    """Advance `x` and `v` by `count` steps of `h` [s]; return how the last solve ended and the steps made.
+def renew_at_end(s: float, keep: bool, body: Problem, A: Factor, options: Options, work: Work) -> None:
+    """Prepare to solve with the Hessian at the end of the stage just solved, unless what is at hand serves.
 
-    A step that fails leaves the state before it.
-
-    Args:
-        scheme: One of the numbers above.
-        count, h: Steps and their length.
-        x, v: State, (n, 3), in place.
-        history: Scratch and memory, (5, n, 3): state before the step at hand (0, 1), before that (2, 3),
-            acceleration with which the last step ended (4).
-        past: Lengths of springs before the last step, then two of scratch, (3, m).
-        clock: Length of the last step [s], zero for none.
-        body, A, options, work, counts: As for `solve_stage`.
-        predict: Whether a direct solver begins the stages of TR-BDF2 where the last accelerations lead, if the stage
-            before was solved in few iterations; else where the body is.
+    keep: Whether that may serve the next stage; if not, this leaves no trace in the motion.
     """
-    x_now, v_now, x_old, v_old, a = history[0], history[1], history[2], history[3], history[4]
-    links, z, u = body.links, work.z, work.u
-    for done in range(count):
-        work.guess[:] = v
-        if not options.direct and clock[0] > 0.0 and scheme != TR_BDF2:
-            for n in range(x.shape[0]):
-                for i in range(3):
-                    work.guess[n, i] += v[n, i] - v_now[n, i]  # as it changed in the last step
-        x_now[:], v_now[:] = x, v
-        if body.damped:
-            lengths(x, links, past[1])
-        if body.rayleigh > 0.0:
-            tangents(x, links, 0.0, past[1], True, work.lagged)
-        if clock[0] == 0.0 or scheme == IMPLICIT_EULER:
-            s = h
-            z[:], u[:] = x, v
-            work.reference[:] = past[1]
-        elif scheme == BDF2:
-            r = h / clock[0]
-            lead, b, c = (1.0 + 2.0 * r) / (1.0 + r), 1.0 + r, r * r / (1.0 + r)
-            b, c, s = b / lead, c / lead, h / lead
-            for n in range(x.shape[0]):
-                for i in range(3):
-                    z[n, i] = b * x[n, i] - c * x_old[n, i]
-                    u[n, i] = b * v[n, i] - c * v_old[n, i]
-            if body.damped:
-                for m in range(past.shape[1]):
-                    work.reference[m] = b * past[1, m] - c * past[0, m]
-        else:
-            s = 0.5 * G * h
-            for n in range(x.shape[0]):
-                for i in range(3):
-                    z[n, i] = x[n, i] + s * v[n, i]
-                    u[n, i] = v[n, i] + s * a[n, i]
-            if body.damped:
-                length_rates(x, v, links, past[2])
-                for m in range(past.shape[1]):
-                    work.reference[m] = past[1, m] + s * past[2, m]
-            if predict and work.kept[0] == s:
-                for k in range(body.free.shape[0]):
-                    n = body.free[k]
-                    for i in range(3):
-                        x[n, i] = z[n, i] + s * (u[n, i] + s * a[n, i])
-            state = solve_stage(x, v, s, body, A, options, work, counts)
-            if state != SOLVED:
-                x[:], v[:] = x_now, v_now
-                return state, done
-            if predict:
-                for k in range(body.free.shape[0]):
-                    n = body.free[k]
-                    for i in range(3):
-                        middle = (v[n, i] - u[n, i]) / s
-                        work.guess[n, i] = middle + (middle - a[n, i]) * (1.0 - G) / G
-            for n in range(x.shape[0]):
-                for i in range(3):
-                    z[n, i] = P * x[n, i] - Q * x_now[n, i]
-                    u[n, i] = P * v[n, i] - Q * v_now[n, i]
-            if body.damped:
-                lengths(x, links, past[2])
-                for m in range(past.shape[1]):
-                    work.reference[m] = P * past[2, m] - Q * past[1, m]
-            if predict and work.kept[0] == s:
-                for k in range(body.free.shape[0]):
-                    n = body.free[k]
-                    for i in range(3):
-                        x[n, i] = z[n, i] + s * (u[n, i] + s * work.guess[n, i])
-        state = solve_stage(x, v, s, body, A, options, work, counts)
-        if state != SOLVED:
-            x[:], v[:] = x_now, v_now
-            return state, done
-        if scheme == TR_BDF2:
-            for k in range(body.free.shape[0]):
-                n = body.free[k]
-                for i in range(3):
-                    a[n, i] = (v[n, i] - u[n, i]) / s
-        elif scheme == BDF2:
-            x_old[:], v_old[:] = x_now, v_now
-            past[0] = past[1]
-        clock[0] = h
-    return SOLVED, count
+    if work.kept[0] != s:
+        for attempt in range(2):
+            if renew(work.x, s, attempt == 1, body, A, options, work):
+                break
+        work.kept[0] = s if keep and options.direct else 0.0
+    tangents(
+        work.x, body.links, 1.0 / s if body.damped else 0.0, work.reference, body.links.slack, work.blocks
+    )
+    if body.rayleigh > 0.0:
+        for m in range(work.blocks.shape[0]):
+            for c in range(6):
+                work.blocks[m, c] += body.rayleigh / s * work.lagged[m, c]
+
+
+@njit(cache=True, error_model="numpy")
+def add_rates(y: Array, s: float, body: Problem, work: Work, out: Array) -> None:
+    """Add C y / s to `out` [N], C = sum of c n n^T + b K_n at the end of the stage just solved; y, out: (n, 3)."""
+    links = body.links
+    for m in range(links.ends.shape[0]):
+        i, j = links.ends[m, 0], links.ends[m, 1]
+        _, n0, n1, n2 = direction(work.x, i, j)
+        pull = (
+            links.damping[m]
+            / s
+            * (n0 * (y[i, 0] - y[j, 0]) + n1 * (y[i, 1] - y[j, 1]) + n2 * (y[i, 2] - y[j, 2]))
+        )
+        for c, force in enumerate((pull * n0, pull * n1, pull * n2)):
+            out[i, c] += force
+            out[j, c] -= force
+    if body.rayleigh > 0.0:
+        add_products(links.ends, work.lagged, y, body.rayleigh / s, out)
+
+
+@njit(cache=True, error_model="numpy")
+def _solve_as_prepared(
+    load: Array, body: Problem, A: Factor, options: Options, work: Work, out: Array
+) -> None:
+    """Write -H^-1 `load` of free nodes, H as `renew` prepared it last; NaN where conjugate gradients fail.
+
+    At the end of a stage, where its potential is least, they do not: H is definite there.
+    """
+    if options.direct:
+        solve_direct(A, load, body.free, out)
+        return
+    out[:] = 0.0
+    limit = 1000 + 12 * body.free.shape[0]
+    if conjugate_gradients(work.sweep, load, body.free, options.linear_tolerance, limit, out) < 0:
+        out[:] = np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def _square(x: Array, body: Problem) -> float:
+    total = 0.0
+    for k in range(body.free.shape[0]):
+        n = body.free[k]
+        total += x[n, 0] * x[n, 0] + x[n, 1] * x[n, 1] + x[n, 2] * x[n, 2]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def solve_at_end(
+    b: Array, body: Problem, A: Factor, options: Options, work: Work, scratch: Array, out: Array
+) -> None:
+    """Write H^-1 b to `out`, shape (3 f,) both, H as `renew_at_end` left it in `work.blocks`; scratch: (5, n, 3).
+
+    With H = W + K, W the weights, that is y - H^-1 K y, y = W^-1 b: what the factorisation leaves over is a share of
+    the small part alone that the springs have in it.
+    """
+    y, load, move, residual, part = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4]
+    load[:] = 0.0
+    for k in range(body.free.shape[0]):
+        n = body.free[k]
+        for i in range(3):
+            y[n, i] = b[3 * k + i] / work.weight[n]
+    add_products(body.links.ends, work.blocks, y, 1.0, load)
+    _solve_as_prepared(load, body, A, options, work, move)
+    before, enough = np.inf, REFINED**2 * _square(load, body)
+    for _ in range(MOST_REFINEMENTS):
+        for n in range(load.shape[0]):
+            for i in range(3):
+                residual[n, i] = load[n, i] + work.weight[n] * move[n, i]
+        add_products(body.links.ends, work.blocks, move, 1.0, residual)
+        square = _square(residual, body)
+        if not enough < square < before:
+            break
+        before = square
+        _solve_as_prepared(residual, body, A, options, work, part)
+        for k in range(body.free.shape[0]):
+            n = body.free[k]
+            for i in range(3):
+                move[n, i] += part[n, i]
+    for k in range(body.free.shape[0]):
+        n = body.free[k]
+        for i in range(3):
+            out[3 * k + i] = y[n, i] + move[n, i]
