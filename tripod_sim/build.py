@@ -1,7 +1,8 @@
 """Scene to simulation: each named effect becomes one term or stage; an absent one is not even imported."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -40,6 +41,7 @@ from tripod_sim.tables.motion import EXPLICIT, ORDER
 if TYPE_CHECKING:
     from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.bodies.assembly import AssemblySkin
+    from tripod_sim.bodies.platform import Platforms
     from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
     from tripod_sim.contact.rigid_system import RigidSystem
     from tripod_sim.forces.anchor import Anchor
@@ -112,9 +114,12 @@ class Parts:
     watched: tuple[IndexArray, ...] = ()
 
 
-def build(scene: Scene) -> Parts:
-    """Return the parts of a simulation of `scene`. Raises SceneError."""
-    parts = _built(scene)
+def build(scene: Scene, progress: Callable[[float], None] | None = None) -> Parts:
+    """Return the parts of a simulation of `scene`; `progress` is told how far its bodies are bent to fit together.
+
+    Raises SceneError.
+    """
+    parts = _built(scene, progress)
     if scene.time_error and scene.inertia and not parts.errors:
         from tripod_sim.integrators.doubling import Doubling
 
@@ -132,7 +137,7 @@ def build(scene: Scene) -> Parts:
     return replace(parts, stepper=stepper)
 
 
-def _built(scene: Scene) -> Parts:
+def _built(scene: Scene, progress: Callable[[float], None] | None = None) -> Parts:
     """Return the parts of a simulation whose body is solved for in every step."""
     if scene.springs and springs_alone(scene):  # a loop of its own, faster than that of any terms
         from tripod_sim.springs.build import build_springs
@@ -153,8 +158,10 @@ def _built(scene: Scene) -> Parts:
 
         assembly = placed_bodies(assembly, sets, scene, scene.contact)
     first, rest = assembly.bodies[0], assembly.nodes
-    groups, said = with_held(_groups(scene, assembly, sets), assembly, static=static)
-    if static:
+    platforms = _platforms(scene, sets)
+    groups = _groups(scene, assembly, sets, platforms.nodes if platforms else [])
+    groups, said = with_held(groups, assembly, static=static)
+    if static or platforms:
         _check_held(assembly, groups)
     foundation = None
     if scene.clamp:
@@ -162,8 +169,8 @@ def _built(scene: Scene) -> Parts:
 
         rest, frames, foundation = bed_clamps(_in_all(first, rest), groups.driven, scene.clamp.stiffness)
         groups = replace(groups, size=len(rest), driven=frames)
-    rest, groups, plate = _fastened(scene, rest, groups)
-    inert, gravity = _weights(scene, assembly, sets, rest, plate)
+    rest, groups, plate, fastened = _fastened(scene, rest, groups, platforms)
+    inert, gravity = _weights(scene, assembly, sets, rest, plate, fastened)
     inertia = None
     velocities, watched = _velocities(scene, sets, rest, groups.held()), _watched(scene, sets)
     loads, ball = _ball(scene, rest, groups, first, plate)
@@ -174,12 +181,19 @@ def _built(scene: Scene) -> Parts:
         inertia = Anchor(len(rest))
     damping = scene.damping.stiffness if scene.damping and not explicit else 0.0
     bound = strain_bound(assembly, groups, inert, scene.strain_limit.stretch) if scene.strain_limit else None
-    system = System(
-        rest, elastic_terms(assembly, sets, rest, groups), groups, gravity=gravity, inertia=inertia, damping=damping,
+    make = partial(
+        System, rest, gravity=gravity, inertia=inertia, damping=damping,
         dampers=spring_dampers(assembly) if scene.inertia else None, bound=None if explicit else bound,
         foundation=foundation, loads=loads, joined=spring_sides(assembly) if scene.contact else (),
         linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
     )  # fmt: skip
+
+    def made(held: Groups) -> System:
+        return make(elastic_terms(assembly, sets, rest, held), held)
+
+    system = made(groups)
+    if platforms and static:
+        system.assembly = platforms.bending(assembly, made, scene.solver, progress)
     mesh, skin, counts = shown(assembly)
     if scene.contact and inertia:
         from tripod_sim.contact.solid_build import solid_parts
@@ -195,13 +209,32 @@ def _built(scene: Scene) -> Parts:
     )
 
 
+def _platforms(scene: Scene, sets: NodeSets) -> "Platforms | None":
+    """Return what joins sets of several bodies; None where nothing does."""
+    if not scene.platform:
+        return None
+    from tripod_sim.bodies.platform import Platforms
+
+    return Platforms(scene.platform, sets)
+
+
 def _weights(
-    scene: Scene, assembly: Assembly, sets: NodeSets, rest: FloatArray, plate: "Plate | None"
+    scene: Scene,
+    assembly: Assembly,
+    sets: NodeSets,
+    rest: FloatArray,
+    plate: "Plate | None",
+    fastened: FloatArray,
 ) -> "tuple[FloatArray, GravityForce | None]":
-    """Return the inertia of nodes [kg], and weight and dead loads, None where there are none."""
+    """Return the inertia of nodes [kg], and weight and dead loads, None where there are none.
+
+    `fastened`: masses of the last nodes [kg], those of platforms.
+    """
     load, inert = masses(assembly, sets, len(rest))
     if plate:
         load[plate.nodes], inert[plate.nodes] = plate.mass, plate.mass
+    if len(fastened):
+        load[-len(fastened) :], inert[-len(fastened) :] = fastened, fastened
     dead = None
     if scene.load:
         from tripod_sim.forces.set_loads import set_loads
@@ -311,13 +344,20 @@ def reach_of(scene: Scene) -> float:
     return joints.reach if joints else 0.03
 
 
-def _fastened(scene: Scene, rest: FloatArray, groups: Groups) -> "tuple[FloatArray, Groups, Plate | None]":
-    """Return nodes and groups with what the scene fastens to the disc, and that."""
-    if not scene.maze:
-        return rest, groups, None
-    from tripod_sim.maze.plate import fasten
+def _fastened(
+    scene: Scene, rest: FloatArray, groups: Groups, platforms: "Platforms | None"
+) -> "tuple[FloatArray, Groups, Plate | None, FloatArray]":
+    """Return nodes and groups with what the scene fastens to the disc, and that, and with the nodes of platforms, and
+    the masses of these [kg].
+    """
+    plate, mass = None, np.zeros(0)
+    if scene.maze:
+        from tripod_sim.maze.plate import fasten
 
-    return fasten(rest, groups, scene.maze, scene.ball.radius if scene.ball else 0.0)
+        rest, groups, plate = fasten(rest, groups, scene.maze, scene.ball.radius if scene.ball else 0.0)
+    if platforms:
+        rest, groups, mass = platforms.fasten(rest, groups)
+    return rest, groups, plate, mass
 
 
 def _ball(
@@ -387,8 +427,10 @@ def _refined(mesh: SolidMesh, times: int) -> SolidMesh:
     return mesh
 
 
-def _groups(scene: Scene, assembly: Assembly, sets: NodeSets) -> Groups:
-    """Return what holds and moves nodes: discs, servo arms, what is fixed or prescribed."""
+def _groups(scene: Scene, assembly: Assembly, sets: NodeSets, joined: Sequence[IndexArray]) -> Groups:
+    """Return what holds and moves nodes: discs, platforms that hold the nodes `joined`, servo arms, what is fixed or
+    prescribed.
+    """
     rigid = list[IndexArray]()
     driven: tuple[DrivenFrame, ...] = ()
     own = {body.table.name: body.nodes for body in assembly.bodies}
@@ -399,6 +441,7 @@ def _groups(scene: Scene, assembly: Assembly, sets: NodeSets) -> Groups:
         rigid.append(
             own[body.name][effector_disc((assembly.nodes[own[body.name]] - position) @ turn, table, field)]
         )
+    rigid += joined
     if joints := joints_of(scene):
         from tripod_sim.robot.arms import servo_arms
 

@@ -90,7 +90,7 @@ def run(
     steps = max(1, round(duration / description.dt))
     description = script.started(description)
     check_out("--out", out, (".npz",))
-    simulation = Simulation(description)
+    simulation = Simulation(description, progress)
     recording = Recording(simulation, steps) if out or recorded else None
     if recording and recorded:
         recorded(recording)

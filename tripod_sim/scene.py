@@ -10,7 +10,7 @@ from tripod_sim.tables.bodies import Body, Material, Mesh, Obstacle, Region, Rig
 from tripod_sim.tables.fields import check_fields, number
 from tripod_sim.tables.method import MeshError, Solver, TimeError
 from tripod_sim.tables.motion import Contact, Damping, Gravity, Inertia, Sleep, StrainLimit
-from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, Motion, ServoDynamics, Servos
+from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, Motion, Platform, ServoDynamics, Servos
 from tripod_sim.tables.sets import Fixed, InitialVelocity, Load, Marker, NodeSet, Prescribed, Servo
 
 
@@ -28,6 +28,7 @@ class Scene:
         region: Parts of the solid that are of other materials.
         body: Soft bodies beside it, or instead of it.
         tie: Which of their nodes are one.
+        platform: Rigid bodies that join sets of several of them; empty: none.
         set: Nodes of the body to which others refer.
         gravity, inertia, damping, fixed, prescribed, load, initial_velocity, servos, servo_dynamics, clamp, effector,
             strain_limit, maze, ball, contact, obstacles: Effects; None or empty is off.
@@ -65,6 +66,7 @@ class Scene:
     servo_dynamics: ServoDynamics | None = None
     clamp: Clamp | None = None
     effector: Effector | None = None
+    platform: tuple[Platform, ...] = ()
     strain_limit: StrainLimit | None = None
     maze: Maze | None = None
     ball: Ball | None = None
@@ -109,7 +111,7 @@ EFFECTS = (
 )
 """Tables of a scene that may be absent."""
 
-OPTIONAL = (*EFFECTS, "body", "tie", "region", "set", "servo", "marker", "motion")
+OPTIONAL = (*EFFECTS, "body", "tie", "platform", "region", "set", "servo", "marker", "motion")
 """The same, with what is no effect."""
 
 

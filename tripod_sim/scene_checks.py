@@ -27,6 +27,17 @@ def check_body(scene: "Scene") -> None:
             raise SceneError(
                 f"{field}name is {shown(body.name)}; it must be a name of its own: not 'all', nor that of another body"
             )
+        if (like := getattr(body, "like", "")) and (
+            like not in names[:k] or not bodies[names.index(like)].mesh
+        ):
+            solids = ", ".join(shown(other.name) for other in bodies[:k] if other.mesh)
+            raise SceneError(
+                f"{field}like is {shown(like)}; it must be the name of a solid before it: {solids or 'none is'}"
+            )
+        if like and (scene.body[k - len(bodies)].mesh or scene.body[k - len(bodies)].material):
+            raise SceneError(
+                f"{field}like and {field}mesh, {field}material exclude each other: leave one out"
+            )
         _check_kind(body, field)
     if scene.region and not scene.mesh:
         raise SceneError("region needs mesh: it is a part of a solid")
@@ -155,6 +166,22 @@ def check_servo(scene: "Scene") -> None:
         for name in ("axis", "inward"):
             if (direction := getattr(servo, name)) is not None and not any(direction):
                 raise SceneError(f"servo.{i}.{name} is {direction}; a direction is not zero")
+
+
+def check_platform(scene: "Scene") -> None:
+    """Raise SceneError if platforms are described wrongly, or are with what knows nothing of them."""
+    explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
+    beside = {"contact": scene.contact, "ball": scene.ball, "an explicit inertia.scheme": explicit}
+    for i, platform in enumerate(scene.platform):
+        if not platform.hold:
+            raise SceneError(
+                f"platform.{i}.hold is empty; it must name a set for each place at which it holds one"
+            )
+        if not any(body.mesh for body in soft_bodies(scene)):
+            raise SceneError("platform needs a solid (mesh and material): it holds sets of its nodes")
+        for name, there in beside.items():
+            if there:
+                raise SceneError(f"platform and {name} exclude each other: leave one out")
 
 
 def check_loads(scene: "Scene") -> None:
@@ -361,6 +388,7 @@ CHECKS = (
     check_held,
     check_loads,
     check_servo,
+    check_platform,
     check_solid,
     check_start,
     check_rigid,

@@ -223,7 +223,9 @@ def _build(cls: Any, table: Any, path: str) -> Any:
             hint = f"; did you mean {' or '.join(map(repr, meant))}?" if meant else ""
             name = key if key.isidentifier() and len(key) < LONGEST else shown(key[: LONGEST // 2])
             where = f"{path}.{name}" if path else name
-            raise SceneError(f"field {where} is unknown; fields: {', '.join(hints)}{hint}")
+            elsewhere = meant and all("." in name for name in meant)  # then those here are of no help
+            known = "" if elsewhere else f"; fields: {', '.join(hints)}"
+            raise SceneError(f"field {where} is unknown{known}{hint}")
     values = {}
     for f in fields(cls):
         where = f"{path}.{f.name}" if path else f.name

@@ -27,7 +27,13 @@ FIRST, SECOND = "body", "springs"
 
 def soft_bodies(scene: "Scene") -> tuple[Body, ...]:
     """Return the soft bodies of a scene, those of the short form first."""
-    return (*_short(scene), *scene.body)
+    found = {body.name: body for body in _short(scene)}
+    bodies = list(found.values())
+    for body in scene.body:
+        model = found.get(body.like)
+        bodies.append(replace(body, mesh=model.mesh, material=model.material) if model else body)
+        found.setdefault(body.name, bodies[-1])
+    return tuple(bodies)
 
 
 def field_of(scene: "Scene", number: int) -> str:
@@ -248,6 +254,7 @@ def discs_of(scene: "Scene") -> list[tuple[str, Effector, Body]]:
 
 
 def effector_of(scene: "Scene") -> Effector | None:
-    """Return the effector of a scene; None where it has none."""
-    found = discs_of(scene)
-    return found[0][1] if found else None
+    """Return the effector of a scene, a disc or else a platform; None where it has none."""
+    if found := discs_of(scene):
+        return found[0][1]
+    return Effector(0.5 * max(scene.platform[0].size)) if scene.platform else None

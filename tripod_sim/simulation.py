@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -80,20 +81,21 @@ class Simulation:
         left_out: Rigid bodies on the body that the last compliance leaves out, since nothing keeps them in place.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, progress: Callable[[float], None] | None = None) -> None:
         """Build the simulation and put it in its start state. Kernels compile here, never in the first step.
 
-        A body that servos hold starts in static equilibrium at their start angles; any other starts undeformed.
+        A body that servos hold starts in static equilibrium at their start angles; any other starts undeformed, or bent
+        as far as platforms ask for; `progress` is told the share of that which is done.
 
         Raises:
             SceneError: the scene cannot be built.
             StepError: no equilibrium in the start configuration.
         """
         self.scene = scene
-        parts = self._parts = build(scene)
+        parts = self._parts = build(scene, progress)
         self.joints = joints_of(scene)
-        posed = bool(self.joints or (scene.fixed and discs_of(scene)))
-        self._static = build(at_rest(scene)) if scene.inertia and posed else parts
+        posed = bool(self.joints or scene.platform or (scene.fixed and discs_of(scene)))
+        self._static = build(at_rest(scene), progress) if scene.inertia and posed else parts
         self.mesh, self._mass, self._system, self._stepper = (
             parts.mesh,
             parts.mass,
@@ -104,7 +106,7 @@ class Simulation:
         count = len(self._system.groups.driven)
         joints = self.joints.start if self.joints else np.zeros(count + 1)
         self._prescribed = self._system.groups.prescribed
-        self.state = self._system.start_state(np.zeros(count + 1 + bool(self._prescribed)))
+        self.state = self._begin(np.zeros(count + 1 + bool(self._prescribed)))
         if parts.rigid:
             self.state.rigid = parts.rigid.start.copy()
         self._begin_errors(parts)
@@ -144,6 +146,10 @@ class Simulation:
         self._start_torques = self.torques.copy()
         self._mesh_error = self._begin_mesh_error()
         self._prepare()
+
+    def _begin(self, joints: FloatArray) -> State:
+        """Return the undeformed state; where bodies do not fit so, that of rest."""
+        return (self._static if self.scene.platform else self._parts).system.start_state(joints)
 
     def _begin_errors(self, parts: Parts) -> None:
         """Let the state remember what estimates of the error of the time steps ask for, if there are any."""

@@ -6,7 +6,7 @@ strain energy, gravity, inertia (with mass damping) and stiffness damping; absen
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +49,7 @@ class System:
         linear: Solves with the Hessian of the last `factor`.
         factored: Whether `linear` can solve after the last `factor`, be the matrix definite or not.
         strain_energy, gravity_energy: Of the last `evaluate` [J]; the foundation's energy counts as strain.
+        assembly: Bends bodies that do not fit together undeformed; None where all do.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class System:
             linear: Makes the solver.
         """
         self.rest, self.groups = rest, groups
+        self.assembly: Callable[[System], State] | None = None
         self.gravity, self.inertia, self.dampers, self.bound = gravity, inertia, dampers, bound
         self._springs = [t for t in (dampers, bound) if t]
         self.foundation, self.loads = foundation, loads
@@ -101,7 +103,8 @@ class System:
         self.residual, self.torques = np.zeros(self.reduction.unknowns), np.zeros(s)
         self.axes = np.array([f.axis for f in groups.driven]).reshape(s, 3)
         self._no_weight = np.zeros(n)
-        self._rest_centres = np.array([rest[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
+        placed = groups.placed(rest)
+        self._rest_centres = np.array([placed[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
         self.strain_energy = self.gravity_energy = 0.0
         self._frame_of = np.repeat(np.arange(s), [len(f.nodes) for f in frames])
         swings = [(*f.swing(rest[f.nodes]), np.tile(f.inward, (len(f.nodes), 1))) for f in frames]
@@ -116,12 +119,12 @@ class System:
         )
         self._forces, self._elastic_energy = np.zeros((n, 3)), 0.0
         self._last, self._known = (rest.copy(), self.elastic.rest_modes()), False
-        self._arm = rest.copy()  # of nodes of bodies, from the centre, undeformed [m]
+        self._arm = placed.copy()  # of nodes of bodies, from the centre, undeformed [m]
         for centre, nodes in zip(self._rest_centres, groups.rigid, strict=True):
             self._arm[nodes] -= centre
         self._scale = np.ones(self.reduction.unknowns)
         for b, nodes in enumerate(groups.rigid):
-            radius = np.sqrt(((rest[nodes] - self._rest_centres[b]) ** 2).sum(axis=1).mean())
+            radius = np.sqrt(((placed[nodes] - self._rest_centres[b]) ** 2).sum(axis=1).mean())
             first = 3 * self.reduction.free_count + 6 * b
             self._scale[first + 3 : first + 6] = 1 / radius
 
@@ -155,6 +158,18 @@ class System:
         return strain, self.gravity.energy(state.positions) if self.gravity else 0.0
 
     def start_state(self, joints: FloatArray) -> State:
+        """Return the state that a simulation begins from, with the joint values `joints`, as `State.joints`.
+
+        It is undeformed, or where bodies have to be bent to fit together that of rest with all joints at 0; no node is
+        moved to `joints`. Raises SceneError where they do not fit.
+        """
+        if not self.assembly:
+            return self.undeformed(joints)
+        found = self.assembly(self)
+        found.joints = joints.copy()
+        return found
+
+    def undeformed(self, joints: FloatArray) -> State:
         """Return the undeformed state at the joint values `joints`, as `State.joints`; no node is moved."""
         n, b = len(self.rest), len(self.groups.rigid)
         rotations = np.tile(np.eye(3), (b, 1, 1))

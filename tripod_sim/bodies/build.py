@@ -54,6 +54,10 @@ def assembled(scene: Scene, read: Callable[[Mesh], SolidMesh]) -> tuple[Assembly
         from tripod_sim.bodies.ties import tied  # noqa: PLC0415 - an effect that is absent
 
         assembly = tied(assembly, scene.tie, sets_of(scene, assembly))
+    if scene.platform:
+        from tripod_sim.bodies.platform import Platforms  # noqa: PLC0415 - an effect that is absent
+
+        assembly = Platforms(scene.platform, sets_of(scene, assembly)).joined(assembly)
     return assembly, tuple(notes)
 
 
@@ -208,7 +212,8 @@ def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Grou
             continue
         nodes = np.unique(np.concatenate([b.nodes for b in together]))
         own = [np.searchsorted(nodes, b.blocks) for b in together]
-        if free_motion(own, assembly.nodes[nodes], groups.held()[nodes]):
+        rigid = [np.searchsorted(nodes, body) for body in groups.rigid if np.isin(body, nodes).all()]
+        if free_motion([*own, *rigid], assembly.nodes[nodes], groups.held()[nodes]):
             groups = replace(groups, fixed=np.union1d(groups.fixed, nodes))
             notes.append(f"nothing holds body {first.table.name!r}: without inertia it stays where it is")
     return groups, tuple(notes)

@@ -6,6 +6,7 @@ may move as time says (`prescribed`).
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING
@@ -71,6 +72,7 @@ class Groups:
         fixed: Nodes held along all axes.
         pinned: Free nodes that are held along some axes: node and axis, a row for each, shape (k, 2).
         prescribed: How some of what is held moves; None: none of it does.
+        places: By number of a rigid body: where its nodes stand in it [m], shape (k, 3); of others as undeformed.
     """
 
     size: int
@@ -79,6 +81,7 @@ class Groups:
     fixed: IndexArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     pinned: IndexArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     prescribed: "Prescribed | None" = None
+    places: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         owner: dict[int, str] = {}
@@ -94,6 +97,15 @@ class Groups:
             owner.update(dict.fromkeys(nodes.tolist(), name))
         if len(owner) == self.size:
             raise SceneError("the groups hold every node of the mesh; nothing is free to deform")
+
+    def placed(self, rest: FloatArray) -> FloatArray:
+        """Return `rest`, undeformed places of nodes [m], shape (size, 3), with those of `places` in their stead."""
+        if not self.places:
+            return rest
+        found = rest.copy()
+        for body, places in self.places.items():
+            found[self.rigid[body]] = places
+        return found
 
     def held(self) -> NDArray[np.bool_]:
         """Return which nodes are fixed, driven or prescribed along which axes, shape (size, 3)."""

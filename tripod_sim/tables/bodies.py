@@ -132,6 +132,7 @@ class Body:
 
     Attributes:
         name: By which others refer to it; `body` is that of the short form, `[mesh]` or `[springs]`.
+        like: Name of a body before it, whose mesh and material it has, too.
         position: Where the origin of mesh or net lies [m].
         orientation: Of its axes about that point: unit quaternion x, y, z, w.
         mesh, material: The solid.
@@ -144,6 +145,7 @@ class Body:
     name: str
     position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
     orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)
+    like: str = ""
     mesh: Mesh | None = None
     material: Material | None = None
     region: tuple[Region, ...] = ()

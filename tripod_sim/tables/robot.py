@@ -93,6 +93,44 @@ class Effector:
 
 
 @dataclass(frozen=True)
+class Hold:
+    """A set that a platform holds: a node X of it stands at position + to + R(turn) (X - point) where that begins.
+
+    Attributes:
+        set: Name of the set.
+        point: A point of the undeformed body [m].
+        to: Where the platform has it, from its centre [m].
+        turn: How the set is turned there: rotation vector [rad].
+    """
+
+    set: str
+    point: tuple[float, float, float] = number(unit="m", low=-1e3, high=1e3)
+    to: tuple[float, float, float] = number(unit="m", low=-1e3, high=1e3)
+    turn: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="rad", low=-6.3, high=6.3)
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A rigid body that joins sets of several bodies, each at a place of its own. Bodies that do not fit undeformed are
+    bent there, a little at a time, before the simulation begins; then the platform is let go.
+
+    Attributes:
+        hold: What it holds.
+        position: Of its centre, which is its centre of mass, until it is let go [m].
+        mass: [kg], spread evenly over a box.
+        size: Edges of the box [m].
+        stretch: A body that is longer than undeformed by more than this share, from what holds it to the platform, is
+            refused: it does not reach.
+    """
+
+    hold: tuple[Hold, ...]
+    position: tuple[float, float, float] = number(unit="m", low=-1e3, high=1e3)
+    mass: float = number(0.005, unit="kg", above=0, high=1e6)
+    size: tuple[float, float, float] = number((0.02, 0.02, 0.02), unit="m", above=0, high=1e3)
+    stretch: float = number(0.2, low=0, high=10.0)
+
+
+@dataclass(frozen=True)
 class Maze:
     """A plate with walls on the effector disc. Needs effector.
 
