@@ -12,6 +12,7 @@ from tripod_identify.measured import Measured, checked
 from tripod_record.bag import Bag
 from tripod_record.table import Series, read_series
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import effector_of
 
 FloatArray = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ def read_recording(path: Path, scene: Scene, *, poses: bool) -> Measured:
     series = read_series(bag, lambda topic: any(topic.endswith(f"/{name}") for name in wanted))
     commands = _one(series, COMMANDS, path, "commands")
     seen = _one(series, SEEN, path, "measured pose")
-    if not scene.effector:
+    if not effector_of(scene):
         raise DataError(f"scene {scene.name!r} has no effector, whose pose {path} holds")
     count = scene.servos.count if scene.servos else 0
     known = {n.removeprefix("position.") for n in commands.values if n.startswith("position.")}

@@ -103,11 +103,12 @@ def between(coarse: Rest, state: State, fine: Rest, joints: FloatArray) -> State
     lost = ~np.isfinite(found).all(axis=1)
     found[lost] = NearestNDInterpolator(places, moved, rescale=True)(own[lost])
     start.positions[:] = own + found
+    placed = fine.system.groups.placed(own)
     for b, nodes in enumerate(fine.system.groups.rigid):
-        centre = own[nodes].mean(axis=0)
+        centre = placed[nodes].mean(axis=0)
         start.rotations[b] = state.rotations[b]
         start.centres[b] = state.centres[b] + state.rotations[b] @ (centre - _centre(coarse, b))
-        start.positions[nodes] = start.centres[b] + (own[nodes] - centre) @ state.rotations[b].T
+        start.positions[nodes] = start.centres[b] + (placed[nodes] - centre) @ state.rotations[b].T
     fine.system.drive(start, joints)
     try:
         fine.settle(start, joints)
@@ -118,4 +119,5 @@ def between(coarse: Rest, state: State, fine: Rest, joints: FloatArray) -> State
 
 
 def _centre(rest: Rest, b: int) -> FloatArray:
-    return np.asarray(rest.system.rest[rest.system.groups.rigid[b]].mean(axis=0))
+    groups = rest.system.groups
+    return np.asarray(groups.placed(rest.system.rest)[groups.rigid[b]].mean(axis=0))

@@ -10,6 +10,7 @@ from tripod_identify.columns import EFFECTOR, Channel
 from tripod_identify.errors import DataError
 from tripod_sim.constraints.groups import rotation_matrix, rotation_vector
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import effector_of
 from tripod_sim.state import State
 from tripod_sim.tables.sets import Marker
 
@@ -17,14 +18,17 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 
+DISC = "effector"
+
+
 @dataclass(frozen=True)
 class Point:
-    """A point that moves with a set as with a rigid body: one that is glued to it, on a stalk say.
+    """A point that moves with a set, or the effector, as with a rigid body: one that is glued to it, on a stalk say.
 
     Attributes:
         name: As the columns of the data have it.
-        set: Whose nodes it moves with.
-        at: Where it is on the undeformed body [m].
+        set: Whose nodes it moves with, or `effector`.
+        at: Where it is on the undeformed body, or in the effector's frame [m].
     """
 
     name: str
@@ -48,13 +52,20 @@ def parse_point(text: str) -> Point:
 def with_watched(scene: Scene, points: Sequence[Point]) -> Scene:
     """Return the scene with a marker for the set of each point."""
     have = {marker.set for marker in scene.marker}
-    more = [Marker(name) for name in dict.fromkeys(p.set for p in points) if name not in have]
+    names = dict.fromkeys(p.set for p in points if p.set != DISC)
+    more = [Marker(name) for name in names if name not in have]
     return replace(scene, marker=(*scene.marker, *more))
 
 
 def sources_of(scene: Scene, points: Sequence[Point]) -> tuple[str, ...]:
-    """Return the names that columns of data may have for this scene."""
-    disc = EFFECTOR if scene.effector else ()
+    """Return the names that columns of data may have for this scene.
+
+    Raises DataError: a point is on an effector that the scene has not.
+    """
+    disc = EFFECTOR if effector_of(scene) else ()
+    for point in points:
+        if point.set == DISC and not disc:
+            raise DataError(f"--point {point.name}={DISC}: scene {scene.name!r} has no effector; name a set")
     return (*disc, *(marker.set for marker in scene.marker), *(p.name for p in points))
 
 
@@ -95,11 +106,14 @@ class Observer:
         )
         glued = {p.name: p for p in points}
         self._nodes: list[IndexArray | None] = []
+        self._mounts = dict[str, FloatArray]()
         self._arms: list[tuple[FloatArray, FloatArray] | None] = []
         for source in self._sources:
             point = glued.get(source)
             name = point.set if point else source
-            nodes = None if source == "effector" else watched[name]
+            nodes = None if name == DISC else watched[name]
+            if point and nodes is None:
+                self._mounts[source] = np.array(point.at)
             self._nodes.append(nodes)
             turned = any(c.angle for c in channels if c.source == source)
             if nodes is None or not (point or turned):
@@ -120,7 +134,8 @@ class Observer:
         for i, (nodes, arms) in enumerate(zip(self._nodes, self._arms, strict=True)):
             if nodes is None:
                 R = state.rotations[0]
-                seen[i] = state.centres[0] + R @ mount, rotation_vector(R)
+                glued = self._mounts.get(self._sources[i], mount)
+                seen[i] = state.centres[0] + R @ glued, rotation_vector(R)
                 continue
             here = state.positions[nodes]
             seen[i, 0] = here.mean(axis=0)

@@ -17,6 +17,7 @@ from tripod_identify.errors import DataError
 from tripod_identify.model import MORE, Told
 from tripod_identify.observe import Sensor
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import effector_of
 from tripod_sim.tables.fields import allowed
 
 FloatArray = NDArray[np.float64]
@@ -129,7 +130,7 @@ def _named(scene: Scene, name: str) -> list[Parameter]:
         )
     if not members:
         raise DataError(f"--fit {name}: scene {scene.name!r} has no servos")
-    if family == MOUNT and not scene.effector:
+    if family == MOUNT and not effector_of(scene):
         raise DataError(f"--fit {name}: scene {scene.name!r} has no effector")
     return [_of_family(family, member) for member in ([rest] if rest else members)]
 

@@ -1,0 +1,69 @@
+"""The scene of Emio, four legs that do not fit at rest; the data themselves are not here."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.emio import POINTS, SCENE, YOUNG, found, wrong
+from tripod_identify.columns import Channel
+from tripod_identify.errors import DataError
+from tripod_identify.measured import Measured
+from tripod_identify.model import plainly, predict
+from tripod_identify.observe import parse_point, plain_sensor, sources_of
+from tripod_identify.score import score
+from tripod_sim import load_scene
+
+COARSE = ["body.0.mesh.cells=[1,1,10]"]
+POSES = np.array(
+    [
+        *([1.1, -1.1, 1.1, -1.1], [1.1, -1.6, 1.1, -0.6], [0.6, -1.1, 1.6, -1.1], [1.3, -0.9, 0.9, -1.3]),
+        *([1.0, -1.4, 1.2, -0.8], [1.5, -1.5, 1.5, -1.5], [0.4, -0.4, 0.4, -0.4], [0.8, -1.0, 1.4, -1.2]),
+    ]
+)
+TRACKER = tuple(Channel("tracker", axis) for axis in range(3))
+
+
+def poses(count: int, *, name: str = "tracker") -> Measured:
+    """Return poses of which nothing was measured yet."""
+    channels = tuple(replace(c, source=name) for c in TRACKER)
+    return Measured(None, POSES[:count], None, channels, np.zeros((count, 3)))
+
+
+def test_the_scene_is_short_and_hangs_straight_until_a_motor_turns() -> None:
+    assert len(SCENE.read_text().splitlines()) <= 60
+    scene = load_scene(SCENE, COARSE)
+    level, tipped = predict(plainly(scene), poses(2), POINTS)
+    assert level[[0, 2]] == pytest.approx([0, 0], abs=1e-5)
+    assert tipped[0] > 0.01, "the leg at x swung out and the one opposite in, as measured"
+    assert abs(tipped[2]) < 1e-4
+
+
+def test_a_point_on_the_platform_moves_as_one_in_its_frame() -> None:
+    scene, point = load_scene(SCENE, COARSE), parse_point("tracker=effector:0,-0.027,0")
+    assert point == POINTS[0]
+    assert sources_of(scene, (point,)) == ("effector", "imu", "tracker")
+    seen = predict(plainly(scene), poses(2), (point,))
+    told = replace(plainly(scene), sensor=replace(plain_sensor(), mount=np.array([0, -0.027, 0])))
+    same = predict(told, poses(2, name="effector"), ())
+    assert seen == pytest.approx(same, abs=1e-12)
+    centre = predict(plainly(scene), poses(2, name="effector"), ())
+    assert np.linalg.norm(seen - centre, axis=1) == pytest.approx(0.027, abs=1e-12)
+    with pytest.raises(DataError, match="tracker=effector: scene 'silicone' has no effector"):
+        sources_of(load_scene("silicone"), (point,))
+
+
+def test_a_modulus_is_found_again_and_wrong_motors_score_much_worse() -> None:
+    scene = load_scene(SCENE, COARSE)
+    truth = load_scene(SCENE, [*COARSE, f"{YOUNG}=6e6"])
+    data = replace(
+        poses(8), values=predict(plainly(truth), poses(8), POINTS) + np.array([0.01, -0.02, 0.003])
+    )
+    best, young = found(scene, data)
+    assert young == pytest.approx(6e6, rel=1e-3)
+    assert best.body[0].material is not None
+    assert best.body[0].material.young == pytest.approx(young)
+    for name, bad in wrong(data).items():
+        distance = score(predict(plainly(best), bad, POINTS), bad, "translation").distance
+        assert distance is not None
+        assert distance.mean > 8e-4, name
