@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tripod_bringup.compiling import compiling_told
-from tripod_bringup.measured_data import read_measured
+from tripod_bringup.measured_data import opened
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
 from tripod_bringup.score_command import print_table
-from tripod_host.writing import check_place, replaced_text
+from tripod_host.writing import replaced_text
 from tripod_identify.errors import DataError, FitError
 
 if TYPE_CHECKING:
@@ -45,29 +45,22 @@ def identify_command(
     quiet: bool,
 ) -> int:
     """Identify, print, write and return the exit code: 2 bad input, 1 nothing was found."""
-    from tripod_identify.alignment import KINDS  # noqa: PLC0415 - not needed for the help
-    from tripod_identify.identify import Wanted, identify  # noqa: PLC0415
+    from tripod_identify.identify import Wanted, identify  # noqa: PLC0415 - not needed for the help
     from tripod_identify.identify_report import identify_report, scene_text  # noqa: PLC0415
-    from tripod_identify.observe import parse_point  # noqa: PLC0415
     from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
     from tripod_record.errors import RecordError  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
     command = shlex.join(["tripod", *sys.argv[1:]])
     try:
-        if align not in KINDS:
-            raise DataError(f"--align is {align!r}; allowed: {', '.join(KINDS)}")
-        for path in (out, report):  # before the work, not after it
-            if path is not None:
-                check_place(path)
         if out is not None and out.suffix != ".toml":
             raise DataError(f"--out is {str(out)!r}; it must end in .toml")
         if report is not None:
             check_matplotlib()
-        description = load_scene(scene, overrides)
-        glued = [parse_point(text) for text in points]
-        measured = read_measured(data, description, glued, renames, poses=poses)
+        description, glued, measured = opened(
+            scene, data, align=align, overrides=overrides, points=points, renames=renames, poses=poses,
+            places=(out, report),
+        )  # fmt: skip
         wanted = Wanted(
             tuple(fit), align, dict(map(_prior, priors)), _share(hold_out), mesh, profile, propose
         )

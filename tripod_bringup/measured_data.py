@@ -4,12 +4,53 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tripod_host.writing import check_place
 from tripod_identify.errors import DataError
 
 if TYPE_CHECKING:
     from tripod_identify.measured import Measured
     from tripod_identify.observe import Point
     from tripod_sim.scene import Scene
+
+
+def opened(
+    scene: str,
+    path: Path,
+    *,
+    align: str,
+    overrides: Sequence[str],
+    points: Sequence[str],
+    renames: Sequence[str],
+    poses: bool,
+    places: "Sequence[Path | None]",
+) -> "tuple[Scene, list[Point], Measured]":
+    """Return what `tripod score` and `tripod identify` begin with: the scene, the points, the data.
+
+    Args:
+        scene: Name or file of a scene.
+        path: CSV file or recording.
+        align: Kind of the alignment.
+        overrides: Of the scene, `table.field=value`.
+        points: What is measured, as `NAME=PLACE:X,Y,Z`.
+        renames: `OLD=NEW` of columns.
+        poses: Whether the data are taken as poses at rest.
+        places: Where results will be written; checked before the work.
+
+    Raises:
+        DataError, RecordError, SceneError: what is wrong with any of them.
+    """
+    from tripod_identify.alignment import KINDS  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.observe import parse_point  # noqa: PLC0415
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+
+    if align not in KINDS:
+        raise DataError(f"--align is {align!r}; allowed: {', '.join(KINDS)}")
+    for place in places:
+        if place is not None:
+            check_place(place)
+    description = load_scene(scene, overrides)
+    glued = [parse_point(text) for text in points]
+    return description, glued, read_measured(path, description, glued, renames, poses=poses)
 
 
 def read_measured(

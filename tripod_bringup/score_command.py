@@ -6,9 +6,9 @@ import shlex
 import sys
 from pathlib import Path
 
-from tripod_bringup.measured_data import read_measured
+from tripod_bringup.measured_data import opened
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
-from tripod_host.writing import check_place, replaced, replaced_text
+from tripod_host.writing import replaced, replaced_text
 
 
 def score_command(
@@ -26,27 +26,21 @@ def score_command(
     quiet: bool,
 ) -> int:
     """Score, print, write and return the exit code: 2 bad input, 1 a pose or motion could not be computed."""
-    from tripod_identify.alignment import KINDS  # noqa: PLC0415 - not needed for the help
-    from tripod_identify.errors import DataError  # noqa: PLC0415
+    from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
     from tripod_identify.model import plainly, predict  # noqa: PLC0415
-    from tripod_identify.observe import parse_point  # noqa: PLC0415
     from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
     from tripod_identify.score import score  # noqa: PLC0415
     from tripod_identify.score_report import HEAD, alignment_line, score_report, score_rows  # noqa: PLC0415
     from tripod_record.errors import RecordError  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
     try:
-        if align not in KINDS:
-            raise DataError(f"--align is {align!r}; allowed: {', '.join(KINDS)}")
-        for path in (report, plot):  # before the work, not after it
-            if path is not None:
-                check_place(path)
-                check_matplotlib()
-        description = load_scene(scene, overrides)
-        glued = [parse_point(text) for text in points]
-        measured = read_measured(data, description, glued, renames, poses=poses)
+        if report is not None or plot is not None:
+            check_matplotlib()
+        description, glued, measured = opened(
+            scene, data, align=align, overrides=overrides, points=points, renames=renames, poses=poses,
+            places=(report, plot),
+        )  # fmt: skip
         with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
             predicted = predict(plainly(description), measured, glued, progress)
         found = score(predicted, measured, align)
