@@ -77,7 +77,7 @@ class ReplayNode(Node):
         *,
         start: float = 0.0,
         rate: float = 1.0,
-        name: str = "bag_play",
+        name: str = "",
         simulated: Sequence[float] | None = None,
     ) -> None:
         """Join the graph; nothing moves before all is checked.
@@ -86,13 +86,16 @@ class ReplayNode(Node):
             path: The motion.
             start: Where it begins, in the recording [s].
             rate: Recorded time over time.
-            name: Of the node.
+            name: Of the node where another is in this process, for whom `__node:=` is meant; "": `bag_play`, or
+                what `__node:=` names it.
             simulated: Go by the simulator, whose slew rates [rad/s] these are, instead of by the driver.
         """
-        super().__init__(name)
+        # Arguments of a node go before those of its process.
+        fixed = ["--ros-args", "-r", f"__node:={name}"] if name else None
+        super().__init__(name or "bag_play", cli_args=fixed)
         self.done, self.duration, self.failed = "", path.end, False
         self._path, self._start, self._rate = path, start, rate
-        self._mandate = Mandate(new_source(name, self.get_namespace()))
+        self._mandate = Mandate(new_source(name or "bag_play", self.get_namespace()))
         self._follower: Follower | None = None
         self._simulated = simulated
         self._here: FloatArray | None = None

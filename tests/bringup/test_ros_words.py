@@ -284,7 +284,8 @@ def test_a_servo_script_moves_the_simulator_and_stop_ends_it(domain: int) -> Non
     from tripod_graph import names
     from tripod_graph.qos import LATCHED, RELIABLE
 
-    with running(["sim", "--servo", "0:0,0,0; 0.5:-0.3,-0.2,-0.1; 600:-0.3,-0.2,-0.1"], domain) as process:
+    script = "0:0,0,0; 0.5:-0.3,-0.2,-0.1; 600:-0.3,-0.2,-0.1"
+    with running(["sim", "--servo", script, "--ros-args", "-r", "__node:=robot_sim"], domain) as process:
         with asking(domain) as asker:
             heard: list[list[float]] = []
             modes: list[ControlMode] = []
@@ -296,6 +297,7 @@ def test_a_servo_script_moves_the_simulator_and_stop_ends_it(domain: int) -> Non
             asker.wait(lambda: heard and heard[-1] == pytest.approx([-0.3, -0.2, -0.1], abs=1e-3), "motion")
             asker.wait(lambda: modes and modes[-1].mode == ControlMode.REPLAY, "the mode")
             assert "script#" in modes[-1].source
+            assert {"robot_sim", "script"} <= set(asker.node.get_node_names())
             stop.publish(ControlMode(mode=ControlMode.STOP, source="operator#1"))
             asker.wait(lambda: heard[-1] == pytest.approx([0.0] * 3, abs=1e-3), "parked servos")
         process.send_signal(2)
