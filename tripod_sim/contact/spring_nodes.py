@@ -7,7 +7,7 @@ import numpy as np
 from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.springs.linear_kernels import assemble
-from tripod_sim.springs.spring_kernels import add_gradient, add_products, length_rates, lengths, tangents
+from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
 
@@ -16,16 +16,15 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 
 
 class _SpringPast(NamedTuple):
-    """What the next stage may look back on: the last moves [m], of lengths too, velocities; lengths at its start."""
+    """What the next stage may look back on: the last moves [m], lengths and velocities."""
 
     change: FloatArray
-    stretch: FloatArray
-    length: FloatArray
+    length: Memory
     velocity: Memory
 
     @classmethod
     def of(cls, nodes: int, springs: int) -> "_SpringPast":
-        return cls(np.zeros((nodes, 3)), np.zeros(springs), np.zeros(springs), Memory((nodes, 3)))
+        return cls(np.zeros((nodes, 3)), Memory((springs,)), Memory((nodes, 3)))
 
 
 class _Slots(NamedTuple):
@@ -74,7 +73,7 @@ class SpringNodes:
         self.served = self.lasting = False  # springs turn and go slack
         n, m = len(body.nodes), len(body.ends)
         self.x, self.v, self._move, self._at, self._g, self._aim = np.zeros((6, n, 3))
-        self._blocks, self._lagged, self._reference = np.zeros((m, 6)), np.zeros((m, 6)), np.zeros(m)
+        (self._blocks, self._lagged), (self._lengths, self._reference) = np.zeros((2, m, 6)), np.zeros((2, m))
         self.weight, self._inertia, self._stage = np.zeros(n), np.zeros(n), Stage(1.0, 1.0)
         self._damped, self._rate = bool((body.damping > 0).any()), 0.0
         self._way: FloatArray | None = None
@@ -159,8 +158,9 @@ class SpringNodes:
             past = self._past = self._past or _SpringPast.of(len(self.x), len(self._reference))
             self._place(u)
             past.change[:] = self._move
-            lengths(self._at, self._system.links, past.stretch)
-            np.subtract(past.stretch, past.length, out=past.stretch)
+            after_lengths = np.empty_like(self._lengths)
+            lengths(self._at, self._system.links, after_lengths)
+            past.length.note(self._lengths, self._reference, after_lengths, self._stage)
             known = (
                 self._aim / self._stage.s if self._way is None else (self._aim - self._way) / self._stage.s
             )
@@ -183,12 +183,10 @@ class SpringNodes:
         np.multiply(system.mass, self._drag / s, out=self.weight)
         self.weight += self._inertia
         self._rate = 1.0 / s if self._damped else 0.0
-        lengths(self.x, system.links, self._reference)
-        if self._rayleigh and not stage.goes_on:
+        lengths(self.x, system.links, self._lengths)
+        self._reference[:] = self._lengths
+        if self._rayleigh:
             tangents(self.x, system.links, 0.0, self._reference, True, self._lagged)
-        if self.looked_back:
-            past = self._past = self._past or _SpringPast.of(len(self.x), len(self._reference))
-            past.length[:] = self._reference
         if stage.begins:
             self._way = None
             np.multiply(self.v, s, out=self._aim)
@@ -199,10 +197,7 @@ class SpringNodes:
         past.velocity.known(self.v, stage, self._aim)
         self._aim *= s
         self._aim += way
-        if self._damped:
-            rates = np.empty_like(self._reference)
-            length_rates(self.x, self.v, system.links, rates)
-            self._reference += stage.back * past.stretch + stage.lead * rates
+        past.length.known(self._lengths, stage, self._reference)
 
     def guess(self, u: FloatArray) -> None:
         """Write the moves of a stage without forces."""

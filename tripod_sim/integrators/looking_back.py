@@ -27,14 +27,12 @@ class Stage:
         s: [s].
         back: c.
         lead: r [s].
-        goes_on: Whether the stage before is of the same step.
     """
 
     length: float
     s: float
     back: float = 0.0
     lead: float = 0.0
-    goes_on: bool = False
 
     @property
     def begins(self) -> bool:
@@ -50,7 +48,7 @@ def implicit_euler(h: float) -> Stage:
 def stages(scheme: str, h: float, before: float) -> tuple[Stage, ...]:
     """Return the stages of a step of `h` [s] of a second-order scheme, after one of `before` [s]."""
     if scheme == "tr_bdf2":
-        return Stage(G * h, HALF * h, 0.0, HALF * h), Stage((1 - G) * h, HALF * h, Q, goes_on=True)
+        return Stage(G * h, HALF * h, 0.0, HALF * h), Stage((1 - G) * h, HALF * h, Q)
     r = h / before
     return (Stage(h, h * (1 + r) / (1 + 2 * r), r * r / (1 + 2 * r)),)
 

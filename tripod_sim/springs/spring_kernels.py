@@ -53,15 +53,6 @@ def lengths(x: Array, links: Links, out: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def length_rates(x: Array, v: Array, links: Links, out: Array) -> None:
-    """Write dl/dt = n . (v_j - v_i) of each spring [m/s]."""
-    for m in range(links.ends.shape[0]):
-        i, j = links.ends[m, 0], links.ends[m, 1]
-        _, n0, n1, n2 = direction(x, i, j)
-        out[m] = n0 * (v[j, 0] - v[i, 0]) + n1 * (v[j, 1] - v[i, 1]) + n2 * (v[j, 2] - v[i, 2])
-
-
-@njit(cache=True, error_model="numpy")
 def add_forces(x: Array, v: Array, links: Links, rayleigh: float, f: Array) -> float:
     """Add to `f` [N] the springs' forces T n and -b K v, K each spring's projected tangent; return the energy [J].
 
