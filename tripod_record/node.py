@@ -179,7 +179,7 @@ class RecordNode(Node):
         self._ended, self._recorder = self._recorder.stop(), None
         self.whole &= self._ended.is_whole
         if self._ended.state is State.FAILED:
-            self.get_logger().error(f"recording ended: {self._ended.error}")
+            self.get_logger().error(f"the recording ended: {self._ended.error}")
         else:
             print(f"recorded {self._ended.path} {self._summary(self._ended)}", flush=True)
         return self._ended

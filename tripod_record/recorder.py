@@ -16,6 +16,9 @@ from tripod_record.structure import messages_kept
 from tripod_record.topic import Topic
 from tripod_record.writer import BagWriter
 
+LOOK = 0.1
+"""Between two looks whether a recorder that is to stop still works [s]."""
+
 
 class State(IntEnum):
     """What a recorder is doing."""
@@ -122,6 +125,7 @@ class Recorder:
         self._offered = self._dropped = self._destroyed = 0
         self._state, self._error, self._rescued = State.RECORDING, "", ""
         self._stopping = False
+        self._clock: int | None = None  # of the thread's processor time
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -191,18 +195,26 @@ class Recorder:
     def stop(self, timeout: float = 10.0) -> Progress:
         """Write what waits, finish the file and return how it ended.
 
-        A disk that is stuck for `timeout` [s] is given up.
+        A disk that is stuck for `timeout` [s] is given up; a thread that works is waited for, as long as it takes on a
+        busy machine.
         """
         with self._changed:
             self._stopping = True
             self._changed.notify()
-        self._thread.join(timeout)
+        spent, left = -1.0, timeout
+        while self._thread.is_alive() and left > 0:
+            self._thread.join(LOOK)
+            left -= LOOK
+            with suppress(OSError):  # it has just ended
+                if self._clock is not None and (now := time.clock_gettime(self._clock)) > spent:
+                    spent, left = now, timeout
         if self._thread.is_alive():
             with self._changed:
                 self._state, self._error = State.FAILED, f"{self._writer.path}: the disk does not answer"
         return self.progress
 
     def _run(self) -> None:
+        self._clock = time.pthread_getcpuclockid(threading.get_ident())
         try:
             while not self._is_stopping():
                 self._step()

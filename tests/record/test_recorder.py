@@ -143,6 +143,24 @@ def test_a_stuck_disk_does_not_hold_the_node(stuck: StuckWriter) -> None:
     assert (ended.state, ended.error) == (State.FAILED, f"{stuck.path}: the disk does not answer")
 
 
+class WorkingWriter(BagWriter):
+    """Takes long to close, as that of a long recording on a busy machine, and works all the time."""
+
+    def close(self) -> None:
+        until = time.thread_time() + 0.6
+        while time.thread_time() < until:
+            pass
+        super().close()
+
+
+def test_who_works_is_waited_for(tmp_path: Path) -> None:
+    recorder = Recorder(WorkingWriter(tmp_path / "bag"), period=0.01)
+    recorder.add_topic(STRING)
+    recorder.offer("/chatter", cdr_string("one"))
+    ended = recorder.stop(timeout=0.3)
+    assert (ended.state, ended.error, ended.messages) == (State.CLOSED, "", 1)
+
+
 class FailingWriter(BagWriter):
     """A disk that fails from the third sync with messages on, as long as there is an error."""
 
