@@ -135,8 +135,8 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
         return ProcessSpec(name, f"tripod_{name}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
 
     other = options.servos not in (None, len(names.SERVOS))  # nodes take the Tripod's unless told
-    record = spec(
-        "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=15.0
+    record = spec(  # which gives up a disk that stands still by itself; the end of a long file takes long
+        "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=120.0
     )
     sim = spec("sim", {"scene": options.scene}, ready=lambda: watch.heard(names.SIM_STATUS))
     ik = spec(
