@@ -120,7 +120,13 @@ class Follower:
             before, state = state, self.model.move(step.result.command)
             self.now += DT
             self.speed = max(self.speed, float(np.linalg.norm(state.equilibrium - before.equilibrium)) / DT)
-            self.snaps += not (goes_on(before, state) or self._goes_there(before, state))
+            if not (goes_on(before, state) or self._goes_there(before, state)):
+                self.snaps += 1
+                move = 1e3 * np.linalg.norm(state.equilibrium - before.equilibrium)
+                print(
+                    f"snap by {move:.1f} mm from {before.angles.round(3)} rad to {state.angles.round(3)} rad, "
+                    f"firmness {before.firmness:.3f} to {state.firmness:.3f}", file=sys.stderr, flush=True,
+                )  # fmt: skip
             near = np.linalg.norm(state.equilibrium - goal) <= MET
             met = min(met, self.now - begin) if near else np.inf
             still = np.abs(state.angles - before.angles).max() < STILL
@@ -131,15 +137,13 @@ class Follower:
 
     def _goes_there(self, before: LinearState, after: LinearState) -> bool:
         """Return whether the body comes from one state to the next along equilibria, looked at closely."""
-        here, there = self.model.save(), False
-        self.model.restore(self.before)
+        look = self.guide.finder.model  # it gives up after few iterations
+        look.restore(self.before)
         with suppress(StepError):
-            found = self.model.follow(
-                after.angles, shortest=float(np.abs(after.angles - before.angles).max()) / 300
-            )
-            there = bool(np.abs(found.equilibrium - after.equilibrium).max() < SAME)
-        self.model.restore(here)
-        return there
+            turn = float(np.abs(after.angles - before.angles).max())
+            found = look.follow(after.angles, shortest=turn / 300)
+            return bool(np.abs(found.equilibrium - after.equilibrium).max() < SAME)
+        return False
 
 
 def azimuth(angle: float, radius: float, height: float = 0.0) -> np.ndarray:
