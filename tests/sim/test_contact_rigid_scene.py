@@ -148,17 +148,18 @@ def test_a_cloth_held_at_its_corners_catches_a_body(shape: str) -> None:
     ]  # fmt: skip
     simulation = Simulation(load_scene("cloth", cloth))
     assert len(simulation.mesh.nodes) == len(simulation.positions) > 81
-    gaps = []
+    gaps, forces = [], []
     for _ in range(250):
         report = simulation.step()
         assert report.contact
         gaps.append(report.contact.smallest_gap)
+        forces.append(report.contact.force)
         assert report.contact.cut == 0
     assert min(gaps) > -0.002
     height = simulation.rigid[0].position[2]
     assert height - simulation.positions[:81, 2].min() > 0.05  # it lies on the cloth
     assert height > -0.3
-    assert report.contact.force == pytest.approx(0.1 * G, rel=0.1)  # the cloth still swings a little
+    assert np.mean(forces[-100:]) == pytest.approx(0.1 * G, rel=0.05)  # the cloth still swings
 
 
 def test_a_soft_body_that_does_not_touch_itself_is_compared_with_others_only() -> None:

@@ -196,7 +196,7 @@ def opened(address: str, folder: Path, *words: str) -> str:
         CHROMIUM, "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
         "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking",
         "--disable-component-update", "--disable-sync", f"--user-data-dir={folder}", "--window-size=900,600",
-        "--virtual-time-budget=3000", "--enable-logging=stderr", *words, address,
+        "--virtual-time-budget=20000", "--enable-logging=stderr", *words, address,
     ]  # fmt: skip
     result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert "CONSOLE" not in result.stderr, result.stderr
