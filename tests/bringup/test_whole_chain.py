@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -103,14 +104,29 @@ def figure(text: str) -> float:
     return float(re.match(r"[-+.\de]+", text)[0])  # type: ignore[index]
 
 
+def longest_silence(recording: Path) -> float:
+    """Return the longest time in which demo, inverse kinematics or simulator said nothing, in mode IK [s]."""
+    heard: dict[str, list[int]] = defaultdict(list)
+    topics = [f"/{name}" for name in (names.TARGET_POSE, names.JOINT_TRAJECTORY, names.EFFECTOR_POSE)]
+    with AnyReader([recording.parent]) as reader:
+        for connection, time_ns, _ in reader.messages():
+            if connection.topic in topics:
+                heard[connection.topic].append(time_ns)
+    first, last = heard[topics[0]][0], heard[topics[0]][-1]
+    inside = [[first, *(t for t in times if first < t < last), last] for times in heard.values()]
+    return 1e-9 * max(b - a for times in inside for a, b in pairwise(times))
+
+
 def error_allowed(session: Session) -> float:
     """Return the bound on the tracking error, rms [m].
 
     Half a millimetre is promised where the chain keeps real time. On a machine so busy that the simulation falls
-    behind, the targets run away from it, at 8 mm/s at most: then it only has to follow at all.
+    behind, the targets run away from it, at 8 mm/s at most: then it only has to follow at all. So they do while one of
+    the nodes is held up, for more than 0.1 s.
     """
-    keeps_time = figure(session.summary["real-time factor, median"]) > 0.95
-    return 0.5e-3 if keeps_time else 2.5e-3
+    if figure(session.summary["real-time factor, median"]) <= 0.95:
+        return 2.5e-3
+    return 0.5e-3 + 8e-3 * max(0.0, longest_silence(session.recording) - 0.1)
 
 
 @pytest.mark.ros
