@@ -62,6 +62,10 @@ def main() -> None:
             page = browser.new_page(viewport={"width": width, "height": height})
             page.goto(address(log), wait_until="commit")
             page.wait_for_function("() => document.body.classList.contains('has-known')", polling=100)
+            page.get_by_text("Just watch").click()
+            page.evaluate(  # the browser's complaint that it has no graphics card
+                "() => document.querySelectorAll('[class*=Notification]').forEach((e) => e.remove())"
+            )
             time.sleep(SETTLED)
             page.locator("#panel details").evaluate_all(
                 "(cards, name) => cards.forEach((c) => (c.open = c.id === name))", options.card
