@@ -5,9 +5,8 @@ with other settings, or started after the driver, says that they are where it be
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_ik.arrays import FloatArray
 
 LEAP, FASTEST = 0.2, 10.0
 """A simulated servo that is farther on than LEAP [rad], and faster than FASTEST [rad/s], did not turn: the simulator

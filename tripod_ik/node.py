@@ -245,6 +245,10 @@ class IkNode(Node):
             self._tracker.correction.measure(position, normal, self._motion.at(time.monotonic()))
             self._feedback_at = time.monotonic()
 
+    def _robot_angles(self, now: float) -> FloatArray | None:
+        """Return the angles that the driver tells [rad], None where it has not told any lately."""
+        return self._angles if now - self._angles_at <= self._stale_after else None
+
     def _on_own_timer(self) -> None:
         """Ask the own model where no simulator is in the graph and the driver tells the robot's angles."""
         now = time.monotonic()
@@ -252,11 +256,11 @@ class IkNode(Node):
             self._simulator_at, self._own_in_use = now, False
             return
         self._own_in_use = now - self._simulator_at > self._own_after
-        known = self._angles is not None and now - self._angles_at <= self._stale_after
-        if not (self._own_in_use and known and self._authority.mode is Mode.IK) or self._angles is None:
+        angles = self._robot_angles(now)
+        if not self._own_in_use or self._authority.mode is not Mode.IK or angles is None:
             return
         try:
-            state = self._own.state_at(self._angles)
+            state = self._own.state_at(angles)
         except IkError as error:
             self._reject("compliances", str(error))
             return
@@ -282,8 +286,7 @@ class IkNode(Node):
         """Return whether the simulated servos are still on their way to the robot's, and send them there."""
         if now - self._received > self._stale_after:
             self._joining.begin()
-        known = now - self._angles_at <= self._stale_after
-        place = self._joining.place(simulated, self._angles if known else None, now)
+        place = self._joining.place(simulated, self._robot_angles(now), now)
         if place is None:
             return False
         self._received = now
@@ -335,7 +338,7 @@ class IkNode(Node):
         """Return why the own model gives nothing."""
         if self._own.failure:
             return f"no simulator in the graph, and no own model: {self._own.failure}"
-        if self._angles is None or now - self._angles_at > self._stale_after:
+        if self._robot_angles(now) is None:
             return (
                 f"no usable {names.COMPLIANCE} yet: is the simulator running? "
                 f"Without it the own model needs {names.ROBOT_JOINT_STATES}: is the driver running?"
