@@ -201,7 +201,7 @@ class Display:
                 self._draw_present(control.measured(now), now)
             if self._target_changed and target.position is not None:
                 self._target_changed = False
-                self._scene.set_target(target.position, target.quaternion, dragging=target.dragging)
+                self._scene.set_target(Pose(target.position, target.quaternion), dragging=target.dragging)
         if control.synced or now - self._panel_at > PANEL_PERIOD:
             control.synced = False
             self._panel_at = now

@@ -99,5 +99,5 @@ class Game:
     def place_ball(self, pose: Pose) -> None:
         """Put the ball at `pose`."""
         if self._ball is not None:
-            place(self._ball, pose.position, pose.quaternion)
+            place(self._ball, pose)
             self._ball.visible = True

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tripod_view.events import Dragged, Dropped, Grabbed, Inbox
 from tripod_view.place import place
+from tripod_view.pose import Pose
 
 FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
@@ -49,14 +50,14 @@ class Handle:
             self._gizmo = self._add_gizmo()
             self._plate.visible = turns
 
-    def set(self, position: FloatArray, quaternion: FloatArray, *, dragging: bool) -> None:
-        """Put the target at `position` [m]; the handle follows unless it is dragged: then it is the hand's."""
-        place(self._marker, position, quaternion)
+    def set(self, pose: Pose, *, dragging: bool) -> None:
+        """Put the target at `pose`; the handle follows unless it is dragged: then it is the hand's."""
+        place(self._marker, pose)
         self._marker.visible = True
         if self._box.visible != dragging:
             self._box.visible = dragging
         if not dragging:
-            place(self._gizmo, position, quaternion)
+            place(self._gizmo, pose)
             self._gizmo.visible = True
 
     def hide(self) -> None:

@@ -3,17 +3,17 @@
 import numpy as np
 import viser
 
-from tripod_view.pose import FloatArray
+from tripod_view.pose import Pose
 
 
-def place(handle: viser.SceneNodeHandle, position: FloatArray, quaternion: FloatArray) -> None:
-    """Put a node at `position` [m], turned by `quaternion` (x, y, z, w); what is as it was is not sent.
+def place(handle: viser.SceneNodeHandle, pose: Pose) -> None:
+    """Put a node at a pose; what is as it was is not sent.
 
     viser looks for that itself, at ten times the cost.
     """
-    if (handle.position != position).any():
-        handle.position = position
-    x, y, z, w = quaternion.tolist()
+    if (handle.position != pose.position).any():
+        handle.position = pose.position
+    x, y, z, w = pose.quaternion.tolist()
     wxyz = np.array((w, x, y, z))
     if (handle.wxyz != wxyz).any():
         handle.wxyz = wxyz

@@ -56,20 +56,20 @@ class Robot:
             return
         for i, stand in enumerate(self._stands):
             if slide != self._slide:
-                _put(self._carriages[i], carriage_pose(stand, slide))
-            _put(self._arms[i], arm_pose(stand, float(angles[i]), slide))
+                place(self._carriages[i], carriage_pose(stand, slide))
+            place(self._arms[i], arm_pose(stand, float(angles[i]), slide))
         self._slide = slide
 
     def set_effector(self, pose: Pose) -> None:
         """Put the effector's disc and frame at `pose`."""
-        _put(self._effector, pose)
+        place(self._effector, pose)
         self._effector.visible = True
 
     def _add_rail(self, i: int, stand: Stand) -> viser.FrameHandle:
         frame = carriage_pose(stand, stand.rail)  # at its inner end
         name = f"/base/{i}"
         handle = self._api.add_frame(name, show_axes=False)
-        _put(handle, frame)
+        place(handle, frame)
         length = stand.rail + 0.018
         self._add_box(
             f"{name}/rail",
@@ -141,7 +141,3 @@ class Robot:
         self._api.add_box(
             name, colour, tuple(size), position=tuple(position), cast_shadow=False, receive_shadow=False
         )
-
-
-def _put(handle: viser.SceneNodeHandle, pose: Pose) -> None:
-    place(handle, pose.position, pose.quaternion)

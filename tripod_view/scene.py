@@ -125,10 +125,10 @@ class Scene:
         """Put the effector's disc and frame at `pose`."""
         self._robot.set_effector(pose)
 
-    def set_target(self, position: FloatArray, quaternion: FloatArray, *, dragging: bool) -> None:
-        """Put the target at `position` [m], turned by `quaternion` (x, y, z, w); see `Handle.set`."""
+    def set_target(self, pose: Pose, *, dragging: bool) -> None:
+        """Put the target at `pose`; see `Handle.set`."""
         if self.has_target:
-            self._handle.set(position, quaternion, dragging=dragging)
+            self._handle.set(pose, dragging=dragging)
 
     def let_turn(self, turns: bool) -> None:
         """Let the target be turned, or not."""
