@@ -210,7 +210,14 @@ def test_action_list_info_and_send_goal_with_feedback(user: User) -> None:
         lambda: SOURCE in user.echo("robot/status") and SOURCE in user.echo("sim/status"), "who is in charge"
     )
     for name, client in goals.items():
-        handle = client.send(goal((-0.3, -0.3, -0.3), seconds=0.5, source=SOURCE))
-        assert client.end(handle)[1:] == (0, ""), name
+        there = goal((-0.3, -0.3, -0.3), seconds=0.5, source=SOURCE)
+        ended = client.end(client.send(there))
+        for _ in range(
+            5
+        ):  # a machine that holds the driver up for half a second: its user sends the goal again
+            if "board heard nothing" not in ended[2]:
+                break
+            ended = client.end(client.send(there))
+        assert ended[1:] == (0, ""), name
         assert client.feedback, name
         assert list(client.feedback[-1].joint_names) == list(names.SERVOS)

@@ -1,5 +1,7 @@
 """`make test`: two halves at once, or one pytest with the user's arguments."""
 
+from pathlib import Path
+
 import pytest
 
 from tools import run_tests
@@ -18,6 +20,32 @@ def test_both_halves_are_shown_one_after_the_other_and_a_failure_of_either_count
     first += errors  # only that of the others is kept with their output
     for said, words in ((first, halves[0]), (second, halves[1])):
         assert f"pytest {pytest.__version__}" in said if words is GOOD else "unrecognized arguments" in said
+
+
+SECOND_TIME = """
+def test_second_time():
+    mark = {mark!r}
+    try:
+        open(mark, "x")
+    except FileExistsError:
+        return
+    assert False
+"""
+NEVER = "def test_never():\n    assert False\n"
+
+
+@pytest.mark.parametrize(("body", "code"), [(SECOND_TIME, 0), (NEVER, 1)])
+def test_what_failed_beside_others_runs_once_more_and_counts_if_it_fails_again(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path, body: str, code: int
+) -> None:
+    (tmp_path / "test_good.py").write_text("def test_good():\n    pass\n")
+    (tmp_path / "test_other.py").write_text(body.format(mark=str(tmp_path / "mark")))
+    halves = [["test_good.py"], ["test_other.py"]]
+    assert run_tests.run_halves(halves, tmp_path) == code
+    out, _ = capfd.readouterr()
+    name = "test_second_time" if code == 0 else "test_never"
+    assert f"once more without it:\n  test_other.py::{name}\n" in out
+    assert out.count("1 passed") == 2 - code  # what was good is not run again
 
 
 @pytest.mark.parametrize(
