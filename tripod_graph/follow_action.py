@@ -22,6 +22,7 @@ from tripod_graph.cdr import MOST_POINTS
 from tripod_graph.command import CommandError, FloatArray, JointNameError, LateError
 from tripod_graph.control_mode import clocks
 from tripod_graph.goal import Motion, Outcome, Tolerances, judge, tolerances
+from tripod_graph.goal_request import BoundedTrajectory
 from tripod_graph.trajectory import Command, command_of, seconds
 
 PERIOD = 0.05
@@ -80,7 +81,7 @@ class FollowAction:
         self._node, self._follow, self._motion, self._hold, self._refuse = node, follow, motion, hold, refuse
         self._goal: _Goal | None = None
         self._server = _Server(
-            node, FollowJointTrajectory, name, lambda _: None, handle_accepted_callback=self._begin,
+            node, BoundedTrajectory, name, lambda _: None, handle_accepted_callback=self._begin,
             cancel_callback=self._cancel, result_timeout=KEPT,
         )  # fmt: skip
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -163,7 +164,7 @@ class FollowAction:
 def _command(message: JointTrajectory, wall: float, now: float) -> Command:
     """Return what a goal commands. Planners send accelerations: positions and velocities say it all, see `command`."""
     if len(message.points) > MOST_POINTS:
-        raise CommandError(f"a trajectory of {len(message.points)} points; allowed are {MOST_POINTS}")
+        raise CommandError(f"a trajectory of more than {MOST_POINTS} points, which is the most that is read")
     for point in message.points:
         point.accelerations = []
     return command_of(message, wall, now)
