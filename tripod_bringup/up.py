@@ -107,7 +107,7 @@ def up(options: UpOptions, screen: Screen) -> int:
         check_open_files()
         check_loopback()
         domain = domain_id(os.environ)
-        with taken(), only_one(domain, options.namespace, private_directory(os.environ)):
+        with taken(last=True), only_one(domain, options.namespace, private_directory(os.environ)):
             if options.record is not None:
                 check_place(options.record, ENOUGH_SPACE)
             return _run(options, screen)

@@ -164,7 +164,7 @@ def _run_one(
         try:
             with first(lambda: _close_nodes(name)):
                 node = make()
-                asked = signals.enter_context(taken())
+                asked = signals.enter_context(taken(last=True))
         except (ValueError, OSError, NameValidationException, ParameterException) as error:
             return _refused(name, error), False
         executor.add_node(cast("Node", node))

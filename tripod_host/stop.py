@@ -99,8 +99,12 @@ def no_more(act: Act) -> None:
 
 
 @contextmanager
-def taken() -> Iterator[Asked]:
-    """Count signals instead of ending by them, as long as the block runs; in the main thread. May be nested."""
+def taken(*, last: bool = False) -> Iterator[Asked]:
+    """Count signals instead of ending by them, as long as the block runs; in the main thread. May be nested.
+
+    Where it is the `last` that the program does, and was asked to stop, a signal that comes later changes nothing: it has
+    stopped, and only Python has to go.
+    """
     if _Process.asked is not None:
         yield _Process.asked
         return
@@ -112,10 +116,15 @@ def taken() -> Iterator[Asked]:
         yield asked
     finally:
         _Process.asked = None
-        for number, handler in kept.items():
-            if handler is not None:  # set by C code
-                signal.signal(number, handler)
-        _install()
+        if last and asked.count:
+            _Process.ours = False  # nobody sets handlers any more
+            for number in _heeded():
+                signal.signal(number, signal.SIG_IGN)  # Python itself takes away, at its end, what is a function
+        else:
+            for number, handler in kept.items():
+                if handler is not None:  # set by C code
+                    signal.signal(number, handler)
+            _install()
 
 
 def _heeded() -> list[signal.Signals]:

@@ -83,6 +83,28 @@ os.kill(os.getpid(), 2)
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "1 Ctrl-C\n", "")
 
 
+@pytest.mark.parametrize("number", SIGNALS)
+def test_after_the_last_that_a_program_does_a_signal_changes_nothing(number: signal.Signals) -> None:
+    program = f"""
+import threading
+class Late:  # in the midst of Python's own end, which takes handlers away that are functions
+    def __del__(self, kill=os.kill, pid=os.getpid()):
+        kill(pid, {number:d})
+with stop.taken(last=True) as asked:
+    os.kill(os.getpid(), 2)
+os.kill(os.getpid(), {number:d})
+with stop.first(lambda: None):
+    os.kill(os.getpid(), {number:d})
+os.kill(os.getpid(), {number:d})
+threading.late = Late()
+print(asked.count)
+"""
+    done = run(program)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "1\n", "")
+    program = "with stop.taken(last=True): pass\nos.kill(os.getpid(), 15)"  # nobody had asked it to stop
+    assert run(program).returncode == -signal.SIGTERM
+
+
 def test_nohup_is_obeyed() -> None:
     program = (
         "os.kill(os.getpid(), 1)\nwith stop.taken() as asked: os.kill(os.getpid(), 1)\nprint(asked.count)"
