@@ -102,8 +102,8 @@ def no_more(act: Act) -> None:
 def taken(*, last: bool = False) -> Iterator[Asked]:
     """Count signals instead of ending by them, as long as the block runs; in the main thread. May be nested.
 
-    Where it is the `last` that the program does, and was asked to stop, a signal that comes later changes nothing: it has
-    stopped, and only Python has to go.
+    Where it is the `last` that the program does, and was asked to stop, a signal that comes later changes nothing: it
+    has stopped, and only Python has to go.
     """
     if _Process.asked is not None:
         yield _Process.asked
@@ -119,7 +119,9 @@ def taken(*, last: bool = False) -> Iterator[Asked]:
         if last and asked.count:
             _Process.ours = False  # nobody sets handlers any more
             for number in _heeded():
-                signal.signal(number, signal.SIG_IGN)  # Python itself takes away, at its end, what is a function
+                signal.signal(
+                    number, signal.SIG_IGN
+                )  # Python itself takes away, at its end, what is a function
         else:
             for number, handler in kept.items():
                 if handler is not None:  # set by C code
