@@ -2,6 +2,7 @@
 
     python benchmarks/graded_mesh.py --search h20        # the way of refinement, printed
     python benchmarks/graded_mesh.py --search h8_modes
+    python benchmarks/graded_mesh.py --directions h20    # which elements of level 8 the error in motion is of, printed
     python benchmarks/graded_mesh.py --write             # the front in motion and at rest, into docs/accuracy.md
 
 The search begins with a coarse grid and goes on until the worst error is 0.5 % or a step has more than `MOST` unknowns.
@@ -33,7 +34,7 @@ import numpy as np
 from benchmarks.doc_parts import write_part
 from tripod_sim import SceneError, Simulation, StepError
 from tripod_sim.mesh import y_piece
-from tripod_sim.mesh.y_piece import YLevel
+from tripod_sim.mesh.y_piece import LEVELS, YLevel
 from tripod_sim.study.motion import scene_of
 from tripod_sim.study.plan import Settings
 from tripod_sim.study.plans import tripod_dynamic, tripod_static
@@ -55,7 +56,7 @@ REFERENCE: Settings = {"mesh.element": "h20", "mesh.level": 9}
 MESHES = (
     ("sharp", "h8_modes", 2),
     *(("compliant", "h8_modes", level) for level in (2, 8, 12)),
-    *(("compliant", "h20", level) for level in (13, 8)),
+    *(("compliant", "h20", level) for level in (13, 8, 14)),
 )
 """Clamp, element, level; the first is the scene's default."""
 
@@ -215,11 +216,27 @@ def motion(settings: Settings, repeats: int) -> tuple[np.ndarray, int, float, fl
     )
 
 
+def directions(element: str) -> None:
+    """Print the error of the move on level 8, and with one more element along each direction of its grid."""
+    steps: Settings = {"inertia.scheme": "tr_bdf2", "dt": 0.0005}
+    exact = motion({**REFERENCE, **steps}, 1)[0]
+    named = [("level 8", LEVELS[8]), *zip(COUNTS, refined(LEVELS[8]), strict=True)]
+    for name, level in named:
+        y_piece.LEVELS[1] = level  # of this process
+        found, unknowns, *_ = motion({"mesh.element": element, "mesh.level": 1, **steps}, 1)
+        print(f"{name}: {unknowns} unknowns, {100 * error_of_move(found, exact):.2f} %", flush=True)
+
+
+def error_of_move(found: np.ndarray, exact: np.ndarray) -> float:
+    """Return the relative error of a motion from its start, the worst instant."""
+    scale = np.linalg.norm(exact - exact[0], axis=1).max()
+    return float(np.linalg.norm((found - found[0]) - (exact - exact[0]), axis=1).max() / scale)
+
+
 def front(repeats: int) -> list[str]:
     """Return the table of all settings: cost, errors; marked those that nothing beats in both."""
     exact_poses = poses(REFERENCE)[0]
     exact = motion({**REFERENCE, "inertia.scheme": "tr_bdf2", "dt": 0.0005}, 1)[0]
-    scale = np.linalg.norm(exact - exact[0], axis=1).max()
     rows: list[Row] = []
     products: list[float] = []
     for clamp, element, level in MESHES:
@@ -230,11 +247,11 @@ def front(repeats: int) -> list[str]:
         for scheme, dt in STEPS:
             products.append(calibration())
             found, unknowns, cpu, worst = motion({**mesh, "inertia.scheme": scheme, "dt": dt}, repeats)
-            off = np.linalg.norm((found - found[0]) - (exact - exact[0]), axis=1).max() / scale
+            off = error_of_move(found, exact)
             apart = np.linalg.norm(found - exact, axis=1).max()
             cpu *= PRODUCT / products[-1]
             name = f"{element}, level {level}{'' if clamp == 'compliant' else ', sharp clamp'}"
-            rows.append(Row(name, unknowns, scheme, dt, position, move, float(off), float(apart), cpu, worst))
+            rows.append(Row(name, unknowns, scheme, dt, position, move, off, float(apart), cpu, worst))
             print(rows[-1], flush=True)
     lines = [
         "| mesh | unknowns | scheme, dt [ms] | at rest: position, move [%] | in motion: move [%] | pose [mm] "
@@ -268,11 +285,17 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--search", metavar="ELEMENT", help="refine for h20 or h8_modes; print the way")
+    parser.add_argument(
+        "--directions", metavar="ELEMENT", help="refine level 8 along each direction; print errors"
+    )
     parser.add_argument("--repeats", type=int, default=2)
     parser.add_argument("--write", action="store_true", help="put the table into docs/accuracy.md")
     words = parser.parse_args()
     if words.search:
         search(words.search)
+        return
+    if words.directions:
+        directions(words.directions)
         return
     lines = front(words.repeats)
     print("\n".join(lines))

@@ -38,7 +38,7 @@ def nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
         (["--set", "young=1e5"], "did you mean 'material.young'?"),
         (["--set", "dt=5"], "milliseconds? 5 milliseconds are 0.005 s"),
         (["--set", "servos.axis_radius=60"], "millimetres? 60 millimetres are 0.06 m"),
-        (["--set", "mesh.level=14"], "mesh.level is 14"),
+        (["--set", "mesh.level=15"], "mesh.level is 15"),
         (["--accuracy", "much"], "much"),
     ],
 )

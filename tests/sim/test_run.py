@@ -220,7 +220,7 @@ def test_progress_rises_to_one() -> None:
         ({"duration": 1e8}, "the duration is 1e+08 s; it must be positive and at most 5e+06 s, 1000000000 steps of dt"),
         ({"servo": "0:0,0,0; 1e300:0,0,0"}, "the duration is 1e+300 s; it must be"),
         ({"overrides": ["dt=1e-300"]}, "dt is 1e-300; it must be at least 1e-09 s and at most 1 s"),
-        ({"overrides": ["mesh.level=14"]}, "mesh.level is 14"),
+        ({"overrides": ["mesh.level=15"]}, "mesh.level is 15"),
         ({"scene": "silicone", "servo": "0:0,0,0"}, "--servo: scene 'silicone' has no servos"),
         ({"scene": "silicone", "slide": "0.01"}, "--slide: scene 'silicone' has no servos"),
         ({"scene": "tripot"}, "scene 'tripot' is unknown"),

@@ -159,7 +159,7 @@ def test_the_last_override_of_a_field_counts() -> None:
         ("tripod", "materiel.young=1", "field materiel is unknown"),
         ("tripod", "materiel.young=1", "did you mean 'material'?"),
         ("tripod", "material.poisson=0.5", "material.poisson is 0.5; it must be at least 0 and at most 0.499"),
-        ("tripod", "mesh.level=14", "mesh.level is 14; it must be at least 1 and at most 13"),
+        ("tripod", "mesh.level=15", "mesh.level is 15; it must be at least 1 and at most 14"),
         ("tripod", "mesh.level=2.0", "mesh.level is 2.0; it must be a whole number"),
         ("tripod", "mesh.level=true", "mesh.level is True; it must be a whole number"),
         ("tripod", "material.law=rubber", "material.law is 'rubber'; allowed: neo_hooke, corotational"),

@@ -16,7 +16,7 @@ class Mesh:
             meshio reads.
         level: Resolution of the generator, 1 (coarse) to 4; 5 to 7 for `t4`, of the sizes of the workshop's meshes;
             8 to 11 for compliant clamps, whose bedded ends they divide, too; 12 (`h8_modes`) and 13 (`h20`) graded for
-            them with as few unknowns as 1 % takes.
+            them with as few unknowns as 1 % takes at rest; 14 (`h20`) as 0.5 % takes in motion.
         element: Kind of element: `h8_modes` (with incompatible modes), `h8_mean` (with mean dilatation), `h8`,
             `h20`, `h20_full`, `h27`, `t4`, `t10`; of a file those that its cells allow (linear hexahedra all, linear
             tetrahedra `t4` and `t10`).
@@ -28,7 +28,7 @@ class Mesh:
     """
 
     source: str = "y_piece"
-    level: int = number(2, low=1, high=13)
+    level: int = number(2, low=1, high=14)
     element: str = one_of(
         "h8_modes", "h8_mean", "h8", "h20", "h20_full", "h27", "t4", "t10", default="h8_modes"
     )
