@@ -132,10 +132,16 @@ def table(result: dict[str, Any]) -> list[str]:
     for p in rows:
         marks = [*(["front"] if p["on_front"] else []), *([p["label"]] if p["label"] else [])]
         lines.append(
-            f"| {short(p['settings'], result)} | {p['unknowns']} | {error_text(p)} | {seconds(p['cpu'])} "
-            f"| {', '.join(marks)} |"
+            f"| {short(p['settings'], result)} | {p['unknowns']} | {', '.join([error_text(p), *beside(p, result)])} "
+            f"| {seconds(p['cpu'])} | {', '.join(marks)} |"
         )
     return lines
+
+
+def beside(point: dict[str, Any], result: dict[str, Any]) -> list[str]:
+    """Return the errors of a point that are promised beside its own, in percent and with their names."""
+    named = [q["name"] for q in result["quantities"] if q.get("promised")]
+    return [f"{name} {100 * point['errors'][name]['relative']:.3g}" for name in named]
 
 
 def orders(result: dict[str, Any]) -> str:

@@ -56,7 +56,7 @@ REFERENCE: Settings = {"mesh.element": "h20", "mesh.level": 9}
 MESHES = (
     ("sharp", "h8_modes", 2),
     *(("compliant", "h8_modes", level) for level in (2, 8, 12)),
-    *(("compliant", "h20", level) for level in (13, 8, 14)),
+    *(("compliant", "h20", level) for level in (13, 8)),
 )
 """Clamp, element, level; the first is the scene's default."""
 

@@ -148,7 +148,7 @@ def test_what_was_not_studied_is_not_known(scene: str, overrides: tuple[str, ...
 
 
 def test_an_accuracy_that_nothing_reaches_says_so() -> None:
-    offers = {o.wish: o for o in accuracy_figures("tripod", load_scene("tripod"), 0.04).offers}
+    offers = {o.wish: o for o in accuracy_figures("maze", load_scene("maze"), 0.04).offers}
     assert offers["1%"].error is None
     assert "the best promises" in offers["1%"].why_not
 

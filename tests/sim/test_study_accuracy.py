@@ -128,6 +128,19 @@ def test_a_result_has_errors_costs_front_order_and_rows_of_what_diverged() -> No
     assert found["advice"][1] == "Within 5 % it takes dt 0.2 (with 0.4 16 %)."
 
 
+def test_the_cheapest_is_within_in_all_that_is_promised() -> None:
+    beside = Quantity("y", "m", "four times as far off", scale="largest", promised=True)
+    made = replace(toy(), quantities=(*toy().quantities, beside))
+    rungs, others = made.runs()
+    records = {made.key(s): record(s) for s in [*rungs, *others]}
+    for settings in [*rungs, *others]:
+        records[made.key(settings)]["observed"]["y"] = [[1.0 + 4 * float(settings["dt"]) ** 2]]
+    found = assemble(made, records, "0.0")
+    assert [q["promised"] for q in found["quantities"]] == [False, True]
+    assert found["points"][1]["errors"]["y"]["relative"] == pytest.approx(0.16)
+    assert found["cheapest"] == {"10%": 2, "5%": 2, "1%": None, "0.1%": None}
+
+
 def test_an_error_that_the_reference_cannot_tell_is_below() -> None:
     made = toy()
     made = replace(made, points=(*made.points, Point({**made.default, "dt": 0.012})))

@@ -49,6 +49,7 @@ class StoredPoint:
         bound: The same with the reference's own error.
         cpu: CPU time of a simulated second, or of a solve [s], on the study's machine.
         unknowns: Of a step; None where the study does not say.
+        others: Error and bound of each of the study's `others`.
     """
 
     settings: Mapping[str, Value]
@@ -56,6 +57,7 @@ class StoredPoint:
     bound: float
     cpu: float
     unknowns: int | None
+    others: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ class StoredStudy:
         calibration: CPU time of a 1000 x 1000 float64 product on the study's machine [s]; None if it was not timed.
         version: Of tripod that made it.
         quick: Whether it was made of few points against a coarse reference.
+        others: What else is promised, in words.
     """
 
     name: str
@@ -85,6 +88,7 @@ class StoredStudy:
     calibration: float | None
     version: str
     quick: bool
+    others: tuple[str, ...] = ()
 
 
 def stored_studies() -> list[Path]:
@@ -116,6 +120,13 @@ def _study(table: Any) -> StoredStudy:
     rows = top.get("points")
     if not isinstance(rows, list) or len(rows) > MOST_POINTS:
         raise SceneError(f"points is {shown(rows)}; it must be a list of at most {MOST_POINTS}")
+    quantities = top.get("quantities")
+    first, *more = quantities if isinstance(quantities, list) and quantities else (None,)
+    beside = [
+        table
+        for i, q in enumerate(more, 1)
+        if (table := _table(q, f"quantities.{i}")).get("promised") is True
+    ]
     points, failed = list[StoredPoint](), 0
     for i, row in enumerate(rows):
         point = _table(row, f"points.{i}")
@@ -130,13 +141,14 @@ def _study(table: Any) -> StoredStudy:
                 _number(point.get("bound"), f"points.{i}.bound"),
                 _number(point.get("cpu"), f"points.{i}.cpu", positive=True),
                 None if unknowns is None else int(_number(unknowns, f"points.{i}.unknowns")),
+                tuple(
+                    _error(point.get("errors"), _text(q.get("name"), "quantities.name"), i) for q in beside
+                ),
             )
         )
     cpu = _text(top.get("cpu"), "cpu")
     if cpu not in ("s per solve", "s per simulated second"):
         raise SceneError(f"cpu is {shown(cpu)}; it must be 's per solve' or 's per simulated second'")
-    quantities = top.get("quantities")
-    first = quantities[0] if isinstance(quantities, list) and quantities else None
     speed = _table(top.get("machine", {}), "machine").get("calibration")
     version = _table(top.get("versions", {}), "versions").get("tripod", "unknown")
     return StoredStudy(
@@ -150,7 +162,16 @@ def _study(table: Any) -> StoredStudy:
         calibration=None if speed is None else _number(speed, "machine.calibration", positive=True),
         version=_text(version, "versions.tripod"),
         quick=top.get("quick") is True,
+        others=tuple(_text(q.get("what"), "quantities.what") for q in beside),
     )
+
+
+def _error(errors: Any, name: str, i: int) -> tuple[float, float]:
+    """Return error and bound of a quantity at point i."""
+    path = f"points.{i}.errors.{name}"
+    found = _table(_table(errors, f"points.{i}.errors").get(name), path)
+    error = _number(found.get("relative"), f"{path}.relative")
+    return error, error + _number(found.get("own"), f"{path}.own")
 
 
 def _table(value: Any, path: str) -> dict[str, Any]:

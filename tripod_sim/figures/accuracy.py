@@ -11,6 +11,7 @@ from tripod_sim.accuracy.choice import (
     percent,
     pick,
     promised,
+    quantities,
     settings_text,
     shipped,
 )
@@ -93,7 +94,7 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
     dots = sorted((p.cpu * factor, promised(study, p)) for p in study.points)
     return AccuracyFigures(
         study=study.name,
-        quantity=study.quantity,
+        quantity=quantities(study),
         solves=study.solves,
         here=promised(study, point) if point else None,
         here_seconds=point.cpu * scale if point and scale else None,

@@ -49,6 +49,7 @@ class Quantity:
         scale: What an error is relative to: `travel`: the largest difference between two rows of the reference;
             `largest`: the largest norm of a row of the reference.
         rows: Name of its rows among the observations, if not its own.
+        promised: Whether `--accuracy` promises it as well as the first quantity of the study, which it always does.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Quantity:
     measure: str = "distance"
     scale: str = "travel"
     rows: str = ""
+    promised: bool = False
 
     @property
     def key(self) -> str:

@@ -12,13 +12,15 @@ The result is one table of plain values, SI units throughout:
     knobs         [{name, field, what, values}]
     default       {field: value} of the scene as shipped, or the nearest that the study can run
     cpu           unit of the points' cpu: `s per simulated second` or `s per solve`
-    quantities    [{name, unit, what, scale}]; the first is the study's error; scale: what relative errors refer to
+    quantities    [{name, unit, what, scale, promised}]; the first is the study's error; scale: what relative errors
+                  refer to; promised: whether `--accuracy` promises it beside the first
     reference     of the first quantity: settings of its finest rung, all rungs, own_error (relative)
     references    the same of every quantity, for each group of points that shares a reference
     points        [{label, settings {field: value}, status, message, unknowns, error, own_error, bound, below, errors
                   {quantity: {relative, absolute, own}}, cpu, cpu_median, repeats, on_front}]
     front         indices of points, cheapest first
-    cheapest      {"10%": index or null, "5%", "1%", "0.1%"}: least cpu of all whose bound is within
+    cheapest      {"10%": index or null, "5%", "1%", "0.1%"}: least cpu of all whose bound, and that of all else that is
+                  promised, is within
     order_knob    field in which orders are fitted, and order_quantity, of which; empty for none
     orders        [{settings, order, points}]: fitted orders
     advice        sentences
@@ -83,7 +85,7 @@ def assemble(plan: Plan, records: Mapping[str, Record], version: str) -> dict[st
     standards = _Standards(plan, records)
     rows = [_row(plan, point, records[plan.key(point.settings)], standards) for point in plan.points]
     errors = [None if r["error"] is None else max(r["error"], 2 * r["own_error"]) for r in rows]
-    costs, bounds = [r["cpu"] for r in rows], [r["bound"] for r in rows]
+    costs, bounds = [r["cpu"] for r in rows], [_widest(plan, r) for r in rows]
     best = front(errors, costs)
     for i, row in enumerate(rows):
         row["on_front"] = i in best
@@ -120,7 +122,13 @@ def assemble(plan: Plan, records: Mapping[str, Record], version: str) -> dict[st
         "default": dict(plan.default),
         "cpu": "s per solve" if plan.solves else "s per simulated second",
         "quantities": [
-            {"name": q.name, "unit": q.unit, "what": q.what, "scale": _scale(references, q)}
+            {
+                "name": q.name,
+                "unit": q.unit,
+                "what": q.what,
+                "scale": _scale(references, q),
+                "promised": q.promised,
+            }
             for q in plan.quantities
         ],
         "reference": next((r for r in references if r["quantity"] == plan.quantities[0].name), None),
@@ -175,6 +183,14 @@ def _row(plan: Plan, point: Point, record: Record, standards: _Standards) -> dic
         row["bound"] = row["error"] + row["own_error"]
         row["below"] = row["error"] < 2 * row["own_error"]
     return row
+
+
+def _widest(plan: Plan, row: Mapping[str, Any]) -> float | None:
+    """Return the largest bound of a point among what is promised; None if its own is not known."""
+    others = [row["errors"].get(q.name) for q in plan.quantities if q.promised]
+    if row["bound"] is None or None in others:
+        return None
+    return float(max([row["bound"], *(e["relative"] + e["own"] for e in others)]))
 
 
 def _references(plan: Plan, standards: _Standards) -> list[dict[str, Any]]:
