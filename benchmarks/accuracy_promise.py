@@ -2,13 +2,14 @@
 
 A case is a pose and a load, or a motion from a random start (promise_cases.py); each is run with the settings for 10, 5
 and 1 % and with a reference: the one that the case's kind names, else the cheapest point of the study that is surely
-three times as exact as these and as what was picked, or the most exact there is. Where a kind names a cheaper one, too,
-that one decides unless a picked setting is more than 10 % from it. `reference` is what the reference may err by the
-study. With `--check N` the study's own finest setting runs N of the cases, too: `reference off by` is how far the
-reference is from that at most. The error is measured as the study does it: the largest deviation over the case, over
-the travel (a motion) or over the study's scale (poses). `factor` is what the error in the study would have to be
-multiplied by, before what the study's reference may err is added, to hold 95 % of the cases: `margin` of
-tripod_sim/accuracy/choice.py has to be at least that.
+three times as exact as these and as what was picked, or the most exact there is. Where a kind names a coarser mesh,
+too, it is Richardson's limit of both. `reference` is what that setting, without the limit, may err by the study. With
+`--check N` the study's own finest setting runs N of the cases, too: `reference off by` is how far the reference is from
+that at most. The error is measured as the study does it: the largest deviation over the case, over the travel (a
+motion) or over the study's scale (poses). `factor` is what the error in the study would have to be multiplied by,
+before what the study's reference may err is added, to hold 95 % of the cases: `margins` of
+tripod_sim/accuracy/choice.py have to be at least that. Where a study promises two quantities, both have to be within
+what is asked, and the table has both.
 
     python benchmarks/accuracy_promise.py [--studies DIR] [--only tripod_dynamic] [--cases 200] [--keep cases.jsonl]
 
@@ -35,11 +36,11 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 import numpy as np
 
 from benchmarks import promise_cases
-from benchmarks.promise_cases import KINDS, Rows
+from benchmarks.promise_cases import KINDS, Kind, Rows
 from benchmarks.promise_table import HEADS, percent, written
 from tripod_bringup.study_plans import PLANS
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.accuracy.choice import asked, margin, pick
+from tripod_sim.accuracy.choice import asked, margins, pick
 from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, read_study
 from tripod_sim.study.fingerprint import fingerprint
 
@@ -49,9 +50,6 @@ ACCURACIES = ("10%", "5%", "1%")
 
 MORE_EXACT = 3.0
 """By how much a reference is more exact than the least accuracy and the settings that are picked."""
-
-APART = 0.1
-"""How far a setting that is picked may be from a case's cheaper reference, before the better one decides."""
 
 Settings = Mapping[str, Any]
 
@@ -99,6 +97,15 @@ def error_of(rows: Rows, reference: Rows, scale: float | None) -> float:
     if scale is None:
         scale = max(np.linalg.norm(reference - row, axis=1).max() for row in reference) / root
     return float(norms / scale)
+
+
+def errors_of(rows: Rows, reference: Rows, kind: Kind, scale: float | None) -> tuple[float, ...]:
+    """Return the relative errors of a case: of what the study is about; of the pose, too, where rows are places."""
+    if not kind.placed:
+        return (error_of(rows, reference, scale),)
+    move = error_of(rows - rows[0], reference - reference[0], scale)
+    size = np.linalg.norm(reference, axis=1).max()
+    return move, float(np.linalg.norm(rows - reference, axis=1).max() / size)
 
 
 def reference_of(study: StoredStudy, rungs: Iterable[StoredPoint]) -> StoredPoint:
@@ -150,23 +157,25 @@ def measure(path: Path, seeds: range, keep: Path | None, check: int) -> tuple[li
             picks[accuracy] = pick(study, asked(accuracy), None)
         except SceneError as error:
             refused[accuracy] = str(error)
-    errors: dict[str, list[float]] = {accuracy: [] for accuracy in picks}
+    errors: dict[str, list[tuple[float, ...]]] = {accuracy: [] for accuracy in picks}
     off: list[float] = []
-    quick, decided, missing, cut = KINDS[study.name].quick, 0, 0, False
+    kind = KINDS[study.name]
+    nothing = (np.inf,) * (2 if kind.placed else 1)
+    missing, cut = 0, False
     try:
         for k, seed in enumerate(seeds):
             found = [runner.run(point.settings, seed) for point in picks.values()]
-            reference = runner.run({**fine.settings, **quick}, seed) if quick else None
-            if reference is None or any(r is None or error_of(r, reference, scale) > APART for r in found):
-                reference = runner.run(fine.settings, seed)
-                decided += quick != {}
+            reference = runner.run(fine.settings, seed)
+            if kind.coarse and reference is not None:
+                coarse = runner.run({**fine.settings, **kind.coarse}, seed)
+                reference = None if coarse is None else reference + (reference - coarse) / 3
             if reference is None:  # no case
                 missing += 1
                 continue
             if rungs and k < check and (finest := runner.run(rungs[-1].settings, seed)) is not None:
-                off.append(error_of(reference, finest, scale))
+                off.append(max(errors_of(reference, finest, kind, scale)))
             for accuracy, rows in zip(picks, found, strict=True):
-                errors[accuracy].append(np.inf if rows is None else error_of(rows, reference, scale))
+                errors[accuracy].append(nothing if rows is None else errors_of(rows, reference, kind, scale))
             if sys.stderr.isatty():
                 print(f"\r{study.name}: {k + 1}/{len(seeds)}", end="", file=sys.stderr, flush=True)
     except KeyboardInterrupt:
@@ -176,8 +185,6 @@ def measure(path: Path, seeds: range, keep: Path | None, check: int) -> tuple[li
         file=sys.stderr,
         flush=True,
     )
-    words = ", ".join(f"{k}={v}" for k, v in quick.items())
-    others = f" ({decided} cases; the others: {words})" if quick else ""
     checked = f"{percent(max(off))} ({len(off)} cases)" if off else ""
     lines = []
     for accuracy in ACCURACIES:
@@ -189,28 +196,37 @@ def measure(path: Path, seeds: range, keep: Path | None, check: int) -> tuple[li
                 accuracy,
                 *_numbers(study, picks[accuracy], np.array(errors[accuracy]), accuracy),
             ]
-            lines.append(
-                [*start, f"{seeds.start} to {seeds.stop - 1}", percent(fine.bound) + others, checked]
-            )
+            lines.append([*start, f"{seeds.start} to {seeds.stop - 1}", percent(fine.bound), checked])
     return lines if any(errors.values()) else [], cut
 
 
 def _numbers(study: StoredStudy, point: StoredPoint, found: np.ndarray, accuracy: str) -> list[str]:
-    """Return what a row says of a setting and its errors."""
-    high = float(np.quantile(found, 0.95, method="higher"))
-    own = point.bound - point.error  # of the study's reference
+    """Return what a row says of a setting and its errors.
+
+    Args:
+        study, point: That the setting is of.
+        found: Errors of all cases, of each quantity that is promised, shape (cases, quantities).
+        accuracy: That was asked for: all quantities have to be within it.
+    """
+    high = np.quantile(found, 0.95, axis=0, method="higher")
+    errors, bounds = np.array([(point.error, point.bound), *point.others]).T
+    own = bounds - errors  # of the study's reference
     return [
         ", ".join(f"{k}={v}" for k, v in point.settings.items()),
-        percent(point.error),
-        percent(own),
+        _percents(errors),
+        _percents(own),
         str(len(found)),
-        f"{100 * float((found <= asked(accuracy)).mean()):.1f}",
-        percent(float(np.median(found))),
-        percent(high),
-        percent(float(found.max())),
-        f"{max(0.0, high - own) / point.error:.2f}",
-        f"{margin(study):g}",
+        f"{100 * float((found <= asked(accuracy)).all(axis=1).mean()):.1f}",
+        _percents(np.median(found, axis=0)),
+        _percents(high),
+        _percents(found.max(axis=0)),
+        " and ".join(f"{max(0.0, factor):.2f}" for factor in (high - own) / errors),
+        " and ".join(f"{m:g}" for m in margins(study)),
     ]
+
+
+def _percents(errors: np.ndarray) -> str:
+    return " and ".join(percent(float(e)) for e in errors)
 
 
 def main() -> None:
