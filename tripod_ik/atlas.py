@@ -36,7 +36,7 @@ SHORTEST = 0.05
 """Part of that below which the end of the equilibria is not looked for more closely [rad]. With half of a step no way
 leads from the flat piece, and none to all sheets at 12 mm of slide."""
 
-BEYOND = -0.02
+BEYOND = -0.04
 """A pose whose ρ², foretold by its slope (see `SnapLimit`), is below this is beyond a snap: trying would take long."""
 
 SAME = 1e-4
@@ -67,14 +67,14 @@ class Pose:
         saved: What brings the model there.
         level: How far the effector has to go from home on the way there [m], at least.
         images: Numbers of its images, in the order of `StaticModel.symmetries`.
-        neighbours: Numbers of the poses that the body goes to from here by one step of the grid.
+        neighbours: Numbers of the poses that the body goes to from here by one step of the grid, and the times [s].
     """
 
     state: LinearState
     saved: Saved
     level: float
     images: list[int] = field(default_factory=list)
-    neighbours: list[int] = field(default_factory=list)
+    neighbours: dict[int, float] = field(default_factory=dict)
 
 
 class Atlas:
@@ -170,10 +170,11 @@ class Atlas:
                 found = self._step(here, there, angles, known)
                 if found is None:
                     continue
-                for a, b in zip(here.images, self.poses[found].images, strict=True):
-                    if b not in self.poses[a].neighbours:
-                        self.poses[a].neighbours.append(b)
-                        self.poses[b].neighbours.append(a)
+                there_and_back = (here, self.poses[found]), (self.poses[found], here)
+                for one, other in there_and_back:
+                    time = round(duration(one.state, other.state), DIGITS)
+                    for a, b in zip(one.images, other.images, strict=True):
+                        self.poses[a].neighbours[b] = time
                 if found >= before:
                     yield found, there
 
@@ -198,6 +199,12 @@ class Atlas:
         if state.firmness < SOFTEST:
             return None
         return self._add(cell, state, max(here.level, self.distance(state.equilibrium)))
+
+    def part(self, number: int, other: int) -> None:
+        """Take back that the body goes from one pose to another, and from their images to those of that."""
+        for a, b in zip(self.poses[number].images, self.poses[other].images, strict=True):
+            for one, next_to in ((a, b), (b, a)):
+                self.poses[one].neighbours.pop(next_to, None)
 
     def find(self, state: LinearState, among: Iterable[int]) -> int | None:
         """Bring the model to `state`; return the number of the pose that it came from, one of `among`.
@@ -232,10 +239,9 @@ class Atlas:
             if number in before:
                 continue
             before[number] = after
-            here = self.poses[number].state
             for neighbour in self.poses[number].neighbours:
                 if neighbour not in before and neighbour in among:
-                    more = round(duration(self.poses[neighbour].state, here), DIGITS)
+                    more = self.poses[neighbour].neighbours[number]
                     heapq.heappush(todo, (time + more, neighbour, number))
         way = [start]
         while way[-1] != end:

@@ -34,7 +34,7 @@ MET = 1e-5
 ARRIVED = 1e-3
 """Distance [rad] at which the end of the way counts as reached."""
 
-SLOWEST = 1e-3
+SLOWEST = 2e-3
 """Of what is left of ρ² at least so much counts, where a way comes to its softest pose."""
 
 PATIENCE = 2.0

@@ -35,7 +35,7 @@ ASIDE = (0.1, -0.2, 0.15)
 SHORTEST = 1e-3
 """Part of a way [rad] below which an end of the equilibria is no longer looked for, by default."""
 
-MISSED, PART = 2e-4, 0.05
+MISSED, PART = 1e-4, 0.05
 """A move that differs by more than MISSED [m] and that part of its length from what the Jacobians at both ends say, was
 no smooth one."""
 

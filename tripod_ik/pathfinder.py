@@ -47,7 +47,7 @@ farther those up to it, and by MARGIN more."""
 LONGEST = 0.1
 """Part of a way that is tried at once [rad]."""
 
-CALM = 0.15
+CALM = 0.22
 """Firmness that a straight way may always come down to where its ends are firmer: a softer one takes longer than one
 round it.
 """
@@ -145,12 +145,14 @@ class Pathfinder:
         far = max(FARTHEST, self._atlas.distance(state.equilibrium) + MARGIN)
         inside = self._atlas.within(far)
         start = self._atlas.find(state, inside)
-        if start is None:
-            return []
+        return [] if start is None else self._hanging_together(start, inside)
+
+    def _hanging_together(self, start: int, among: Collection[int]) -> list[int]:
+        """Return the poses of `among` that hang together with `start`, that first, by poses within the limits."""
         found, seen = [start], {start}
         for number in found:
             for other in self._atlas.poses[number].neighbours:
-                if other in inside and other not in seen and self._is_allowed(other):
+                if other in among and other not in seen and self._is_allowed(other):
                     seen.add(other)
                     found.append(other)
         return found
@@ -283,22 +285,41 @@ class Pathfinder:
         best = self.closest(tasks, state.angles, around)
         end, last = best.trail[-1], self._atlas.find(best.solution.state, around)
         number, rest = (best.number, best.trail[1:]) if last is None else (last, (end,))
-        poses = [self._atlas.poses[n] for n in self._atlas.path(around[0], number, set(around))]
-        stops = [(here, state), *((p.saved, p.state) for p in poses), *rest]
-        kept, at, ahead = [stops[0]], 0, len(stops)
+        while True:
+            path = self._atlas.path(around[0], number, set(around))
+            poses = [self._atlas.poses[n] for n in path]
+            stops = [(here, state), *((p.saved, p.state) for p in poses), *rest]
+            kept = self._straightened(stops)
+            snapping = [
+                k
+                for k in range(1, len(poses))
+                if {k, k + 1} <= set(kept) and self._snaps(stops[k], stops[k + 1])
+            ]
+            if not snapping:
+                break
+            for k in snapping:
+                self._atlas.part(path[k - 1], path[k])
+            if number not in self._hanging_together(around[0], set(around)):
+                return self._way(state, tasks)
+        way = [stops[k] for k in kept]
+        for i in range(1, len(way) - 1):
+            way[i] = self._drawn_in(*way[i - 1 : i + 2])
+        return Way(
+            np.array([stop.angles for _, stop in way[1:]]).reshape(-1, len(state.angles)),
+            best.solution.residual,
+            best.solution.active_limits,
+        )
+
+    def _straightened(self, stops: Sequence[Stop]) -> list[int]:
+        """Return numbers of stops between which the body goes straight, or by one step of the grid."""
+        kept, at, ahead = [0], 0, len(stops)
         while at < len(stops) - 1:
             after = min(at + ahead, len(stops) - 1)
             while after > at + 1 and not self._is_straight(stops[at], stops[after]):
                 after = at + (after - at + 1) // 2
             at, ahead = after, 2 * (after - at)
-            kept.append(stops[at])
-        for i in range(1, len(kept) - 1):
-            kept[i] = self._drawn_in(*kept[i - 1 : i + 2])
-        return Way(
-            np.array([stop.angles for _, stop in kept[1:]]).reshape(-1, len(state.angles)),
-            best.solution.residual,
-            best.solution.active_limits,
-        )
+            kept.append(at)
+        return kept
 
     def _drawn_in(self, before: Stop, stop: Stop, after: Stop) -> Stop:
         """Return a stop nearer to the straight line between its neighbours, where the ways stay as firm: the grid is
@@ -333,6 +354,15 @@ class Pathfinder:
         except (StepError, SceneError):
             return False
         return bool(np.abs(found.equilibrium - end[1].equilibrium).max() < SAME)
+
+    def _snaps(self, start: Stop, end: Stop) -> bool:
+        """Return whether the body snaps on the way between two neighbours of the grid: the flood's steps are long."""
+        self.model.restore(start[0])
+        try:
+            found = self.model.follow(end[1].angles, longest=LONGEST)
+        except (StepError, SceneError):
+            return True
+        return bool(np.abs(found.equilibrium - end[1].equilibrium).max() >= SAME)
 
 
 def foretold(tasks: Sequence[Task], states: Sequence[LinearState]) -> FloatArray:

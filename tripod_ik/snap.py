@@ -19,7 +19,7 @@ from tripod_ik.state import LinearState
 SNAP = "snap"
 """Name of the limit."""
 
-SOFTEST = 0.05
+SOFTEST = 0.07
 """Firmness at which a branch ends, for inverse kinematics."""
 
 WITHIN = 0.9

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from tripod_sim.constraints.groups import quaternion, rotation_vector
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.linear.solver import LinearError, solve_columns
-from tripod_sim.softness import Softness, softness
 from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rest_rows import Rest
     from tripod_sim.rest_state import RestState
+    from tripod_sim.softness import SoftestMove, Softness
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -106,7 +106,7 @@ class Compliance:
     position: FloatArray
     quaternion: FloatArray
     equilibrium_offset: FloatArray
-    softness: Softness | None = None
+    softness: "Softness | None" = None
 
 
 def compliance(
@@ -115,7 +115,7 @@ def compliance(
     contacts: Sequence[tuple[IndexArray, FloatArray]] = (),
     held: "Rest | None" = None,
     rest: "RestState | None" = None,
-    reference: float = np.inf,
+    softest: "SoftestMove | None" = None,
 ) -> Compliance:
     """Return the compliance of `system` at `state`, or where that would rest.
 
@@ -126,7 +126,7 @@ def compliance(
             shape (3 k, 3 k).
         held: What contact holds; its forces must be among the loads of `system`.
         rest: The state of rest that goes along with `state`: the tangent is that of rest then.
-        reference: Stiffness that the softness refers to [N/m]; infinite where nobody asks for it.
+        softest: Tells the softness; None where nobody asks for it. With contact it is not told.
 
     Raises:
         SceneError: the system has no effector.
@@ -136,7 +136,7 @@ def compliance(
         raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
     s = len(system.groups.driven)
     at = _factored(system, state, contacts, rest)
-    torques = system.torques.copy()
+    torques, soft = system.torques.copy(), None
     first = 3 * system.reduction.free_count
     effector = first + np.arange(6)
     try:
@@ -157,6 +157,7 @@ def compliance(
                 answers = _answers(system, effector)
             torques = system.torques.copy()
             answer = _response(system, effector, answers)
+            soft = softest.softness(system, at, answers) if softest else None
     except LinearError as error:
         raise StepError(f"no compliance at {state.time:.4g} s: {error}") from error
     except np.linalg.LinAlgError:
@@ -177,7 +178,6 @@ def compliance(
     w[:6, :6] = answer.flexibility[:6, :6] + w[:6, 6:] @ jacobian.T
     w = 0.5 * (w + w.T)
     fall = answer.fall[:6].copy()
-    soft = softness(system, at, answers, reference) if np.isfinite(reference) and not held else None
     if rest:
         rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
         fall[:3] = at.centres[0] - state.centres[0]

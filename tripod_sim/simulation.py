@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.mesh_error import MeshError, MeshErrorReport
     from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
+    from tripod_sim.softness import SoftestMove
 
 FloatArray = NDArray[np.float64]
 
@@ -114,15 +115,15 @@ class Simulation:
         self.report = StepReport()
         self.left_out: tuple[int, ...] = ()
         self._rest: RestState | None = None
-        self._reference = np.inf
+        self._softest: SoftestMove | None = None
         self._servos: ServoMotion | None = parts.servos
         self._ball = parts.ball
         undeformed = self.state.copy()
         static = self._static.system
         if static.groups.rigid and isinstance(static, System) and not scene.contact:
-            from tripod_sim.softness import reference_stiffness  # noqa: PLC0415 - only with an effector
+            from tripod_sim.softness import softest_move  # noqa: PLC0415 - only with an effector
 
-            self._reference = reference_stiffness(static, self.state)
+            self._softest = softest_move(static, self.state)
         if self.joints:
             self._pose(self._goal(joints, 0.0))
         if parts.check_start:
@@ -553,9 +554,9 @@ class Simulation:
         if self.scene.contact:
             return self._held_compliance(system)
         if not (self._ball and self.state.ball and system.loads):
-            return compliance(system, self.state, rest=self._rest, reference=self._reference)
+            return compliance(system, self.state, rest=self._rest, softest=self._softest)
         contacts = self._ball.rest_load(self.state, self.state.ball, system.loads.force)
-        return compliance(system, self.state, contacts, reference=self._reference)
+        return compliance(system, self.state, contacts, softest=self._softest)
 
     def mesh_error(self) -> "MeshErrorReport | None":
         """Return the estimated error of the mesh at the effector now; None where the scene does not ask for it.

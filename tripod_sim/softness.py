@@ -1,15 +1,17 @@
-"""How near a body is to a snap: how soft its effector is with the servos held, and how that changes with the angles.
+"""How near a body is to a snap: how soft it is with the servos held, and how that changes with the angles.
 
-With F the answer of the effector to forces at held angles, rotations in metres at the rim, the stiffnesses c₁ ≤ c₂ ≤ …
-are 1 / eig(F), and v is the direction of the softest. Towards a limit point, where the equilibrium ends and the body
-snaps to another one, c₁ goes to zero while the others stay. The firmness is
+The stiffness of a move u of the body is λ = uᵀ K u / |u|² with |u| the root mean square of how far its nodes go.
+Towards a limit point, where the equilibrium ends and the body, or one strip of it, snaps to another one, the least
+stiffness λ₁ goes to zero. The firmness is
 
-    ρ = c₁ / c₃ of the undeformed body,
+    ρ = λ₁ / λ₃ of the undeformed body,
 
-without a unit, negative where the equilibrium is not stable. With u = K⁻¹ Hᵀ v c₁ the move of the body that takes the
-effector along v, and w_i its move with the angle i,
+without a unit, negative where the equilibrium is not stable. The softest move is looked for among what forces on the
+effector and turns of the servos do to the body, K⁻¹ [Hᵀ, K_s], which is known: near a snap they go along with it. Where
+that is soft, steps of inverse iteration, u ← K⁻¹ M u with uᵀ M u = |u|², make it exact. With |u| = 1 and w_i the move
+of the body with the angle i,
 
-    dc₁ / dangle_i = uᵀ (dK / dangle_i) u = w_i · (r(x + ε u) + r(x - ε u) - 2 r(x)) / ε²,
+    dλ₁ / dangle_i = uᵀ (dK / dangle_i) u = w_i · (r(x + ε u) + r(x - ε u) - 2 r(x)) / ε²,
 
 r with the servos' torques: two evaluations of the forces, and no factorisation.
 """
@@ -18,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from tripod_sim.linear.solver import LinearError, solve_columns
 from tripod_sim.state import State
@@ -25,11 +28,18 @@ from tripod_sim.system import System
 
 FloatArray = NDArray[np.float64]
 
-FIRM = 0.3
+FIRM = 0.45
 """Firmness above which no snap is near, and the slope is not looked for."""
 
 MOVE = 2e-5
-"""ε: how far the effector is moved along v [m]."""
+"""ε |u|: how far a node is moved, at most [m]."""
+
+ALIKE = 1e-12
+"""Part of the square of a move below which the rest of it is nothing but rounding, others taken away."""
+
+
+ITERATIONS = 2
+"""Steps of inverse iteration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,72 +55,95 @@ class Softness:
     slope: FloatArray
 
 
-def reference_stiffness(system: System, state: State) -> float:
-    """Return c₃ of the first rigid body of `system` at `state` [N/m]; infinite where it has none.
+class SoftestMove:
+    """The softest move of a body, as its equilibria change."""
 
-    The factorisation of `system` is overwritten.
-    """
-    system.assemble(state, project=False)
-    system.evaluate(state)
-    system.factor()
-    if not system.factored:
-        return np.inf
-    forces = np.zeros((system.reduction.unknowns, 6))
-    forces[3 * system.reduction.free_count + np.arange(6), np.arange(6)] = 1.0
-    try:
-        stiffness, _ = _stiffnesses(system, solve_columns(system.linear, forces))
-    except LinearError:
-        return np.inf
-    return float(stiffness[2]) if stiffness[0] > 0 else np.inf
+    def __init__(self, system: System) -> None:
+        """Take the measure of the moves of `system`, the static potential of a body with an effector."""
+        reduction, rigid = system.reduction, system.groups.rigid
+        first = 3 * reduction.free_count
+        weights = np.ones(reduction.unknowns)
+        for body, nodes in enumerate(rigid):
+            at = first + 6 * body
+            weights[at : at + 3] = len(nodes)
+            weights[at + 3 : at + 6] = len(nodes) * system.radius(body) ** 2
+        self._weights = (weights / (reduction.free_count + sum(map(len, rigid))))[:, None]
+        self._effector = first + np.arange(6)
+        self._reference = 1.0
+
+    def refer(self, system: System, state: State) -> bool:
+        """Refer to the stiffness of `system` at its undeformed `state`; return False where that has none.
+
+        Its factorisation is overwritten.
+        """
+        reduction = system.reduction
+        system.assemble(state, project=False)
+        system.evaluate(state)
+        system.factor()
+        if not system.factored:
+            return False
+        forces = np.zeros((reduction.unknowns, 6))
+        forces[self._effector, np.arange(6)] = 1.0
+        try:
+            answers = solve_columns(system.linear, np.hstack([forces, reduction.drive]))
+            stiffness, _ = self._stiffnesses(system, answers)
+        except LinearError:
+            return False
+        self._reference = float(stiffness[2])
+        return bool(stiffness[0] > 0)
+
+    def softness(self, system: System, state: State, answers: FloatArray) -> Softness:
+        """Return the softness of the body.
+
+        Args:
+            system: The static potential, evaluated and factored at `state`; it is evaluated elsewhere.
+            state: Where it is linearised.
+            answers: K⁻¹ of the six unit forces on the effector, of the coupling to the angles, and more, shape
+                (unknowns, 6 + s or more).
+
+        Raises:
+            LinearError: K⁻¹ cannot be applied once more.
+        """
+        s = len(system.groups.driven)
+        stiffness, moves = self._stiffnesses(system, answers[:, : 6 + s])
+        rho = max(float(stiffness[0]) / self._reference, -1.0)
+        if not 0 < rho < FIRM:
+            return Softness(rho, np.zeros(s))
+        u, size = answers[:, : 6 + s] @ moves[:, 0], 1.0
+        for _ in range(ITERATIONS):
+            push = self._weights[:, 0] * u / size
+            u = system.linear.solve(push)
+            size = float(u @ (self._weights[:, 0] * u))
+        rho = max(float(u @ push) / (size * self._reference), -1.0)
+        residual, torques = -2.0 * system.residual, -2.0 * system.torques
+        dx, moved = np.zeros_like(state.positions), state.copy()
+        system.update_levers(state)
+        system.reduction.moves(u, system.lever, dx)
+        step = MOVE / float(np.abs(dx).max())
+        for part in (step, -step):
+            system.move(state, u, dx, part, moved)
+            system.evaluate(moved)
+            residual += system.residual
+            torques += system.torques
+        change = (torques - residual @ answers[:, 6 : 6 + s]) / step**2
+        return Softness(rho, change / (size * self._reference))
+
+    def _stiffnesses(self, system: System, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return stiffnesses of the body [N/m], ascending, and of which `answers` the moves are made, columns."""
+        known = np.concatenate([answers[self._effector], system.reduction.drive.T @ answers])
+        sizes = answers.T @ (self._weights * answers)
+        share = ALIKE * np.maximum(sizes.flat[:: len(sizes) + 1], 1e-300)
+        sizes.flat[:: len(sizes) + 1] += (
+            share  # and what combinations of others leave is as stiff as the stiffest
+        )
+        known.flat[:: len(known) + 1] += share * float((known.diagonal() / share).max()) * ALIKE
+        stiffness, moves, failed = lapack.dsygvd(known, sizes)
+        if failed:
+            raise LinearError("the body answers to forces by moves that are no numbers")
+        return stiffness, moves
 
 
-def softness(system: System, state: State, answers: FloatArray, reference: float) -> Softness:
-    """Return the softness of the first rigid body of `system`.
-
-    Args:
-        system: The static potential, evaluated and factored at `state`; it is evaluated elsewhere.
-        state: Where it is linearised.
-        answers: K⁻¹ of the six unit forces on that body, of the coupling to the angles, and more, shape (unknowns,
-            6 + s or more).
-        reference: What `reference_stiffness` gave for the undeformed body [N/m].
-    """
-    s = len(system.groups.driven)
-    values = np.linalg.eigvalsh(_flexibility(system, answers))
-    if (
-        values[0] > 0 and 1.0 / (values[-1] * reference) >= FIRM
-    ):  # the rule, and then no direction is asked for
-        return Softness(1.0 / float(values[-1] * reference), np.zeros(s))
-    stiffness, directions = _stiffnesses(system, answers)
-    rho = max(float(stiffness[0]) / reference, -1.0)
-    if not 0 < rho < FIRM:
-        return Softness(rho, np.zeros(s))
-    residual, torques = -2.0 * system.residual, -2.0 * system.torques
-    u = stiffness[0] * (answers[:, :6] @ directions[:, 0])
-    dx, moved = np.zeros_like(state.positions), state.copy()
-    system.update_levers(state)
-    system.reduction.moves(u, system.lever, dx)
-    for step in (MOVE, -MOVE):
-        system.move(state, u, dx, step, moved)
-        system.evaluate(moved)
-        residual += system.residual
-        torques += system.torques
-    return Softness(rho, (torques - residual @ answers[:, 6 : 6 + s]) / (MOVE**2 * reference))
-
-
-def _flexibility(system: System, answers: FloatArray) -> FloatArray:
-    """Return how the first rigid body answers to forces, symmetric, rotations in metres, shape (6, 6) [m/N]."""
-    first, radius = 3 * system.reduction.free_count, system.radius(0)
-    F = answers[first : first + 6, :6] + answers[first : first + 6, :6].T
-    F *= 0.5
-    F[3:] *= radius
-    F[:, 3:] *= radius
-    return F
-
-
-def _stiffnesses(system: System, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the stiffnesses of the first rigid body [N/m], ascending, and the forces that go with them, columns."""
-    values, vectors = np.linalg.eigh(_flexibility(system, answers))
-    stiffness = 1.0 / values
-    order = np.argsort(stiffness)
-    vectors[3:] *= system.radius(0)
-    return stiffness[order], vectors[:, order]
+def softest_move(system: System, state: State) -> SoftestMove | None:
+    """Return the softest move of `system`, the static potential; None where its undeformed `state` has no stiffness."""
+    found = SoftestMove(system)
+    return found if found.refer(system, state) else None

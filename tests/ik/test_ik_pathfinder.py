@@ -37,16 +37,20 @@ def between():
     return Pathfinder(Atlas.of(load_scene("tripod"), 0.012), *Tracker(SETTINGS).reach)
 
 
-def follow(flat, finder, goals):
-    """Go to one goal after the other, 1.0 s for each; return the states and the tracker's last steps."""
+def follow(flat, finder, goals, seconds=1.0):
+    """Go to one goal after the other, in 1 s each or as said; return the states and the tracker's last steps."""
     home, tracker, now, ends = flat.state().equilibrium, Tracker(SETTINGS, guide=finder.way), 0.0, []
     for goal in goals:
         tracker.aim(home + goal, None, now)
-        for _ in range(round(1.0 / DT)):
-            before = flat.state()
+        for _ in range(round(seconds / DT)):
+            before, here = flat.state(), flat.save()
             step = tracker.update(before, now)
             after = flat.move(step.result.command)
-            assert goes_on(before, after)  # no snap
+            if not goes_on(before, after):
+                flat.restore(here)
+                assert flat.follow(after.angles).equilibrium == pytest.approx(
+                    after.equilibrium, abs=1e-6
+                )  # no snap
             assert np.linalg.norm(after.equilibrium - before.equilibrium) < 0.1 * DT
             now += DT
         ends.append((after, step))
@@ -95,12 +99,24 @@ def test_beyond_a_gap_between_sheets_the_closest_pose_is_found_whatever_was_aske
     assert asked(at(0) + low) < 1e-6
     assert asked(at(0) + high) < 1e-6
     assert asked(at(0)) == pytest.approx(first, abs=1e-9)
-    for radius, expected in ((0.008, (0.516, 0.282, 0.227)), (0.01, (0.393, 0.904, 0.989))):
+    for radius, expected in ((0.008, (0.514, 0.281, 0.227)), (0.01, (0.398, 0.910, 0.989))):
         for sign in (1, -1):
             found = seven(sign, radius)
             assert found[:3] == pytest.approx([1e-3 * expected[0]] * 3, abs=2e-6)
             assert found[3:6] == pytest.approx([1e-3 * expected[1]] * 3, abs=2e-6)
             assert found[6] == pytest.approx(1e-3 * expected[2], abs=2e-6)
+
+
+def test_where_a_strip_hangs_slack_it_does_not_snap_by_itself():
+    """Slid in by 35 mm, 90 degrees from a servo: the straight way there snaps a strip while the effector is firm, and
+    so does one between two neighbours of the grid.
+    """
+    working = StaticModel(load_scene("tripod"), 0.035)
+    finder = Pathfinder(Atlas.of(load_scene("tripod"), 0.035), *Tracker(SETTINGS).reach)
+    goals = [at(degrees, 0.012) + np.array([0.0, 0.0, 0.002]) for degrees in (0, 30, 60, 90)]
+    home, ends = follow(working, finder, goals, seconds=1.4)
+    for goal, (state, _) in zip(goals, ends, strict=True):
+        assert np.linalg.norm(state.equilibrium - home - goal) < 1e-6
 
 
 def test_a_goal_on_another_sheet_is_met(between):

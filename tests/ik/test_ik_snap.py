@@ -94,6 +94,6 @@ def test_the_limit_grants_a_share_of_what_is_left(flat):
     left = state.firmness**2 - SOFTEST**2
     assert rows.low == pytest.approx([-0.25 * left])
     assert rows.matrix[0] == pytest.approx(2 * state.firmness * state.firmness_slope)
-    beyond = SnapLimit(least=0.1, share=0.25).rows(state)
-    assert beyond.low == pytest.approx([0.1**2 - state.firmness**2])  # all of it, where it is beyond
+    beyond = SnapLimit(least=0.2, share=0.25).rows(state)
+    assert beyond.low == pytest.approx([0.2**2 - state.firmness**2])  # all of it, where it is beyond
     flat.go_home()

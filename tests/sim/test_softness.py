@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from tripod_sim import Simulation, load_scene
 
@@ -23,7 +24,7 @@ def test_the_slope_of_the_firmness_is_that_of_finite_moves(flat: Simulation, ang
         flat.step(part * end)
     here, soft = flat.save(), flat.compliance().softness
     assert soft is not None
-    assert 0.04 < soft.firmness < 0.2
+    assert 0.06 < soft.firmness < 0.3
     found = np.empty(3)
     for servo in range(3):
         ends = []
@@ -38,6 +39,27 @@ def test_the_slope_of_the_firmness_is_that_of_finite_moves(flat: Simulation, ang
         found[servo] = (ends[0] - ends[1]) / (2 * h)
     # h² times third derivatives, which grow as firmness falls: 1e-4 at most of these poses
     np.testing.assert_allclose(soft.slope, found, rtol=5e-3, atol=1e-3 * np.abs(found).max())
+
+
+def test_the_firmness_is_the_least_stiffness_of_all_moves(flat: Simulation) -> None:
+    flat.reset()
+    system, found = flat._static.system, []
+    first = 3 * system.reduction.free_count
+    nodes = len(system.groups.rigid[0])
+    sizes = np.ones(system.unknowns)
+    sizes[first : first + 3], sizes[first + 3 :] = nodes, nodes * system.radius(0) ** 2
+    for angles in (np.zeros(3), [-0.24, 0.12, 0.12], [-0.27, 0.13, 0.13]):
+        for part in np.linspace(0.0, 1.0, 10):
+            flat.step(part * np.append(angles, 0.0))
+        soft = flat.compliance().softness
+        assert soft is not None
+        upper = system.reduction.pattern.toarray()
+        tangent = upper + np.triu(upper, 1).T
+        found.append(
+            (soft.firmness, eigh(tangent, np.diag(sizes), eigvals_only=True, subset_by_index=[0, 0])[0])
+        )
+    ratios = np.array([firmness / least for firmness, least in found])
+    np.testing.assert_allclose(ratios, ratios[-1], rtol=1e-3)
 
 
 def test_firmness_goes_to_zero_at_the_snap_and_its_square_in_proportion_to_the_angles(
