@@ -174,6 +174,16 @@ def test_every_effect_is_told_with_its_stored_cost_or_as_not_known() -> None:
     assert changed["damping"].cost is None, "what was measured was its own stages, not what it adds"
     (on, text), *_ = effect_lines(found)
     assert (on, "damping" in text) == ("effects", True)
+    assert "tripod explain" not in text
+
+
+def test_effects_of_a_scene_of_ones_own_are_listed_with_where_their_times_are_from() -> None:
+    (on, text), *others = effect_lines(effect_figures("my.toml", load_scene("pendulum")))
+    assert on == "effects"
+    assert "gravity, " in text
+    assert "tripod explain SCENE" in text
+    assert "?" not in text
+    assert others == []
 
 
 @pytest.mark.parametrize("name", ["tripod", "maze", "cloth", "drape_cubes", "stack"])

@@ -72,16 +72,21 @@ def stored() -> dict[str, Any]:
 
 
 def effect_lines(figures: Sequence[EffectFigure]) -> list[tuple[str, str]]:
-    """Return the effects that are on, and those that are off, as names and texts for people."""
-    on = ", ".join(f"{f.name} {_microseconds(f)}" for f in figures if f.on)
+    """Return the effects that are on, and those that are off, as names and texts for people.
+
+    What is not known costs no question mark: the name stands alone, and one line says who measures it.
+    """
+    on = ", ".join(f"{f.name} {_microseconds(f)}".rstrip() for f in figures if f.on)
     off = ", ".join(f"{f.name} {_microseconds(f)}" for f in figures if not f.on and f.cost is not None)
+    if any(f.on and f.cost is None and f.why_not == NOT_MEASURED for f in figures):
+        on += " (without a time: not stored for this scene; tripod explain SCENE measures it)"
     return [("effects", on or "none"), *([("would add", off)] if off else [])]
 
 
 def _microseconds(figure: EffectFigure) -> str:
-    """Return a cost for people; a difference within its noise is told as at most that."""
+    """Return a cost for people; a difference within its noise is told as at most that, an unknown one not."""
     if figure.cost is None:
-        return "?"
+        return ""
     if figure.on or abs(figure.cost) > figure.noise:
         return f"{1e3 * figure.cost:.3g} ms" if abs(figure.cost) >= 1e-3 else f"{1e6 * figure.cost:.3g} us"
     return f"under {1e6 * figure.noise:.2g} us"
