@@ -87,6 +87,7 @@ class Fit:
         correlations: Of u, shape (p, p).
         rows: Used, shape (k,).
         outliers: Rows that were taken to be wrong, counted from 1.
+        spread: mean(psi²) n / (n - p) / mean(psi')², the variance of `pseudo_residuals`.
     """
 
     wanted: tuple[Parameter, ...]
@@ -100,6 +101,7 @@ class Fit:
     correlations: FloatArray
     rows: NDArray[np.bool_]
     outliers: tuple[int, ...]
+    spread: float
 
     @property
     def half(self) -> FloatArray:
@@ -319,6 +321,12 @@ def profile(
     return ends[0], ends[1]
 
 
+def pseudo_residuals(residual: FloatArray) -> FloatArray:
+    """Return psi(r) / mean(psi'): linear least squares with these goes on from a robust fit [Huber1981]."""
+    z = (residual / CAUCHY) ** 2
+    return np.asarray(residual / (1 + z) / max(float(((1 - z) / (1 + z) ** 2).mean()), 0.1))
+
+
 def _robust(residual: FloatArray) -> tuple[float, float]:
     """Return mean(psi²) / mean(psi')² and mean(psi²) / mean(psi')."""
     z = (residual / CAUCHY) ** 2
@@ -371,5 +379,5 @@ def _known(
     sigma = (float(weights.sigma[0]), float(weights.sigma[1]))
     return Fit(
         wanted, u, covariance * np.outer(width, width), sigma, freedom, problem.jacobian(u), solved.values, condition,
-        correlations, rows, outliers,
+        correlations, rows, outliers, spread,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from tripod_identify.errors import DataError, FitError
 from tripod_identify.fit import CONFIDENCE, Fit, Note, Prior, enough, fit, hopeless, profile
 from tripod_identify.left_over import LeftOver, left_over
 from tripod_identify.measured import Measured
-from tripod_identify.mesh_share import Share, mesh_share, step_share
+from tripod_identify.mesh_share import Share, Shares, shares
 from tripod_identify.model import Progress, Told, plainly
 from tripod_identify.observe import Point
 from tripod_identify.parameters import FRAME, START, Parameter, check_range, parameters
@@ -167,11 +167,11 @@ def identify(
         notes.append(
             f"{len(last.outliers)} of {int(rows.sum())} rows are more than 6 sigma off, and hardly count: {which}"
         )
-    mesh = step = None
+    both: Shares | None = None
     if wanted.mesh:
-        say("the same on a finer mesh")
+        say("the same on other meshes")
         try:
-            mesh, step = mesh_share(problem, last), step_share(problem, last)
+            both = shares(problem, last)
         except (SceneError, StepError) as error:
             notes.append(f"what the mesh makes is not known: {error}")
     solved = problem.at(last.u)
@@ -191,12 +191,12 @@ def identify(
         proposals = _proposals(problem, asked, last, poses)
     return Identified(
         solved.told,
-        tuple(_found(last, j, mesh, step, own.get(j)) for j, p in enumerate(last.wanted) if not p.nuisance),
+        tuple(_found(last, j, both, own.get(j)) for j, p in enumerate(last.wanted) if not p.nuisance),
         tuple(untold), before, after,
         score(first.values[~rows] + _shift(before, first.values[~rows], measured), held) if some else None,
         score(last.values[~rows], held) if some else None,
-        score(last.values, measured), last, mesh, step, left, _by_parameters(last, problem), ~rows, tuple(proposals),
-        tuple(notes),
+        score(last.values, measured), last, both.mesh if both else None, both.step if both else None, left,
+        _by_parameters(last, problem), ~rows, tuple(proposals), tuple(notes),
     )  # fmt: skip
 
 
@@ -293,17 +293,15 @@ def _why(last: Fit, j: int) -> str:
     return text + f"; condition {last.condition:.2g}"
 
 
-def _found(
-    last: Fit, j: int, mesh: Share | None, step: Share | None, own: tuple[float, float] | None
-) -> Found:
+def _found(last: Fit, j: int, both: Shares | None, own: tuple[float, float] | None) -> Found:
     p, u, half = last.wanted[j], float(last.u[j]), float(last.half[j])
-    shares = [float(s.move[j]) if s else 0.0 for s in (mesh, step)]
-    unsure = sum(float(s.unsure[j]) ** 2 for s in (mesh, step) if s)
+    moves = [float(s.move[j]) if s else 0.0 for s in ((both.mesh, both.step) if both else ())] or [0.0, 0.0]
     quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, max(last.freedom, 1)))
-    true, reach = u + sum(shares), quantile * float(np.sqrt(last.covariance[j, j] + unsure))
+    covariance = both.covariance if both else last.covariance
+    true, reach = u + sum(moves), quantile * float(np.sqrt(covariance[j, j]))
     return Found(
-        p, p.of_u(u), p.of_u(u - half), p.of_u(u + half), p.of_u(u + shares[0]) - p.of_u(u),
-        p.of_u(u + shares[1]) - p.of_u(u), p.of_u(true), p.of_u(true - reach), p.of_u(true + reach),
+        p, p.of_u(u), p.of_u(u - half), p.of_u(u + half), p.of_u(u + moves[0]) - p.of_u(u),
+        p.of_u(u + moves[1]) - p.of_u(u), p.of_u(true), p.of_u(true - reach), p.of_u(true + reach),
         (p.of_u(own[0]), p.of_u(own[1])) if own else None,
     )  # fmt: skip
 

@@ -136,8 +136,9 @@ def identify_report(title: str, command: str, measured: Measured, result: Identi
     page.table(FOUND_HEAD, found_rows(result))
     page.say(
         "“Found” makes this scene, on its own mesh and with its own steps, fit best. “Without both” is what the "
-        "same data say where mesh and steps have no error, as far as one refinement tells: the value of the material "
-        "and the robot."
+        "same data say where mesh and steps have no error, as far as meshes with halved edges and with other elements "
+        "tell: the value of the material and the robot. Its interval takes what these change as errors that all rows "
+        "share."
     )
     if any(f.profile for f in result.found):
         rows = []

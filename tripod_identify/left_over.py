@@ -37,6 +37,17 @@ class LeftOver:
         return not (self.chance < SURE and self.systematic**2 > RULES * self.rms**2)
 
 
+def smooth_terms(along: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the polynomials of first and of second degree in what varies of `along`, shapes (k, 1 + a), (k, q)."""
+    varied = along[:, np.ptp(along, axis=0) > 1e-9]
+    a = varied.shape[1]
+    scaled = (varied - varied.mean(axis=0)) / np.ptp(varied, axis=0)
+    linear = np.column_stack([np.ones(len(scaled)), scaled])
+    return linear, np.column_stack(
+        [linear, *[scaled[:, i] * scaled[:, j] for i in range(a) for j in range(i, a)]]
+    )
+
+
 def left_over(residuals: FloatArray, along: FloatArray) -> LeftOver:
     """Return how residuals divide into a polynomial of second degree in what they go along with, and scatter.
 
@@ -46,15 +57,11 @@ def left_over(residuals: FloatArray, along: FloatArray) -> LeftOver:
         residuals: Of one unit, NaN where there is none, shape (k, m).
         along: Commands, shape (k, a).
     """
-    varied = along[:, np.ptp(along, axis=0) > 1e-9]
     rms = float(np.sqrt(np.nanmean(residuals**2)))
-    a = varied.shape[1]
-    if not a:
+    linear, squares = smooth_terms(along)
+    if linear.shape[1] == 1:
         return LeftOver(rms, 0.0, rms, np.nan)
-    scaled = (varied - varied.mean(axis=0)) / np.ptp(varied, axis=0)
-    linear = np.column_stack([np.ones(len(scaled)), scaled])
-    squares = np.column_stack([linear, *[scaled[:, i] * scaled[:, j] for i in range(a) for j in range(i, a)]])
-    terms = next((t for t in (squares, linear) if len(scaled) >= 2 * t.shape[1] + 4), None)
+    terms = next((t for t in (squares, linear) if len(along) >= 2 * t.shape[1] + 4), None)
     if terms is None:
         return LeftOver(rms, 0.0, rms, np.nan)
     before = after = 0.0

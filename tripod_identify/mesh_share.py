@@ -1,94 +1,170 @@
 """What mesh and time steps make of predictions, and of the values that are found with them.
 
-A number that a mesh gets wrong by C h^p is corrected by (f_h/2 - f_h) / (1 - 2^-p) [Richardson1911]. p is 1 where a
-clamp's edge rules, 2 where the elements do: the middle of both corrections is taken. With d the correction at some
-rows, the values that the same data give without the error of the mesh are u - (J^T J + W^-2)^-1 J^T d, W their
-plausible widths. One refinement tells how large that is and hardly more, since what clamp and disc hold changes with
-the nodes, too: the move itself counts as a standard deviation. Time steps likewise.
+Nobody knows that error; known is what it looks like, from the same rows on other meshes. A number that a mesh gets
+wrong by C h^p is corrected by D = (f_h/2 - f_h) / (1 - 2^-p) [Richardson1911]; p is 1 where a clamp's edge rules, 2
+where the elements do: the middle of both is taken. But clamps and disc hold nodes, of which another kind of element has
+others on any mesh, and the change D' to such elements on the same cells may have the opposite sign. So data y with the
+noise e are taken as
+
+    y = f(u) + c D + c' D' + r + e,    c ~ N(1, 1),  c' ~ N(0, 1),
+
+r being a polynomial of second degree in the commands (in time, of a motion), another for each number, with coefficients
+such that its root mean square is half that of D and D': what neither looks like [KennedyOHagan2001]. The error thus is
+one and the same from pose to pose, and no noise that many poses average away. Linearised about the fit, u, c, c' and r
+are found together: the data themselves say how much of D they need. Time steps have a D of their own.
 """
 
+import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
-from tripod_identify.fit import Fit
+from tripod_identify.fit import Fit, pseudo_residuals
+from tripod_identify.left_over import smooth_terms
 from tripod_identify.model import Rest, Told, motion
-from tripod_identify.problem import Problem, refined
-from tripod_sim.errors import StepError
+from tripod_identify.problem import Problem, other_elements, refined
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.state import State
 
 FloatArray = NDArray[np.float64]
 
-ROWS = 6
-"""Poses at which the finer mesh is solved."""
+ROWS = 30
+"""Poses at which other meshes are solved; between them their changes are polynomials of second degree."""
 
 FACTOR = 5 / 3
 """Of f_h/2 - f_h: the correction."""
 
+REST = 0.5
+"""Root mean square of what is like none of the changes, over theirs."""
+
+
+SETTLING = 10
+"""Rounds in which noise and what other meshes explain are told apart."""
+
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """What a finer mesh, or shorter steps, would change.
+    """What another mesh, or shorter steps, would change.
 
     Attributes:
         size: Root mean square of the correction of places [m]; of rotations [rad] where no places were measured.
         move: Of u, shape (p,): add it to be rid of the error.
-        unsure: Standard deviation of that, shape (p,).
         rows: Of how many rows.
     """
 
     size: float
     move: FloatArray
-    unsure: FloatArray
     rows: int
 
 
-def mesh_share(problem: Problem, fit: Fit) -> Share:
-    """Return what a mesh with every edge halved would change. Raises SceneError, StepError."""
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """What both make of the values.
+
+    Attributes:
+        mesh, step: Each; `step` is None for poses, or where dt is chosen anyway.
+        covariance: Of u with both moves added, by noise and what is unknown of both, shape (p, p).
+    """
+
+    mesh: Share
+    step: Share | None
+    covariance: FloatArray
+
+
+def shares(problem: Problem, fit: Fit) -> Shares:
+    """Return what mesh and steps make of what was fitted. Raises SceneError, StepError."""
+    here = problem.at(fit.u)
+    along = problem.measured.times
+    smooth = smooth_terms(problem.measured.joints(here.told.scene) if along is None else along[:, None])[1]
+    finer, rows = _change(refined(here.told), problem, fit, smooth)
+    mesh = [FACTOR * finer]
+    with contextlib.suppress(
+        SceneError, StepError
+    ):  # a mesh that cannot have them: the halved edges alone tell
+        mesh.append(_change(other_elements(here.told), problem, fit, smooth)[0])
+    scene, step = here.told.scene, []
+    if here.rest is None and not scene.time_error:
+        halved = replace(here.told, scene=replace(scene, dt=0.5 * scene.dt))
+        step.append(FACTOR * (motion(halved, problem.measured, problem.points) - here.values))
+    moves, covariance = _solve(problem, fit, (mesh, step), smooth)
+    angle = np.array([c.angle for c in problem.measured.channels])
+    kind = ~angle if (~angle).any() else angle
+
+    def share(changes: Sequence[FloatArray], move: FloatArray) -> Share:
+        return Share(float(np.sqrt(np.mean([(c[:, kind] ** 2).mean() for c in changes]))), move, rows)
+
+    return Shares(share(mesh, moves[0]), share(step, moves[1]) if step else None, covariance)
+
+
+def _change(other: Told, problem: Problem, fit: Fit, smooth: FloatArray) -> tuple[FloatArray, int]:
+    """Return by how much all rows differ with another mesh, shape (k, m), and how many were computed."""
     here = problem.at(fit.u)
     if here.rest is None:
-        return _share(
-            fit, problem, _motion(refined(here.told), problem) - here.values, np.arange(len(here.values))
-        )
+        return motion(other, problem.measured, problem.points) - here.values, len(here.values)
     good = np.flatnonzero(fit.rows)
     rows = np.unique(good[np.linspace(0, len(good) - 1, min(ROWS, len(good))).round().astype(np.int64)])
-    fine = Rest(refined(here.told).scene, problem.measured, problem.points)
+    mesh = Rest(other.scene, problem.measured, problem.points)
     joints = here.told.joints(problem.measured.joints(here.told.scene))
-    change = []
+    own = []
     for k in rows:
-        state = between(here.rest, here.states[k], fine, joints[k])
-        change.append(fine.observer.see(state, here.told.sensor) - here.values[k])
-    return _share(fit, problem, np.array(change), rows)
+        state = between(here.rest, here.states[k], mesh, joints[k])
+        own.append(mesh.observer.see(state, here.told.sensor) - here.values[k])
+    change = smooth @ np.linalg.lstsq(smooth[rows], np.array(own), rcond=None)[0]
+    change[rows] = own
+    return np.asarray(change), len(rows)
 
 
-def step_share(problem: Problem, fit: Fit) -> Share | None:
-    """Return what steps of half the length would change in a motion; None for poses, or where dt is chosen anyway."""
-    here = problem.at(fit.u)
-    scene = here.told.scene
-    if here.rest is not None or scene.time_error:
-        return None
-    halved = replace(here.told, scene=replace(scene, dt=0.5 * scene.dt))
-    return _share(fit, problem, _motion(halved, problem) - here.values, np.arange(len(here.values)))
+def _solve(
+    problem: Problem, fit: Fit, families: tuple[list[FloatArray], list[FloatArray]], smooth: FloatArray
+) -> tuple[list[FloatArray], FloatArray]:
+    """Return the move of u by each family of changes, shape (p,), what is like none with the first; its covariance.
 
+    With A = J / sigma, B the changes over sigma, s² the spread, z the pseudo residuals, P the covariance of the fit and
+    c ~ N(m, 1), the least of |z - A du - B c|² / s² + |c - m|² has
 
-def _motion(told: Told, problem: Problem) -> FloatArray:
-    return motion(told, problem.measured, problem.points)
+        (B^T B / s² + 1 - N^T P N) (c - m) = B^T (z - B m) / s² - N^T P (A^T z / s² - N m),    N = A^T B / s²,
 
-
-def _share(fit: Fit, problem: Problem, change: FloatArray, rows: NDArray[np.int64]) -> Share:
-    """Return what `change`, shape (r, m), at some rows is worth."""
-    angle = np.array([c.angle for c in problem.measured.channels])
-    use = np.isfinite(problem.measured.values[rows]) & fit.rows[rows, None]
-    sigma = np.where(angle, fit.sigma[1], fit.sigma[0])
-    J = (fit.jacobian[rows] / sigma[:, None])[use]
-    width = np.array([p.width for p in fit.wanted])
-    normal = J.T @ J + np.diag(width**-2.0)
-    move = -np.linalg.solve(normal, J.T @ (change / sigma)[use])
-    kind = ~angle if (~angle).any() else angle
-    size = FACTOR * float(np.sqrt((change[:, kind] ** 2).mean()))
-    return Share(size, np.asarray(FACTOR * move), np.asarray(FACTOR * np.abs(move)), len(rows))
+    and du = -P N c; the rest of it, P A^T z / s², is what the fit has left undone, and nothing but its tolerance.
+    The fit has taken for noise what B explains, so s² is found anew from what is left, over the numbers less those that
+    u and c use up: their count less the trace of the covariance of c [MacKay1992].
+    """
+    measured = problem.measured
+    sigma = np.where([c.angle for c in measured.channels], fit.sigma[1], fit.sigma[0])
+    use = np.isfinite(measured.values) & fit.rows[:, None]
+    every = [change for changes in families for change in changes]
+    columns = [(change / sigma)[use] for change in every]
+    size = REST * np.sqrt(np.mean([(change[fit.rows] ** 2).mean(axis=0) for change in every], axis=0)) / sigma
+    left, sizes, _ = np.linalg.svd(smooth[fit.rows], full_matrices=False)
+    some = sizes > 1e-9 * sizes[0]
+    left = left[:, some] * np.sqrt(len(left) / some.sum())
+    for j, amount in enumerate(size):
+        for term in left.T:
+            column = np.zeros(use.shape)
+            column[fit.rows, j] = amount * term
+            columns.append(column[use])
+    B, n = np.column_stack(columns), len(every)
+    first = len(families[0])
+    m = np.zeros(B.shape[1])
+    m[[0, *range(first, n)]] = 1.0  # Richardson's
+    A = (fit.jacobian / sigma[:, None])[use]
+    z = pseudo_residuals(((measured.values - fit.values) / sigma)[use])
+    variance = fit.spread
+    for _ in range(SETTLING):
+        P = fit.covariance * (variance / fit.spread)
+        N = A.T @ B / variance
+        PN = P @ N
+        normal = B.T @ B / variance + np.eye(len(m)) - N.T @ PN
+        c = m + np.linalg.solve(normal, B.T @ (z - B @ m) / variance - PN.T @ (A.T @ z / variance - N @ m))
+        left_over = z - B @ c - A @ (P @ (A.T @ z / variance - N @ c))
+        used = A.shape[1] + len(m) - float(np.trace(np.linalg.inv(normal)))
+        variance = float(left_over @ left_over) / max(len(z) - used, 1.0)
+    ofstep = np.zeros(len(c), dtype=bool)
+    ofstep[first:n] = True
+    moves = [-PN @ np.where(ofstep, 0.0, c), -PN @ np.where(ofstep, c, 0.0)]
+    return moves, np.asarray(P + PN @ np.linalg.solve(normal, PN.T))
 
 
 def between(coarse: Rest, state: State, fine: Rest, joints: FloatArray) -> State:

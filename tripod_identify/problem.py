@@ -8,8 +8,9 @@ x_d being what the servos drive and dg/dp the change of the unbalanced forces wi
 at one state, solved with the factorisation of that state. In motion whole runs are compared.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,14 +217,24 @@ def _moved(system: System, residual: FloatArray, state: State, other: Rest, join
     return out
 
 
+OTHER_ELEMENT = {"t4": "t10", "t10": "h20", "h20": "h27", "h27": "h20"}
+"""Kinds of elements that are compared with a scene's; with those that are not named, of eight nodes, `h20`."""
+
+
 def refined(assumed: Told) -> Told:
     """Return the same with every edge of the meshes halved. Raises SceneError where they cannot be."""
+    return _meshed(assumed, lambda mesh: replace(mesh, refine=mesh.refine + 1))
+
+
+def other_elements(assumed: Told) -> Told:
+    """Return the same with elements of another kind on the same cells. Raises SceneError without a mesh."""
+    return _meshed(assumed, lambda mesh: replace(mesh, element=OTHER_ELEMENT.get(mesh.element, "h20")))
+
+
+def _meshed(assumed: Told, change: Callable[[Any], Any]) -> Told:
     scene = assumed.scene
-    mesh = scene.mesh
-    bodies = tuple(
-        replace(b, mesh=replace(b.mesh, refine=b.mesh.refine + 1)) if b.mesh else b for b in scene.body
-    )
-    if not mesh and bodies == scene.body:
-        raise SceneError(f"scene {scene.name!r} has no mesh that could be finer")
-    mesh = replace(mesh, refine=mesh.refine + 1) if mesh else None
+    bodies = tuple(replace(b, mesh=change(b.mesh)) if b.mesh else b for b in scene.body)
+    if not scene.mesh and bodies == scene.body:
+        raise SceneError(f"scene {scene.name!r} has no mesh that could be another")
+    mesh = change(scene.mesh) if scene.mesh else None
     return replace(assumed, scene=replace(scene, mesh=mesh, body=bodies))

@@ -1,0 +1,76 @@
+"""What other meshes foretell goes into the intervals as an error that all poses share."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.identify.robots import PLACE, beam
+from tripod_identify.fit import Fit, _robust
+from tripod_identify.left_over import smooth_terms
+from tripod_identify.mesh_share import REST, _solve
+from tripod_identify.model import plainly
+from tripod_identify.parameters import parameters
+from tripod_identify.problem import other_elements, refined
+from tripod_sim import load_scene
+from tripod_sim.errors import SceneError
+
+ROWS, SIGMA, DRAWS = 30, 3e-4, 400
+
+
+def held(shared: float) -> float:
+    """Return how many of the 90 % intervals hold the truth of a linear model, its errors drawn as they are taken to be.
+
+    `shared`: by how much the errors of the mesh in truth are larger.
+    """
+    rng = np.random.default_rng(5)
+    along = rng.uniform(-1, 1, (ROWS, 3))
+    smooth = smooth_terms(along)[1]
+    left = np.linalg.svd(smooth, full_matrices=False)[0] * np.sqrt(ROWS / smooth.shape[1])
+    slope = rng.standard_normal((ROWS, 3, 2)) * 1e-3 + np.array([[2e-3, 0], [0, 2e-3], [1e-3, 1e-3]])
+    finer = 3e-4 * np.array([1.0, 0.5, -0.5]) + 1e-4 * along
+    other = 3e-4 * np.array([-1.0, 0.5, 1.0]) * (1 + 0.3 * along[:, :1])
+    size = REST * np.sqrt(0.5 * ((finer**2).mean(axis=0) + (other**2).mean(axis=0)))
+    A = slope.reshape(-1, 2)
+    count = 0
+    for _ in range(DRAWS):
+        error = (1 + rng.standard_normal()) * finer + rng.standard_normal() * other
+        error += size * (left @ rng.standard_normal((left.shape[1], 3)))
+        y = shared * error + SIGMA * rng.standard_normal((ROWS, 3))  # the truth is u = 0
+        u = np.linalg.lstsq(A, y.ravel(), rcond=None)[0]
+        residual = y - slope @ u
+        sigma = float(np.median(np.abs(residual))) / 0.6745
+        spread = _robust(residual.ravel() / sigma)[0]
+        wanted = tuple(parameters(beam(), ["load.0.mass", "material.young"]))
+        fit = Fit(
+            wanted, u, spread * sigma**2 * np.linalg.inv(A.T @ A), (sigma, 1.0), y.size - 2, slope, slope @ u, 1.0,
+            np.eye(2), np.ones(ROWS, dtype=bool), (), spread,
+        )  # fmt: skip
+        problem = SimpleNamespace(measured=SimpleNamespace(channels=PLACE, values=y))
+        moves, covariance = _solve(problem, fit, ([finer, other], []), smooth)
+        true = u + moves[0] + moves[1]
+        count += int((np.abs(true) <= 1.645 * np.sqrt(np.diag(covariance))).sum())
+    return count / (2 * DRAWS)
+
+
+def test_intervals_hold_what_all_poses_share() -> None:
+    assert 0.85 <= held(1.0) <= 0.95
+
+
+def test_intervals_are_too_short_for_errors_that_are_three_times_as_large() -> None:
+    """So the test above would see bars that are too short, or endless."""
+    assert held(3.0) < 0.8
+
+
+@pytest.mark.parametrize(("element", "other"), [("h8_modes", "h20"), ("h20", "h27"), ("t4", "t10")])
+def test_other_meshes_are_finer_or_of_another_element(element: str, other: str) -> None:
+    scene = beam()
+    scene = replace(scene, mesh=replace(scene.mesh, element=element))
+    assert other_elements(plainly(scene)).scene.mesh == replace(scene.mesh, element=other)
+    assert refined(plainly(scene)).scene.mesh == replace(scene.mesh, refine=1)
+
+
+def test_a_scene_without_a_mesh_has_no_other() -> None:
+    with pytest.raises(SceneError, match="no mesh that could be another"):
+        other_elements(plainly(load_scene("pendulum")))
