@@ -31,6 +31,7 @@ ROS_EDGE = {
         "control_mode",
         "diagnostics",
         "follow_action",
+        "goal_request",
         "limits",
         "parameters",
         "qos",
