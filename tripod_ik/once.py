@@ -23,6 +23,10 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
+from tripod_sim.tables.fields import other_unit
+
+FAR = 2.0
+"""A target farther from the effector than so many sizes of the body is no pose that somebody wants."""
 
 WAY = 12
 """Poses on the way from the start that are looked at."""
@@ -84,6 +88,7 @@ def solve_once(
     model = StaticModel(scene, slide, begin)
     if joints is None:  # StaticModel has refused it
         raise StepError("no servos")
+    _check_near(position, model)
     angles = AngleLimit(joints.low, joints.high)
     solver = InverseSolver(
         model, angles, row_limits=limits, any_branch=any_branch, tolerance=tolerance, progress=progress
@@ -137,6 +142,19 @@ def _mesh_error(scene: Scene, model: StaticModel, angles: FloatArray) -> dict[st
     model.move(angles)
     found = MeshError(simulation.scene, simulation.mesh).start(simulation.state)
     return {"mesh_error": {"effector": list(found.effector), "distance": found.distance}}
+
+
+def _check_near(target: FloatArray, model: StaticModel) -> None:
+    """Raise IkError for a target that is far off all that the robot could reach, as one in millimetres is."""
+    pose = model.simulation.effector
+    if pose is None:  # StaticModel has refused it
+        return
+    far = FAR * float(np.ptp(model.simulation.positions, axis=0).max())
+    for axis, value, middle in zip("xyz", target.tolist(), np.asarray(pose.position).tolist(), strict=True):
+        low, high = middle - far, middle + far
+        if not low <= value <= high:
+            hint = other_unit(value, "m", lambda v, low=low, high=high: low <= v <= high)  # type: ignore[misc]
+            raise IkError(f"target {axis} is {value:g} m; allowed is {low:.3g} to {high:.3g} m{hint}")
 
 
 def _keeps_to(limits: Sequence[RowLimit], model: StaticModel, begun: FloatArray) -> bool:

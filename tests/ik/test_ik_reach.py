@@ -129,6 +129,11 @@ def test_an_answer_tells_the_error_of_its_mesh_where_that_is_asked_for():
     ("values", "message"),
     [
         ({"target": [0, np.nan, 0]}, r"target\[1\] is nan"),
+        (
+            {"target": [0, 35, 0]},
+            r"target y is 35 m; allowed is -0.\d+ to 0.\d+ m; millimetres\? 35 .* are 0.035 m",
+        ),
+        ({"target": [0, 0, -0.3]}, r"target z is -0.3 m; allowed is -0.\d+ to 0.\d+ m$"),
         ({"tilt": (0.1,)}, r"tilt has shape \(1,\)"),
         ({"torque_max": -1.0}, "torque limit is -1 N m"),
         ({"start": [0, 0]}, "start has shape"),
