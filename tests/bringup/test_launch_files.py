@@ -114,5 +114,6 @@ def test_the_layouts_show_topics_that_exist() -> None:
     shown += [
         path["value"].partition(".")[0] for name, p in layout.items() if "Plot" in name for path in p["paths"]
     ]
+    assert "/robot_description" in shown
     assert len(shown) > 8
     assert {topic.removeprefix("/") for topic in shown} <= known
