@@ -70,6 +70,7 @@ def parse_timeline(text: str, width: int, what: str) -> Timeline:
         ):
             raise SceneError(
                 f"{what}: {shown(part.strip())} is not 'time: value, ...' with {width} finite values"
+                f"{_time_missing(part, width)}"
             )
         values.append(numbers)
     t = np.array(times)
@@ -137,3 +138,18 @@ def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Tim
         ends = servo.times[[0, -1]]
         return Timeline(ends, np.array([[0.0], [value]]))
     return Timeline(np.zeros(1), np.array([[value]]))
+
+
+def _time_missing(part: str, width: int) -> str:
+    """Return a hint for values without a time: one for all, or one each; empty for anything else."""
+    words = [word.strip() for word in part.split(",")]
+    if len(words) not in (1, width):
+        return ""
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        return ""
+    whole = numbers * (width // len(numbers))
+    return (
+        f"; from the start on: '0: {', '.join(f'{v:g}' for v in whole)}'" if np.isfinite(whole).all() else ""
+    )

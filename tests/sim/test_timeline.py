@@ -49,7 +49,14 @@ def test_values_are_held_before_and_after_and_linear_between(time: float, values
     [
         ("", "--servo has 0 entries; allowed is 1 to 100000"),
         (" ; ;", "--servo has 0 entries"),
-        ("0", "--servo: '0' is not 'time: value, ...' with 3 finite values"),
+        (
+            "-85",
+            "--servo: '-85' is not 'time: value, ...' with 3 finite values; from the start on: '0: -85, -85, -85'",
+        ),
+        (
+            "1, 2, 3",
+            "--servo: '1, 2, 3' is not 'time: value, ...' with 3 finite values; from the start on: '0: 1, 2, 3'",
+        ),
         ("0:", "--servo: '0:' is not"),
         ("0:1,2", "--servo: '0:1,2' is not 'time: value, ...' with 3 finite values"),
         ("0:1,2,3,4", "--servo: '0:1,2,3,4' is not"),
