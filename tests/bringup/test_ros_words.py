@@ -297,7 +297,7 @@ def test_a_servo_script_moves_the_simulator_and_stop_ends_it(domain: int) -> Non
             asker.wait(lambda: heard and heard[-1] == pytest.approx([-0.3, -0.2, -0.1], abs=1e-3), "motion")
             asker.wait(lambda: modes and modes[-1].mode == ControlMode.REPLAY, "the mode")
             assert "script#" in modes[-1].source
-            assert {"robot_sim", "script"} <= set(asker.node.get_node_names())
+            asker.wait(lambda: {"robot_sim", "script"} <= set(asker.node.get_node_names()), "both nodes")
             stop.publish(ControlMode(mode=ControlMode.STOP, source="operator#1"))
             asker.wait(lambda: heard[-1] == pytest.approx([0.0] * 3, abs=1e-3), "parked servos")
         process.send_signal(2)
