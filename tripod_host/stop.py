@@ -118,10 +118,8 @@ def taken(*, last: bool = False) -> Iterator[Asked]:
         _Process.asked = None
         if last and asked.count:
             _Process.ours = False  # nobody sets handlers any more
-            for number in _heeded():
-                signal.signal(
-                    number, signal.SIG_IGN
-                )  # Python itself takes away, at its end, what is a function
+            for number in _heeded():  # handlers that are functions Python itself takes away at its end
+                signal.signal(number, signal.SIG_IGN)
         else:
             for number, handler in kept.items():
                 if handler is not None:  # set by C code

@@ -18,12 +18,12 @@ from tripod_ik.pathfinder import Pathfinder
 from tripod_ik.rotation import normal_of, roll_pitch
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
 from tripod_ik.snap import SNAP
+from tripod_ik.target import TargetBox
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
-from tripod_sim.tables.fields import other_unit
 
 FAR = 2.0
 """A target farther from the effector than so many sizes of the body is no pose that somebody wants."""
@@ -149,12 +149,8 @@ def _check_near(target: FloatArray, model: StaticModel) -> None:
     pose = model.simulation.effector
     if pose is None:  # StaticModel has refused it
         return
-    far = FAR * float(np.ptp(model.simulation.positions, axis=0).max())
-    for axis, value, middle in zip("xyz", target.tolist(), np.asarray(pose.position).tolist(), strict=True):
-        low, high = middle - far, middle + far
-        if not low <= value <= high:
-            hint = other_unit(value, "m", lambda v, low=low, high=high: low <= v <= high)  # type: ignore[misc]
-            raise IkError(f"target {axis} is {value:g} m; allowed is {low:.3g} to {high:.3g} m{hint}")
+    middle, far = np.asarray(pose.position), FAR * float(np.ptp(model.simulation.positions, axis=0).max())
+    TargetBox(middle - far, middle + far).check_position(target)
 
 
 def _keeps_to(limits: Sequence[RowLimit], model: StaticModel, begun: FloatArray) -> bool:

@@ -9,6 +9,7 @@ from tripod_graph.names import WORLD
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
 from tripod_ik.rotation import quaternion_matrix
+from tripod_sim.tables.fields import other_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,18 @@ class TargetBox:
             normal = quaternion_matrix(turned / length)[:, 2]
         else:
             raise IkError(f"target orientation has length {length:g}; it must be a unit quaternion")
-        for axis, value, low, high in zip("xyz", target, self.low, self.high, strict=True):
-            if not low <= value <= high:
-                raise IkError(f"target {axis} is {value:g} m; allowed is {low:g} to {high:g} m")
+        self.check_position(target)
         return target, normal
+
+    def check_position(self, target: FloatArray) -> None:
+        """Raise IkError for a position [m], shape (3,), that is outside, with the unit that was likely meant."""
+        for axis, value, low, high in zip(
+            "xyz", target.tolist(), self.low.tolist(), self.high.tolist(), strict=True
+        ):
+
+            def fits(v: float, low: float = low, high: float = high) -> bool:
+                return low <= v <= high
+
+            if not fits(value):
+                hint = other_unit(value, "m", fits)
+                raise IkError(f"target {axis} is {value:g} m; allowed is {low:.4g} to {high:.4g} m{hint}")
