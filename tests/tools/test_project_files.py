@@ -96,6 +96,17 @@ def test_the_version_is_the_same_everywhere() -> None:
     assert citation["title"] in page
 
 
+def test_the_packages_are_what_ros_takes_for_packages() -> None:
+    catkin_pkg = pytest.importorskip("catkin_pkg.package")
+    for path in (ROOT / "package.xml", ROOT / "msgs" / "package.xml"):
+        warnings: list[str] = []
+        package = catkin_pkg.parse_package(path, warnings=warnings)
+        package.validate(warnings)
+        assert not warnings
+        assert [m.email for m in package.maintainers] == ["maintainers@tripod.invalid"]
+        assert [(u.type, u.url) for u in package.urls] == [("website", "https://tripod.invalid")]
+
+
 def test_make_lists_every_target_by_default() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.search(r"^\.PHONY: (.*)$", makefile, re.M)[1].split())
