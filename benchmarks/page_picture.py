@@ -66,11 +66,11 @@ def main() -> None:
             page.evaluate(  # the browser's complaint that it has no graphics card
                 "() => document.querySelectorAll('[class*=Notification]').forEach((e) => e.remove())"
             )
-            time.sleep(SETTLED)
+            page.wait_for_timeout(1e3 * SETTLED)
             page.locator("#panel details").evaluate_all(
                 "(cards, name) => cards.forEach((c) => (c.open = c.id === name))", options.card
             )
-            time.sleep(1.0)
+            page.wait_for_timeout(1e3)
             page.screenshot(path=options.out)
             browser.close()
         finally:

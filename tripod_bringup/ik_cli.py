@@ -72,12 +72,15 @@ def ik(
     ] = None,
     *,
     target: Annotated[
-        str | None, typer.Option(metavar='"X Y Z"', help="Where the effector is to be \\[m]: solve once.")
+        str | None,
+        typer.Option(metavar='"X Y Z"', help="Where the effector is to be \\[m], or as 5mm: solve once."),
     ] = None,
     goal: Annotated[
         str, typer.Option(help="What is asked for: position, orientation (tilt and height), or pose (both).")
     ] = "position",
-    tilt: Annotated[str, typer.Option(metavar='"ROLL PITCH"', help="Tilt wanted \\[rad].")] = "0 0",
+    tilt: Annotated[
+        str, typer.Option(metavar='"ROLL PITCH"', help="Tilt wanted \\[rad], or as 10deg.")
+    ] = "0 0",
     scene: SceneName = "tripod",
     set_: Overrides = None,
     slide: Slide = 0.035,

@@ -50,14 +50,14 @@ def solve_command(
     try:
         if goal not in {str(g) for g in Goal}:
             raise IkError(f"--goal is {goal!r}; allowed: {', '.join(Goal)}")
-        corners = numbers("--box", box, 6) if box is not None else None
+        corners = numbers("--box", box, 6, "m") if box is not None else None
         result = solve_once(
             load_scene(scene, overrides),
-            numbers("--target", target, 3),
-            tilt=numbers("--tilt", tilt, 2),
+            numbers("--target", target, 3, "m"),
+            tilt=numbers("--tilt", tilt, 2, "rad"),
             goal=Goal(goal),
             slide=slide,
-            start=None if start is None else numbers("--start", start, 3),
+            start=None if start is None else numbers("--start", start, 3, "rad"),
             torque_max=math.inf if torque_max is None else torque_max,
             hard=hard,
             box=None if corners is None else (corners[:3], corners[3:]),  # type: ignore[arg-type]
@@ -83,13 +83,18 @@ def solve_command(
     return 0 if result["reached"] else MISSED
 
 
-def numbers(option: str, text: str, count: int) -> list[float]:
-    """Return `count` numbers of `text`, separated by spaces or commas. Raises IkError, which names the option."""
+def numbers(option: str, text: str, count: int, unit: str) -> list[float]:
+    """Return `count` numbers in SI of `text`, separated by spaces or commas, that are in `unit` or say theirs.
+
+    Raises:
+        IkError: they are not that many finite numbers; names the option.
+    """
     from tripod_ik.errors import IkError  # noqa: PLC0415
+    from tripod_sim.tables.fields import with_unit  # noqa: PLC0415
 
     words = text.replace(",", " ").split()
     try:
-        values = [float(word) for word in words]
+        values = [with_unit(word, unit) for word in words]
     except ValueError:
         values = []
     if len(words) != count or len(values) != count or not all(map(math.isfinite, values)):

@@ -59,9 +59,13 @@ Overrides = Annotated[
     ),
 ]
 
-ServoScript = Annotated[str | None, typer.Option(help='Servo angles \\[rad]: "time:a,b,c; time:a,b,c".')]
+ServoScript = Annotated[
+    str | None, typer.Option(help='Servo angles \\[rad], or as -85deg: "time:a,b,c; time:a,b,c".')
+]
 
-SlideScript = Annotated[str | None, typer.Option(help='Inward slide \\[m]: a number, or "time:value; ...".')]
+SlideScript = Annotated[
+    str | None, typer.Option(help='Inward slide \\[m], or as 35mm: a number, or "time:value; ...".')
+]
 
 Recording = Annotated[
     Path,

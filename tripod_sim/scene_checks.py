@@ -145,9 +145,9 @@ def check_held(scene: "Scene") -> None:
         _check_axes(f"prescribed.{i}", moved.axes)
         if not (moved.move or moved.turn):
             raise SceneError(f"prescribed.{i}: give move or turn; what never moves is [[fixed]]")
-        for name in ("move", "turn"):
+        for name, unit in (("move", "m"), ("turn", "rad")):
             if text := getattr(moved, name):
-                line = parse_timeline(text, 3, f"prescribed.{i}.{name}")
+                line = parse_timeline(text, 3, f"prescribed.{i}.{name}", unit)
                 if line.at(0.0).any():
                     raise SceneError(
                         f"prescribed.{i}.{name} is {line.at(0.0).tolist()} at 0 s; the body starts undeformed: begin "

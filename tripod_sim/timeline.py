@@ -1,5 +1,6 @@
-"""Joint values over time, written on one line: `0:0,0,0; 1:-0.7854,-0.7854,-0.7854`."""
+"""Joint values over time, written on one line: `0:0,0,0; 1:-0.7854,-45deg,-45deg`."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.tables.fields import other_unit
+from tripod_sim.tables.fields import OTHER_UNITS, other_unit, with_unit
 
 if TYPE_CHECKING:
     from tripod_sim.scene_short import Joints
@@ -39,13 +40,14 @@ class Timeline:
         return np.asarray((1 - w) * self.values[i - 1] + w * self.values[i])
 
 
-def parse_timeline(text: str, width: int, what: str) -> Timeline:
+def parse_timeline(text: str, width: int, what: str, unit: str) -> Timeline:
     """Return the timeline that `text` writes, `time: value, value; ...`.
 
     Args:
         text: As above.
         width: Number of values at each time.
         what: Name of the option, for messages.
+        unit: Of the values, rad or m; the text may say another (`-85deg`, `35mm`).
 
     Raises:
         SceneError: not of that form, not finite, or times that do not rise.
@@ -59,7 +61,7 @@ def parse_timeline(text: str, width: int, what: str) -> Timeline:
     for part in parts:
         time, colon, rest = part.partition(":")
         try:
-            numbers = [float(v) for v in rest.split(",")]
+            numbers = [with_unit(v, unit) for v in rest.split(",")]
             times.append(float(time))
         except ValueError:
             numbers = []
@@ -70,7 +72,7 @@ def parse_timeline(text: str, width: int, what: str) -> Timeline:
         ):
             raise SceneError(
                 f"{what}: {shown(part.strip())} is not 'time: value, ...' with {width} finite values"
-                f"{_time_missing(part, width)}"
+                f"{_time_missing(part, width, unit)}"
             )
         values.append(numbers)
     t = np.array(times)
@@ -92,7 +94,7 @@ def joint_timelines(
     Raises:
         SceneError: they cannot be read, or go beyond the limits.
     """
-    angles = parse_timeline(servo, joints.count, names[0]) if servo is not None else None
+    angles = parse_timeline(servo, joints.count, names[0], "rad") if servo is not None else None
     slides = parse_slide(slide, angles, names[1]) if slide is not None else None
     if angles and not ((angles.values >= joints.low) & (angles.values <= joints.high)).all():
         beyond = np.maximum(joints.low - angles.values, angles.values - joints.high).max(axis=0)
@@ -100,21 +102,22 @@ def joint_timelines(
         low, high, of = joints.low[i], joints.high[i], angles.values[:, i]
         raise SceneError(
             f"{names[0]}: angles of servo {i} reach {of.min():g} to {of.max():g} rad; allowed is {low:g} to {high:g} "
-            "rad" + other_unit(float(of[np.abs(of).argmax()]), "rad", lambda a: low <= a <= high)
+            "rad" + _hint(of, "rad", lambda a: low <= a <= high)
         )
     s = joints
     if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
         raise SceneError(
             f"{names[1]}: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to "
-            f"{s.slide_max:g} m" + other_unit(_furthest(slides), "m", lambda x: 0 <= x <= s.slide_max)
+            f"{s.slide_max:g} m" + _hint(slides.values.ravel(), "m", lambda x: 0 <= x <= s.slide_max)
         )
     return angles, slides
 
 
-def _furthest(timeline: Timeline) -> float:
-    """Return the value that is furthest from zero."""
-    values = timeline.values.ravel()
-    return float(values[np.abs(values).argmax()])
+def _hint(values: FloatArray, unit: str, fits: Callable[[float], bool]) -> str:
+    """Return how to write the value that is furthest from zero, shape (k,), if it was meant in another unit."""
+    value = float(values[np.abs(values).argmax()])
+    hint = other_unit(value, unit, fits)
+    return hint and f"{hint}: write {value:g}{OTHER_UNITS[unit][1]}"
 
 
 def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Timeline:
@@ -127,9 +130,9 @@ def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Tim
         SceneError: neither a number nor a timeline.
     """
     if ":" in text:
-        return parse_timeline(text, 1, what)
+        return parse_timeline(text, 1, what, "m")
     try:
-        value = float(text)
+        value = with_unit(text, "m")
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
@@ -140,16 +143,13 @@ def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Tim
     return Timeline(np.zeros(1), np.array([[value]]))
 
 
-def _time_missing(part: str, width: int) -> str:
+def _time_missing(part: str, width: int, unit: str) -> str:
     """Return a hint for values without a time: one for all, or one each; empty for anything else."""
     words = [word.strip() for word in part.split(",")]
     if len(words) not in (1, width):
         return ""
     try:
-        numbers = [float(word) for word in words]
+        finite = np.isfinite([with_unit(word, unit) for word in words]).all()
     except ValueError:
         return ""
-    whole = numbers * (width // len(numbers))
-    return (
-        f"; from the start on: '0: {', '.join(f'{v:g}' for v in whole)}'" if np.isfinite(whole).all() else ""
-    )
+    return f"; from the start on: '0: {', '.join(words * (width // len(words)))}'" if finite else ""

@@ -15,8 +15,9 @@ def tripod(*words):
     return CliRunner().invoke(cli.app, list(words))
 
 
-def test_a_target_is_solved_once_and_printed() -> None:
-    result = tripod("ik", "--target", "0.004 -0.002 -0.006", *COARSE)
+@pytest.mark.parametrize("target", ["0.004 -0.002 -0.006", "4mm,-0.002,-6mm"])
+def test_a_target_is_solved_once_and_printed(target: str) -> None:
+    result = tripod("ik", "--target", target, *COARSE)
     assert result.exit_code == 0
     text = dict(line.split("  ", 1) for line in result.stdout.splitlines() if line[0] != " ")
     assert text["outcome"].strip() == "reached"
@@ -48,6 +49,7 @@ def test_a_tilt_is_printed_in_degrees() -> None:
     ("words", "message"),
     [
         (["ik", "--target", "1 2"], "--target is '1 2'; it must be 3 finite numbers"),
+        (["ik", "--target", "0 0 5deg"], "--target is '0 0 5deg'; it must be 3 finite numbers"),
         (["ik", "--target", "a b c"], "--target is 'a b c'"),
         (["ik", "--target", "0 nan 0"], "--target is '0 nan 0'"),
         (

@@ -55,8 +55,8 @@ def test_what_is_wrong_with_a_scene_is_told_alike_before_anything_starts(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--servo", "0:-85,0,0"], "degrees? -85 degrees are -1.484 rad"),
-        (["--slide", "35"], "millimetres? 35 millimetres are 0.035 m"),
+        (["--servo", "0:-85,0,0"], "degrees? -85 degrees are -1.484 rad: write -85deg"),
+        (["--slide", "35"], "millimetres? 35 millimetres are 0.035 m: write 35mm"),
         (["--servo", "0:-1000,0,0"], "allowed is -2.1 to 0.6 rad\n"),
         (["--servo", "0:1,0,0"], "allowed is -2.1 to 0.6 rad\n"),
     ],
@@ -156,7 +156,7 @@ def test_a_shell_completes_ports_and_recordings(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["tripod", "--servo", "0:-85,0,0"], "degrees? -85 degrees are -1.484 rad"),
+        (["tripod", "--servo", "0:-85,0,0"], "degrees? -85 degrees are -1.484 rad: write -85deg"),
         (["tripod", "--servo", "0:0,0,0", "--slide", "35"], "millimetres? 35 millimetres are 0.035 m"),
         (["tripod", "--servo", "0:1,0,0"], "allowed is -2.1 to 0.6 rad"),
         (["tripod", "--servo", "0:0,0"], "with 3 finite values"),

@@ -399,7 +399,7 @@ def test_only_a_run_takes_notice_of_the_motion() -> None:
         (
             'motion.servo="0:0,0,9"',
             "motion.servo: angles of servo 2 reach 9 to 9 rad; allowed is -2.1 to 0.6 rad; "
-            "degrees? 9 degrees are 0.1571 rad; "
+            "degrees? 9 degrees are 0.1571 rad: write 9deg; "
             "give --servo",
         ),
         (

@@ -12,7 +12,7 @@ from tripod_sim.timeline import Timeline, parse_slide, parse_timeline
 
 def refusal(text: str, width: int = 3) -> str:
     with pytest.raises(SceneError) as caught:
-        parse_timeline(text, width, "--servo")
+        parse_timeline(text, width, "--servo", "rad")
     message = str(caught.value)
     assert message.startswith("--servo")
     assert message.isprintable()
@@ -27,10 +27,11 @@ def refusal(text: str, width: int = 3) -> str:
         ("0:1,2,3", [0], [[1, 2, 3]]),
         ("0.5:1,2,3;", [0.5], [[1, 2, 3]]),
         (" 0 : 1 , 2 ,3 ;; 1e-3:+1,-2e0,.5 ", [0, 0.001], [[1, 2, 3], [1, -2, 0.5]]),
+        ("0: 180deg, -9e1 deg,1", [0], [[np.pi, -np.pi / 2, 1]]),
     ],
 )
 def test_text_is_read_as_times_and_values(text: str, times: list, values: list) -> None:
-    line = parse_timeline(text, 3, "--servo")
+    line = parse_timeline(text, 3, "--servo", "rad")
     assert line.times.tolist() == times
     assert line.values.tolist() == values
 
@@ -40,7 +41,7 @@ def test_text_is_read_as_times_and_values(text: str, times: list, values: list) 
     [(0, [1, 0]), (0.5, [1, 0]), (1, [1, 0]), (1.25, [0.5, 1]), (2, [-1, 4]), (2.5, [-1, 2]), (9, [-1, 0])],
 )  # fmt: skip
 def test_values_are_held_before_and_after_and_linear_between(time: float, values: list[float]) -> None:
-    line = parse_timeline("1: 1,0; 2: -1,4; 3: -1,0", 2, "--servo")
+    line = parse_timeline("1: 1,0; 2: -1,4; 3: -1,0", 2, "--servo", "rad")
     assert line.at(time).tolist() == values
 
 
@@ -62,6 +63,13 @@ def test_values_are_held_before_and_after_and_linear_between(time: float, values
         ("0:1,2,3,4", "--servo: '0:1,2,3,4' is not"),
         ("0:1,2,", "--servo: '0:1,2,' is not"),
         ("0:1,2,x", "--servo: '0:1,2,x' is not"),
+        ("0:1,2,deg", "--servo: '0:1,2,deg' is not"),
+        ("0:1,2,3mm", "--servo: '0:1,2,3mm' is not"),
+        ("0:1,2,3degdeg", "--servo: '0:1,2,3degdeg' is not"),
+        (
+            "-85deg",
+            "is not 'time: value, ...' with 3 finite values; from the start on: '0: -85deg, -85deg, -85deg'",
+        ),
         ("0:1:2,3,4", "--servo: '0:1:2,3,4' is not"),
         ("x:1,2,3", "--servo: 'x:1,2,3' is not"),
         (":1,2,3", "--servo: ':1,2,3' is not"),
@@ -84,7 +92,7 @@ def test_anything_else_is_refused_with_the_part_that_is_wrong(text: str, message
 
 def test_a_timeline_with_too_many_entries_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(timeline, "MOST_KEYS", 3)
-    assert len(parse_timeline("0:1;1:1;2:1", 1, "--servo").times) == 3
+    assert len(parse_timeline("0:1;1:1;2:1", 1, "--servo", "rad").times) == 3
     assert "--servo has 4 entries; allowed is 1 to 3" in refusal("0:1;1:1;2:1;3:1", 1)
 
 
@@ -96,7 +104,7 @@ NUMBERS = st.floats(-1e300, 1e300)
 def test_what_is_written_is_read_back_exactly_and_never_overshot(times: list[float], data) -> None:
     values = data.draw(st.lists(st.tuples(NUMBERS, NUMBERS), min_size=len(times), max_size=len(times)))
     text = "; ".join(f"{t!r}: {a!r}, {b!r}" for t, (a, b) in zip(times, values, strict=True))
-    line = parse_timeline(text, 2, "--servo")
+    line = parse_timeline(text, 2, "--servo", "rad")
     for t, value in zip(times, values, strict=True):
         assert tuple(line.at(t)) == value
     between = line.at(data.draw(st.floats(0, 1e300)))
@@ -109,7 +117,7 @@ def test_what_is_written_is_read_back_exactly_and_never_overshot(times: list[flo
 @given(st.text("0123456789.,:;- einfax\x00", max_size=20), st.integers(1, 3))
 def test_any_text_is_read_or_refused(text: str, width: int) -> None:
     try:
-        line = parse_timeline(text, width, "--servo")
+        line = parse_timeline(text, width, "--servo", "rad")
     except SceneError as error:
         assert str(error).isprintable()
     else:
@@ -119,7 +127,7 @@ def test_any_text_is_read_or_refused(text: str, width: int) -> None:
         assert line.times[0] >= 0
 
 
-SERVO = parse_timeline("0.5:0,0,0; 1:-1,-1,-1; 2.5:-1,-1,-1", 3, "--servo")
+SERVO = parse_timeline("0.5:0,0,0; 1:-1,-1,-1; 2.5:-1,-1,-1", 3, "--servo", "rad")
 
 
 def at(line: Timeline, *times: float) -> list[float]:
@@ -135,9 +143,10 @@ def test_one_number_slides_in_proportion_with_the_servo_timeline() -> None:
     )
 
 
-@pytest.mark.parametrize("servo", [None, parse_timeline("0:-1,-1,-1", 3, "--servo")])
+@pytest.mark.parametrize("servo", [None, parse_timeline("0:-1,-1,-1", 3, "--servo", "rad")])
 def test_one_number_without_a_motion_of_the_servos_holds_from_the_start(servo: Timeline | None) -> None:
-    assert at(parse_slide(" 0.02 ", servo), 0, 1, 100) == [0.02, 0.02, 0.02]
+    for text in (" 0.02 ", "20mm", " 20 mm"):
+        assert at(parse_slide(text, servo), 0, 1, 100) == [0.02, 0.02, 0.02]
 
 
 @pytest.mark.parametrize("servo", [None, SERVO])
@@ -151,7 +160,7 @@ def test_a_slide_timeline_is_taken_as_it_is(servo: Timeline | None) -> None:
         ("", "--slide '' is neither a number [m] nor 'time: value; ...'"),
         ("nan", "--slide 'nan' is neither"),
         ("inf", "--slide 'inf' is neither"),
-        ("35 mm", "--slide '35 mm' is neither"),
+        ("35 cm", "--slide '35 cm' is neither"),
         ("0.01; 0.02", "--slide '0.01; 0.02' is neither"),
         ("0:0.01,0.02", "--slide: '0:0.01,0.02' is not 'time: value, ...' with 1 finite values"),
         ("1:0; 0:0.03", "--slide: times 1, 0 s must rise"),

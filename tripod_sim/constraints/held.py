@@ -81,8 +81,8 @@ def _prescribed(scene: Scene, nodes: FloatArray, sets: Sequence[IndexArray]) -> 
     motions = []
     for i, (table, held) in enumerate(zip(scene.prescribed, sets, strict=True)):
         lines = [
-            parse_timeline(text or "0: 0,0,0", 3, f"prescribed.{i}.{name}")
-            for name, text in (("move", table.move), ("turn", table.turn))
+            parse_timeline(text or "0: 0,0,0", 3, f"prescribed.{i}.{name}", unit)
+            for name, text, unit in (("move", table.move, "m"), ("turn", table.turn, "rad"))
         ]
         axes = tuple(map(AXES.index, table.axes))
         motions.append(Motion(held, axes, nodes[held], np.array(table.centre), *lines))

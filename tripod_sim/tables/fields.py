@@ -67,16 +67,23 @@ def _within(meta: Any, v: float) -> bool:
 
 
 OTHER_UNITS = {
-    "rad": ("degrees", math.pi / 180, 3.2),
-    "m": ("millimetres", 1e-3, 0.5),
-    "s": ("milliseconds", 1e-3, 0.9),
+    "rad": ("degrees", "deg", math.pi / 180, 3.2),
+    "m": ("millimetres", "mm", 1e-3, 0.5),
+    "s": ("milliseconds", "ms", 1e-3, 0.9),
 }
-"""What a number may have been meant in: the unit, its size, and from where on."""
+"""What a number may have been meant in: the unit, its sign, its size, and from where on."""
+
+
+def with_unit(text: str, unit: str) -> float:
+    """Return the number of a text in SI: `-1.5` or `-85deg`, `0.035` or `35mm`. Raises ValueError."""
+    _, sign, size, _ = OTHER_UNITS[unit]
+    bare = text.strip()
+    return float(bare.removesuffix(sign)) * size if bare.endswith(sign) else float(bare)
 
 
 def other_unit(value: float, unit: str, fits: Callable[[float], bool]) -> str:
     """Return a hint that a number out of range would be in range in another unit; empty if it would not."""
-    name, size, least = OTHER_UNITS.get(unit, ("", 0.0, math.inf))
+    name, _, size, least = OTHER_UNITS.get(unit, ("", "", 0.0, math.inf))
     if not (least < abs(value) < math.inf and fits(value * size)):
         return ""
     return f"; {name}? {value:g} {name} are {value * size:.4g} {unit}"
