@@ -24,6 +24,7 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
+from tripod_sim.tables.fields import other_unit
 
 FAR = 2.0
 """A target farther from the effector than so many sizes of the body is no pose that somebody wants."""
@@ -150,7 +151,7 @@ def _check_near(target: FloatArray, model: StaticModel) -> None:
     if pose is None:  # StaticModel has refused it
         return
     middle, far = np.asarray(pose.position), FAR * float(np.ptp(model.simulation.positions, axis=0).max())
-    TargetBox(middle - far, middle + far).check_position(target)
+    TargetBox(middle - far, middle + far).check_position(target, other_unit)
 
 
 def _keeps_to(limits: Sequence[RowLimit], model: StaticModel, begun: FloatArray) -> bool:

@@ -1,7 +1,8 @@
 """Which targets are accepted."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,9 @@ from tripod_graph.names import WORLD
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
 from tripod_ik.rotation import quaternion_matrix
-from tripod_sim.tables.fields import other_unit
+
+Hint = Callable[[float, str, Callable[[float], bool]], str]
+"""What to add for a value, its unit, and what tells whether another value is allowed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,15 +65,14 @@ class TargetBox:
         self.check_position(target)
         return target, normal
 
-    def check_position(self, target: FloatArray) -> None:
-        """Raise IkError for a position [m], shape (3,), that is outside, with the unit that was likely meant."""
-        for axis, value, low, high in zip(
-            "xyz", target.tolist(), self.low.tolist(), self.high.tolist(), strict=True
-        ):
-
-            def fits(v: float, low: float = low, high: float = high) -> bool:
-                return low <= v <= high
-
+    def check_position(self, target: FloatArray, hint: Hint = lambda *_: "") -> None:
+        """Raise IkError for a position [m], shape (3,), that is outside; `hint` ends the message."""
+        for axis, value, low, high in zip("xyz", target.tolist(), self.low, self.high, strict=True):
+            fits = partial(_between, low, high)
             if not fits(value):
-                hint = other_unit(value, "m", fits)
-                raise IkError(f"target {axis} is {value:g} m; allowed is {low:.4g} to {high:.4g} m{hint}")
+                more = hint(value, "m", fits)
+                raise IkError(f"target {axis} is {value:g} m; allowed is {low:.4g} to {high:.4g} m{more}")
+
+
+def _between(low: float, high: float, value: float) -> bool:
+    return low <= value <= high

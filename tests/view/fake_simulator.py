@@ -43,7 +43,9 @@ class FakeSimulator(Node):
 
     def __init__(self, side: int = 9, *, rate: float = RATE, **options: Any) -> None:
         super().__init__("fake_sim", **options)
-        self.nodes, self.triangles = grid(side)
+        self.body = grid(
+            side
+        )  # nodes and triangles, always changed together: a thread of its own publishes them
         self.follower = CommandFollower(CommandLimits())
         self.commands: list[JointTrajectory] = []
         self.modes: list[ControlMode] = []
@@ -79,8 +81,8 @@ class FakeSimulator(Node):
         self.follower = CommandFollower(self.follower.limits, joints)
 
     def publish_mesh(self) -> None:
-        points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in self.nodes]
-        triangles = [MeshTriangle(vertex_indices=t) for t in self.triangles]
+        points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in self.body[0]]
+        triangles = [MeshTriangle(vertex_indices=t) for t in self.body[1]]
         self._mesh.publish(Mesh(vertices=points, triangles=triangles))
 
     def publish_picture(self, table: dict[str, Any]) -> None:
@@ -115,18 +117,16 @@ class FakeSimulator(Node):
             self.follower.stop(time.monotonic())
 
     def _tick(self) -> None:
+        nodes, triangles = self.body
         now = time.monotonic()
         joints = self.follower.setpoint(now)
         if self.silent:
             return
         stamp = self.get_clock().now().to_msg()
-        message = BodyState(topology_id=crc32(self.triangles.tobytes()), time=now)
+        message = BodyState(topology_id=crc32(triangles.tobytes()), time=now)
         message.header.stamp, message.header.frame_id = stamp, names.WORLD
-        z = (
-            0.004 * np.sin(60 * np.hypot(self.nodes[:, 0], self.nodes[:, 1]) - 4 * now)
-            + 0.15 * joints[:3].mean() / 10
-        )
-        positions = np.column_stack([self.nodes[:, :2], self.nodes[:, 2] + z])
+        z = 0.004 * np.sin(60 * np.hypot(nodes[:, 0], nodes[:, 1]) - 4 * now) + 0.015 * joints[:3].mean()
+        positions = np.column_stack([nodes[:, :2], nodes[:, 2] + z])
         if self.spoil == "nan":
             positions[3, 1] = np.nan
         elif self.spoil == "topology":

@@ -37,7 +37,8 @@ def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.nda
 
 def show(sim: FakeSimulator, scene: str, *, name: str = "", event: str = "") -> dict[str, Any]:
     """Let the page show a scene, by another name if one is given; return what is told of it."""
-    table, figures, sim.nodes, sim.triangles = told(scene)
+    table, figures, *body = told(scene)
+    sim.body = tuple(body)
     sim.figures = {**figures, "event": event}
     sim.publish_mesh()
     sim.publish_picture({**table, "name": name or scene})

@@ -138,17 +138,17 @@ def test_what_leaves_the_picture_is_followed_until_somebody_moves_the_camera(
     def aims() -> int:
         return sum(not m["initial"] for m in browser.of_kind("SetCameraPositionMessage"))
 
-    nodes = stage.sim.nodes.copy()
+    nodes, triangles = stage.sim.body
     before = browser.wait(aims)
-    stage.sim.nodes[:, 2] -= 0.4
+    stage.sim.body = nodes - [0, 0, 0.4], triangles
     browser.wait(lambda: aims() > before)
     pictures = browser.pictures()
     browser.look_from(1.0, 1.0, 1.0)
     browser.wait(lambda: browser.pictures() > pictures + 5)
     seen, pictures = aims(), browser.pictures()
-    stage.sim.nodes[:, 2] -= 0.9
+    stage.sim.body = nodes - [0, 0, 1.3], triangles
     browser.wait(lambda: browser.pictures() > pictures + 10)
-    stage.sim.nodes[:] = nodes
+    stage.sim.body = nodes, triangles
     assert aims() == seen
 
 
@@ -182,7 +182,8 @@ def test_body_states_that_do_not_fit_are_skipped_and_shown(
 
 def test_a_mesh_that_changes_is_rebuilt(stage: Stage, browser: FakeBrowser) -> None:
     drawn, meshes = browser.pictures(), len(browser.of_kind("MeshMessage"))
-    stage.sim.triangles = np.ascontiguousarray(stage.sim.triangles[::-1])
+    nodes, triangles = stage.sim.body
+    stage.sim.body = nodes, np.ascontiguousarray(triangles[::-1])
     browser.wait(lambda: "the mesh has" in browser.text() or "older mesh" in browser.text())
     stage.sim.publish_mesh()
     browser.wait(lambda: len(browser.of_kind("MeshMessage")) > meshes)
