@@ -304,7 +304,8 @@ def test_static_solves_are_for_scenes_without_inertia(tmp_path: Path) -> None:
 
 def test_a_scene_without_a_study_says_how_to_make_one(tmp_path: Path) -> None:
     with pytest.raises(
-        SceneError, match="no study of scene 'silicone_free' where it moves; make one with `tripod study` "
+        SceneError,
+        match="no study of scene 'silicone_free' where it moves: `tripod study silicone_free` makes one, for --study",
     ):
         choose("silicone_free", "5%", speed=same_speed)
 

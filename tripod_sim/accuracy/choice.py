@@ -277,8 +277,8 @@ def shipped(made: Scene, scene: str) -> StoredStudy:
                 return found
     kind = "moves" if moves else "is static"
     raise SceneError(
-        f"--accuracy: there is no study of scene {scene!r} where it {kind}; make one with `tripod study` (--help lists "
-        "the scenes) and name its file by --study, or leave --accuracy out"
+        f"--accuracy: there is no study of scene {scene!r} where it {kind}: `tripod study {scene}` makes one, "
+        "for --study FILE"
     )
 
 
