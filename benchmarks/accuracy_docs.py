@@ -1,4 +1,5 @@
-"""docs/accuracy.md from the studies: for each one picture, one table, its advice; then the peers of `peers.py`.
+"""docs/accuracy.md from the studies: what all cost, one picture and one table (`accuracy_overview.py`); for each study
+one picture, one table, its advice; the peers of `peers.py`.
 
 The studies are those that come with tripod, tripod_sim/studies/*.json; what stands outside the marks in the document is
 left as it is.
@@ -19,7 +20,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
 
-from benchmarks import accuracy_peers
+from benchmarks import accuracy_overview, accuracy_peers
 from tripod_bringup.study_files import error_text, seconds
 from tripod_bringup.study_plans import PLANS
 from tripod_bringup.study_plot import draw
@@ -30,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCUMENT, IMAGES = ROOT / "docs" / "accuracy.md", ROOT / "docs" / "images"
 STUDIES = ROOT / "tripod_sim" / "studies"
 
-BEGIN, END = "<!-- studies -->", "<!-- end studies -->"
+OVERVIEW = IMAGES / "accuracy.png"
 
 
 def studies() -> list[dict[str, Any]]:
@@ -58,6 +59,7 @@ def take(folder: Path) -> list[str]:
 def section(result: dict[str, Any]) -> str:
     """Return a study as Markdown."""
     first, reference = result["quantities"][0], result["reference"]
+    advice = [*result["advice"][1:], *price(result)]
     lines = [
         f"### {result['title']}",
         "",
@@ -67,8 +69,8 @@ def section(result: dict[str, Any]) -> str:
             f"`tripod study {result['study']}`; error: {first['what']}. {own_error(reference, first)} {result['note']}"
         ),
         "",
-        *[wrapped(sentence, "- ") for sentence in result["advice"][1:]],
-        *([""] if result["advice"][1:] else []),
+        *[wrapped(sentence, "- ") for sentence in advice],
+        *([""] if advice else []),
         *table(result),
     ]
     if result["orders"]:
@@ -144,6 +146,21 @@ def beside(point: dict[str, Any], result: dict[str, Any]) -> list[str]:
     return [f"{name} {100 * point['errors'][name]['relative']:.3g}" for name in named]
 
 
+def price(result: dict[str, Any]) -> list[str]:
+    """Return in a sentence what the default costs more than a setting that errs less; nothing if it is on the front."""
+    points = result["points"]
+    default = next((p for p in points if p["label"] == "the default" and p["error"] is not None), None)
+    if default is None or default["on_front"]:
+        return []
+    better = [points[i] for i in result["front"] if points[i]["error"] <= default["error"]]
+    best = min(better, key=lambda p: p["cpu"])
+    return [
+        f"The default is the course's choice, not on the front: {short(best['settings'], result)} errs by "
+        f"{100 * best['error']:.2g} % instead of {100 * default['error']:.2g} % and takes "
+        f"{best['cpu'] / default['cpu']:.2g} of its time."
+    ]
+
+
 def orders(result: dict[str, Any]) -> str:
     """Return the fitted orders in a sentence, one for each value of the field that groups the points."""
     found: dict[str, list[float]] = {}
@@ -168,12 +185,35 @@ def document(found: list[dict[str, Any]], text: str) -> str:
         f"1000 x 1000 float64 product took {speed} beside the points."
     )
     parts = [wrapped(head), *summary(found), *(section(result) for result in found), accuracy_peers.section()]
-    body = "\n\n".join(parts)
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise SystemExit(f"{DOCUMENT}: the marks {BEGIN} and {END} are missing")
-    return f"{before}{BEGIN}\n\n{body}\n\n{END}{after}"
+    text = renewed(text, "overview", overview(found))
+    return renewed(text, "studies", "\n\n".join(parts))
+
+
+def overview(found: list[dict[str, Any]]) -> str:
+    """Return what the document begins with, as Markdown."""
+    rows = accuracy_overview.rows_of(found)
+    notes = [
+        "CPU time of one thread; the errors are of what each study below says, the largest of all that it promises; "
+        "the cheapest setting in the study's own motions, named there: `--accuracy` keeps a margin for others, and so "
+        "takes a dearer one. Of the other simulators, and of tripod beside them: from docs/peers.json, "
+        "times scaled to the machine of the studies.",
+        accuracy_overview.unsure(rows),
+        accuracy_overview.missing(rows),
+    ]
+    picture = f"![what each accuracy costs, of each scene](images/{OVERVIEW.name})"
+    return "\n\n".join(
+        [picture, "\n".join(accuracy_overview.table(rows)), wrapped(" ".join(filter(None, notes)))]
+    )
+
+
+def renewed(text: str, name: str, body: str) -> str:
+    """Return a document with what stands between the marks of `name` replaced."""
+    begin, end = f"<!-- {name} -->", f"<!-- end {name} -->"
+    before, found, rest = text.partition(begin)
+    _, last, after = rest.partition(end)
+    if not (found and last):
+        raise SystemExit(f"{DOCUMENT}: the marks {begin} and {end} are missing")
+    return f"{before}{begin}\n\n{body}\n\n{end}{after}"
 
 
 def main() -> None:
@@ -199,6 +239,7 @@ def main() -> None:
     DOCUMENT.write_text(made, encoding="utf-8")
     for result in found:
         draw(result, IMAGES / f"accuracy_{result['study']}.png")
+    accuracy_overview.draw(accuracy_overview.rows_of(found), OVERVIEW)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,17 @@ from typing import Any
 
 from tripod_host.writing import replaced
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#999933")
+COLOURS = {
+    "implicit_euler": "#0072b2", "bdf2": "#d55e00", "tr_bdf2": "#009e73", "semi_implicit_euler": "#cc79a7",
+    "explicit_euler": "#999933", "rk4": "#e69f00", "static": "#000000",
+    "h8_modes": "#332288", "h20": "#117733", "h8_mean": "#44aa99", "h27": "#ddcc77", "t4": "#aa4499", "t10": "#88ccee",
+    "h8": "#882255",
+}  # fmt: skip
+"""Of time integrators and elements, the same in all pictures."""
+
+OTHERS = ("#6699cc", "#cc6677", "#b2a000", "#555555", "#997700", "#ee99aa", "#004488", "#bbbbbb")
+"""Of what has none of its own."""
+
 MARKERS = "osD^vP*X"
 
 Result = Mapping[str, Any]
@@ -32,7 +42,12 @@ def draw(result: Result, path: Path) -> None:
 def _styles(result: Result) -> dict[Any, tuple[str, str]]:
     """Return colour and marker for each value of the field that groups the points."""
     values = list(dict.fromkeys(p["settings"][result["group"]] for p in result["points"]))
-    return {v: (COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)]) for i, v in enumerate(values)}
+    return {v: (colour_of(v, i), MARKERS[i % len(MARKERS)]) for i, v in enumerate(values)}
+
+
+def colour_of(value: Any, i: int) -> str:
+    """Return the colour of a value, the one of number `i` among those that have none of their own."""
+    return COLOURS.get(value, OTHERS[i % len(OTHERS)])
 
 
 def _height(point: Result) -> float:
@@ -69,6 +84,12 @@ def _work_precision(axes: Any, result: Result) -> None:
         axes.axhline(level, color="0.8", lw=0.8, zorder=0)
     if result["reference"] and result["reference"]["own_error"]:
         axes.axhspan(1e-12, 200 * result["reference"]["own_error"], color="0.93", zorder=0)
+    if not result["cpu"].endswith("solve") and points and max(costs) > 0.5:
+        axes.axvline(1.0, color="0.2", lw=1.2, ls="--", zorder=0)
+        axes.annotate(
+            "real time", (1.0, 1.0), xycoords=("data", "axes fraction"), xytext=(-3, -4), textcoords="offset points",
+            rotation=90, ha="right", va="top", fontsize=7.5,
+        )  # fmt: skip
     axes.set(xlabel=f"CPU time [{result['cpu']}]", ylabel=f"error of {result['quantities'][0]['name']} [%]")
     axes.grid(visible=True, which="major", alpha=0.25)
     axes.tick_params(axis="x", which="minor", labelsize=6, labelrotation=45)

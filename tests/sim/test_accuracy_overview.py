@@ -1,0 +1,112 @@
+"""What docs/accuracy.md begins with: prices of accuracies, by studies and other simulators, made up and shipped."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks import accuracy_docs
+from benchmarks.accuracy_overview import (
+    LEVELS,
+    Price,
+    amount,
+    draw,
+    missing,
+    of_peers,
+    of_study,
+    table,
+    unsure,
+)
+from tripod_bringup.study_plot import COLOURS
+from tripod_sim.tables.motion import EXPLICIT
+
+
+def point(
+    error: float, cpu: float, *, pose: float = 0.0, scheme: str = "bdf2", label: str = ""
+) -> dict[str, Any]:
+    return {
+        "settings": {"inertia.scheme": scheme}, "error": error, "bound": error + 0.004, "cpu": cpu, "label": label,
+        "errors": {"pose": {"relative": pose, "own": 0.001}},
+    }  # fmt: skip
+
+
+def study(*points: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "study": "tripod_dynamic", "cpu": "s per simulated second", "reference": {"own_error": 0.004},
+        "quantities": [{"name": "move"}, {"name": "pose", "promised": True}], "points": list(points),
+    }  # fmt: skip
+
+
+def test_an_accuracy_costs_what_the_cheapest_setting_does_that_keeps_all_that_is_promised() -> None:
+    row = of_study(
+        study(
+            point(0.08, 0.1, scheme="implicit_euler", label="the default"),
+            point(0.02, 0.05, pose=0.2),  # the pose is not within 10 %
+            point(0.03, 0.3, pose=0.0495),  # within 5 %, but not together with what its reference may err
+            point(0.03, 0.4),
+            point(0.007, 2.0, scheme="tr_bdf2"),
+        )
+    )
+    assert LEVELS == (10, 5, 2, 1, 0.1)
+    assert row.prices == (
+        Price(0.1, "implicit_euler", sure=True),
+        Price(0.4, "bdf2", sure=True),
+        Price(2.0, "tr_bdf2", sure=True),
+        Price(2.0, "tr_bdf2", sure=False),  # 0.7 % and what the reference may err, 0.4 %
+        None,
+    )
+    assert row.default == "8 %: 0.1"
+    assert "| Tripod in motion | 0.1 | 0.4 | 2 | (2) | - | 8 %: 0.1 |" in table([row])
+    assert unsure([row]).endswith("so that nobody can count on it (Tripod in motion 0.4 %).")
+    assert unsure([of_study(study(point(0.0001, 1.0)))]).count("(") == 1, "0.1 % alone is not sure"
+
+
+def test_other_simulators_are_scaled_to_the_machine_of_the_studies() -> None:
+    own = {
+        "case": "cloth", "peer": "tripod", "version": "", "setting": "rk4, dt 1 ms", "unknowns": 3, "error": 4.0,
+        "cpu": 1.0, "simulated": 2.0, "note": "", "calibration": 0.04, "load": 0.0,
+    }  # fmt: skip
+    other = {**own, "peer": "MuJoCo", "setting": "RK4, dt 1 ms", "error": 30.0}
+    rows = of_peers({"references": {"cloth": {"uncertainty": 0.5}}, "rows": [own, other]}, 0.03)
+    row = next(r for r in rows if r.name == "Cloth, the same for all: tripod")
+    assert row.prices[:3] == (*(Price(pytest.approx(0.375), "rk4", sure=True),) * 2, None)
+    assert not row.peer
+    assert "MuJoCo (Cantilever swings, Cloth, the same for all" in missing(rows)
+    assert not any("MuJoCo" in line for line in table(rows))
+
+
+@pytest.mark.parametrize(
+    ("value", "solves", "text"),
+    [(0.000141, False, "0.00014"), (0.0931, False, "0.093"), (12.34, False, "12"), (3.98, True, "3980 ms")],
+)
+def test_amounts_have_two_digits(value: float, solves: bool, text: str) -> None:
+    assert amount(value, solves) == text
+
+
+def test_the_document_begins_with_it_and_every_scheme_has_one_colour(tmp_path: Path) -> None:
+    text = accuracy_docs.DOCUMENT.read_text(encoding="utf-8")
+    found = accuracy_docs.studies()
+    head = text.partition("<!-- end overview -->")[0]
+    assert accuracy_docs.overview(found) in head
+    assert len(head.partition("<!-- overview -->")[0].splitlines()) < 6
+    schemes = {p["settings"].get("inertia.scheme", "bdf2") for r in found for p in r["points"]} | set(
+        EXPLICIT
+    )
+    assert schemes <= set(COLOURS)
+    assert len(set(COLOURS.values())) == len(COLOURS)
+    draw(accuracy_docs.accuracy_overview.rows_of(found), tmp_path / "all.png")
+    assert (tmp_path / "all.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_default_off_the_front_has_its_price_told() -> None:
+    knobs = [{"name": "scheme", "field": "inertia.scheme", "values": ["bdf2", "rk4"]}]
+    cheap = {**point(0.02, 0.1), "on_front": True}
+    default = {**point(0.05, 0.4, label="the default", scheme="rk4"), "on_front": False}
+    made = {
+        **study(cheap, default), "front": [0], "knobs": knobs, "group": "inertia.scheme", "default": {},
+    }  # fmt: skip
+    assert accuracy_docs.price(made) == [
+        "The default is the course's choice, not on the front: bdf2 errs by 2 % instead of 5 % and takes 0.25 of its "
+        "time."
+    ]
+    assert accuracy_docs.price({**made, "points": [cheap, {**default, "on_front": True}]}) == []
