@@ -14,6 +14,7 @@ from tripod_sim import SceneError, load_scene
 from tripod_sim.accuracy.choice import LOAD, MARGIN, asked, choose, expected, holds, pick, promised
 from tripod_sim.accuracy.machine import product_time
 from tripod_sim.accuracy.stored import read_study, stored_studies
+from tripod_sim.study.plans import tripod_dynamic
 
 POINTS = [  # dt [s], relative bound, CPU time for a simulated second [s]
     (0.01, 0.10, 0.1),
@@ -232,6 +233,30 @@ def test_an_effect_with_its_numbers_is_a_setting(tmp_path: Path) -> None:
     assert holds(given, "clamp", "{stiffness=1.4e10}")
     assert not holds(given, "clamp", "{stiffness=1e10}")
     assert not holds(load_scene("tripod"), "clamp", "{stiffness=1.4e10}")
+
+
+def test_a_study_names_its_draft(tmp_path: Path) -> None:
+    path = tmp_path / "pendulum.json"
+    named = {"dt": 0.001, "inertia.scheme": "bdf2"}  # neither the cheapest nor the most exact
+    path.write_text(json.dumps(made_up(draft=named)))
+    assert choose("pendulum", "draft", study=path, speed=same_speed).settings == named
+    path.write_text(json.dumps(made_up(draft={"dt": 7.0})))  # no such point
+    assert choose("pendulum", "draft", study=path, speed=same_speed).settings["dt"] == 0.005
+    path.write_text(json.dumps(made_up(draft=3)))
+    with pytest.raises(SceneError, match="draft is 3; it must be a table"):
+        read_study(path)
+
+
+def test_the_draft_of_the_tripod_is_its_fast_setting_with_sharp_clamps() -> None:
+    choice = choose("tripod", "draft", speed=same_speed)
+    assert choice.settings == tripod_dynamic.plan(quick=False).draft
+    found = load_scene("tripod", choice.overrides)
+    assert (found.mesh.level, found.clamp, found.inertia.scheme, found.dt) == (
+        2,
+        None,
+        "implicit_euler",
+        0.005,
+    )
 
 
 def test_one_per_cent_of_the_tripod_is_promised_at_rest_and_in_motion() -> None:

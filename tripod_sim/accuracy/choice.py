@@ -29,13 +29,13 @@ MEASURED = {"tripod_static": (1.5,), "tripod_dynamic": (1.35, 1.6), "pendulum": 
 a cloth fall is gentler than cloths that are thrown and fold."""
 
 DRAFT = 0.3
-"""Largest relative error of `draft`."""
+"""Largest relative error of `draft`, where the study names no point of its own for it."""
 
 LOAD = 0.5
 """Share of the simulated time that `real-time` lets a simulation take of this machine's."""
 
 WORDS = ("draft", "real-time", "reference")
-"""The cheapest within `DRAFT`; the most exact within `LOAD`; the most exact."""
+"""The study's draft, else the cheapest within `DRAFT`; the most exact within `LOAD`; the most exact."""
 
 INSIDE = ("servos.angles", "servos.slide", "duration", "name", "description", "motion.servo", "motion.slide")
 """Fields that are free: what is promised is promised for any start, any motion and any length of a run."""
@@ -186,6 +186,8 @@ def pick(
     exact = min(points, key=lambda p: (promised(study, p), p.cpu))
     if wish == "reference":
         return exact
+    if wish == "draft" and (named := [p for p in points if p.settings == study.draft]):
+        return named[0]
     allowed = DRAFT if wish == "draft" else float(wish)
     within = [p for p in points if promised(study, p) <= allowed * (1 + 1e-9)]
     if not within:

@@ -76,6 +76,7 @@ class StoredStudy:
         version: Of tripod that made it.
         quick: Whether it was made of few points against a coarse reference.
         others: What else is promised, in words.
+        draft: Settings of the point that `--accuracy draft` takes; None: the cheapest that is exact enough for it.
     """
 
     name: str
@@ -89,6 +90,7 @@ class StoredStudy:
     version: str
     quick: bool
     others: tuple[str, ...] = ()
+    draft: Mapping[str, Value] | None = None
 
 
 def stored_studies() -> list[Path]:
@@ -163,6 +165,7 @@ def _study(table: Any) -> StoredStudy:
         version=_text(version, "versions.tripod"),
         quick=top.get("quick") is True,
         others=tuple(_text(q.get("what"), "quantities.what") for q in beside),
+        draft=None if (draft := top.get("draft")) is None else _settings(draft, "draft"),
     )
 
 

@@ -125,6 +125,7 @@ class Plan:
         limit: CPU or wall time after which a point is given up [s].
         note: What a reader must know.
         given: What `task` is told besides, which is no field of a scene.
+        draft: Settings of the point that `--accuracy draft` takes; empty: the cheapest that is exact enough for it.
     """
 
     name: str
@@ -146,6 +147,7 @@ class Plan:
     limit: float = 300.0
     note: str = ""
     given: Settings = field(default_factory=dict)
+    draft: Settings = field(default_factory=dict)
 
     def full(self, settings: Settings) -> dict[str, Value]:
         """Return all that is set at a point, the base too."""

@@ -11,6 +11,7 @@ The result is one table of plain values, SI units throughout:
     base          {field: value} of all points
     knobs         [{name, field, what, values}]
     default       {field: value} of the scene as shipped, or the nearest that the study can run
+    draft         {field: value} of `--accuracy draft`; null: the cheapest that is exact enough for it
     cpu           unit of the points' cpu: `s per simulated second` or `s per solve`
     quantities    [{name, unit, what, scale, promised}]; the first is the study's error; scale: what relative errors
                   refer to; promised: whether `--accuracy` promises it beside the first
@@ -120,6 +121,7 @@ def assemble(plan: Plan, records: Mapping[str, Record], version: str) -> dict[st
             for k in plan.knobs
         ],
         "default": dict(plan.default),
+        "draft": dict(plan.draft) if plan.draft else None,
         "cpu": "s per solve" if plan.solves else "s per simulated second",
         "quantities": [
             {

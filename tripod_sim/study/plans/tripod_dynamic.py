@@ -101,6 +101,7 @@ def plan(*, quick: bool) -> Plan:
             Knob("tolerance", "solver.tolerance", "unbalanced force [N]"),
         ),
         default=DEFAULT,
+        draft=SHARP,
         points=unique([shipped, *points]),
         quantities=(
             Quantity(
