@@ -2,7 +2,7 @@
 one picture, one table, its advice; the peers of `peers.py`.
 
 The studies are those that come with tripod, tripod_sim/studies/*.json; what stands outside the marks in the document is
-left as it is.
+left as it is. The price of a scene's settings is in its file, too, as a comment.
 
     tripod study --all --out studies                      # measures: half an hour on two processors, a quiet machine
     python benchmarks/accuracy_docs.py --from studies     # takes them into the package, then renews the document
@@ -33,6 +33,10 @@ STUDIES = ROOT / "tripod_sim" / "studies"
 
 OVERVIEW = IMAGES / "accuracy.png"
 
+SCENES = ROOT / "tripod_sim" / "scenes"
+MARK = "Accuracy:"
+"""What the comment begins with that scene files have on the price of their settings."""
+
 
 def studies() -> list[dict[str, Any]]:
     """Return the studies that come with tripod, in the order of `tripod study --all`."""
@@ -59,7 +63,7 @@ def take(folder: Path) -> list[str]:
 def section(result: dict[str, Any]) -> str:
     """Return a study as Markdown."""
     first, reference = result["quantities"][0], result["reference"]
-    advice = [*result["advice"][1:], *price(result)]
+    advice = [*result["advice"][1:], *filter(None, [price(result)])]
     lines = [
         f"### {result['title']}",
         "",
@@ -134,10 +138,15 @@ def table(result: dict[str, Any]) -> list[str]:
     for p in rows:
         marks = [*(["front"] if p["on_front"] else []), *([p["label"]] if p["label"] else [])]
         lines.append(
-            f"| {short(p['settings'], result)} | {p['unknowns']} | {', '.join([error_text(p), *beside(p, result)])} "
+            f"| {short(p['settings'], result)} | {p['unknowns']} | {errors(p, result)} "
             f"| {seconds(p['cpu'])} | {', '.join(marks)} |"
         )
     return lines
+
+
+def errors(point: dict[str, Any], result: dict[str, Any]) -> str:
+    """Return the errors of a point that are promised, in percent."""
+    return ", ".join([error_text(point), *beside(point, result)])
 
 
 def beside(point: dict[str, Any], result: dict[str, Any]) -> list[str]:
@@ -146,19 +155,40 @@ def beside(point: dict[str, Any], result: dict[str, Any]) -> list[str]:
     return [f"{name} {100 * point['errors'][name]['relative']:.3g}" for name in named]
 
 
-def price(result: dict[str, Any]) -> list[str]:
-    """Return in a sentence what the default costs more than a setting that errs less; nothing if it is on the front."""
+def price(result: dict[str, Any]) -> str:
+    """Return in a sentence what the default's error costs, or what it could be for the default's time.
+
+    Off the front there is a setting that is more exact and takes no longer; on it, what half of the error takes is
+    told.
+    """
     points = result["points"]
     default = next((p for p in points if p["label"] == "the default" and p["error"] is not None), None)
-    if default is None or default["on_front"]:
-        return []
-    better = [points[i] for i in result["front"] if points[i]["error"] <= default["error"]]
-    best = min(better, key=lambda p: p["cpu"])
-    return [
-        f"The default is the course's choice, not on the front: {short(best['settings'], result)} errs by "
-        f"{100 * best['error']:.2g} % instead of {100 * default['error']:.2g} % and takes "
-        f"{best['cpu'] / default['cpu']:.2g} of its time."
-    ]
+    if default is None:
+        return ""
+    front = [points[i] for i in result["front"]]
+    own = f"The default errs by {errors(default, result)} %"
+    if not default["on_front"]:
+        best = min((p for p in front if p["cpu"] <= default["cpu"]), key=lambda p: p["error"])
+        part = best["cpu"] / default["cpu"]
+        words = f"{short(best['settings'], result)} errs by {errors(best, result)} %"
+        return f"{own}, the course's choice, not on the front: for {part:.2g} of its time {words}."
+    half = [p for p in front if p["error"] <= default["error"] / 2]
+    if not half:
+        return f"{own} and is on the front; nothing errs by half of that."
+    best = min(half, key=lambda p: p["cpu"])
+    words = f"{short(best['settings'], result)}: {errors(best, result)} %"
+    times = best["cpu"] / default["cpu"]
+    return f"{own} and is on the front; half of its error takes {times:.2g} times its time ({words})."
+
+
+def marked(result: dict[str, Any], text: str) -> str:
+    """Return the text of a scene file with the price of its settings, in a comment above `dt`."""
+    words = wrapped(f"{MARK} study {result['study']}, docs/accuracy.md. {price(result)}", "# ").split("\n")
+    comment = "\n".join("# " + line.removeprefix("# ").lstrip() for line in words)
+    head, _, rest = text.partition("\ndt = ")
+    lines = head.split("\n")
+    start = next((i for i, line in enumerate(lines) if line.startswith(f"# {MARK}")), len(lines))
+    return "\n".join([*lines[:start], comment]) + f"\ndt = {rest}"
 
 
 def orders(result: dict[str, Any]) -> str:
@@ -216,6 +246,12 @@ def renewed(text: str, name: str, body: str) -> str:
     return f"{before}{begin}\n\n{body}\n\n{end}{after}"
 
 
+def scene_files(found: list[dict[str, Any]]) -> dict[Path, str]:
+    """Return the files of the studied scenes with the price of their settings, by the study of a motion."""
+    files = {SCENES / f"{r['scene']}.toml": r for r in found if r["cpu"] != "s per solve"}
+    return {path: marked(r, path.read_text(encoding="utf-8")) for path, r in files.items()}
+
+
 def main() -> None:
     """Renew the document."""
     parser = argparse.ArgumentParser(
@@ -235,8 +271,12 @@ def main() -> None:
             code, here = result["versions"].get("code"), fingerprint(PLANS[result["study"]])
             if code != here:
                 print(f"{result['study']}: measured with code {code}, here it is {here}", file=sys.stderr)
-        sys.exit(made != text)
+        old = [path for path, text in scene_files(found).items() if path.read_text(encoding="utf-8") != text]
+        print(*(f"{path.name}: the price of its settings is not of these studies" for path in old), sep="\n")
+        sys.exit(made != text or bool(old))
     DOCUMENT.write_text(made, encoding="utf-8")
+    for path, text in scene_files(found).items():
+        path.write_text(text, encoding="utf-8")
     for result in found:
         draw(result, IMAGES / f"accuracy_{result['study']}.png")
     accuracy_overview.draw(accuracy_overview.rows_of(found), OVERVIEW)

@@ -25,8 +25,8 @@ def point(
     error: float, cpu: float, *, pose: float = 0.0, scheme: str = "bdf2", label: str = ""
 ) -> dict[str, Any]:
     return {
-        "settings": {"inertia.scheme": scheme}, "error": error, "bound": error + 0.004, "cpu": cpu, "label": label,
-        "errors": {"pose": {"relative": pose, "own": 0.001}},
+        "settings": {"inertia.scheme": scheme}, "error": error, "bound": error + 0.004, "below": False, "cpu": cpu,
+        "label": label, "errors": {"pose": {"relative": pose, "own": 0.001}},
     }  # fmt: skip
 
 
@@ -98,15 +98,42 @@ def test_the_document_begins_with_it_and_every_scheme_has_one_colour(tmp_path: P
     assert (tmp_path / "all.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_default_off_the_front_has_its_price_told() -> None:
-    knobs = [{"name": "scheme", "field": "inertia.scheme", "values": ["bdf2", "rk4"]}]
-    cheap = {**point(0.02, 0.1), "on_front": True}
-    default = {**point(0.05, 0.4, label="the default", scheme="rk4"), "on_front": False}
-    made = {
-        **study(cheap, default), "front": [0], "knobs": knobs, "group": "inertia.scheme", "default": {},
+def with_default(*, on_front: bool) -> dict[str, Any]:
+    """A study of three settings; the default costs less than the others where it is on the front."""
+    knobs = [{"name": "scheme", "field": "inertia.scheme", "values": ["bdf2", "rk4", "tr_bdf2"]}]
+    exact = {**point(0.02, 0.2), "on_front": True}
+    least = {**point(0.005, 0.5, scheme="tr_bdf2"), "on_front": True}
+    default = point(0.05, 0.1 if on_front else 0.4, label="the default", scheme="rk4")
+    points = [exact, least, {**default, "on_front": on_front}]
+    return {
+        **study(*points), "front": [2, 0, 1] if on_front else [0, 1], "knobs": knobs, "default": {},
+        "group": "inertia.scheme",
     }  # fmt: skip
-    assert accuracy_docs.price(made) == [
-        "The default is the course's choice, not on the front: bdf2 errs by 2 % instead of 5 % and takes 0.25 of its "
-        "time."
-    ]
-    assert accuracy_docs.price({**made, "points": [cheap, {**default, "on_front": True}]}) == []
+
+
+def test_the_price_of_a_default_is_told() -> None:
+    assert accuracy_docs.price(with_default(on_front=False)) == (
+        "The default errs by 5, pose 0 %, the course's choice, not on the front: for 0.5 of its time bdf2 errs by 2, "
+        "pose 0 %."
+    )
+    assert accuracy_docs.price(with_default(on_front=True)) == (
+        "The default errs by 5, pose 0 % and is on the front; half of its error takes 2 times its time (bdf2: 2, "
+        "pose 0 %)."
+    )
+    only = with_default(on_front=True)
+    assert accuracy_docs.price({**only, "front": [2]}).endswith("on the front; nothing errs by half of that.")
+    assert accuracy_docs.price(study(point(0.1, 1.0))) == ""
+
+
+def test_scene_files_tell_the_price_of_their_settings() -> None:
+    files = accuracy_docs.scene_files(accuracy_docs.studies())
+    assert {path.stem for path in files} == {"pendulum", "cloth", "drape", "silicone", "tripod", "maze"}
+    for path, text in files.items():
+        assert path.read_text(encoding="utf-8") == text, "run python benchmarks/accuracy_docs.py"
+    again = accuracy_docs.marked(
+        with_default(on_front=True), "name = 1\n# Accuracy: old\n# and on.\ndt = 3\nx = 4\n"
+    )
+    first, *comment, dt, last = again.splitlines()
+    assert (first, dt, last) == ("name = 1", "dt = 3", "x = 4")
+    assert comment[0].startswith("# Accuracy: study tripod_dynamic, docs/accuracy.md. The default errs by 5")
+    assert all(line.startswith("# ") and "old" not in line for line in comment)
