@@ -134,6 +134,7 @@ class Opened:
                     begin: document.querySelector("#begin").textContent,
                     servos: shown("#servos"), target: shown("#target"), ball: shown(".only-ball"),
                     simulated: shown("#simulated"), on: count("#on .chip"), off: count("#off .chip"),
+                    barred: count("#barred p"),
                     offers: count("#offers tr"), enabled: count("#offers button:enabled"),
                 };
             }"""
@@ -180,8 +181,9 @@ def check(seen: dict[str, Any], shown: dict[str, Any], size: str) -> None:
     for part in ("servos", "ball"):
         assert seen[part] == (shown[part] is not None)
     assert seen["target"] == (shown["effector"] is not None)
-    on = sum(effect["on"] for effect in shown["effects"])
-    assert (seen["on"], seen["off"]) == (on, len(shown["effects"]) - on)
+    on, off = ([e for e in shown["effects"] if e["on"] == here] for here in (True, False))
+    barred = sum(bool(effect["why_not"]) for effect in off)
+    assert (seen["on"], seen["off"], seen["barred"]) == (len(on), len(off) - barred, barred)
     assert seen["offers"] == (6 if shown["accuracy"]["study"] else 0)
 
 

@@ -16,8 +16,6 @@ from tripod_sim.scene import EFFECTS, Scene
 
 FILE = "effect_costs.json"
 
-NOT_MEASURED = "not measured for this scene"
-
 
 @dataclass(frozen=True)
 class EffectFigure:
@@ -29,7 +27,7 @@ class EffectFigure:
         meaning: What it is, in one sentence.
         cost: Of a step, or what it would add to one [s]; None where that is not known.
         noise: Of that [s].
-        why_not: Why it is not known or cannot be switched on, in one sentence; empty where it is known.
+        why_not: Why it has no time of its own or cannot be switched on, in one sentence; else empty.
     """
 
     name: str
@@ -56,7 +54,7 @@ def effect_figures(source: str, scene: Scene, speed: float | None = None) -> lis
         on = bool(getattr(scene, name))
         row = rows.get(name)
         if row is None or row["on"] != on:
-            found.append(EffectFigure(name, on, meaning(name), why_not=NOT_MEASURED))
+            found.append(EffectFigure(name, on, meaning(name)))
             continue
         cost = None if row["cost"] is None else row["cost"] * scale
         found.append(EffectFigure(name, on, meaning(name), cost, row["noise"] * scale, row["why_not"]))
@@ -78,7 +76,7 @@ def effect_lines(figures: Sequence[EffectFigure]) -> list[tuple[str, str]]:
     """
     on = ", ".join(f"{f.name} {_microseconds(f)}".rstrip() for f in figures if f.on)
     off = ", ".join(f"{f.name} {_microseconds(f)}" for f in figures if not f.on and f.cost is not None)
-    if any(f.on and f.cost is None and f.why_not == NOT_MEASURED for f in figures):
+    if any(f.on and f.cost is None and not f.why_not for f in figures):
         on += " (without a time: not stored for this scene; tripod explain SCENE measures it)"
     return [("effects", on or "none"), *([("would add", off)] if off else [])]
 

@@ -68,31 +68,41 @@ function row(cells, tag = "td") {
 function effects() {
   const on = element("div", { class: "chips", id: "on" });
   const off = element("div", { class: "chips", id: "off" });
+  const reasons = element("div", { class: "small", id: "barred" });
+  const without = place(element("details", { class: "inner" }), [element("summary", {}, "not possible in this scene"), reasons]);
   const changes = element("p", { class: "small" });
   const shipped = button("As shipped", () => send({ sim: "as_shipped" }), "Start anew without what was changed here");
   listen("effects", (list) => {
     on.replaceChildren(...list.filter((effect) => effect.on).map(chip));
-    off.replaceChildren(...list.filter((effect) => !effect.on).map(chip));
+    off.replaceChildren(...list.filter((effect) => !effect.on && !effect.why_not).map(chip));
+    const barred = list.filter((effect) => !effect.on && effect.why_not);
+    reasons.replaceChildren(...barred.map(reason));
+    without.hidden = !barred.length;
   });
   listen("scene", (scene) => {
     shipped.hidden = !scene.changes.length;
     setText(changes, scene.changes.length ? `Changed: ${scene.changes.join("; ")}` : "");
   });
   const about = element("p", { class: "small" }, "Time of a step for each. A click starts the scene anew with it, or without.");
-  return section("effects", "Effects", [element("h3", {}, "in this scene"), on, element("h3", {}, "absent: what they would add"), off, changes, shipped, about], false);
+  return section("effects", "Effects", [element("h3", {}, "in this scene"), on, element("h3", {}, "absent: what they would add"), off, without, changes, shipped, about], false);
+}
+
+// Most reasons begin with the name of the effect.
+function reason({ name, why_not: text }) {
+  const rest = text.startsWith(`${name} `) ? text.slice(name.length) : `: ${text}`;
+  return place(element("p"), [element("b", {}, name), rest]);
 }
 
 function chip(effect) {
-  const made = button("", () => send({ effect: effect.name, on: !effect.on }), [effect.meaning, effect.why_not].filter(Boolean).join(" "));
+  const made = button("", () => send({ effect: effect.name, on: !effect.on }), effect.meaning);
   made.className = effect.on ? "chip on" : "chip";
   return place(made, [element("b", {}, effect.name), element("span", {}, cost(effect))]);
 }
 
 function cost(effect) {
-  if (effect.cost === null) return "not known";
-  const sign = effect.on ? "" : "+";
+  if (effect.cost === null) return effect.why_not ? "" : "not measured";
   if (!effect.on && Math.abs(effect.cost) <= effect.noise) return `under ${micro(effect.noise)}`;
-  return `${effect.cost < 0 ? "" : sign}${micro(effect.cost)}`;
+  return effect.cost < 0 ? `saves ${micro(-effect.cost)}` : `${effect.on ? "" : "+"}${micro(effect.cost)}`;
 }
 
 function stability() {
