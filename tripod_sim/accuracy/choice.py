@@ -265,7 +265,7 @@ def quantities(study: StoredStudy) -> str:
 
 def percent(error: float) -> str:
     """Return a relative error for people."""
-    return f"{100 * error:.2g} %"
+    return f"{float(f'{100 * error:.2g}'):g} %"
 
 
 def shipped(made: Scene, scene: str) -> StoredStudy:

@@ -55,7 +55,8 @@ class AccuracyFigures:
         study: Its name; empty where there is none.
         quantity: What errors are of.
         solves: Whether costs are of static solves, not of simulated seconds.
-        here: Error to expect of the scene as it is; None where its settings are not in the study.
+        here: Error to expect of the scene as it is, in any motion; None where its settings are not in the study.
+        own: That in the study's own motion, what its reference may err included; None likewise.
         here_seconds: Of this machine, as the study has it [s]; None where that or the machine's speed is not known.
         why_not: Why `here` is not known, in one sentence; empty where it is.
         offers: See `WISHES`.
@@ -68,6 +69,7 @@ class AccuracyFigures:
     quantity: str = ""
     solves: bool = False
     here: float | None = None
+    own: float | None = None
     here_seconds: float | None = None
     why_not: str = ""
     offers: tuple[Offer, ...] = ()
@@ -97,6 +99,7 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
         quantity=quantities(study),
         solves=study.solves,
         here=promised(study, point) if point else None,
+        own=max((point.bound, *(bound for _, bound in point.others))) if point else None,
         here_seconds=point.cpu * scale if point and scale else None,
         why_not="" if point else f"study {study.name} has no point with these settings",
         offers=tuple(_offer(wish, study, scene, scale) for wish in WISHES),
@@ -135,9 +138,10 @@ def _front(dots: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 def accuracy_line(figures: AccuracyFigures) -> str:
     """Return what is known of the scene as it is, for people."""
-    if figures.here is None:
+    if figures.here is None or figures.own is None:
         return f"not known: {figures.why_not}"
-    return f"expect an error below {percent(figures.here)} of: {figures.quantity} (study {figures.study})"
+    own = f"{percent(figures.own)} in the motion of study {figures.study}"
+    return f"expect an error below {percent(figures.here)} ({own}) of: {figures.quantity}"
 
 
 def as_table(figures: AccuracyFigures) -> dict[str, Any]:
