@@ -102,22 +102,25 @@ def joint_timelines(
         low, high, of = joints.low[i], joints.high[i], angles.values[:, i]
         raise SceneError(
             f"{names[0]}: angles of servo {i} reach {of.min():g} to {of.max():g} rad; allowed is {low:g} to {high:g} "
-            "rad" + _hint(of, "rad", lambda a: low <= a <= high)
+            "rad" + _hint(servo, of, "rad", lambda a: low <= a <= high)
         )
     s = joints
     if slides and not ((slides.values >= 0) & (slides.values <= s.slide_max)).all():
         raise SceneError(
             f"{names[1]}: reaches {slides.values.min():g} to {slides.values.max():g} m; allowed is 0 to "
-            f"{s.slide_max:g} m" + _hint(slides.values.ravel(), "m", lambda x: 0 <= x <= s.slide_max)
+            f"{s.slide_max:g} m" + _hint(slide, slides.values.ravel(), "m", lambda x: 0 <= x <= s.slide_max)
         )
     return angles, slides
 
 
-def _hint(values: FloatArray, unit: str, fits: Callable[[float], bool]) -> str:
+def _hint(text: str | None, values: FloatArray, unit: str, fits: Callable[[float], bool]) -> str:
     """Return how to write the value that is furthest from zero, shape (k,), if it was meant in another unit."""
+    sign = OTHER_UNITS[unit][1]
+    if sign in (text or ""):
+        return ""
     value = float(values[np.abs(values).argmax()])
     hint = other_unit(value, unit, fits)
-    return hint and f"{hint}: write {value:g}{OTHER_UNITS[unit][1]}"
+    return hint and f"{hint}: write {value:g}{sign}"
 
 
 def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Timeline:

@@ -58,6 +58,7 @@ def test_what_is_wrong_with_a_scene_is_told_alike_before_anything_starts(
         (["--servo", "0:-85,0,0"], "degrees? -85 degrees are -1.484 rad: write -85deg"),
         (["--slide", "35"], "millimetres? 35 millimetres are 0.035 m: write 35mm"),
         (["--servo", "0:-1000,0,0"], "allowed is -2.1 to 0.6 rad\n"),
+        (["--servo", "0:-400deg,0,0"], "allowed is -2.1 to 0.6 rad\n"),
         (["--servo", "0:1,0,0"], "allowed is -2.1 to 0.6 rad\n"),
     ],
 )
