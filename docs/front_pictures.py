@@ -17,6 +17,7 @@ import matplotlib.pyplot as plt
 from matplotlib.patches import Patch
 
 import tripod_sim
+from tripod_bringup.study_plot import colour_of
 from tripod_sim import Simulation, load_scene
 from tripod_sim.recording import Recording
 from tripod_sim.run import run
@@ -65,17 +66,22 @@ def accuracy() -> plt.Figure:
     )
     points = [p for p in study["points"] if p["status"] == "ok"]
     front = sorted((study["points"][k] for k in study["front"]), key=lambda p: p["cpu"])
-    ax.loglog([p["cpu"] for p in points], [100 * p["error"] for p in points], ".", color="0.75", markersize=9)
-    ax.loglog(
-        [p["cpu"] for p in front], [100 * p["error"] for p in front], "o-", color="tab:blue", linewidth=2
-    )
+    ax.loglog([p["cpu"] for p in front], [100 * p["error"] for p in front], "-", color="0.2", linewidth=2)
+    for scheme in dict.fromkeys(p["settings"]["inertia.scheme"] for p in points):
+        own = [p for p in points if p["settings"]["inertia.scheme"] == scheme]
+        ax.loglog(
+            [p["cpu"] for p in own], [100 * p["error"] for p in own], "o", color=colour_of(scheme, 0), markersize=5,
+            alpha=0.75, label=scheme,
+        )  # fmt: skip
     default = next(p for p in points if p["label"] == "the default")
     ax.loglog(default["cpu"], 100 * default["error"], "s", color="tab:red", markersize=10)
     place = (default["cpu"], 100 * default["error"])
     clear = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.85}
-    ax.annotate("the default", place, (12, 10), textcoords="offset points", color="tab:red", bbox=clear)
+    ax.annotate("the default", place, (12, 34), textcoords="offset points", color="tab:red", bbox=clear)
+    ax.set_ylim(top=4 * ax.get_ylim()[1])
     ax.axvline(1.0, color="0.4", linestyle="--")
     ax.text(0.93, ax.get_ylim()[1], "real time", rotation=90, ha="right", va="top", color="0.4")
+    ax.legend(loc="lower left", fontsize=11, frameon=False)
     return figure
 
 
