@@ -93,19 +93,11 @@ def section(result: dict[str, Any]) -> str:
 
 def summary(found: list[dict[str, Any]]) -> list[str]:
     """Return the cheapest setting of each study within each accuracy: what one comes to the page for."""
-    bounds = list(found[0]["cheapest"])
-    names = [bound.replace("%", " %") for bound in bounds]
-    lines = ["| study | CPU | " + " | ".join(names) + " |", "|---|---|" + "---|" * len(bounds)]
+    names = [f"{level:g} %" for level in accuracy_overview.LEVELS]
+    lines = ["| study | CPU | " + " | ".join(names) + " |", "|---|---|" + "---|" * len(names)]
     for result in found:
-        cells = []
-        for bound in bounds:
-            k = result["cheapest"][bound]
-            point = None if k is None else result["points"][k]
-            cells.append(
-                "none surely"
-                if point is None
-                else f"{short(point['settings'], result)}: {seconds(point['cpu'])}"
-            )
+        prices = accuracy_overview.of_study(result).prices
+        cells = [f"{p.setting}: {seconds(p.cost)}" if p and p.sure else "none surely" for p in prices]
         lines.append(f"| `{result['study']}` | {result['cpu']} | " + " | ".join(cells) + " |")
     return [
         "**The cheapest setting within each accuracy**, and the CPU time that it takes:",

@@ -6,7 +6,7 @@ times are scaled to the machine of the studies by the product that both are cali
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -15,6 +15,7 @@ from benchmarks import peers
 from benchmarks.peers_report import cost
 from tripod_bringup.study_plot import colour_of
 from tripod_host.writing import replaced
+from tripod_sim.study.advice import short
 from tripod_sim.study.front import cheapest
 
 LEVELS = (10, 5, 2, 1, 0.1)
@@ -64,11 +65,13 @@ class Price:
         cost: CPU time over simulated time, or of a solve [s].
         scheme: Time integrator, or `STATICS`.
         sure: Whether the error and what the reference may err are within it together, not the error alone.
+        setting: That costs it, in words.
     """
 
     cost: float
     scheme: str
     sure: bool
+    setting: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,13 @@ def of_study(result: Mapping[str, Any]) -> Row:
     return Row(
         NAMES[result["study"]],
         solves,
-        _prices(points, lambda p, sure: largest(p, sure=sure), lambda p: p["cpu"], scheme),
+        _prices(
+            points,
+            lambda p, sure: largest(p, sure=sure),
+            lambda p: p["cpu"],
+            scheme,
+            lambda p: short(p["settings"], result),
+        ),
         f"{100 * largest(default, sure=False):.2g} %: {amount(default['cpu'], solves)}" if default else "",
         own=(result["reference"] or {}).get("own_error") or 0.0,
     )
@@ -134,6 +143,7 @@ def of_peers(stored: Mapping[str, Any], product: float) -> list[Row]:
                 lambda r, sure, own=own: 0.01 * r.error + sure * own,
                 lambda r: (cost(r) or 0.0) * product / r.calibration,
                 lambda r, solves=solves: STATICS if solves else r.setting.partition(",")[0],
+                lambda r: r.setting,
             )
             other = "" if peer == "tripod" else peer
             found.append(Row(f"{title}: {peer}", solves, prices, peer=other, own=own))
@@ -145,6 +155,7 @@ def _prices(
     error: Callable[[Any, bool], float],
     price: Callable[[Any], float],
     scheme: Callable[[Any], str],
+    setting: Callable[[Any], str],
 ) -> tuple[Price | None, ...]:
     """Return the least price of each of `LEVELS`: surely within it, else by the error alone."""
     costs = [price(p) for p in points]
@@ -154,7 +165,7 @@ def _prices(
             k = cheapest([error(p, sure) for p in points], costs, level / 100)
             if k is not None:
                 break
-        found.append(None if k is None else Price(costs[k], scheme(points[k]), sure))
+        found.append(None if k is None else Price(costs[k], scheme(points[k]), sure, setting(points[k])))
     return tuple(found)
 
 

@@ -31,8 +31,10 @@ def point(
 
 
 def study(*points: dict[str, Any]) -> dict[str, Any]:
+    knobs = [{"name": "scheme", "field": "inertia.scheme", "values": ["bdf2", "rk4", "tr_bdf2"]}]
     return {
-        "study": "tripod_dynamic", "cpu": "s per simulated second", "reference": {"own_error": 0.004},
+        "knobs": knobs, "default": {}, "group": "inertia.scheme", "study": "tripod_dynamic",
+        "cpu": "s per simulated second", "reference": {"own_error": 0.004},
         "quantities": [{"name": "move"}, {"name": "pose", "promised": True}], "points": list(points),
     }  # fmt: skip
 
@@ -55,6 +57,7 @@ def test_an_accuracy_costs_what_the_cheapest_setting_does_that_keeps_all_that_is
         Price(2.0, "tr_bdf2", sure=False),  # 0.7 % and what the reference may err, 0.4 %
         None,
     )
+    assert [p.setting for p in row.prices if p] == ["implicit_euler", "bdf2", "tr_bdf2", "tr_bdf2"]
     assert row.default == "8 %: 0.1"
     assert "| Tripod in motion | 0.1 | 0.4 | 2 | (2) | - | 8 %: 0.1 |" in table([row])
     assert unsure([row]).endswith("so that nobody can count on it (Tripod in motion 0.4 %).")
@@ -100,15 +103,11 @@ def test_the_document_begins_with_it_and_every_scheme_has_one_colour(tmp_path: P
 
 def with_default(*, on_front: bool) -> dict[str, Any]:
     """A study of three settings; the default costs less than the others where it is on the front."""
-    knobs = [{"name": "scheme", "field": "inertia.scheme", "values": ["bdf2", "rk4", "tr_bdf2"]}]
     exact = {**point(0.02, 0.2), "on_front": True}
     least = {**point(0.005, 0.5, scheme="tr_bdf2"), "on_front": True}
     default = point(0.05, 0.1 if on_front else 0.4, label="the default", scheme="rk4")
     points = [exact, least, {**default, "on_front": on_front}]
-    return {
-        **study(*points), "front": [2, 0, 1] if on_front else [0, 1], "knobs": knobs, "default": {},
-        "group": "inertia.scheme",
-    }  # fmt: skip
+    return {**study(*points), "front": [2, 0, 1] if on_front else [0, 1]}
 
 
 def test_the_price_of_a_default_is_told() -> None:
