@@ -130,6 +130,9 @@ def main() -> int:
     parser.add_argument("--up", type=int, default=8, help="instants of `tripod up`")
     parser.add_argument("--only", help="one command")
     given = parser.parse_args()
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell's background ignores it, and so would children
     commands = [(name, words, given.instants, 2.0) for name, words in QUICK.items()]
     commands += [(name, words, given.instants, 4.0) for name, words in NODES.items()]
     commands += [("up", ("up", "--no-view", "--record", "recordings"), given.up, 20.0)]
