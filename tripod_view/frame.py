@@ -1,6 +1,7 @@
 """What the camera is to show: a box about all that is drawn, and the place from which it is seen. Pure."""
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,15 @@ FIELD = np.radians(38)
 DIRECTION = np.array([0.66, -0.62, 0.43]) / np.linalg.norm([0.66, -0.62, 0.43])
 """From what is seen to the camera."""
 
-MARGIN = 0.92
-"""Distance of the camera over that at which the sphere about the box fits: boxes are smaller than their spheres."""
+RIGHT = np.cross([0.0, 0.0, 1.0], DIRECTION) / np.linalg.norm(DIRECTION[:2])
+UP = np.cross(DIRECTION, RIGHT)
+"""Of the picture, which is taken to be as wide as it is high: it never is much narrower."""
+
+MARGIN = 1.05
+"""Distance of the camera over that at which the corners of the box touch the edge of the picture."""
+
+FAR = 6.0
+"""Bodies that have come so many times their size are followed."""
 
 ROBOT = 0.085
 """Radius in which the robot stands [m]."""
@@ -46,7 +54,10 @@ class Frame:
     @property
     def camera(self) -> FloatArray:
         """From where all of it is seen [m]."""
-        return np.asarray(self.centre + DIRECTION * MARGIN * self.radius / np.sin(FIELD / 2))
+        corners = np.array(list(product(*zip(self.low, self.high, strict=True)))) - self.centre
+        aside = np.abs(corners @ np.column_stack([RIGHT, UP])).max(axis=1)
+        distance = max(float((corners @ DIRECTION + aside / np.tan(FIELD / 2)).max()), self.radius)
+        return np.asarray(self.centre + DIRECTION * MARGIN * distance)
 
     @property
     def cell(self) -> float:
@@ -81,6 +92,15 @@ def frame(picture: Picture, nodes: FloatArray | None, depth: float) -> Frame:
         boxes.append((np.maximum(bottom, low - reach), np.minimum(top, high + reach)))
     low, high = _union(boxes)
     return Frame(low, high, float(low[2]))
+
+
+def widened(seen: FloatArray, box: FloatArray) -> FloatArray:
+    """Return the box about what was seen and what is there now, shape (2, 3) each.
+
+    Or the latter alone where that is far away: beside the whole way it would be a speck.
+    """
+    both = np.array([np.minimum(seen[0], box[0]), np.maximum(seen[1], box[1])])
+    return box if np.linalg.norm(both[1] - both[0]) > FAR * np.linalg.norm(box[1] - box[0]) else both
 
 
 def _swing(held: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ from tripod_view.arm import ArmGeometry, stands
 from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
 from tripod_view.events import Inbox
-from tripod_view.frame import FIELD, Frame, frame
+from tripod_view.frame import FIELD, Frame, frame, widened
 from tripod_view.game import Game
 from tripod_view.handle import Handle
 from tripod_view.picture import Picture
@@ -143,9 +143,8 @@ class Scene:
             self.aim(client)
 
     def _widen(self, box: FloatArray) -> None:
-        """Show what moves wherever it has been, in browsers whose camera nobody has moved."""
-        if self._span is not None:
-            box = np.array([np.minimum(box[0], self._span[0]), np.maximum(box[1], self._span[1])])
+        """Show what moves wherever it has been, or where it is, in browsers whose camera nobody has moved."""
+        box = box if self._span is None else widened(self._span, box)
         self._span, near = box, 0.1 * self._seen.radius
         unmoved = [
             client

@@ -6,22 +6,26 @@ import numpy as np
 import pytest
 
 from tests.view.shown_scene import told
-from tripod_view.frame import FIELD, frame
+from tripod_view.frame import FIELD, frame, widened
 from tripod_view.picture import Picture, PictureError, picture_of
 from tripod_view.scene import squares
 
 
-@pytest.mark.parametrize("scene", ["tripod", "pendulum", "cloth", "stack", "drape_cubes", "silicone"])
+@pytest.mark.parametrize(
+    "scene",
+    ["tripod", "pendulum", "cloth", "stack", "drape_cubes", "silicone", "column", "finger", "incline"],
+)
 def test_all_bodies_are_in_sight_and_fill_the_view(scene: str) -> None:
     table, _, nodes, _ = told(scene)
     seen = frame(picture_of(json.dumps(table)), nodes, 0.03)
     assert (nodes >= seen.low - 1e-9).all()
     assert (nodes <= seen.high + 1e-9).all()
     distance = np.linalg.norm(seen.camera - seen.centre)
-    directions = (nodes - seen.camera) / np.linalg.norm(nodes - seen.camera, axis=1)[:, None]
-    angles = np.arccos(directions @ (seen.centre - seen.camera) / distance)
-    assert angles.max() < 1.1 * FIELD / 2
-    assert angles.max() > 0.25 * FIELD / 2
+    ahead = (seen.centre - seen.camera) / distance
+    right = np.cross(ahead, [0, 0, 1]) / np.linalg.norm(np.cross(ahead, [0, 0, 1]))
+    places = nodes - seen.camera
+    aside = np.abs(places @ np.column_stack([right, np.cross(right, ahead)])) / (places @ ahead)[:, None]
+    assert 0.25 * np.tan(FIELD / 2) < aside.max() < np.tan(FIELD / 2)  # of a picture as wide as high
     assert seen.floor == seen.low[2]
     assert seen.cell < seen.radius < 20 * seen.cell + 1e-9
 
@@ -31,6 +35,18 @@ def test_what_hangs_has_room_to_swing_through() -> None:
     seen = frame(picture_of(json.dumps(table)), nodes, 0.03)
     assert seen.low[0] <= -1.0
     assert seen.low[2] <= -1.0
+
+
+def test_what_moves_is_shown_wherever_it_has_been_and_followed_where_it_goes_far() -> None:
+    box, far = np.array([[0.0, 0, 0], [0.1, 0.1, 0.1]]), np.array([1e3, 0, -1e3])
+    seen, along = box, np.array([0.05, 0, 0])
+    for k in range(1, 4):
+        seen = widened(seen, box + k * along)
+    assert seen.tolist() == pytest.approx(np.array([[0.0, 0, 0], [0.25, 0.1, 0.1]]))
+    assert widened(seen, box + far).tolist() == (box + far).tolist()
+    assert widened(seen, box - 4 * along).tolist() == pytest.approx(
+        np.array([[-0.2, 0, 0], [0.25, 0.1, 0.1]])
+    )
 
 
 def test_without_a_simulator_the_robot_is_shown() -> None:
