@@ -99,6 +99,14 @@ def ik(
     any_branch: Annotated[
         bool, typer.Option("--any-branch", help="A pose beyond a fold will do, too.")
     ] = False,
+    posterior: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="What tripod identify --json printed: tells the pose's expected error, with 90 % bars. "
+            "--scene is then what its --out wrote.",
+        ),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object (with --target).")] = False,
     subnet: Subnet = False,
 ) -> None:
@@ -126,6 +134,7 @@ def ik(
             hard=hard,
             box=box,
             any_branch=any_branch,
+            posterior=posterior,
             as_json=json,
         )
     )

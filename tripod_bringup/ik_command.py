@@ -4,12 +4,19 @@ import json
 import math
 import sys
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 
+if TYPE_CHECKING:
+    from tripod_sim.scene import Scene
+
 MISSED = 1
 """Exit code where the target was not reached."""
+
+BRANCH = 1e-4
+"""Two equilibria at the same angles are farther apart [m]; the slide of a posterior may differ by as much."""
 
 LINE = 60
 """Width of the line that tells the progress."""
@@ -38,10 +45,12 @@ def solve_command(
     hard: bool,
     box: str | None,
     any_branch: bool,
+    posterior: Path | None,
     as_json: bool,
 ) -> int:
     """Solve, print and return the exit code: 0 reached, 1 not reached, 2 bad arguments."""
-    from tripod_ik.errors import IkError  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
+    from tripod_ik.errors import IkError  # noqa: PLC0415
     from tripod_ik.once import solve_once  # noqa: PLC0415
     from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
@@ -51,8 +60,9 @@ def solve_command(
         if goal not in {str(g) for g in Goal}:
             raise IkError(f"--goal is {goal!r}; allowed: {', '.join(Goal)}")
         corners = numbers("--box", box, 6, "m") if box is not None else None
+        description = load_scene(scene, overrides)
         result = solve_once(
-            load_scene(scene, overrides),
+            description,
             numbers("--target", target, 3, "m"),
             tilt=numbers("--tilt", tilt, 2, "rad"),
             goal=Goal(goal),
@@ -64,7 +74,9 @@ def solve_command(
             any_branch=any_branch,
             progress=show_progress if sys.stderr.isatty() else None,
         )
-    except (IkError, SceneError) as error:
+        if posterior is not None:
+            result |= expected_error(description, posterior, result, slide)
+    except (IkError, SceneError, DataError) as error:
         print("tripod ik: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS
     except StepError as error:
@@ -81,6 +93,31 @@ def solve_command(
         for name, text in rows:
             print(f"{name:<{width}}  {text}")
     return 0 if result["reached"] else MISSED
+
+
+def expected_error(scene: "Scene", path: Path, result: Mapping[str, Any], slide: float) -> dict[str, Any]:
+    """Return what the posterior in a file foretells of the error of a solution, as `expected_error`.
+
+    It has the arrays of `tripod_identify.bars.Bars` for that pose: x, y, z [m] and rotation [rad].
+
+    Raises:
+        DataError: the file, or it does not belong to the scene, or the pose is one that is not reached from rest.
+        SceneError, StepError: another mesh cannot be had.
+    """
+    import numpy as np  # noqa: PLC0415 - not needed for the help
+
+    from tripod_identify.bars import pose_bars, read_posterior  # noqa: PLC0415
+    from tripod_identify.errors import DataError  # noqa: PLC0415
+
+    found = pose_bars(scene, read_posterior(path), np.array([result["angles"]]), np.array([slide]))
+    apart = float(np.abs(found.poses[0, :3] - result["position"]).max())
+    if apart > BRANCH:
+        raise DataError(
+            f"--posterior: played from the undeformed body these angles lead to another pose, {1e3 * apart:.2f} mm "
+            "away; nothing is known of the error of this one"
+        )
+    parts = ("mesh", "steps", "by_values", "by_mesh", "half")
+    return {"expected_error": {name: getattr(found, name)[0].tolist() for name in parts}}
 
 
 def numbers(option: str, text: str, count: int, unit: str) -> list[float]:
@@ -124,9 +161,40 @@ def solution_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("roll, pitch", f"{math.degrees(result['roll']):.2f}, {math.degrees(result['pitch']):.2f} degrees"),
         ("residual", ", ".join(missing)),
         *([("error", f"{error_words(error['distance'])} (estimated)")] if error else []),
+        *bar_rows(result.get("expected_error")),
         ("torques", ", ".join(f"{t:.4f}" for t in result["torques"]) + " N m"),
         ("active limits", ", ".join(result["active_limits"]) or "none"),
         *([] if result["straight_way"] else [("way", "the straight one from the start passes a hard limit")]),
         ("optimality", f"{result['kkt']:.1e} rad"),
         ("solved by", f"{result['iterations']} linearisations in {1e3 * result['seconds']:.0f} ms"),
+    ]
+
+
+def bar_rows(found: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """Return what is printed of the expected error of a pose: its shift with 90 % bars, and what makes these."""
+    if found is None:
+        return []
+
+    def triple(values: Any, sign: str = "") -> str:
+        return ", ".join(f"{1e3 * v:{sign}.3f}" for v in values[:3])
+
+    known = math.isfinite(found["mesh"][0])
+    shift = [m + s for m, s in zip(found["mesh"], found["steps"], strict=True)] if known else [0.0] * 6
+    turned = ", ".join(
+        f"{math.degrees(a):+.2f} ± {math.degrees(b):.2f}"
+        for a, b in zip(shift[3:], found["half"][3:], strict=True)
+    )
+    placed = ", ".join(
+        f"{1e3 * a:+.3f} ± {1e3 * b:.3f}" for a, b in zip(shift[:3], found["half"][:3], strict=True)
+    )
+    mesh = f"mesh {triple(found['mesh'], '+')}, steps {triple(found['steps'], '+')}; " if known else ""
+    unknown = (
+        f"what is unknown of mesh and steps {triple(found['by_mesh'])}"
+        if known
+        else "mesh and steps not known"
+    )
+    return [
+        ("expected error", f"{placed} mm (90 %)"),
+        ("", f"{turned} degrees"),
+        ("of it", f"{mesh}± values {triple(found['by_values'])}, {unknown} mm"),
     ]

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from tripod_identify.bars import Posterior, posterior_of
+from tripod_identify.bars import as_json as posterior_json
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.fit import CONFIDENCE, Fit, Note, Prior, enough, fit, hopeless, profile
 from tripod_identify.left_over import LeftOver, left_over
@@ -102,6 +104,7 @@ class Identified:
         held_out: Rows that were, a mask.
         proposals: Poses that would tell most.
         notes: Warnings, one sentence each.
+        posterior: What is known of the values, for the bars of other poses.
     """
 
     told: Told
@@ -120,6 +123,7 @@ class Identified:
     held_out: NDArray[np.bool_]
     proposals: tuple[Proposal, ...]
     notes: tuple[str, ...]
+    posterior: Posterior
 
 
 def identify(
@@ -197,6 +201,7 @@ def identify(
         score(last.values[~rows], held) if some else None,
         score(last.values, measured), last, both.mesh if both else None, both.step if both else None, left,
         _by_parameters(last, problem), ~rows, tuple(proposals), tuple(notes),
+        posterior_of(last, both, solved.told, measured.channels, motion=measured.times is not None),
     )  # fmt: skip
 
 
@@ -390,4 +395,5 @@ def as_json(result: Identified) -> dict[str, Any]:
         "outliers": result.fit.outliers,
         "proposals": [p.joints.tolist() for p in result.proposals],
         "notes": result.notes,
+        "posterior": posterior_json(result.posterior),
     }  # fmt: skip

@@ -37,15 +37,37 @@ class LeftOver:
         return not (self.chance < SURE and self.systematic**2 > RULES * self.rms**2)
 
 
-def smooth_terms(along: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the polynomials of first and of second degree in what varies of `along`, shapes (k, 1 + a), (k, q)."""
-    varied = along[:, np.ptp(along, axis=0) > 1e-9]
-    a = varied.shape[1]
-    scaled = (varied - varied.mean(axis=0)) / np.ptp(varied, axis=0)
-    linear = np.column_stack([np.ones(len(scaled)), scaled])
-    return linear, np.column_stack(
-        [linear, *[scaled[:, i] * scaled[:, j] for i in range(a) for j in range(i, a)]]
-    )
+@dataclass(frozen=True, eq=False)
+class Smooth:
+    """Polynomials in what varies along rows, each of their numbers taken from its mean and over its range.
+
+    Attributes:
+        columns: Which of the numbers vary, shape (a,).
+        mean, span: Of these, shape (a,).
+    """
+
+    columns: NDArray[np.int64]
+    mean: FloatArray
+    span: FloatArray
+
+    @classmethod
+    def of(cls, along: FloatArray) -> "Smooth":
+        """Return those of rows, shape (k, a')."""
+        columns = np.flatnonzero(np.ptp(along, axis=0) > 1e-9)
+        varied = along[:, columns]
+        return cls(columns, varied.mean(axis=0), np.ptp(varied, axis=0))
+
+    def linear(self, along: FloatArray) -> FloatArray:
+        """Return the terms of first degree of rows, shape (k, 1 + a)."""
+        return np.column_stack([np.ones(len(along)), (along[:, self.columns] - self.mean) / self.span])
+
+    def squares(self, along: FloatArray) -> FloatArray:
+        """Return the terms up to second degree of rows, shape (k, q)."""
+        linear = self.linear(along)
+        a = linear.shape[1]
+        return np.column_stack(
+            [linear, *[linear[:, i] * linear[:, j] for i in range(1, a) for j in range(i, a)]]
+        )
 
 
 def left_over(residuals: FloatArray, along: FloatArray) -> LeftOver:
@@ -58,7 +80,8 @@ def left_over(residuals: FloatArray, along: FloatArray) -> LeftOver:
         along: Commands, shape (k, a).
     """
     rms = float(np.sqrt(np.nanmean(residuals**2)))
-    linear, squares = smooth_terms(along)
+    smooth = Smooth.of(along)
+    linear, squares = smooth.linear(along), smooth.squares(along)
     if linear.shape[1] == 1:
         return LeftOver(rms, 0.0, rms, np.nan)
     terms = next((t for t in (squares, linear) if len(along) >= 2 * t.shape[1] + 4), None)

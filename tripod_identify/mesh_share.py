@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from tripod_identify.fit import Fit, pseudo_residuals
-from tripod_identify.left_over import smooth_terms
+from tripod_identify.left_over import Smooth
 from tripod_identify.model import Rest, Told, motion
 from tripod_identify.problem import Problem, other_elements, refined
 from tripod_sim.errors import SceneError, StepError
@@ -61,24 +61,68 @@ class Share:
 
 
 @dataclass(frozen=True, eq=False)
+class Amounts:
+    """Values and amounts of changes as found together, their number p and q.
+
+    Given the amounts c, u is where the fit has it less `follow` c, with the covariance `noise`.
+
+    Attributes:
+        noise: Of u, were c known, shape (p, p).
+        follow: By which u goes back for a unit of each, shape (p, q).
+        mean, covariance: Of c, shapes (q,), (q, q).
+        meshes, steps: How many of the first c are of other meshes, and of shorter steps after them; the others are of
+            the polynomial, for each number in turn.
+        terms: Polynomials that have the root mean square 1 at the rows, of those of `Smooth`, shape (terms, t).
+        sizes: What a unit of them is of each number [m, rad], shape (m,).
+    """
+
+    noise: FloatArray
+    follow: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+    meshes: int
+    steps: int
+    terms: FloatArray
+    sizes: FloatArray
+
+    @property
+    def moves(self) -> list[FloatArray]:
+        """Moves of u by other meshes, with what is like none of them, and by steps, shape (p,)."""
+        ofstep = np.zeros(len(self.mean), dtype=bool)
+        ofstep[self.meshes : self.meshes + self.steps] = True
+        return [-self.follow @ np.where(own, self.mean, 0.0) for own in (~ofstep, ofstep)]
+
+    @property
+    def all(self) -> FloatArray:
+        """Covariance of u, by noise and amounts, shape (p, p)."""
+        return np.asarray(self.noise + self.follow @ self.covariance @ self.follow.T)
+
+
+@dataclass(frozen=True, eq=False)
 class Shares:
     """What both make of the values.
 
     Attributes:
         mesh, step: Each; `step` is None for poses, or where dt is chosen anyway.
         covariance: Of u with both moves added, by noise and what is unknown of both, shape (p, p).
+        amounts: Of which these are made.
+        smooth: Polynomials in the commands; in time, of a motion.
     """
 
     mesh: Share
     step: Share | None
     covariance: FloatArray
+    amounts: Amounts
+    smooth: Smooth
 
 
 def shares(problem: Problem, fit: Fit) -> Shares:
     """Return what mesh and steps make of what was fitted. Raises SceneError, StepError."""
     here = problem.at(fit.u)
     along = problem.measured.times
-    smooth = smooth_terms(problem.measured.joints(here.told.scene) if along is None else along[:, None])[1]
+    rows_along = problem.measured.joints(here.told.scene) if along is None else along[:, None]
+    polynomials = Smooth.of(rows_along)
+    smooth = polynomials.squares(rows_along)
     finer, rows = _change(refined(here.told), problem, fit, smooth)
     mesh = [FACTOR * finer]
     with contextlib.suppress(
@@ -89,14 +133,16 @@ def shares(problem: Problem, fit: Fit) -> Shares:
     if here.rest is None and not scene.time_error:
         halved = replace(here.told, scene=replace(scene, dt=0.5 * scene.dt))
         step.append(FACTOR * (motion(halved, problem.measured, problem.points) - here.values))
-    moves, covariance = _solve(problem, fit, (mesh, step), smooth)
+    amounts = _solve(problem, fit, (mesh, step), smooth)
+    moves = amounts.moves
     angle = np.array([c.angle for c in problem.measured.channels])
     kind = ~angle if (~angle).any() else angle
 
     def share(changes: Sequence[FloatArray], move: FloatArray) -> Share:
         return Share(float(np.sqrt(np.mean([(c[:, kind] ** 2).mean() for c in changes]))), move, rows)
 
-    return Shares(share(mesh, moves[0]), share(step, moves[1]) if step else None, covariance)
+    whole = share(mesh, moves[0])
+    return Shares(whole, share(step, moves[1]) if step else None, amounts.all, amounts, polynomials)
 
 
 def _change(other: Told, problem: Problem, fit: Fit, smooth: FloatArray) -> tuple[FloatArray, int]:
@@ -119,8 +165,8 @@ def _change(other: Told, problem: Problem, fit: Fit, smooth: FloatArray) -> tupl
 
 def _solve(
     problem: Problem, fit: Fit, families: tuple[list[FloatArray], list[FloatArray]], smooth: FloatArray
-) -> tuple[list[FloatArray], FloatArray]:
-    """Return the move of u by each family of changes, shape (p,), what is like none with the first; its covariance.
+) -> Amounts:
+    """Return u and the amounts of all changes, those of the families and of what is like none of them.
 
     With A = J / sigma, B the changes over sigma, s² the spread, z the pseudo residuals, P the covariance of the fit and
     c ~ N(m, 1), the least of |z - A du - B c|² / s² + |c - m|² has
@@ -137,9 +183,10 @@ def _solve(
     every = [change for changes in families for change in changes]
     columns = [(change / sigma)[use] for change in every]
     size = REST * np.sqrt(np.mean([(change[fit.rows] ** 2).mean(axis=0) for change in every], axis=0)) / sigma
-    left, sizes, _ = np.linalg.svd(smooth[fit.rows], full_matrices=False)
+    left, sizes, right = np.linalg.svd(smooth[fit.rows], full_matrices=False)
     some = sizes > 1e-9 * sizes[0]
-    left = left[:, some] * np.sqrt(len(left) / some.sum())
+    even = np.sqrt(len(left) / some.sum())
+    left, terms = even * left[:, some], even * right[some].T / sizes[some]
     for j, amount in enumerate(size):
         for term in left.T:
             column = np.zeros(use.shape)
@@ -161,10 +208,8 @@ def _solve(
         left_over = z - B @ c - A @ (P @ (A.T @ z / variance - N @ c))
         used = A.shape[1] + len(m) - float(np.trace(np.linalg.inv(normal)))
         variance = float(left_over @ left_over) / max(len(z) - used, 1.0)
-    ofstep = np.zeros(len(c), dtype=bool)
-    ofstep[first:n] = True
-    moves = [-PN @ np.where(ofstep, 0.0, c), -PN @ np.where(ofstep, c, 0.0)]
-    return moves, np.asarray(P + PN @ np.linalg.solve(normal, PN.T))
+    steps = n - first
+    return Amounts(P, PN, c, np.asarray(np.linalg.inv(normal)), first, steps, np.asarray(terms), size * sigma)
 
 
 def between(coarse: Rest, state: State, fine: Rest, joints: FloatArray) -> State:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.identify.robots import PLACE, beam
 from tripod_identify.fit import Fit, _robust
-from tripod_identify.left_over import smooth_terms
+from tripod_identify.left_over import Smooth
 from tripod_identify.mesh_share import REST, _solve
 from tripod_identify.model import plainly
 from tripod_identify.parameters import parameters
@@ -26,7 +26,7 @@ def held(shared: float) -> float:
     """
     rng = np.random.default_rng(5)
     along = rng.uniform(-1, 1, (ROWS, 3))
-    smooth = smooth_terms(along)[1]
+    smooth = Smooth.of(along).squares(along)
     left = np.linalg.svd(smooth, full_matrices=False)[0] * np.sqrt(ROWS / smooth.shape[1])
     slope = rng.standard_normal((ROWS, 3, 2)) * 1e-3 + np.array([[2e-3, 0], [0, 2e-3], [1e-3, 1e-3]])
     finer = 3e-4 * np.array([1.0, 0.5, -0.5]) + 1e-4 * along
@@ -48,9 +48,9 @@ def held(shared: float) -> float:
             np.eye(2), np.ones(ROWS, dtype=bool), (), spread,
         )  # fmt: skip
         problem = SimpleNamespace(measured=SimpleNamespace(channels=PLACE, values=y))
-        moves, covariance = _solve(problem, fit, ([finer, other], []), smooth)
-        true = u + moves[0] + moves[1]
-        count += int((np.abs(true) <= 1.645 * np.sqrt(np.diag(covariance))).sum())
+        amounts = _solve(problem, fit, ([finer, other], []), smooth)
+        true = u + sum(amounts.moves)
+        count += int((np.abs(true) <= 1.645 * np.sqrt(np.diag(amounts.all))).sum())
     return count / (2 * DRAWS)
 
 

@@ -25,6 +25,7 @@ COMMANDS = sorted(
 GIVEN = {
     "robot.yaml",
     "robot.toml",
+    "robot.json",
     "poses.csv",
     "score.html",
     "report.html",
