@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import accuracy_promise, promise_cases
+from benchmarks import accuracy_promise, promise_branches, promise_cases
 from benchmarks.accuracy_promise import ROOT, Runner, error_of, errors_of, measure, reference_of, rungs_of
 from benchmarks.promise_cases import KINDS, Case
 from benchmarks.promise_table import HEADS, MARK, rows_of, written
@@ -217,3 +217,19 @@ def test_a_case_that_breaks_off_has_no_rows(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setitem(KINDS, "pendulum", replace(KINDS["pendulum"], rows=broken))
     study = read_study(PENDULUM)
     assert Runner(study, None).run(study.points[0].settings, 0) is None
+
+
+def test_a_pose_with_a_second_equilibrium_is_told_from_one_without() -> None:
+    """Case 10124: after its move the effector may rest 5 mm higher, at nearly the same energy; before, it may not."""
+    study = read_study(STUDIES / "tripod_static.json")
+    picked, case = pick(study, 0.05, None), KINDS["tripod_static"].make(10124)
+    simulation = promise_branches.made(picked, case)
+    start = simulation.command
+    KINDS["tripod_static"].rows(simulation, case)
+    (only,) = promise_branches.equilibria(picked, case, start)
+    assert 3e-3 < only[0][2] < 4e-3
+    (low, least), (high, more) = promise_branches.equilibria(picked, case, simulation.command)
+    assert abs(low[2] - high[2]) > 3e-3
+    assert least < more < 1.1 * least
+    made = promise_branches.made(picked, case, simulation.command)
+    assert np.linalg.norm(made.state.centres[0] - np.array([low, high]), axis=1).min() < 1e-5, "one of both"
