@@ -26,6 +26,9 @@ MARGIN = 1.05
 FAR = 6.0
 """Bodies that have come so many times their size are followed."""
 
+GONE = 1000.0
+"""Bodies that have come so many times their size fall for ever, too fast to be followed."""
+
 ROBOT = 0.085
 """Radius in which the robot stands [m]."""
 
@@ -101,6 +104,12 @@ def widened(seen: FloatArray, box: FloatArray) -> FloatArray:
     """
     both = np.array([np.minimum(seen[0], box[0]), np.maximum(seen[1], box[1])])
     return box if np.linalg.norm(both[1] - both[0]) > FAR * np.linalg.norm(box[1] - box[0]) else both
+
+
+def gone(first: FloatArray, box: FloatArray) -> float:
+    """Return how far bodies have come from their first box [m], shape (2, 3) each, where that is too far to look at."""
+    far = float(np.linalg.norm(box.mean(axis=0) - first.mean(axis=0)))
+    return far if far > GONE * float(np.linalg.norm(box[1] - box[0])) else 0.0
 
 
 def _swing(held: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ from tripod_view.arm import ArmGeometry, stands
 from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
 from tripod_view.events import Inbox
-from tripod_view.frame import FIELD, Frame, frame, widened
+from tripod_view.frame import FIELD, Frame, frame, gone, widened
 from tripod_view.game import Game
 from tripod_view.handle import Handle
 from tripod_view.picture import Picture
@@ -32,6 +32,7 @@ class Scene:
 
     Attributes:
         game: Maze and ball.
+        gone: How far the bodies have come [m], where that is too far to be looked at; else 0.
     """
 
     def __init__(
@@ -50,6 +51,8 @@ class Scene:
         self._surface: Surface | None = None
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
+        self._first: FloatArray | None = None
+        self.gone = 0.0
         self._aimed: dict[int, FloatArray] = {}
         self._robot, self._robot_heard = Robot(self._api, geometry, ()), 0
         self._handle = Handle(self._api, inbox, box)
@@ -94,12 +97,12 @@ class Scene:
             self._bodies.set_surface(self._surface, picture.parts)
         if not self.has_target:
             self._handle.hide()
-        self._nodes = None
+        self._nodes = self._first = None
         self.fit()
 
     def set_surface(self, surface: Surface) -> None:
         """Show another mesh, undeformed."""
-        self._surface, self._nodes = surface, None
+        self._surface, self._nodes, self._first = surface, None, None
         self._bodies.set_surface(surface, self.picture.parts)
         self.fit()
 
@@ -110,6 +113,8 @@ class Scene:
         if not len(positions):
             return
         box, seen, room = _span(positions), self._seen, LEFT * self._seen.radius
+        self._first = box if self._first is None else self._first
+        self.gone = gone(self._first, box)
         if (box[0] < seen.low - room).any() or (box[1] > seen.high + room).any():
             self._widen(box)
 

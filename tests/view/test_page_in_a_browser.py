@@ -253,6 +253,18 @@ def test_a_goal_and_a_lost_ball_are_told(stage: Stage, browser: Any) -> None:
         assert opened.errors == []
 
 
+def test_bodies_that_fell_too_far_to_be_seen_are_told(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "silicone_free")
+    with Opened(browser, stage, "screen") as opened:
+        opened.text("#panel h1", "silicone_free")
+        nodes, triangles = stage.sim.body
+        stage.sim.body = nodes - [0, 0, 1e3], triangles
+        opened.text("#notice", "out of sight: the bodies fell 1000 m; Reset brings them back")
+        stage.sim.body = nodes, triangles
+        opened.wait("!document.querySelector('#notice').textContent.includes('out of sight')")
+        assert opened.errors == []
+
+
 def test_a_recorder_is_started_and_stopped(stage: Stage, browser: Any) -> None:
     asked: list[str] = []
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.view.shown_scene import told
-from tripod_view.frame import FIELD, frame, widened
+from tripod_view.frame import FIELD, frame, gone, widened
 from tripod_view.picture import Picture, PictureError, picture_of
 from tripod_view.scene import squares
 
@@ -47,6 +47,12 @@ def test_what_moves_is_shown_wherever_it_has_been_and_followed_where_it_goes_far
     assert widened(seen, box - 4 * along).tolist() == pytest.approx(
         np.array([[-0.2, 0, 0], [0.25, 0.1, 0.1]])
     )
+
+
+def test_what_has_fallen_too_far_is_gone() -> None:
+    first = np.array([[0.0, 0, 0], [0.1, 0.1, 0.1]])
+    assert gone(first, first - [0, 0, 100]) == 0
+    assert gone(first, first - [0, 0, 200]) == pytest.approx(200)
 
 
 def test_without_a_simulator_the_robot_is_shown() -> None:

@@ -19,7 +19,7 @@ function accuracy() {
     const run = value("run");
     if (!figures) return;
     const seconds = run && run.dt > 0 && !figures.solves ? run.step / run.dt : null;
-    const cost = seconds ? ` at ${milli(run.step)} a step, ${(1 / seconds).toPrecision(2)} x real time` : "";
+    const cost = seconds ? ` at ${milli(run.step)} a step, ${Number((1 / seconds).toPrecision(2))} x real time` : "";
     const known = figures.here !== null && figures.here !== undefined;
     setText(here, known ? `You are here: error below ${percent(figures.here)}, in the motion of the study ${percent(figures.own)}${cost}` : `You are here: error not known${cost}; ${figures.why_not ?? ""}`);
     picture.replaceChildren(...(figures.front?.length ? [front(figures, known ? seconds ?? figures.here_seconds : null)] : []));
