@@ -11,6 +11,7 @@ import sys
 import time
 from array import array
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -42,7 +43,7 @@ from tripod_ik.joining import Joining
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
 from tripod_ik.rotation import quaternion_matrix, unit_quaternion
-from tripod_ik.settings import PARAMETERS, command_limits, model_error, tracker_settings
+from tripod_ik.settings import PARAMETERS, command_limits, load_observer, model_error, tracker_settings
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
 from tripod_ik.tracker import Activity, Tracker, TrackerStep
@@ -67,6 +68,7 @@ class IkNode(Node):
         self._servos = len(names.SERVOS)  # until the driver or a compliance tells of others
         self._tracker = Tracker(tracker_settings(values), model_error(values), self._guide)
         self._tracker.resize(self._servos)
+        self._observer = load_observer(values)
         self._range = RangeWatch(command_limits(self._tracker.settings, self._servos))
         self._scene, self._slide = values["scene"], values["slide"]
         self._guide.slide = self._slide
@@ -128,6 +130,8 @@ class IkNode(Node):
         self._keep_range()
         if correction := self._tracker.correction:
             correction.time, correction.delay = values["feedback_time"], values["feedback_delay"]
+        if self._observer:
+            self._observer.delay = values["feedback_delay"]
         self._own_after, self._stale_after = values["own_model_after"], values["stale_after"]
         set_period(self._own_timer, 1.0 / values["own_model_rate"])
 
@@ -173,6 +177,8 @@ class IkNode(Node):
             self._entered = time.monotonic()
             self._tracker.start()
             self._joining.begin()
+            if self._observer:
+                self._observer.reset()
             self.get_logger().info(f"mode IK, by {self._authority.source}")
         elif before is Mode.IK and mode is not Mode.IK:
             self._tracker.target = None  # coming back to IK must not move the robot to where it once was sent
@@ -242,7 +248,10 @@ class IkNode(Node):
         """Correct the model by what is measured; while nothing is commanded there is nothing to correct."""
         normal = quaternion_matrix(unit_quaternion("measured orientation", quaternion))[:, 2]
         if self._authority.mode is Mode.IK and self._tracker.correction:
-            self._tracker.correction.measure(position, normal, self._motion.at(time.monotonic()))
+            at = self._motion.at(time.monotonic())
+            self._tracker.correction.measure(position, normal, at)
+            if self._observer:
+                self._observer.measure(position, normal, at)
             self._feedback_at = time.monotonic()
 
     def _robot_angles(self, now: float) -> FloatArray | None:
@@ -300,6 +309,8 @@ class IkNode(Node):
             self._tracker.start()
         self._received = now
         self._fit(len(state.angles))
+        if self._observer:
+            self._observer.predict(state, self._motion.at(now))
         begin = time.perf_counter()
         step = self._tracker.update(state, self._motion.at(now))
         duration = time.perf_counter() - begin
@@ -421,6 +432,8 @@ class IkNode(Node):
         if correction := self._tracker.correction:
             values["correction [m]"] = float(np.linalg.norm(correction.shift))
             values["correction of tilt [rad]"] = float(np.linalg.norm(correction.tilt))
+        if self._observer:
+            values["load [N]"], values["load, half of 90 % [N]"] = astuple(self._observer.load)
         return levels.get(self._activity, Level.OK), self._message or self._activity.name.lower(), values
 
 

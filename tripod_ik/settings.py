@@ -1,7 +1,7 @@
 """Parameters of the node, and what they make."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tripod_graph import names
 from tripod_graph.command import CommandLimits
@@ -9,6 +9,9 @@ from tripod_graph.parameters import Parameter
 from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
 from tripod_ik.tracker_settings import Goal, TrackerSettings
+
+if TYPE_CHECKING:
+    from tripod_ik.load import LoadObserver
 
 _COMMAND, _TRACKER = CommandLimits(), TrackerSettings()
 
@@ -112,6 +115,12 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "feedback_delay", 0.03, "age of a measurement when it comes in", "s", low=0.0, high=0.5, dynamic=True
     ),
+    Parameter(
+        "observe_load",
+        False,
+        "whether the weight on the effector, beyond what was there when the mode became IK, is estimated and told in "
+        "/diagnostics; needs feedback",
+    ),
     Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
     Parameter(
         "slide",
@@ -183,6 +192,19 @@ def model_error(values: Mapping[str, Any]) -> ModelError | None:
     if values["feedback"] == "none":
         return None
     return ModelError(values["feedback_time"], values["feedback_delay"])
+
+
+def load_observer(values: Mapping[str, Any]) -> "LoadObserver | None":
+    """Return what estimates the weight on the effector, None where nobody asks; raise IkError without a measurement."""
+    if not values["observe_load"]:
+        return None
+    if values["feedback"] == "none":
+        raise IkError(
+            "parameter 'observe_load' needs what is measured: set feedback:=pose or feedback:=imu, too"
+        )
+    from tripod_ik.load import LoadObserver  # noqa: PLC0415 - an effect that is absent
+
+    return LoadObserver(values["feedback_delay"])
 
 
 def _box(low: Sequence[float], high: Sequence[float]) -> Any:

@@ -6,6 +6,7 @@ PURE = (
     "certificate",
     "errors",
     "limits",
+    "load",
     "branch",
     "feedback",
     "problem",

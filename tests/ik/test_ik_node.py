@@ -192,7 +192,7 @@ def test_without_a_simulator_it_says_so(graph):
 
 def test_an_imu_corrects_the_tilt_and_what_it_says_wrongly_is_counted(graph):
     """The robot hangs 0.05 rad beside what its model says: the target's tilt is turned back by that."""
-    start_alone(graph, goal="orientation", feedback="imu", feedback_time=0.1)
+    start_alone(graph, goal="orientation", feedback="imu", feedback_time=0.1, observe_load=True)
     sim = graph.sim
     first = graph.wait_state(IkStatus.TRACKING, "no target yet")
     z = first.effector.z
@@ -218,6 +218,7 @@ def test_an_imu_corrects_the_tilt_and_what_it_says_wrongly_is_counted(graph):
     values = {pair.key: pair.value for pair in report.values}
     assert values["rejected measurements"] == "1"
     assert float(values["correction of tilt [rad]"]) > 0.04
+    assert values["load [N]"] == "nan", "a disc that the model has level tells nothing of a weight"
 
 
 def test_coming_back_in_a_moment_begins_from_where_the_robot_is(graph):

@@ -1,0 +1,118 @@
+"""A weight that is put on the disc of a running robot is told by how far it sags."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tripod_ik.errors import IkError
+from tripod_ik.load import Load, LoadObserver
+from tripod_ik.model import StaticModel
+from tripod_ik.settings import PARAMETERS, load_observer
+from tripod_sim import load_scene
+from tripod_sim.simulation import Simulation
+from tripod_sim.tables.sets import Load as SceneLoad
+from tripod_sim.tables.sets import NodeSet
+
+DT, DELAY, NOISE = 0.01, 0.03, (5e-5, 1e-3)  # [s], [m, rad] of each measurement
+WEIGHT, PLACED = 0.02, 1.0  # [kg], [s]
+OFF = np.radians([1.0, -1.0, 0.5])  # of the servos: the tare takes it
+
+
+class Running:
+    """A Tripod that moves in time, its servos a little to and fro; from `PLACED` on it has a weight on its disc."""
+
+    def __init__(self, angles: np.ndarray, off: np.ndarray) -> None:
+        scene = load_scene("tripod", ["mesh.level=1"])
+        disc = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
+        loaded = replace(scene, set=(disc,), load=(SceneLoad("disc", mass=WEIGHT, share="even"),))
+        model = StaticModel(
+            load_scene("tripod", ["mesh.level=1"]), 0.035, angles
+        )  # 4 % stiffer than the robot
+        self.rows = []
+        rng, robot = np.random.default_rng(7), Simulation(scene)
+        robot_at = np.append(angles + off, 0.035)
+        for part in np.linspace(0, 1, 200)[1:]:
+            robot.step(robot.command + part * (robot_at - robot.command))
+        for _ in range(100):
+            robot.step(robot_at)
+        for k in range(round(1.6 / DT)):
+            if k == round(PLACED / DT):
+                before, robot = robot.state, Simulation(loaded)
+                robot.step(robot_at)
+                before.copy_to(robot.state)
+            goal = robot_at.copy()
+            goal[:3] += 0.02 * np.sin(2 * np.pi * 0.5 * k * DT)
+            for _ in range(round(DT / scene.dt)):
+                robot.step(goal)
+            pose, here = robot.effector, model.move(goal[:3] - off)
+            place = pose.position + NOISE[0] * rng.standard_normal(3)
+            normal = robot.state.rotations[0][:, 2] + NOISE[1] * rng.standard_normal(3)
+            self.rows.append((k * DT, here, place, normal / np.linalg.norm(normal)))
+
+    def loads(self, *, imu: bool = False) -> dict[float, Load]:
+        """What is told at each time [s]."""
+        observer, found = LoadObserver(DELAY), {}
+        late = round(DELAY / DT)
+        for k, (now, state, _, _) in enumerate(self.rows):
+            observer.predict(state, now)
+            if k >= late:
+                _, _, place, normal = self.rows[k - late]
+                observer.measure(None if imu else place, normal, now)
+            found[round(now, 3)] = observer.load
+        return found
+
+
+@pytest.fixture(scope="module")
+def working() -> Running:
+    return Running(np.full(3, -1.4965), OFF)
+
+
+@pytest.fixture(scope="module")
+def tipped() -> Running:
+    return Running(np.array([-1.2, -1.4, -0.9]), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("pose", "imu", "within"), [("working", False, 0.05), ("tipped", False, 0.05), ("tipped", True, 0.1)]
+)
+def test_a_weight_is_told_within_half_a_second(
+    pose: str, imu: bool, within: float, request: pytest.FixtureRequest
+) -> None:
+    loads = request.getfixturevalue(pose).loads(imu=imu)
+    assert np.isnan(loads[0.3].force), "no tare yet"
+    before, after = loads[0.99], loads[round(PLACED + 0.5 + DELAY, 3)]
+    assert abs(before.force) < 0.05 * WEIGHT * 9.81
+    assert after.force == pytest.approx(WEIGHT * 9.81, rel=within)
+    assert 0 < after.half < 0.1 * WEIGHT * 9.81
+
+
+def test_a_level_disc_tells_an_imu_nothing_of_a_weight_in_its_middle(working: Running) -> None:
+    last = working.loads(imu=True)[1.59]
+    assert np.isnan(last.force) or last.half > WEIGHT * 9.81
+
+
+def test_nothing_is_loaded_where_nobody_asks() -> None:
+    code = (
+        "import sys, tripod_ik.node\n"
+        "from tripod_ik.settings import PARAMETERS, load_observer\n"
+        "assert load_observer({p.name: p.default for p in PARAMETERS}) is None\n"
+        "assert 'tripod_ik.load' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def test_it_needs_a_measurement_and_a_delay_in_range() -> None:
+    values = {p.name: p.default for p in PARAMETERS} | {"observe_load": True}
+    with pytest.raises(IkError, match="'observe_load' needs what is measured: set feedback:=pose"):
+        load_observer(values)
+    assert load_observer(values | {"feedback": "imu"}).delay == values["feedback_delay"]
+    with pytest.raises(IkError, match=r"delay of measurements is 1.0 s; allowed is 0 to 0.5 s"):
+        LoadObserver(1.0)
+    observer = LoadObserver()
+    observer.measure(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0)  # no model yet: nothing to compare with
+    assert np.isnan(observer.load.force)
+    with pytest.raises(IkError, match="measured position"):
+        observer.measure(np.array([0.0, np.nan, 0.0]), np.array([0.0, 0.0, 1.0]), 0.0)
