@@ -34,6 +34,7 @@ from tripod_sim.constraints.groups import Kind
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
 from tripod_sim.linear.solver import LinearError
+from tripod_sim.system_kernels import same
 
 FloatArray = NDArray[np.float64]
 
@@ -160,7 +161,8 @@ class ErrorTransport:
 
     def keep_residual(self, stage: int) -> None:
         """Remember the force that the solver has left over in `stage`, 0 or 1, as long as it is at hand."""
-        self._left[stage] = self._system.residual
+        if self.carried:
+            self._left[stage] = self._system.residual
 
     def euler(
         self, state: ErrorState, start: FloatArray, end: FloatArray, h: float, *, keep_rates: bool = False
@@ -255,7 +257,7 @@ class ErrorTransport:
         Velocities at the start that somebody has changed are a new start.
         """
         self._s = s
-        if not np.array_equal(start, state.velocities):
+        if not same(start, state.velocities):
             state.known, state.missing = 0, 0.0
         kernels.differences(
             end, u, s, h, state.accelerations, state.length, state.known, self._moving, self._differences,

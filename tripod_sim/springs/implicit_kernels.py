@@ -261,26 +261,6 @@ def solve_stage(
 
 
 @njit(cache=True, error_model="numpy")
-def renew_at_end(s: float, keep: bool, body: Problem, A: Factor, options: Options, work: Work) -> None:
-    """Prepare to solve with the Hessian at the end of the stage just solved, unless what is at hand serves.
-
-    keep: Whether that may serve the next stage; if not, this leaves no trace in the motion.
-    """
-    if work.kept[0] != s:
-        for attempt in range(2):
-            if renew(work.x, s, attempt == 1, body, A, options, work):
-                break
-        work.kept[0] = s if keep and options.direct else 0.0
-    tangents(
-        work.x, body.links, 1.0 / s if body.damped else 0.0, work.reference, body.links.slack, work.blocks
-    )
-    if body.rayleigh > 0.0:
-        for m in range(work.blocks.shape[0]):
-            for c in range(6):
-                work.blocks[m, c] += body.rayleigh / s * work.lagged[m, c]
-
-
-@njit(cache=True, error_model="numpy")
 def add_rates(y: Array, s: float, body: Problem, work: Work, out: Array) -> None:
     """Add C y / s to `out` [N], C = sum of c n n^T + b K_n at the end of the stage just solved; y, out: (n, 3)."""
     links = body.links
@@ -327,13 +307,43 @@ def _square(x: Array, body: Problem) -> float:
 
 @njit(cache=True, error_model="numpy")
 def solve_at_end(
-    b: Array, body: Problem, A: Factor, options: Options, work: Work, scratch: Array, out: Array
+    b: Array,
+    s: float,
+    fresh: bool,
+    keep: bool,
+    body: Problem,
+    A: Factor,
+    options: Options,
+    work: Work,
+    scratch: Array,
+    out: Array,
 ) -> None:
-    """Write H^-1 b to `out`, shape (3 f,) both, H as `renew_at_end` left it in `work.blocks`; scratch: (5, n, 3).
+    """Write H^-1 b to `out`, shape (3 f,) both, H the Hessian at the end of the stage just solved.
+
+    Args:
+        b, out: [N] and [m].
+        s: Of the stage [s].
+        fresh: Whether this is the first solve since.
+        keep: Whether a factorisation made here may serve the next stage; if not, this leaves no trace in the motion.
+        body, A, options, work: As of the stage.
+        scratch: (5, n, 3).
 
     With H = W + K, W the weights, that is y - H^-1 K y, y = W^-1 b: what the factorisation leaves over is a share of
     the small part alone that the springs have in it.
     """
+    if fresh:
+        if work.kept[0] != s:
+            for attempt in range(2):
+                if renew(work.x, s, attempt == 1, body, A, options, work):
+                    break
+            work.kept[0] = s if keep and options.direct else 0.0
+        tangents(
+            work.x, body.links, 1.0 / s if body.damped else 0.0, work.reference, body.links.slack, work.blocks
+        )
+        if body.rayleigh > 0.0:
+            for m in range(work.blocks.shape[0]):
+                for c in range(6):
+                    work.blocks[m, c] += body.rayleigh / s * work.lagged[m, c]
     y, load, move, residual, part = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4]
     load[:] = 0.0
     for k in range(body.free.shape[0]):

@@ -19,7 +19,6 @@ class StageEnd:
     """What the estimate of the error of time steps asks of a system, of springs alone at the end of a stage.
 
     Attributes:
-        residual: Unbalanced force of free nodes [N], shape (unknowns,).
         groups, unknowns, torques, reduction, lever, axes: As of a `System`.
     """
 
@@ -30,7 +29,7 @@ class StageEnd:
         n = len(system.body.nodes)
         self.groups, self.unknowns, self.torques = system.groups, system.unknowns, system.torques
         self.reduction = Reduction([np.arange(n)[:, None]], system.groups)
-        self.lever, self.axes, self.residual = np.zeros((n, 3)), np.zeros((0, 3)), np.zeros(system.unknowns)
+        self.lever, self.axes = np.zeros((n, 3)), np.zeros((0, 3))
         self._s, self._keep, self._solver, self._fresh = 0.0, keep, solver, False
         self._free, self._scratch = system.body.free, np.zeros((5, n, 3))
 
@@ -39,20 +38,24 @@ class StageEnd:
         """What solves with the Hessian at the end of the stage."""
         return self
 
+    @property
+    def residual(self) -> FloatArray:
+        """Unbalanced force of free nodes [N], shape (unknowns,)."""
+        return self._solver.work.g[self._free].ravel()
+
     def reach(self, s: float) -> None:
         """Note that a stage of `s` [s] has been solved."""
         self._s, self._fresh = s, True
-        self.residual[:] = self._solver.work.g[self._free].ravel()
 
     def solve(self, b: FloatArray) -> FloatArray:
         """Return H^-1 b, shape (unknowns,)."""
         solver = self._solver
-        body, factor, options, work = solver.problem, solver.factor, solver.options, solver.work
-        if self._fresh:
-            kernels.renew_at_end(self._s, self._keep, body, factor, options, work)
-            self._fresh = False
         out = np.empty_like(b)
-        kernels.solve_at_end(b, body, factor, options, work, self._scratch, out)
+        kernels.solve_at_end(
+            b, self._s, self._fresh, self._keep, solver.problem, solver.factor, solver.options, solver.work,
+            self._scratch, out,
+        )  # fmt: skip
+        self._fresh = False
         return out
 
     def add_rates(self, y: FloatArray, out: FloatArray) -> None:
