@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.springs.explicit_kernels import FINE, OVERFLOW, Load, accelerations
+from tripod_sim.springs.explicit_kernels import FINE, OVERFLOW, Load, accelerations, runge_kutta
 from tripod_sim.springs.spring_kernels import Links
 
 Array = Any
@@ -75,34 +75,13 @@ def _runge_kutta(
     k: Array,
 ) -> tuple[float, float]:
     """Write x', v' and a' to `xn`, `vn` and `b`; return the largest |a - 2 m + a'|², NaN if one is, and |a' - a|²."""
-    size = x.shape[0]
-    for n in range(size):
-        for i in range(3):
-            xn[n, i], vn[n, i] = v[n, i], a[n, i]
-            xs[n, i], vs[n, i] = x[n, i] + 0.5 * h * v[n, i], v[n, i] + 0.5 * h * a[n, i]
-    for stage in range(1, 4):
-        accelerations(xs, vs, links, load, k)
-        if stage == 3:
-            break
-        reach = 0.5 * h if stage == 1 else h
-        for n in range(size):
-            for i in range(3):
-                rate = vs[n, i]
-                xn[n, i] += 2.0 * rate
-                vn[n, i] += 2.0 * k[n, i]
-                xs[n, i], vs[n, i] = x[n, i] + reach * rate, v[n, i] + reach * k[n, i]
-    for n in range(size):
-        free = load.inverse_mass[n] > 0.0
-        for i in range(3):
-            xs[n, i] = a[n, i] - 0.5 * (vn[n, i] - a[n, i])  # a - 2 m
-            xn[n, i] = x[n, i] + h / 6.0 * (xn[n, i] + vs[n, i]) if free else x[n, i]
-            vn[n, i] = v[n, i] + h / 6.0 * (vn[n, i] + k[n, i])
+    runge_kutta(x, v, a, h, links, load, xn, vn, xs, vs, k)
     accelerations(xn, vn, links, load, b)
     most = jump = 0.0
-    for n in range(size):
+    for n in range(x.shape[0]):
         square = first = 0.0
         for i in range(3):
-            square += (xs[n, i] + b[n, i]) ** 2
+            square += (a[n, i] - xs[n, i] + b[n, i]) ** 2
             first += (b[n, i] - a[n, i]) ** 2
         jump = max(jump, first)
         if not square <= most:

@@ -59,7 +59,7 @@ class ExplicitSprings:
         self.omega = math.sqrt(square)
         self.limit = longest_step(scheme, self.omega, rate)
         self._part = longest_part(scheme, self.omega, rate)
-        self._scratch = np.zeros((7, *body.nodes.shape))
+        self._scratch = np.zeros((8, *body.nodes.shape))
         self._watch = np.zeros(5)
         self._watching, self.finer = False, 1
         weights = (system.force**2).sum(axis=1)

@@ -58,43 +58,51 @@ def mechanical(x: Array, v: Array, origin: Array, load: Load) -> tuple[float, fl
 
 
 @njit(cache=True, error_model="numpy")
-def _runge_kutta(
+def runge_kutta(
     x: Array,
     v: Array,
+    a: Array,
     h: float,
     links: Links,
     load: Load,
-    a: Array,
+    xn: Array,
+    vn: Array,
     xs: Array,
     vs: Array,
-    dx: Array,
-    dv: Array,
-) -> float:
-    """Advance by the classical fourth-order scheme; return the springs' energy at the start."""
-    energy = 0.0
+    k: Array,
+) -> None:
+    """Write the classical fourth-order scheme's x' and v' to `xn` and `vn`, shape (n, 3) as all arrays here.
+
+    Args:
+        x, v, a: Positions, velocities and their accelerations at the start.
+        h: Length of the part [s].
+        links, load: The forces.
+        xn, vn: Output; at first the sums of rates.
+        xs: Output: a_2 + a_3, the accelerations of the stages halfway [m/s²]; at first positions of a stage.
+        vs, k: Scratch: velocities and accelerations of a stage.
+    """
     size = x.shape[0]
-    for stage in range(4):
-        if stage == 0:
-            energy = accelerations(x, v, links, load, a)
-            for n in range(size):
-                for i in range(3):
-                    dx[n, i], dv[n, i] = v[n, i], a[n, i]
-                    xs[n, i], vs[n, i] = x[n, i] + 0.5 * h * v[n, i], v[n, i] + 0.5 * h * a[n, i]
-            continue
-        accelerations(xs, vs, links, load, a)
-        weight, reach = (1.0, 0.0) if stage == 3 else (2.0, 0.5 * h if stage == 1 else h)
+    for n in range(size):
+        for i in range(3):
+            xn[n, i], vn[n, i] = v[n, i], a[n, i]
+            xs[n, i], vs[n, i] = x[n, i] + 0.5 * h * v[n, i], v[n, i] + 0.5 * h * a[n, i]
+    for stage in range(1, 4):
+        accelerations(xs, vs, links, load, k)
+        if stage == 3:
+            break
+        reach = 0.5 * h if stage == 1 else h
         for n in range(size):
             for i in range(3):
-                rate, force = vs[n, i], a[n, i]
-                dx[n, i] += weight * rate
-                dv[n, i] += weight * force
-                xs[n, i], vs[n, i] = x[n, i] + reach * rate, v[n, i] + reach * force
+                rate = vs[n, i]
+                xn[n, i] += 2.0 * rate
+                vn[n, i] += 2.0 * k[n, i]
+                xs[n, i], vs[n, i] = x[n, i] + reach * rate, v[n, i] + reach * k[n, i]
     for n in range(size):
-        if load.inverse_mass[n] > 0.0:
-            for i in range(3):
-                x[n, i] += h / 6.0 * dx[n, i]
-                v[n, i] += h / 6.0 * dv[n, i]
-    return energy
+        free = load.inverse_mass[n] > 0.0
+        for i in range(3):
+            xs[n, i] = 0.5 * (vn[n, i] - a[n, i])
+            xn[n, i] = x[n, i] + h / 6.0 * (xn[n, i] + vs[n, i]) if free else x[n, i]
+            vn[n, i] = v[n, i] + h / 6.0 * (vn[n, i] + k[n, i])
 
 
 @njit(cache=True, error_model="numpy")
@@ -129,29 +137,22 @@ def explicit_steps(
         links, load: The forces.
         watch: E_0, largest kinetic + springs so far, allowance, growth E - E_0 of the last step [J], and the number
             of steps since growth was found, zero if it was not.
-        scratch: (7, n, 3).
+        scratch: (8, n, 3).
 
     Returns:
         FINE, or OVERFLOW where a number is no longer finite, and the steps made.
     """
-    a, xs, vs, dx, dv, x_keep, v_keep = (
-        scratch[0],
-        scratch[1],
-        scratch[2],
-        scratch[3],
-        scratch[4],
-        scratch[5],
-        scratch[6],
-    )
-    size = x.shape[0]
+    a, xs, vs, k, x_keep, v_keep = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5]
+    xn, vn, size = scratch[6], scratch[7], x.shape[0]
     for done in range(count):
         x_keep[:] = x
         v_keep[:] = v
         for _ in range(parts):
-            if scheme == RK4:
-                _runge_kutta(x, v, h, links, load, a, xs, vs, dx, dv)
-                continue
             accelerations(x, v, links, load, a)
+            if scheme == RK4:
+                runge_kutta(x, v, a, h, links, load, xn, vn, xs, vs, k)
+                x[:], v[:] = xn, vn
+                continue
             for n in range(size):
                 if load.inverse_mass[n] > 0.0:
                     for i in range(3):
