@@ -16,7 +16,7 @@ from tripod_ik.rotation import normal_of
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.scene import Scene
 from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
 from tripod_sim.study.task import Measured, repeated
 
 SCENE = "tripod"
@@ -81,9 +81,7 @@ def plan(*, quick: bool) -> Plan:
         version=1,
         base=BASE,
         knobs=(
-            Knob("element", "mesh.element", "kind of element of the model"),
-            Knob("level", "mesh.level", "resolution of the model's mesh"),
-            Knob("law", "material.law", "elastic law of the model"),
+            *knobs_of(default),  # of the model
             Knob("iterations", ITERATIONS, "linearisations at most, the first included"),
             Knob("accuracy", ACCURACY, "step below which the search ends [rad]"),
         ),

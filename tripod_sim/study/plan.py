@@ -35,6 +35,38 @@ class Knob:
     what: str
 
 
+_ALL = (
+    Knob("element", "mesh.element", "kind of element"),
+    Knob("level", "mesh.level", "resolution of the mesh"),
+    Knob("refine", "mesh.refine", "how many times every edge is halved"),
+    Knob("clamp", "clamp", "stiffness of the clamps' bedding [N/m⁴]; off: ideal, sharp clamps"),
+    Knob("law", "material.law", "elastic law"),
+    Knob("response", "contact.response", "multipliers or penalty"),
+    Knob(
+        "distance",
+        "contact.contact_distance",
+        "at which surfaces are held [m]; a third of the alarm distance",
+    ),
+    Knob("contact_tolerance", "contact.tolerance", "of gaps and slips, over the contact distance"),
+    Knob("scheme", "inertia.scheme", "time integrator"),
+    Knob("substeps", "inertia.substeps", "whether explicit schemes divide a step until it is stable"),
+    Knob("dt", "dt", "time step [s]"),
+    Knob("mode", "solver.mode", "Newton to the tolerance, or one linear solve a stage"),
+    Knob("linear", "solver.linear", "linear solver"),
+    Knob("linear_tolerance", "solver.linear_tolerance", "relative residual of conjugate gradients"),
+    Knob("tolerance", "solver.tolerance", "unbalanced force of static and implicit solutions [N]"),
+    Knob("turn", "solver.max_turn", "largest servo move of one increment [rad]"),
+    Knob("substep", "ball.substep", "longest part of a step in which the ball moves [s]"),
+)
+KNOBS = {knob.field: knob for knob in _ALL}
+"""Scene fields that studies vary."""
+
+
+def knobs_of(default: Settings) -> tuple[Knob, ...]:
+    """Return the knobs of the fields that have a value in `default`, in its order; other fields follow a knob."""
+    return tuple(KNOBS[field] for field in default if field in KNOBS)
+
+
 @dataclass(frozen=True)
 class Quantity:
     """What a user cares about.

@@ -25,7 +25,7 @@ from tripod_sim.scene_short import effector_of, joints_of
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, Value, grid, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, Value, grid, knobs_of, unique
 from tripod_sim.study.task import Measured
 from tripod_sim.tables.motion import EXPLICIT
 
@@ -69,14 +69,6 @@ ELEMENTS = {"h8_modes": ("h20", "h8_mean"), "h8_mean": ("h8_modes",), "h8": ("h8
 
 UNSAFE = re.compile(r"[^A-Za-z0-9_-]+")
 """Characters of a scene's name that its study's files do not have."""
-
-KNOBS = (
-    Knob("element", "mesh.element", "kind of element"),
-    Knob("refine", "mesh.refine", "how many times every edge is halved"),
-    Knob("scheme", "inertia.scheme", "time integrator"),
-    Knob("dt", "dt", "time step [s]"),
-    Knob("mode", "solver.mode", "Newton to the tolerance, or one linear solve a stage"),
-)
 
 
 @dataclass(frozen=True)
@@ -144,7 +136,7 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         module=__name__,
         version=1,
         base=base,
-        knobs=tuple(knob for knob in KNOBS if knob.field in default),
+        knobs=knobs_of(default),
         default=default,
         points=_points(tries, default, finest, quick=quick),
         quantities=_quantities(made),

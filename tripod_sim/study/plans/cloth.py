@@ -2,7 +2,7 @@
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
 from tripod_sim.study.task import Measured
 
 SCENE = "cloth"
@@ -57,14 +57,7 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=1,
         base={},
-        knobs=(
-            Knob("scheme", "inertia.scheme", "time integrator"),
-            Knob("dt", "dt", "time step [s]"),
-            Knob("mode", "solver.mode", "Newton to the tolerance, or one linear solve a stage"),
-            Knob("linear", "solver.linear", "linear solver"),
-            Knob("linear_tolerance", "solver.linear_tolerance", "relative residual of conjugate gradients"),
-            Knob("tolerance", "solver.tolerance", "unbalanced force [N]"),
-        ),
+        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
         points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(

@@ -2,7 +2,7 @@
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
 from tripod_sim.study.task import Measured
 
 SCENE = "drape"
@@ -56,16 +56,7 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=2,
         base={},
-        knobs=(
-            Knob("response", "contact.response", "multipliers or penalty"),
-            Knob(
-                "distance",
-                "contact.contact_distance",
-                "at which surfaces are held [m]; a third of the alarm distance",
-            ),
-            Knob("contact_tolerance", "contact.tolerance", "of gaps and slips, over the contact distance"),
-            Knob("dt", "dt", "time step [s]"),
-        ),
+        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
         points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(

@@ -10,7 +10,7 @@ from tripod_sim.errors import StepError
 from tripod_sim.maze.play import MazeBall
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Knob, Observed, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.plan import Observed, Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
 from tripod_sim.study.task import Measured, repeated
 
 FloatArray = NDArray[np.float64]
@@ -76,14 +76,7 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=1,
         base={},
-        knobs=(
-            Knob("element", "mesh.element", "kind of element"),
-            Knob("level", "mesh.level", "resolution of the mesh"),
-            Knob("scheme", "inertia.scheme", "time integrator"),
-            Knob("dt", "dt", "time step [s]"),
-            Knob("mode", "solver.mode", "Newton to the tolerance, or one linear solve a stage"),
-            Knob("substep", "ball.substep", "longest part of a step in which the ball moves [s]"),
-        ),
+        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
         points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
 from tripod_sim.study.task import Measured
 from tripod_sim.tables.bodies import Springs
 
@@ -62,12 +62,7 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=1,
         base={},
-        knobs=(
-            Knob("scheme", "inertia.scheme", "time integrator"),
-            Knob("substeps", "inertia.substeps", "whether explicit schemes divide a step until it is stable"),
-            Knob("dt", "dt", "time step [s]"),
-            Knob("tolerance", "solver.tolerance", "unbalanced force of implicit schemes [N]"),
-        ),
+        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
         points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(

@@ -4,7 +4,7 @@ import numpy as np
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
 from tripod_sim.study.task import Measured
 
 SCENE = "silicone"
@@ -68,13 +68,7 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=1,
         base={},
-        knobs=(
-            Knob("element", "mesh.element", "kind of element"),
-            Knob("level", "mesh.level", "resolution of the mesh"),
-            Knob("law", "material.law", "elastic law"),
-            Knob("scheme", "inertia.scheme", "time integrator"),
-            Knob("dt", "dt", "time step [s]"),
-        ),
+        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
         points=unique([Point(DEFAULT, "the default"), *points]),
         quantities=(

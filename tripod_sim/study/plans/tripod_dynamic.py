@@ -4,7 +4,7 @@ import numpy as np
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
 from tripod_sim.study.task import Measured
 
 SCENE = "tripod"
@@ -91,15 +91,7 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=3,
         base=BASE,
-        knobs=(
-            Knob("element", "mesh.element", "kind of element"),
-            Knob("level", "mesh.level", "resolution of the mesh"),
-            Knob("clamp", "clamp", "stiffness of the clamps' bedding [N/m⁴]; off: ideal, sharp clamps"),
-            Knob("scheme", "inertia.scheme", "time integrator"),
-            Knob("dt", "dt", "time step [s]"),
-            Knob("mode", "solver.mode", "Newton to the tolerance, or one linear solve a stage"),
-            Knob("tolerance", "solver.tolerance", "unbalanced force [N]"),
-        ),
+        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
         draft=SHARP,
         points=unique([shipped, *points]),

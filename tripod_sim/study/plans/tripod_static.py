@@ -6,7 +6,7 @@ import numpy as np
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
 from tripod_sim.study.task import Measured, repeated
 
 SCENE = "tripod"
@@ -93,15 +93,7 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=1,
         base=BASE,
-        knobs=(
-            Knob("element", "mesh.element", "kind of element"),
-            Knob("level", "mesh.level", "resolution of the mesh"),
-            Knob("clamp", "clamp", "stiffness of the clamps' bedding [N/m⁴]"),
-            Knob("law", "material.law", "elastic law"),
-            Knob("linear", "solver.linear", "linear solver"),
-            Knob("tolerance", "solver.tolerance", "unbalanced force [N]"),
-            Knob("turn", "solver.max_turn", "largest servo move of one increment [rad]"),
-        ),
+        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
         points=unique([shipped, sofa, *points]),
         quantities=(
