@@ -11,7 +11,22 @@ from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneN
 
 commands = typer.Typer()
 
-Slide = Annotated[float, typer.Option(help="Inward slide \\[m].")]
+
+def metres(text: str | float) -> float:
+    """Return a length [m] that may say its unit, as 35mm. Raises typer.BadParameter."""
+    from tripod_sim.tables.fields import with_unit  # noqa: PLC0415 - not needed for the help
+
+    if not isinstance(text, str):  # the default
+        return text
+    try:
+        return with_unit(text, "m")
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is no length: give metres, or as 35mm") from None
+
+
+Slide = Annotated[
+    float, typer.Option(parser=metres, metavar="LENGTH", help="Inward slide \\[m], or as 35mm.")
+]
 
 
 @commands.command(

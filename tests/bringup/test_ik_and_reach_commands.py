@@ -15,9 +15,11 @@ def tripod(*words):
     return CliRunner().invoke(cli.app, list(words))
 
 
-@pytest.mark.parametrize("target", ["0.004 -0.002 -0.006", "4mm,-0.002,-6mm"])
-def test_a_target_is_solved_once_and_printed(target: str) -> None:
-    result = tripod("ik", "--target", target, *COARSE)
+@pytest.mark.parametrize(
+    "words", [["0.004 -0.002 -0.006"], ["4mm,-0.002,-6mm"], ["4mm -2mm -6mm", "--slide", "35mm"]]
+)
+def test_a_target_is_solved_once_and_printed(words: list[str]) -> None:
+    result = tripod("ik", "--target", *words, *COARSE)
     assert result.exit_code == 0
     text = dict(line.split("  ", 1) for line in result.stdout.splitlines() if line[0] != " ")
     assert text["outcome"].strip() == "reached"
@@ -25,6 +27,13 @@ def test_a_target_is_solved_once_and_printed(target: str) -> None:
     assert text["residual"].strip() == "position 0.0000 mm"
     assert text["active limits"].strip() == "none"
     assert text["torques"].strip().endswith("N m")
+
+
+@pytest.mark.parametrize("words", [["ik", "--target", "0 0 0"], ["reach"]])
+def test_a_slide_that_is_no_length_is_refused(words: list[str]) -> None:
+    result = tripod(*words, "--slide", "3 cm")
+    assert result.exit_code == 2
+    assert "'3 cm' is no length: give metres, or as 35mm" in result.stderr
 
 
 def test_json_holds_the_same_and_a_target_out_of_reach_ends_with_1() -> None:
