@@ -3,6 +3,7 @@
     python benchmarks/ik_circles.py                  # quick: three circles, copies of one, a minute or two
     python benchmarks/ik_circles.py --full --write   # all of docs/inverse_kinematics.md, half an hour of CPU time
     python benchmarks/ik_circles.py --slides 12 --heights 0 --radii 8 10 --copies 0 --moving 0
+    python benchmarks/ik_circles.py --slides 0 --radii --heights --copies 0 --moving 0 --goals 12   # goals at random
 
 From a start pose, the flat piece (slide 0), the working pose (slide 35 mm) or between, the quasi-static model follows
 the goals of a horizontal circle about where the effector starts, 12 goals one after the other for as long as it takes,
@@ -18,6 +19,9 @@ the goals of a horizontal circle about where the effector starts, 12 goals one a
 
 Copies: circles at random, begun anywhere, each rotated by thirds of a turn and mirrored: six times the same goals. How
 far the answers are apart, mirrored back.
+
+Goals: so many at random about the start of each slide, 4 to 16 mm off sideways and up to 5 mm up or down, in reach and
+out of it, each gone to from the start and asked of that search, too: how much farther than it, or closer, at most.
 
 Moving: the circle of that radius from the flat piece in the dynamic simulator, 2.4 s for each goal: speed of the
 effector and its distance at the end.
@@ -281,16 +285,38 @@ class Slide:
             self._model = model_at(self._slide)
         return circle(self._model, self.guide, radius / 1e3, height / 1e3)
 
-    def search(self, height: float, radius: float, number: int) -> float:
-        """Return what the search finds for a goal [m]; [mm]."""
+    def search(self, goal: np.ndarray) -> float:
+        """Return how near to a goal, from the start, the search comes [m]."""
         if self._flood is None:
             model = Flood.model(load_scene("tripod"), self._slide, start_angles(self._slide))
             self._flood = Flood(
                 model, SETTINGS.angle_min, SETTINGS.angle_max, LIMITS, spacing=0.2, within=0.016
             )
             print(f"{len(self._flood.poses)} poses in the search's flood", file=sys.stderr, flush=True)
-        goal = azimuth(2 * np.pi * number / 12, radius / 1e3, height / 1e3)
-        return self._flood.closest(self._flood.poses[0][0].equilibrium + goal, LIMITS)[0]
+        return float(self._flood.closest(self._flood.poses[0][0].equilibrium + goal, LIMITS)[0])
+
+    def goal(self, number: int) -> dict[str, float]:
+        """Return how near to a goal at random, from the start, the robot and the search come [m]."""
+        rng = np.random.default_rng([140, number])
+        goal = azimuth(rng.uniform(0, 2 * np.pi), rng.uniform(0.004, 0.016), rng.uniform(-0.005, 0.005))
+        if self._model is None:
+            self._model = model_at(self._slide)
+        follower = Follower(self._model, self.guide)
+        there = self._model.go_home().equilibrium + goal
+        off = float(np.linalg.norm(follower.go(there)[0].equilibrium - there))
+        return {"off": off, "search": self.search(goal), "snaps": follower.snaps}
+
+    def goals(self, count: int) -> str:
+        """Return the row of goals at random."""
+        found = [self._kept.get(f"{self.name}, goal {k}", lambda k=k: self.goal(k)) for k in range(count)]
+        off = [one["off"] for one in found]
+        more = [one["off"] - one["search"] for one in found]
+        row = (
+            f"| {self.name[6:]} | {count} | {sum(d <= MET for d in off)} | {1e3 * max(off):.2f} | "
+            f"{1e3 * max(0.0, *more):.4f} | {1e3 * max(0.0, *(-m for m in more)):.4f} |"
+        )
+        print(row, flush=True)
+        return row
 
     def rows(self, heights: list[float], radii: list[float], *, search: bool) -> list[str]:
         """Return the rows of the table, those with a number of copies last."""
@@ -303,7 +329,8 @@ class Slide:
                 for i in sorted({kind(int(k)) for k in found.get("off", {})}):
                     known = f"{name}, search {i}"
                     if search or known in self._kept.known:
-                        least[i] = self._kept.get(known, lambda h=height, r=radius, i=i: self.search(h, r, i))
+                        goal = azimuth(np.pi * i / 6, radius / 1e3, height / 1e3)
+                        least[i] = self._kept.get(known, lambda goal=goal: self.search(goal))
                 rows.append(f"| {self.name[6:]}, {height:g}, {radius:g} | {circle_row(found, least)} |")
                 print(rows[-1], flush=True)
         return rows
@@ -325,6 +352,8 @@ HEADS = {
     "circles": ["| slide, height, radius [mm] | speed | snaps | met | longest | off | by | search | apart |",
                 "|---|---|---|---|---|---|---|---|---|"],
     "copies": ["| slide, height, radius, begun at | copies | met | answers apart [mm] |", "|---|---|---|---|"],
+    "goals": ["| slide [mm] | goals | met | farthest off [mm] | farther than the search by [mm] | closer by [mm] |",
+              "|---|---|---|---|---|---|"],
     "moving": ["| radius | largest speed [m/s] | met, of 13 | others, off by [mm] |", "|---|---|---|---|"],
 }  # fmt: skip
 
@@ -339,14 +368,16 @@ def main() -> None:
     parser.add_argument("--slides", nargs="*", type=float, help="mm")
     parser.add_argument("--heights", nargs="*", type=float, help="mm, from the start")
     parser.add_argument("--copies", type=int, help="circles, of which there are six copies each")
+    parser.add_argument("--goals", type=int, help="at random, for each slide, beside the search")
     parser.add_argument("--moving", type=float, help="mm; 0 for none")
     parser.add_argument("--search", action="store_true", help="compare with the independent search")
     parser.add_argument("--keep", type=Path, help="file of what is measured")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/inverse_kinematics.md")
     chosen, full = parser.parse_args(), {
-        "radii": [6, 8, 10, 12], "slides": [0, 35, 12, 23], "heights": [0, 2, -2], "copies": 5, "moving": 10,
+        "radii": [6, 8, 10, 12], "slides": [0, 35, 12, 23], "heights": [0, 2, -2], "copies": 5, "goals": 12,
+        "moving": 10,
     }  # fmt: skip
-    quick = {"radii": [8], "slides": [0, 12, 35], "heights": [0], "copies": 1, "moving": 0}
+    quick = {"radii": [8], "slides": [0, 12, 35], "heights": [0], "copies": 1, "goals": 0, "moving": 0}
     for name, value in (full if chosen.full else quick).items():
         if getattr(chosen, name) is None:
             setattr(chosen, name, value)
@@ -367,8 +398,11 @@ def main() -> None:
     print("", *HEADS["copies"], sep="\n")
     for number in range(chosen.copies):
         tables["copies"].append(slides[number % len(slides)].copies(number))
+    print("", *HEADS["goals"], sep="\n")
+    if chosen.goals:
+        tables["goals"] = [slide.goals(chosen.goals) for slide in slides]
     if chosen.write:
-        for name, rows in tables.items():
+        for name, rows in ((name, rows) for name, rows in tables.items() if rows):
             write_part("inverse_kinematics.md", f"ik circles: {name}", [*HEADS[name], *rows])
 
 

@@ -20,6 +20,9 @@ from tripod_sim.scene import Scene
 FEASIBLE = 1e-6
 """A constraint may be passed by so much of its size: SLSQP's own accuracy."""
 
+MET = 1e-6
+"""Nothing closer to a target than this [m] is looked for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Limits:
@@ -140,7 +143,7 @@ class Flood(Search):
                     continue
                 model.restore(saved)
                 try:
-                    found = model.follow(angles, shortest=spacing / 2)
+                    found = model.follow(angles, shortest=spacing / 8)
                 except StepError:
                     continue
                 new = all(np.abs(found.equilibrium - other.equilibrium).max() > 1e-4 for other in known)
@@ -157,7 +160,7 @@ class Flood(Search):
         best, chosen = (float(far[order[0]]), self.poses[order[0]][0].angles), []
         for i in order:
             state, saved = self.poses[i]
-            if len(chosen) == starts:
+            if len(chosen) == starts or best[0] < MET:
                 break
             if any(
                 np.abs(state.angles - other.angles).max() < 0.15
