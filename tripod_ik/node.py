@@ -7,11 +7,11 @@ act on (no fresh compliance, the program not solved) nothing is published: the r
 after a while, instead of being kept awake by a command that nobody stands behind.
 """
 
+import math
 import sys
 import time
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -433,7 +433,9 @@ class IkNode(Node):
             values["correction [m]"] = float(np.linalg.norm(correction.shift))
             values["correction of tilt [rad]"] = float(np.linalg.norm(correction.tilt))
         if self._observer:
-            values["load [N]"], values["load, half of 90 % [N]"] = astuple(self._observer.load)
+            load = self._observer.load
+            told = {"load [N]": load.force, "load, half of 90 % [N]": load.half}
+            values |= {name: v if math.isfinite(v) else "not told" for name, v in told.items()}
         return levels.get(self._activity, Level.OK), self._message or self._activity.name.lower(), values
 
 
