@@ -4,19 +4,16 @@ Pure: the caller gives the time.
 """
 
 import math
-from collections import deque
 
 import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
 from tripod_ik.errors import IkError
+from tripod_ik.history import History, check_delay
 from tripod_ik.rotation import tilt_between, vector_matrix
 
 LONGEST_DT = 0.1
 """Time that a measurement counts for at most [s]: after a gap the correction does not leap."""
-
-HISTORY = 1.0
-"""How long the model's poses are remembered [s]: delays are shorter."""
 
 
 class ModelError:
@@ -57,25 +54,20 @@ class ModelError:
         """
         if not 0 < time < math.inf:
             raise IkError(f"feedback time is {time} s; it must be positive and finite")
-        if not 0 <= delay <= HISTORY / 2:
-            raise IkError(f"feedback delay is {delay} s; allowed is 0 to {HISTORY / 2} s")
+        check_delay(delay, "feedback delay")
         self.time, self.delay = time, delay
         self._most = {"shift": most_shift, "tilt": most_tilt}
-        self._model: deque[tuple[float, FloatArray, FloatArray]] = deque()
-        self.shift, self.tilt = np.zeros(3), np.zeros(3)
-        self._last: float | None = None
+        self.reset()
 
     def reset(self) -> None:
         """Begin anew without a correction."""
-        self._model.clear()
+        self._model = History[tuple[FloatArray, FloatArray]]()
         self.shift, self.tilt = np.zeros(3), np.zeros(3)
-        self._last = None
+        self._last: float | None = None
 
     def predict(self, position: FloatArray, normal: FloatArray, now: float) -> None:
         """Remember the model's pose at rest for the angles at `now` [s]: position [m] and normal, shape (3,) each."""
-        self._model.append((now, position, normal))
-        while now - self._model[0][0] > HISTORY:
-            self._model.popleft()
+        self._model.add((position, normal), now)
 
     def measure(self, position: FloatArray | None, normal: FloatArray | None, now: float) -> None:
         """Take a measurement that comes at `now` [s]: position [m], normal, or both; None is not measured.
@@ -89,7 +81,7 @@ class ModelError:
             raise IkError(f"measured normal {u.tolist()} has not length 1")
         dt = 0.0 if self._last is None else min(max(0.0, now - self._last), LONGEST_DT)
         self._last = now
-        model = self._before(now - self.delay)
+        model = self._model.at(now - self.delay)
         if model is None:
             return
         gain = -math.expm1(-dt / self.time)
@@ -102,13 +94,6 @@ class ModelError:
     def corrected(self, position: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the target that brings the robot to `position` [m] and `normal`, shape (3,) each."""
         return position - self.shift, vector_matrix(-self.tilt) @ normal
-
-    def _before(self, when: float) -> tuple[FloatArray, FloatArray] | None:
-        """Return the model's pose at `when` [s], the newest one that is not younger; None if it is too long ago."""
-        for time, position, normal in reversed(self._model):
-            if time <= when + 1e-9:
-                return position, normal
-        return None
 
     def _bounded(self, name: str, value: FloatArray) -> FloatArray:
         length = float(np.linalg.norm(value))

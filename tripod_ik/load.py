@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_ik.arrays import FloatArray, frozen
-from tripod_ik.errors import IkError
-from tripod_ik.feedback import HISTORY
+from tripod_ik.history import History, check_delay
 from tripod_ik.rotation import tilt_between
 from tripod_ik.state import LinearState
 
@@ -60,14 +59,13 @@ class LoadObserver:
 
     def __init__(self, delay: float = 0.03) -> None:
         """`delay`: age of a measurement when it comes [s]. Raises IkError where it is out of range."""
-        if not 0 <= delay <= HISTORY / 2:
-            raise IkError(f"delay of measurements is {delay} s; allowed is 0 to {HISTORY / 2} s")
+        check_delay(delay, "delay of measurements")
         self.delay = delay
         self.reset()
 
     def reset(self) -> None:
         """Begin anew: tare again."""
-        self._model: deque[tuple[float, FloatArray, FloatArray, FloatArray]] = deque()
+        self._model = History[tuple[FloatArray, FloatArray, FloatArray]]()
         self._rows: deque[tuple[float, FloatArray, FloatArray]] = deque()
         self._tare: FloatArray | None = None
         self._tared = 0
@@ -75,9 +73,7 @@ class LoadObserver:
     def predict(self, state: LinearState, now: float) -> None:
         """Remember the model's pose at rest and its answer to a force, at `now` [s]."""
         h = state.W[:6, 2] - state.jacobian @ state.W[6:, 2]
-        self._model.append((now, state.equilibrium, state.equilibrium_rotation[:, 2], h))
-        while now - self._model[0][0] > HISTORY:
-            self._model.popleft()
+        self._model.add((state.equilibrium, state.equilibrium_rotation[:, 2], h), now)
 
     def measure(self, position: FloatArray | None, normal: FloatArray, now: float) -> None:
         """Take a measurement that comes at `now` [s]: position [m], or None, and normal of the effector, (3,) each.
@@ -87,10 +83,10 @@ class LoadObserver:
         """
         p = None if position is None else frozen("measured position", position, (3,))
         u = frozen("measured normal", normal, (3,))
-        model = next((row for row in reversed(self._model) if row[0] <= now - self.delay + 1e-9), None)
+        model = self._model.at(now - self.delay)
         if model is None:
             return
-        _, y, n, h = model
+        y, n, h = model
         if p is not None:
             self._rows.append((now, p - y, h[:3]))
         else:

@@ -9,6 +9,7 @@ PURE = (
     "load",
     "branch",
     "feedback",
+    "history",
     "problem",
     "rotation",
     "row_limits",
