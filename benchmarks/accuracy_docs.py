@@ -21,6 +21,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
 
 from benchmarks import accuracy_overview, accuracy_peers
+from benchmarks.doc_parts import renewed
 from tripod_bringup.study_files import error_text, seconds
 from tripod_bringup.study_plans import PLANS
 from tripod_bringup.study_plot import draw
@@ -207,8 +208,8 @@ def document(found: list[dict[str, Any]], text: str) -> str:
         f"1000 x 1000 float64 product took {speed} beside the points."
     )
     parts = [wrapped(head), *summary(found), *(section(result) for result in found), accuracy_peers.section()]
-    text = renewed(text, "overview", overview(found))
-    return renewed(text, "studies", "\n\n".join(parts))
+    text = renewed(text, "overview", [overview(found)])
+    return renewed(text, "studies", ["\n\n".join(parts)])
 
 
 def overview(found: list[dict[str, Any]]) -> str:
@@ -226,16 +227,6 @@ def overview(found: list[dict[str, Any]]) -> str:
     return "\n\n".join(
         [picture, "\n".join(accuracy_overview.table(rows)), wrapped(" ".join(filter(None, notes)))]
     )
-
-
-def renewed(text: str, name: str, body: str) -> str:
-    """Return a document with what stands between the marks of `name` replaced."""
-    begin, end = f"<!-- {name} -->", f"<!-- end {name} -->"
-    before, found, rest = text.partition(begin)
-    _, last, after = rest.partition(end)
-    if not (found and last):
-        raise SystemExit(f"{DOCUMENT}: the marks {begin} and {end} are missing")
-    return f"{before}{begin}\n\n{body}\n\n{end}{after}"
 
 
 def scene_files(found: list[dict[str, Any]]) -> dict[Path, str]:
@@ -264,7 +255,8 @@ def main() -> None:
             if code != here:
                 print(f"{result['study']}: measured with code {code}, here it is {here}", file=sys.stderr)
         old = [path for path, text in scene_files(found).items() if path.read_text(encoding="utf-8") != text]
-        print(*(f"{path.name}: the price of its settings is not of these studies" for path in old), sep="\n")
+        for path in old:
+            print(f"{path.name}: the price of its settings is not of these studies")
         sys.exit(made != text or bool(old))
     DOCUMENT.write_text(made, encoding="utf-8")
     for path, text in scene_files(found).items():

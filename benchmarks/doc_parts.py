@@ -7,13 +7,19 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 
-def write_part(page: str, name: str, lines: Sequence[str]) -> None:
-    """Replace the part `name` of docs/`page` by `lines`."""
-    path = DOCS / page
+def renewed(text: str, name: str, lines: Sequence[str]) -> str:
+    """Return a page with its part `name` replaced by `lines`. Raises ValueError where it has no such part, or two."""
     begin, end = f"<!-- {name} -->\n", f"<!-- end {name} -->"
-    head, rest = path.read_text(encoding="utf-8").split(begin)
-    text = head + begin + "\n".join(["", *lines, "", ""]) + end + rest.split(end)[1]
-    path.write_text(text, encoding="utf-8")
+    if (text.count(begin), text.count(end)) != (1, 1):
+        raise ValueError(f"the page must have the marks {begin.strip()} and {end} once each")
+    head, _, rest = text.partition(begin)
+    return head + begin + "\n".join(["", *lines, "", ""]) + end + rest.partition(end)[2]
+
+
+def write_part(page: str, name: str, lines: Sequence[str]) -> None:
+    """Replace the part `name` of docs/`page` by `lines`; raises ValueError as `renewed`."""
+    path = DOCS / page
+    path.write_text(renewed(path.read_text(encoding="utf-8"), name, lines), encoding="utf-8")
 
 
 def write_rows(file: str, case: str, table: Sequence[str]) -> None:

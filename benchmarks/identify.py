@@ -14,6 +14,7 @@ Writes a line of JSON for each robot, goes on where it stopped, and prints the t
 import argparse
 import json
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -133,6 +134,18 @@ def _share(held: list[tuple[bool, bool]], which: int) -> str:
     return f"{100 * np.mean([h[which] for h in held]):.0f} %"
 
 
+def robots(results: Path, count: int, one: Callable[[int], dict]) -> list[dict]:
+    """Return the rows of the first robots: those in the file, and the others by `one` of their seed, added to it."""
+    lines = results.read_text().splitlines() if results.exists() else []
+    rows = [json.loads(line) for line in lines]
+    for seed in sorted(set(range(count)) - {row["seed"] for row in rows}):
+        rows.append(one(seed))
+        with results.open("a") as file:
+            file.write(json.dumps(rows[-1]) + "\n")
+        print(f"robot {seed + 1} of {count}", flush=True)
+    return [row for row in rows if row["seed"] < count]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -145,20 +158,7 @@ def main() -> None:
         "--results", type=Path, default=Path("identify_robots.jsonl"), help="kept here, and gone on with"
     )
     given = parser.parse_args()
-    rows = (
-        [json.loads(line) for line in given.results.read_text().splitlines()]
-        if given.results.exists()
-        else []
-    )
-    have = {row["seed"] for row in rows}
-    for seed in range(given.robots):
-        if seed in have:
-            continue
-        rows.append(one(seed, given.truth))
-        with given.results.open("a") as file:
-            file.write(json.dumps(rows[-1]) + "\n")
-        print(f"robot {seed + 1} of {given.robots}", flush=True)
-    print(table([row for row in rows if row["seed"] < given.robots]))
+    print(table(robots(given.results, given.robots, lambda seed: one(seed, given.truth))))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ Writes a line of JSON for each robot, goes on where it stopped, and prints the t
 """
 
 import argparse
-import json
 import sys
 import time
 from pathlib import Path
@@ -22,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.identify import MODEL, TRUTHS, drawn, robot
+from benchmarks.identify import MODEL, TRUTHS, drawn, robot, robots
 from tripod_identify.bars import POSE, bars_of, linearised
 from tripod_identify.errors import FitError
 from tripod_identify.identify import Identified, Wanted, identify
@@ -142,20 +141,10 @@ def main() -> None:
         "--results", type=Path, default=Path("ik_bars.jsonl"), help="kept here, and gone on with"
     )
     given = parser.parse_args()
-    rows = (
-        [json.loads(line) for line in given.results.read_text().splitlines()]
-        if given.results.exists()
-        else []
+    made = robots(
+        given.results, given.robots, lambda seed: one(seed, given.truth, given.targets, given.drawn)
     )
-    have = {row["seed"] for row in rows}
-    for seed in range(given.robots):
-        if seed in have:
-            continue
-        rows.append(one(seed, given.truth, given.targets, given.drawn))
-        with given.results.open("a") as file:
-            file.write(json.dumps(rows[-1]) + "\n")
-        print(f"robot {seed + 1} of {given.robots}", flush=True)
-    print(table([row for row in rows if row["seed"] < given.robots]))
+    print(table(made))
 
 
 if __name__ == "__main__":
