@@ -24,7 +24,7 @@ MARGIN = 1.05
 """Distance of the camera over that at which the corners of the box touch the edge of the picture."""
 
 FAR = 6.0
-"""Bodies that have come so many times their size are followed."""
+"""The camera goes along with bodies that leave their first place by so many times their size."""
 
 GONE = 1000.0
 """Bodies that have come so many times their size fall for ever, too fast to be followed."""

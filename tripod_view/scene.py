@@ -32,7 +32,6 @@ class Scene:
 
     Attributes:
         game: Maze and ball.
-        gone: How far the bodies have come [m], where that is too far to be looked at; else 0.
     """
 
     def __init__(
@@ -52,7 +51,6 @@ class Scene:
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
         self._first: FloatArray | None = None
-        self.gone = 0.0
         self._aimed: dict[int, FloatArray] = {}
         self._robot, self._robot_heard = Robot(self._api, geometry, ()), 0
         self._handle = Handle(self._api, inbox, box)
@@ -68,6 +66,13 @@ class Scene:
     def has_servos(self) -> bool:
         """Whether there is a robot: in the scene or, while that is not known, at all."""
         return self._robot_heard > 0 if self.picture is UNKNOWN else self.picture.servos is not None
+
+    @property
+    def gone(self) -> float:
+        """How far the bodies have come [m], where that is too far to be looked at; else 0."""
+        if self._first is None or self._nodes is None:
+            return 0.0
+        return gone(self._first, _span(self._nodes))
 
     def find_robot(self, servos: int) -> bool:
         """Draw a robot with so many servos evenly about Z, since there is one, unless a simulator has told what there
@@ -114,7 +119,6 @@ class Scene:
             return
         box, seen, room = _span(positions), self._seen, LEFT * self._seen.radius
         self._first = box if self._first is None else self._first
-        self.gone = gone(self._first, box)
         if (box[0] < seen.low - room).any() or (box[1] > seen.high + room).any():
             self._widen(box)
 

@@ -43,9 +43,8 @@ class FakeSimulator(Node):
 
     def __init__(self, side: int = 9, *, rate: float = RATE, **options: Any) -> None:
         super().__init__("fake_sim", **options)
-        self.body = grid(
-            side
-        )  # nodes and triangles, always changed together: a thread of its own publishes them
+        # nodes and triangles, always changed together: a thread of its own publishes them
+        self.body = grid(side)
         self.follower = CommandFollower(CommandLimits())
         self.commands: list[JointTrajectory] = []
         self.modes: list[ControlMode] = []

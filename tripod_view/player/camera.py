@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_view.frame import FAR
 from tripod_view.player.film import Film
 
 FloatArray = NDArray[np.float64]
-
-FAR = 6.0
-"""The camera goes along with bodies that leave their first place by so many times their size."""
 
 
 @dataclass(frozen=True)
