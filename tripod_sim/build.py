@@ -32,7 +32,16 @@ from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.scene_checks import halves
-from tripod_sim.scene_short import discs_of, joints_of, pose_of, servo_tables, soft_bodies, springs_alone
+from tripod_sim.scene_short import (
+    ball_is_rigid,
+    discs_of,
+    joints_of,
+    pose_of,
+    rigids_of,
+    servo_tables,
+    soft_bodies,
+    springs_alone,
+)
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
@@ -61,6 +70,13 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
+
+
+RIGID_BALL = (
+    "beside contact the ball is a rigid body: it touches with contact.friction, restitution and rest_speed; its own, "
+    "rolling and substep are of no account"
+)
+"""What users should know of it."""
 
 
 class Stepper(Protocol):
@@ -120,6 +136,8 @@ def build(scene: Scene, progress: Callable[[float], None] | None = None) -> Part
     Raises SceneError.
     """
     parts = _built(scene, progress)
+    if ball_is_rigid(scene):
+        parts = replace(parts, notes=(*parts.notes, RIGID_BALL))
     if scene.time_error and scene.inertia and not parts.errors:
         from tripod_sim.integrators.doubling import Doubling
 
@@ -146,7 +164,7 @@ def _built(scene: Scene, progress: Callable[[float], None] | None = None) -> Par
         nodes, held = parts.mesh.nodes[: parts.system.groups.size], parts.system.groups.held()
         sets = NodeSets(scene.set, nodes, {})
         return replace(parts, velocities=_velocities(scene, sets, nodes, held), watched=_watched(scene, sets))
-    if scene.rigid and not soft_bodies(scene):
+    if rigids_of(scene) and not soft_bodies(scene):
         from tripod_sim.contact.rigid_build import build_rigid
 
         return build_rigid(scene)
@@ -173,7 +191,7 @@ def _built(scene: Scene, progress: Callable[[float], None] | None = None) -> Par
     inert, gravity = _weights(scene, assembly, sets, rest, plate, fastened)
     inertia = None
     velocities, watched = _velocities(scene, sets, rest, groups.held()), _watched(scene, sets)
-    loads, ball = _ball(scene, rest, groups, first, plate)
+    loads, ball = (None, None) if ball_is_rigid(scene) else _ball(scene, rest, groups, first, plate)
     explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
     if (scene.inertia and not explicit) or scene.contact:
         from tripod_sim.forces.anchor import Anchor
@@ -198,7 +216,7 @@ def _built(scene: Scene, progress: Callable[[float], None] | None = None) -> Par
     if scene.contact and inertia:
         from tripod_sim.contact.solid_build import solid_parts
 
-        parts = solid_parts(assembly, mesh, skin, system, inertia, inert, scene, scene.contact, plate)
+        parts = solid_parts(assembly, mesh, skin, system, inertia, inert, scene, scene.contact, plate, ball)
     else:
         stepper = _stepper(scene, system, inertia, inert, bound)
         errors = stepper.errors if isinstance(stepper, Substeps) else None

@@ -14,33 +14,52 @@ inertia, and vibrate, is left out.
 
 Stiffness damping b makes elastic forces g lag behind: g + b dg/dt = f, so a is the measured one passed through the same
 first-order lag.
+
+What else acts on the body, by contact, ball, maze, ties or other bodies, is what its own mesh lacks for balance,
+
+    r = dE/dx (x) - m (G - a),
+
+forces on nodes that are taken as known as well. They go to the richer mesh by the transpose of its interpolation P at
+the places of these nodes, P^T r: they do the same work in each of its moves. Of the disc's nodes only force and moment
+count, since what keeps it rigid is among their r.
 """
 
 import math
 import time
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tripod_sim.build import build, reach_of
+from tripod_sim.bodies.build import assembled, sets_of
+from tripod_sim.build import Parts, body_mesh, build, reach_of
 from tripod_sim.constraints.groups import rotation_vector
-from tripod_sim.errors import StepError
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.integrators.newton import Newton, NewtonError
 from tripod_sim.integrators.quasi_static import QuasiStatic
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene, at_rest
+from tripod_sim.scene_short import soft_bodies
 from tripod_sim.state import State
 from tripod_sim.system import System
+from tripod_sim.tables.bodies import Mesh
+from tripod_sim.tables.sets import NodeSet
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.maze.plate import Plate
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 NEAR = 5e-6
 """How far from its solution a coordinate of the richer mesh may be [m]: far below errors that matter."""
+
+QUADRATIC = ("h20", "h20_full", "h27", "t10")
+"""Elements whose error is told by half their edges."""
 
 GRADED = 8
 """The coarsest mesh level of the Y whose cells are graded for quadratic elements; see `mesh.y_piece.LEVELS`."""
@@ -65,27 +84,80 @@ class MeshErrorReport:
 
 
 def richer(scene: Scene) -> Scene:
-    """Return the static scene on the mesh that tells the error of the scene's own.
+    """Return the static scene of the first body alone on the mesh that tells the error of its own."""
+    body = soft_bodies(scene)[0]
+    assert body.mesh
+    return alone(scene, finer(body.mesh))
 
-    Quadratic hexahedra on the same cells tell the error of linear ones, half the edges that of quadratic ones. The Y's
-    levels below `GRADED` are too coarse at disc and clamp for that: they are held against quadratic elements on it.
+
+def finer(mesh: Mesh) -> Mesh:
+    """Return the mesh that tells the error of `mesh`.
+
+    Quadratic elements on the same cells tell the error of linear ones, half the edges that of quadratic ones:
+    hexahedra, also for the tetrahedra into which a generator divides its cells. Cells of a file stay of their kind. The
+    Y's levels below `GRADED` are too coarse at disc and clamp for that: they are held against quadratic hexahedra on
+    it.
     """
-    mesh = scene.mesh
-    assert mesh and mesh.element in ("h8_modes", "h20")
+    generated, quadratic = mesh.source in ("y_piece", "block"), mesh.element in QUADRATIC
     if mesh.source == "y_piece" and mesh.level < GRADED:
-        finer = replace(mesh, element="h20", level=GRADED)
-    elif mesh.element == "h8_modes":
-        finer = replace(mesh, element="h20")
+        return replace(mesh, element="h20", level=GRADED)
+    if quadratic:
+        return replace(mesh, element="h20" if generated else mesh.element, refine=mesh.refine + 1)
+    return replace(mesh, element="t10" if mesh.element == "t4" and not generated else "h20")
+
+
+def alone(scene: Scene, mesh: Mesh) -> Scene:
+    """Return the static scene of the first body on `mesh`, without other bodies and what is said of these alone."""
+    scene = at_rest(scene)
+    if scene.mesh:
+        found = replace(scene, mesh=mesh)
     else:
-        finer = replace(mesh, refine=mesh.refine + 1)
-    return replace(at_rest(scene), mesh=finer)
+        found = replace(scene, body=(replace(scene.body[0], mesh=mesh), *scene.body[1:]))
+    if len(soft_bodies(scene)) == 1:
+        return found
+    if scene.mesh:
+        found = replace(found, body=(), springs=None, tie=(), marker=())
+    else:
+        found = replace(found, body=found.body[:1], springs=None, tie=(), marker=())
+    sets = tuple(table for table in scene.set if _has(found, (table,), table.name))
+    held = tuple(
+        table
+        for table in scene.fixed
+        if _has(found, (*sets, NodeSet("held", low=table.low, high=table.high)), table.set or "held")
+    )
+    return replace(
+        found,
+        set=sets,
+        fixed=held,
+        prescribed=tuple(t for t in scene.prescribed if _has(found, sets, t.set)),
+        load=tuple(t for t in scene.load if _has(found, sets, t.set)),
+    )
+
+
+def _has(scene: Scene, tables: tuple[NodeSet, ...], name: str) -> bool:
+    """Return whether a set of `tables` has nodes of the scene's body."""
+    bare = replace(scene, set=(), fixed=(), prescribed=(), load=())
+    assembly, _ = assembled(bare, body_mesh)
+    try:
+        return bool(len(sets_of(replace(bare, set=tables), assembly).nodes(name, "")))
+    except SceneError:
+        return False
 
 
 class MeshError:
     """Keeps the richer mesh beside a simulation."""
 
-    def __init__(self, scene: Scene, mesh: SolidMesh) -> None:
-        """Build the richer mesh; `mesh`: the scene's own, whose nodes come first in its states. Raises SceneError."""
+    def __init__(self, scene: Scene, mesh: SolidMesh, plate: "Plate | None" = None) -> None:
+        """Build the richer mesh.
+
+        Args:
+            scene: Of the simulation.
+            mesh: Of its first body, whose nodes come first in its states.
+            plate: What is fastened to the disc; None for nothing.
+
+        Raises:
+            SceneError: it cannot be built.
+        """
         parts, solver = build(richer(scene)), scene.solver
         assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)
         system = self._system = parts.system
@@ -96,22 +168,25 @@ class MeshError:
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
         self._own: State | None = None
         self._dx, self._move = np.zeros_like(system.rest), np.zeros(system.unknowns)
-        self._moving = scene.inertia is not None
+        self._moving, count = scene.inertia is not None, len(mesh.nodes)
+        self._before, self._acceleration = np.zeros((count, 3)), np.zeros((count, 3))
+        self._mass = parts.mass[: len(parts.mesh.nodes), None]
         if self._moving:
-            count = len(mesh.nodes)
-            self._before, self._acceleration = np.zeros((count, 3)), np.zeros((count, 3))
-            system.loads = NodalLoads(system.rest)
-            self._mass = parts.mass[: len(parts.mesh.nodes), None]
             self._drag = scene.damping.mass if scene.damping else 0.0
             lag = scene.damping.stiffness if scene.damping else 0.0
             self._rate, self._lets = 1 / scene.dt, scene.dt / (scene.dt + lag)
+        self._others: Others | None = None
+        if len(soft_bodies(scene)) > 1 or scene.contact or scene.ball or scene.maze:
+            self._others = Others(scene, mesh, parts, plate)
+        if self._moving or self._others:
+            system.loads = NodalLoads(system.rest)
 
     def start(self, state: State) -> MeshErrorReport:
         """Begin anew with `state`, at rest: bring the richer mesh there; return the error there."""
         if self._own is None:
-            self._own = self._system.start_state(np.zeros_like(state.joints))
+            self._own = self._system.start_state(np.zeros_like(self._joints(state)))
             self._trial, self._seen = self._own.copy(), state.copy()
-            self._careful.step(self._own, state.joints, 0.0)
+            self._careful.step(self._own, self._joints(state), 0.0)
             self._start = self._own.copy()
             self.estimate(state)  # what compiles here is not to count
         self._start.copy_to(self._own)
@@ -120,6 +195,8 @@ class MeshError:
         self._credit = 0.0
         if self._moving:
             self._before[:], self._acceleration[:] = state.velocities[: len(self._before)], 0.0
+            if self._others:
+                self._others.start(state)
         begin = time.thread_time()
         self._last = self.estimate(state)
         self._cost = time.thread_time() - begin
@@ -135,6 +212,8 @@ class MeshError:
         self._credit += self._share * (end - begin)
         if self._moving:
             track(state.velocities, self._rate, self._drag, self._lets, self._before, self._acceleration)
+            if self._others:
+                self._others.track(state, self._rate, self._drag, self._lets)
         due = self._credit >= self._cost
         if due:
             self._last = self.estimate(state)
@@ -148,10 +227,12 @@ class MeshError:
         """Return the error at `state`."""
         own, system = self._own, self._system
         assert own
-        if self._moving and system.loads:
+        if system.loads:
             force = system.loads.force[: len(self._nodes)]
             interpolate(self._nodes, self._weights, self._acceleration, self._acceleration, 0.0, force)
             force *= -self._mass
+            if self._others:
+                self._others.add(state, own, self._acceleration, system.loads.force)
         try:
             self._settle(own, state)
         except StepError:
@@ -159,6 +240,10 @@ class MeshError:
         state.copy_to(self._seen)
         x, y, z = (own.centres[0] - state.centres[0]).tolist()
         return MeshErrorReport((x, y, z), state.time)
+
+    def _joints(self, state: State) -> FloatArray:
+        """Return the joints of the first body, which has all servos, and perhaps not the motions of others."""
+        return state.joints[: len(self._system.groups.driven) + 1 + bool(self._system.groups.prescribed)]
 
     def _settle(self, own: State, state: State) -> None:
         """Bring the richer mesh to rest where `state` has moved since it was last seen.
@@ -168,7 +253,7 @@ class MeshError:
         Raises:
             StepError: there is no rest; it stays where it was.
         """
-        trial, joints = self._trial, state.joints
+        trial, joints = self._trial, self._joints(state)
         own.copy_to(trial)
         self._carry(own, state, trial)
         try:
@@ -184,8 +269,73 @@ class MeshError:
         interpolate(self._nodes, self._weights, state.positions, seen.positions, 1.0, dx)
         move[first : first + 3] = state.centres[0] - seen.centres[0]
         move[first + 3 : first + 6] = rotation_vector(state.rotations[0] @ seen.rotations[0].T)
-        system.drive(out, state.joints)
+        system.drive(out, self._joints(state))
         system.move(own, move, dx, 1.0, out)
+
+
+class Others:
+    """What other things do to the first body, as forces on the nodes of the richer mesh."""
+
+    def __init__(self, scene: Scene, mesh: SolidMesh, richer: Parts, plate: "Plate | None") -> None:
+        """`mesh`, `plate`: as for `MeshError`; `richer`: what it made of the richer mesh."""
+        body = soft_bodies(scene)[0]
+        assert body.mesh and isinstance(richer.mesh, SolidMesh)
+        parts = build(alone(scene, body.mesh))
+        assert isinstance(parts.system, System) and isinstance(richer.system, System)
+        system = self._system = parts.system
+        self._count, self._state = (
+            len(mesh.nodes),
+            system.start_state(np.zeros(len(system.groups.driven) + 1)),
+        )
+        if system.groups.prescribed:
+            self._state = system.start_state(np.zeros(len(system.groups.driven) + 2))
+        self._nodes, self._weights = interpolation(richer.mesh, mesh.nodes)
+        self._mass, self._held = parts.mass, system.groups.held()
+        self._disc, self._fine_disc = system.groups.rigid[0], richer.system.groups.rigid[0]
+        none = np.zeros(0, dtype=np.int64)
+        self._plate = plate.nodes if plate else none
+        self._own_plate = parts.plate.nodes if parts.plate else none
+        self._fine_plate = richer.plate.nodes if richer.plate else none
+        self._before, self._acceleration = np.zeros((2, len(self._plate), 3))
+
+    def start(self, state: State) -> None:
+        """Begin anew with `state`, at rest."""
+        self._before[:], self._acceleration[:] = state.velocities[self._plate], 0.0
+
+    def track(self, state: State, rate: float, drag: float, share: float) -> None:
+        """Take notice of a step to `state`; the rest is as for `track`."""
+        if len(self._plate):
+            track(state.velocities[self._plate], rate, drag, share, self._before, self._acceleration)
+
+    def add(self, state: State, fine: State, acceleration: FloatArray, force: FloatArray) -> None:
+        """Add the forces at `state` [N] to `force`, shape (nodes of the richer mesh, 3).
+
+        Args:
+            state: Of the simulation.
+            fine: Of the richer mesh.
+            acceleration: Of the nodes of the body's own mesh [m/s²], shape (n, 3).
+            force: Changed.
+        """
+        own, system, n = self._state, self._system, self._count
+        own.modes[:] = state.modes[: len(own.modes)]
+        own.centres[0], own.rotations[0] = state.centres[0], state.rotations[0]
+        system.drive(own, state.joints[: len(own.joints)])
+        own.positions[:n] = state.positions[:n]
+        own.positions[self._own_plate] = state.positions[self._plate]
+        system.evaluate(own)
+        lacks = system.gradient.copy()
+        lacks[:n] += self._mass[:n, None] * acceleration
+        lacks[self._own_plate] += self._mass[self._own_plate, None] * self._acceleration
+        lacks[self._held] = 0.0
+        x, disc = own.positions, self._disc
+        total = lacks[disc].sum(axis=0)
+        moment = np.cross(x[disc] - own.centres[0], lacks[disc]).sum(axis=0)
+        lacks[disc] = 0.0
+        np.add.at(force, self._nodes, self._weights[:, :, None] * lacks[:n, None])
+        force[self._fine_plate] = -self._mass[self._own_plate, None] * self._acceleration
+        arms = fine.positions[self._fine_disc] - fine.centres[0]
+        inertia = np.eye(3) * np.vdot(arms, arms) - arms.T @ arms
+        force[self._fine_disc] += total / len(arms) + np.cross(np.linalg.solve(inertia, moment), arms)
 
 
 @njit(cache=True, error_model="numpy")
@@ -228,18 +378,18 @@ def interpolation(mesh: SolidMesh, points: FloatArray) -> tuple[IndexArray, Floa
     Points a little outside of the mesh take the values of the nearest element, continued.
     """
     kind, elements = mesh.kind, np.asarray(mesh.elements)
-    corners = mesh.nodes[elements]
-    near = min(8, len(elements))
+    corners, tetrahedra = mesh.nodes[elements], kind.corners == 4
+    near = min(64 if tetrahedra else 8, len(elements))
     candidates = cKDTree(corners.mean(axis=1)).query(points, near)[1].reshape(len(points), near)
     best, least = np.zeros((len(points), 3)), np.full(len(points), np.inf)
     chosen = candidates[:, 0].copy()
     for k in range(near):
-        nodes, xi = corners[candidates[:, k]], np.zeros((len(points), 3))
+        nodes, xi = corners[candidates[:, k]], np.full((len(points), 3), 0.25 if tetrahedra else 0.0)
         for _ in range(10):
             miss = points - np.einsum("pa,pai->pi", kind.functions(xi), nodes)
             jacobian = np.einsum("paj,pai->pij", kind.gradients(xi), nodes)
             xi = np.clip(xi + np.linalg.solve(jacobian, miss[:, :, None])[:, :, 0], -2.0, 2.0)
-        beyond = np.abs(xi).max(axis=1)
+        beyond = np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1) if tetrahedra else np.abs(xi).max(axis=1)
         nearer = beyond < least - 1e-9
         best[nearer], least[nearer], chosen[nearer] = xi[nearer], beyond[nearer], candidates[nearer, k]
     return elements[chosen], kind.functions(best)

@@ -3,7 +3,15 @@
 from typing import TYPE_CHECKING
 
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.scene_short import discs_of, field_of, servo_tables, soft_bodies, springs_alone
+from tripod_sim.scene_short import (
+    ball_is_rigid,
+    discs_of,
+    field_of,
+    rigids_of,
+    servo_tables,
+    soft_bodies,
+    springs_alone,
+)
 from tripod_sim.tables.motion import EXPLICIT
 from tripod_sim.timeline import parse_timeline
 
@@ -16,7 +24,7 @@ if TYPE_CHECKING:
 def check_body(scene: "Scene") -> None:
     """Raise SceneError if a body is neither a solid nor of springs, or if one lacks a name of its own."""
     bodies = soft_bodies(scene)
-    if not (bodies or scene.rigid):
+    if not (bodies or rigids_of(scene)):
         raise SceneError(
             "field mesh is missing: a scene has mesh and material, or springs, or bodies, or rigid bodies"
         )
@@ -47,12 +55,14 @@ def check_body(scene: "Scene") -> None:
         raise SceneError(
             "strain_limit needs springs and inertia: it bounds how far springs stretch in motion"
         )
-    for name in ("servos", "effector", "ball"):
+    if scene.ball and not ball_is_rigid(scene) and not (bodies and bodies[0].mesh):
+        raise SceneError("ball needs contact where the first body is no solid; add [contact]")
+    for name in ("servos", "effector"):
         if getattr(scene, name) and bodies and not bodies[0].mesh:
             raise SceneError(
                 f"{name} needs a solid as the first body: springs are held by fixed_nodes, fixed_corners or fixed boxes"
             )
-        if getattr(scene, name) and name != "ball" and bodies and getattr(bodies[0], name):
+        if getattr(scene, name) and bodies and getattr(bodies[0], name):
             raise SceneError(
                 f"{name} and {field_of(scene, 0)}{name} are both of the first body; leave one out"
             )
@@ -267,20 +277,16 @@ def check_contact(scene: "Scene") -> None:
             f"inertia.scheme is {scene.inertia.scheme!r}, whose steps solve nothing, while contact forces follow from "
             "where a step ends; allowed with contact: implicit_euler, bdf2, tr_bdf2"
         )
-    if scene.ball:
+    bodies = rigids_of(scene)
+    if bodies and not scene.inertia:
         raise SceneError(
-            "contact and ball exclude each other: the ball touches nothing but the soft body; make it a [[rigid]] with "
-            "shape = 'ball'"
-        )
-    if scene.rigid and not scene.inertia:
-        raise SceneError(
-            "rigid needs inertia: nothing holds the bodies but what they happen to lie on, so where they rest is not "
-            "determined; add [inertia], or make what stands still one of the [[obstacles]]"
+            f"{'rigid' if scene.rigid else 'ball beside contact'} needs inertia: nothing holds the bodies but what "
+            "they happen to lie on, so where they rest is not determined; add [inertia], or make what stands still one of the [[obstacles]]"
         )
     soft = len(soft_bodies(scene))
     if contact.self_contact and not soft:
         raise SceneError("contact.self_contact needs a soft body: a rigid one does not touch itself")
-    if not (scene.obstacles or contact.self_contact or len(scene.rigid) + soft > 1):
+    if not (scene.obstacles or contact.self_contact or len(bodies) + soft > 1):
         raise SceneError(
             "contact has nothing to touch: add [[obstacles]], [[rigid]] or contact.self_contact = true"
         )
@@ -335,24 +341,25 @@ def check_mesh_error(scene: "Scene") -> None:
     """Raise SceneError if the error of the mesh is asked for where nothing tells it."""
     if not scene.mesh_error:
         return
-    element = scene.mesh.element if scene.mesh else ""
-    if element not in ("h8_modes", "h20"):
+    bodies, discs = soft_bodies(scene), discs_of(scene)
+    if not bodies[0].material or discs[0][2].name != bodies[0].name:
         raise SceneError(
-            f"mesh_error is estimated for mesh.element 'h8_modes' and 'h20'; it is {shown(element)}"
+            f"mesh_error is that of the first body, whose strips the clamp beds; the effector is {discs[0][0]}: let that "
+            "body be the first"
         )
-    if scene.clamp and scene.material:
-        shear, stiffness = scene.material.young / (2 + 2 * scene.material.poisson), scene.clamp.stiffness
+    if scene.platform:
+        raise SceneError(
+            "mesh_error and platform exclude each other: bodies that a platform joins err together, so that what one "
+            "of them gets wrong says nothing of the platform"
+        )
+    if scene.clamp:
+        material, stiffness = bodies[0].material, scene.clamp.stiffness
+        shear = material.young / (2 + 2 * material.poisson)
         if stiffness > shear / SLIP**2:
             raise SceneError(
                 f"mesh_error: clamp.stiffness is {stiffness:g} N/m⁴, by which strips of this material slip over "
                 f"{1e3 * (shear / stiffness) ** 0.5:.2g} mm; below {1e3 * SLIP:g} mm fine meshes crease at the edge, "
                 f"so that none tells the error: set it to at most {shear / SLIP**2:.2g}"
-            )
-    beside = {"several soft bodies": len(soft_bodies(scene)) > 1}
-    for name, there in (beside | {n: bool(getattr(scene, n)) for n in ("contact", "ball", "maze")}).items():
-        if there:
-            raise SceneError(
-                f"mesh_error and {name} exclude each other: the richer mesh that tells the error knows nothing of it"
             )
 
 

@@ -1,8 +1,8 @@
 """Short forms of a scene written out.
 
 `[mesh]` with `[material]`, and `[springs]`, are its first bodies. `[servos]` and `[effector]` are those of the first
-body, about the Z axis of the world; `[body.servos]` and `[body.effector]` those of another, about its own. What comes
-behind asks `joints_of` and `discs_of` alone.
+body, about the Z axis of the world; `[body.servos]` and `[body.effector]` those of another, about its own. `[ball]` is
+a rigid body where there is contact. What comes behind asks `joints_of`, `discs_of` and `rigids_of` alone.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.tables.bodies import Body
+from tripod_sim.tables.bodies import Body, Rigid
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import NodeSet, Servo
 
@@ -54,6 +54,24 @@ def _short(scene: "Scene") -> tuple[Body, ...]:
     if scene.springs:
         found.append(Body(SECOND if found else FIRST, springs=scene.springs))
     return tuple(found)
+
+
+# rigid bodies ---------------------------------------------------------------------------------------------------------
+
+
+def ball_is_rigid(scene: "Scene") -> bool:
+    """Return whether the ball is one of the rigid bodies, the last: in contact, unless it plays on a plate."""
+    return bool(scene.ball and scene.contact and not scene.maze)
+
+
+def rigids_of(scene: "Scene") -> list[tuple[str, Rigid]]:
+    """Return the rigid bodies of a scene, each with its field."""
+    found = [(f"rigid.{i}", body) for i, body in enumerate(scene.rigid)]
+    if scene.ball and ball_is_rigid(scene):
+        ball = scene.ball
+        body = Rigid(shape="ball", radius=ball.radius, mass=ball.mass, position=ball.position)
+        found.append(("ball", body))
+    return found
 
 
 # servos ---------------------------------------------------------------------------------------------------------------

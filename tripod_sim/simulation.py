@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.build import Parts, build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame, quaternion
@@ -17,7 +18,7 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_short import discs_of, joints_of
+from tripod_sim.scene_short import ball_is_rigid, discs_of, joints_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.motion import EXPLICIT
@@ -161,11 +162,15 @@ class Simulation:
 
     def _begin_mesh_error(self) -> "MeshError | None":
         """Return what tells the error of the mesh; None where the scene does not ask for it."""
-        if not (self.scene.mesh_error and isinstance(self.mesh, SolidMesh)):
+        if not self.scene.mesh_error:
             return None
         from tripod_sim.mesh_error import MeshError  # noqa: PLC0415 - an effect that is absent
 
-        found = MeshError(self.scene, self.mesh)
+        mesh = getattr(self.mesh, "soft", self.mesh)  # of a body beside rigid ones
+        if isinstance(mesh, Assembly):
+            mesh = mesh.bodies[0].solid
+        assert isinstance(mesh, SolidMesh)
+        found = MeshError(self.scene, mesh, self._parts.plate)
         self.report.mesh_error = found.start(self.state)
         return found
 
@@ -363,6 +368,16 @@ class Simulation:
 
         Raises SceneError: the scene has no ball, or something is in that place now.
         """
+        rigid = self._parts.rigid
+        if rigid and self.state.rigid and ball_is_rigid(self.scene):
+            from tripod_sim.contact.rigid_start import put_back  # noqa: PLC0415 - only with contact
+            from tripod_sim.contact.surfaces import Part  # noqa: PLC0415
+
+            triangles = self.mesh.surface[: len(self.mesh.surface) - len(rigid.triangles)]
+            soft = Part(self.positions[: len(self.mesh.nodes) - rigid.count], triangles)
+            put_back(rigid, self.state.rigid, len(rigid.shapes) - 1, soft if len(triangles) else None)
+            self._stepper.forget()
+            return
         if not (self._ball and self.state.ball):
             raise SceneError(f"scene {self.scene.name!r} has no ball")
         self._ball.start(self.state).copy_to(self.state.ball)
@@ -501,12 +516,14 @@ class Simulation:
     @property
     def ball(self) -> Pose | None:
         """Pose of the ball; None in a scene without one."""
+        if ball_is_rigid(self.scene):
+            return self.rigid[-1]
         b = self.state.ball
         return Pose(b.position.copy(), b.quaternion.copy()) if b else None
 
     @property
     def ball_game(self) -> "MazeBall | BodyBall | None":
-        """How the ball moves; None in a scene without one. Its state is `state.ball`."""
+        """How the ball moves; None without one, and where it is a rigid body. Its state is `state.ball`."""
         return self._ball
 
     @property
@@ -571,11 +588,13 @@ class Simulation:
         from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415
 
         held, self.left_out = rest_of(self._stepper, system, self.state, self._parts.rigid)
-        if not held:
-            return compliance(system, self.state)
-        before, system.loads = system.loads, NodalLoads(system.rest)
-        system.loads.force[:] = held.force
+        before, loads, contacts = system.loads, NodalLoads(system.rest), []
+        if self._ball and self.state.ball:
+            contacts = self._ball.rest_load(self.state, self.state.ball, loads.force)
+        if held:
+            loads.force += held.force
+        system.loads = loads
         try:
-            return compliance(system, self.state, held=held)
+            return compliance(system, self.state, contacts, held)
         finally:
             system.loads = before

@@ -357,7 +357,6 @@ def test_bad_contact_of_a_solid_is_named() -> None:
     assert "allowed with contact: implicit_euler, bdf2, tr_bdf2" in refused(
         "silicone_drop", "inertia.scheme=rk4"
     )
-    assert "contact and ball exclude each other" in refused("silicone_drop", "ball={}")
     assert (
         "contact.alarm_distance is 0.0001 m; it must be above contact.contact_distance, 0.0005 m"
         in refused("silicone_drop", "contact.alarm_distance=1e-4")

@@ -19,7 +19,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
+from tripod_sim.scene_short import joints_of, rigids_of
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.tables.motion import Contact
@@ -110,7 +110,7 @@ def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "Ch
     drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
     nodes = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound)
     part = body_part(body, contact)
-    if not scene.rigid:
+    if not rigids_of(scene):
         return Parts(body, system.mass, system, contact_stepper(scene, contact, (nodes, [part])), skin=skin)
     from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
 

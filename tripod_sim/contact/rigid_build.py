@@ -11,6 +11,7 @@ from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.contact.rotations import turned_by
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import rigids_of
 from tripod_sim.tables.bodies import Rigid
 
 if TYPE_CHECKING:
@@ -19,16 +20,17 @@ if TYPE_CHECKING:
 
 def rigid_set(scene: Scene) -> RigidSet:
     """Return the rigid bodies of `scene` where it places them. Raises SceneError."""
-    shapes = [_shape(body, f"rigid.{i}.source") for i, body in enumerate(scene.rigid)]
-    mass = np.array([body.mass for body in scene.rigid])
+    fields, bodies = zip(*rigids_of(scene), strict=True)
+    shapes = [_shape(body, f"{field}.source") for field, body in zip(fields, bodies, strict=True)]
+    mass = np.array([body.mass for body in bodies])
     start = RigidState(
-        np.array([body.position for body in scene.rigid]),
-        np.array([turned_by(body.orientation) for body in scene.rigid]),
-        np.array([body.velocity for body in scene.rigid]),
-        np.array([body.spin for body in scene.rigid]),
+        np.array([body.position for body in bodies]),
+        np.array([turned_by(body.orientation) for body in bodies]),
+        np.array([body.velocity for body in bodies]),
+        np.array([body.spin for body in bodies]),
     )
     gravity = np.array(scene.gravity.acceleration) if scene.gravity else np.zeros(3)
-    return RigidSet(shapes, mass, start, gravity)
+    return RigidSet(shapes, mass, start, gravity, fields)
 
 
 def _shape(body: Rigid, field: str) -> Shape:

@@ -22,10 +22,18 @@ class RigidSet:
         inertia: About the centre in each body's frame [kg m²], shape (b, 3, 3).
         gravity: [m/s²], shape (3,).
         start: Where they begin.
+        fields: How messages name them.
     """
 
-    def __init__(self, shapes: list[Shape], mass: FloatArray, start: RigidState, gravity: FloatArray) -> None:
-        self.shapes, self.mass, self.start, self.gravity = shapes, mass, start, gravity
+    def __init__(
+        self,
+        shapes: list[Shape],
+        mass: FloatArray,
+        start: RigidState,
+        gravity: FloatArray,
+        fields: tuple[str, ...],
+    ) -> None:
+        self.shapes, self.mass, self.start, self.gravity, self.fields = shapes, mass, start, gravity, fields
         self.inertia = mass[:, None, None] * np.array([s.inertia for s in shapes])
 
     def bodies(self) -> RigidBodies:

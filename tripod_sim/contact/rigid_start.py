@@ -8,6 +8,7 @@ from numba import njit
 
 from tripod_sim.contact.distance_kernels import point_triangle
 from tripod_sim.contact.rigid_set import RigidSet
+from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.contact.start import height_that_frees, passing
 from tripod_sim.contact.start_kernels import winding
 from tripod_sim.contact.surfaces import Part, join
@@ -72,9 +73,10 @@ def place_bodies(
         def hit(part: Part) -> str:
             return next((name for name, other in placed if overlaps(part, other)), "")
 
+        field = rigid.fields[k]
         if not lifts and (name := hit(here)):
             raise SceneError(
-                f"rigid.{k} passes through {name} at the start, rigid.{k}.position is "
+                f"{field} passes through {name} at the start, {field}.position is "
                 f"{tuple(centre.round(6).tolist())} m; move one of them, or set contact.start = 'lift'"
             )
         if lifts:
@@ -82,10 +84,10 @@ def place_bodies(
             def clear(height: float, part: Part = here) -> bool:
                 return not hit(replace(part, vertices=part.vertices + height * up))
 
-            height = height_that_frees(clear, distance, f"rigid.{k} from what it passes through")
+            height = height_that_frees(clear, distance, f"{field} from what it passes through")
             centre += height * up
             here = replace(here, vertices=here.vertices + height * up)
-        placed.append((f"rigid.{k}", here))
+        placed.append((field, here))
 
 
 def check_beside(rigid: RigidSet, soft: Part) -> None:
@@ -94,6 +96,34 @@ def check_beside(rigid: RigidSet, soft: Part) -> None:
     for k, (shape, centre, R) in enumerate(zip(rigid.parts, start.centres, start.rotations, strict=True)):
         if overlaps(replace(shape, vertices=centre + shape.vertices @ R.T), soft):
             raise SceneError(
-                f"rigid.{k} passes through the soft body, which the servos bring there at the start; move rigid.{k}, "
-                "or change servos.angles"
+                f"{rigid.fields[k]} passes through the soft body, which the servos bring there at the start; move "
+                f"{rigid.fields[k]}, or change servos.angles"
             )
+
+
+def put_back(rigid: RigidSet, state: RigidState, number: int, soft: Part | None) -> None:
+    """Put a body to where it begins, at rest, others staying where they are.
+
+    Args:
+        rigid: The bodies.
+        state: Where they are; changed.
+        number: Of the body.
+        soft: The surface of the soft bodies now; None for none.
+
+    Raises:
+        SceneError: something is there now; `state` is as it was.
+    """
+
+    def placed(k: int, of: RigidState) -> Part:
+        shape = rigid.parts[k]
+        return replace(shape, vertices=of.centres[k] + shape.vertices @ of.rotations[k].T)
+
+    here = placed(number, rigid.start)
+    others = {rigid.fields[k]: placed(k, state) for k in range(len(rigid.parts)) if k != number}
+    if soft:
+        others["the soft body"] = soft
+    for name, other in others.items():
+        if overlaps(here, other):
+            raise SceneError(f"{rigid.fields[number]} cannot go back to where it begins: {name} is there now")
+    for of, begin in zip(vars(state).values(), vars(rigid.start).values(), strict=True):
+        of[number] = begin[number]

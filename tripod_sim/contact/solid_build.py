@@ -18,12 +18,15 @@ from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
+from tripod_sim.scene_short import rigids_of
 from tripod_sim.system import System
 from tripod_sim.tables.motion import Contact
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.bodies.assembly import AssemblySkin
     from tripod_sim.maze.plate import Plate
+    from tripod_sim.maze.play import MazeBall
 
 MODES = 1e-3
 """Unbalanced force that incompatible modes may keep, as a share of the solver's tolerance."""
@@ -112,6 +115,7 @@ def solid_parts(
     scene: Scene,
     contact: Contact,
     plate: "Plate | None",
+    ball: "MazeBall | BodyBall | None" = None,
 ) -> Parts:
     """Return the parts of a simulation of soft bodies, and rigid ones if there are any, among obstacles.
 
@@ -122,7 +126,8 @@ def solid_parts(
         inertia: The system's inertia term.
         mass: Of the system's nodes [kg].
         scene, contact: What is described.
-        plate: The maze on the disc; it touches nothing.
+        plate: The maze on the disc; it touches nothing but its ball.
+        ball: How that moves; None without one.
 
     Raises:
         SceneError: a body passes through something at the start.
@@ -133,7 +138,7 @@ def solid_parts(
     stage = ImplicitStage(newton, inertia, mass, scene.damping.mass if scene.damping else 0.0)
     nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance)
     rigid = None
-    if scene.rigid:
+    if rigids_of(scene):
         from tripod_sim.contact.rigid_build import rigid_set  # noqa: PLC0415 - an effect that is absent
 
         rigid = rigid_set(scene)
@@ -154,9 +159,11 @@ def solid_parts(
 
     check = check_start_of if scene.servos else None
     if not rigid:
-        return Parts(mesh, mass, system, stepper, skin=skin, plate=plate, check_start=check)
+        return Parts(mesh, mass, system, stepper, skin=skin, plate=plate, ball=ball, check_start=check)
     from tripod_sim.contact.rigid_build import shown_with  # noqa: PLC0415 - an effect that is absent
     from tripod_sim.contact.rigid_start import check_beside  # noqa: PLC0415
 
     both, both_skin = shown_with(rigid, mesh, skin)
-    return Parts(both, mass, system, stepper, skin=both_skin, plate=plate, rigid=rigid, check_start=check)
+    return Parts(
+        both, mass, system, stepper, skin=both_skin, plate=plate, ball=ball, rigid=rigid, check_start=check
+    )
