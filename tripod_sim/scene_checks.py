@@ -281,7 +281,8 @@ def check_contact(scene: "Scene") -> None:
     if bodies and not scene.inertia:
         raise SceneError(
             f"{'rigid' if scene.rigid else 'ball beside contact'} needs inertia: nothing holds the bodies but what "
-            "they happen to lie on, so where they rest is not determined; add [inertia], or make what stands still one of the [[obstacles]]"
+            "they happen to lie on, so where they rest is not determined; add [inertia], or make "
+            "what stands still one of the [[obstacles]]"
         )
     soft = len(soft_bodies(scene))
     if contact.self_contact and not soft:
@@ -344,8 +345,8 @@ def check_mesh_error(scene: "Scene") -> None:
     bodies, discs = soft_bodies(scene), discs_of(scene)
     if not bodies[0].material or discs[0][2].name != bodies[0].name:
         raise SceneError(
-            f"mesh_error is that of the first body, whose strips the clamp beds; the effector is {discs[0][0]}: let that "
-            "body be the first"
+            f"mesh_error is that of the first body, whose strips the clamp beds; the effector is {discs[0][0]}: let "
+            "that body be the first"
         )
     if scene.platform:
         raise SceneError(
