@@ -152,8 +152,6 @@ WHY: tuple[tuple[str, str, str], ...] = (
         "at rest the springs' own forces say how long they are",
     ),
     ("time_error needs inertia", PHYSICS, "at rest no time passes that could be divided"),
-    ("mesh_error is estimated for", LATER, "what tells the error of other elements"),
-    ("mesh_error and", LATER, "a richer mesh that knows of other bodies"),
     (r"\w+ needs a soft body", PHYSICS, "rigid bodies have no nodes to be held, driven or damped"),
     ("contact.self_contact needs a soft body", PHYSICS, "a rigid body does not touch itself"),
     (
@@ -165,7 +163,6 @@ WHY: tuple[tuple[str, str, str], ...] = (
     ("nothing holds the body", PHYSICS, "a free body has no equilibrium"),
     ("initial_velocity needs inertia", PHYSICS, "at rest nothing has a velocity"),
     (r"\w+ needs a solid", LATER, "servos and disc hold nodes of a solid's mesh only"),
-    ("contact and ball exclude", LATER, "the ball as a rigid body"),
 )
 """Beginning of a refusal, as a regular expression; whose it is; why, or what is missing."""
 

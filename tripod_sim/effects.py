@@ -86,7 +86,7 @@ TABLE: dict[str, Effect] = {
         ),
         ("time error",),
     ),
-    "mesh_error": Effect(("mesh_error",), ("mesh error",)),
+    "mesh_error": Effect(("mesh_error", "forces.support"), ("mesh error",)),
     "sleep": Effect(("integrators.sleep",), ("sleep",)),
 }
 """Every name of `EFFECTS`, and nothing else."""

@@ -27,7 +27,7 @@ count, since what keeps it rigid is among their r.
 import math
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -37,10 +37,13 @@ from scipy.spatial import cKDTree
 from tripod_sim.bodies.build import assembled, sets_of
 from tripod_sim.build import Parts, body_mesh, build, reach_of
 from tripod_sim.constraints.groups import rotation_vector
+from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.loads import NodalLoads
+from tripod_sim.forces.support import Support
 from tripod_sim.integrators.newton import Newton, NewtonError
 from tripod_sim.integrators.quasi_static import QuasiStatic
+from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import soft_bodies
@@ -50,13 +53,19 @@ from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.sets import NodeSet
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.maze.plate import Plate
+    from tripod_sim.contact.world import World
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 NEAR = 5e-6
 """How far from its solution a coordinate of the richer mesh may be [m]: far below errors that matter."""
+
+STIFF = 100.0
+"""Stiffness of what holds a point against an obstacle, over Young's modulus times the body's size."""
+
+PRESSES, STICKS = 1e-3, 0.999
+"""As in `contact.rest`, which only scenes with contact import."""
 
 QUADRATIC = ("h20", "h20_full", "h27", "t10")
 """Elements whose error is told by half their edges."""
@@ -147,20 +156,24 @@ def _has(scene: Scene, tables: tuple[NodeSet, ...], name: str) -> bool:
 class MeshError:
     """Keeps the richer mesh beside a simulation."""
 
-    def __init__(self, scene: Scene, mesh: SolidMesh, plate: "Plate | None" = None) -> None:
+    def __init__(self, scene: Scene, mesh: SolidMesh, simulated: Parts) -> None:
         """Build the richer mesh.
 
         Args:
             scene: Of the simulation.
             mesh: Of its first body, whose nodes come first in its states.
-            plate: What is fastened to the disc; None for nothing.
+            simulated: Its parts.
 
         Raises:
             SceneError: it cannot be built.
         """
         parts, solver = build(richer(scene)), scene.solver
         assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)
-        system = self._system = parts.system
+        self._others: Others | None = None
+        if len(soft_bodies(scene)) > 1 or scene.contact or scene.ball or scene.maze:
+            self._others = Others(scene, mesh, parts, simulated)
+        system = self._others.supported(parts.system, scene) if self._others else parts.system
+        self._system = system
         self._newton = Newton(system, solver.tolerance, solver.max_iterations)
         self._newton.near = NEAR
         self._careful = QuasiStatic(self._newton, solver.max_halvings, solver.max_turn, reach_of(scene))
@@ -175,9 +188,6 @@ class MeshError:
             self._drag = scene.damping.mass if scene.damping else 0.0
             lag = scene.damping.stiffness if scene.damping else 0.0
             self._rate, self._lets = 1 / scene.dt, scene.dt / (scene.dt + lag)
-        self._others: Others | None = None
-        if len(soft_bodies(scene)) > 1 or scene.contact or scene.ball or scene.maze:
-            self._others = Others(scene, mesh, parts, plate)
         if self._moving or self._others:
             system.loads = NodalLoads(system.rest)
 
@@ -233,6 +243,7 @@ class MeshError:
             force *= -self._mass
             if self._others:
                 self._others.add(state, own, self._acceleration, system.loads.force)
+                self._others.hold(state, self._seen, own)
         try:
             self._settle(own, state)
         except StepError:
@@ -257,7 +268,7 @@ class MeshError:
         own.copy_to(trial)
         self._carry(own, state, trial)
         try:
-            self._newton.solve(trial, joints, keep=1.0)
+            self._newton.solve(trial, joints, keep=1.0 + (self._others.changes if self._others else 0))
             trial.copy_to(own)
         except NewtonError:
             self._careful.step(own, joints, 0.0)
@@ -274,29 +285,114 @@ class MeshError:
 
 
 class Others:
-    """What other things do to the first body, as forces on the nodes of the richer mesh."""
+    """What other things do to the first body: forces on the nodes of the richer mesh, and obstacles that hold it.
 
-    def __init__(self, scene: Scene, mesh: SolidMesh, richer: Parts, plate: "Plate | None") -> None:
-        """`mesh`, `plate`: as for `MeshError`; `richer`: what it made of the richer mesh."""
+    Attributes:
+        changes: How often other points have been held.
+    """
+
+    def __init__(self, scene: Scene, mesh: SolidMesh, richer: Parts, simulated: Parts) -> None:
+        """`mesh`, `simulated`: as for `MeshError`; `richer`: what it made of the richer mesh."""
         body = soft_bodies(scene)[0]
-        assert body.mesh and isinstance(richer.mesh, SolidMesh)
+        assert body.mesh and body.material and isinstance(richer.mesh, SolidMesh)
         parts = build(alone(scene, body.mesh))
         assert isinstance(parts.system, System) and isinstance(richer.system, System)
         system = self._system = parts.system
-        self._count, self._state = (
-            len(mesh.nodes),
-            system.start_state(np.zeros(len(system.groups.driven) + 1)),
-        )
-        if system.groups.prescribed:
-            self._state = system.start_state(np.zeros(len(system.groups.driven) + 2))
+        joints = len(system.groups.driven) + 1 + bool(system.groups.prescribed)
+        self._count, self._state = len(mesh.nodes), system.start_state(np.zeros(joints))
         self._nodes, self._weights = interpolation(richer.mesh, mesh.nodes)
         self._mass, self._held = parts.mass, system.groups.held()
         self._disc, self._fine_disc = system.groups.rigid[0], richer.system.groups.rigid[0]
         none = np.zeros(0, dtype=np.int64)
-        self._plate = plate.nodes if plate else none
+        self._plate = simulated.plate.nodes if simulated.plate else none
         self._own_plate = parts.plate.nodes if parts.plate else none
         self._fine_plate = richer.plate.nodes if richer.plate else none
         self._before, self._acceleration = np.zeros((2, len(self._plate), 3))
+        self._support: Support | None = None
+        self._world: World | None = None
+        self.changes = 0
+        if scene.obstacles:
+            stepper: Any = simulated.stepper
+            while hasattr(stepper, "awake"):
+                stepper = stepper.awake
+            self._world = stepper.world
+            self._surface = np.unique(mesh.surface)
+            volume = float(node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum())
+            stiffness = STIFF * body.material.young * volume ** (1 / 3)
+            self._support = Support(self._nodes[self._surface], self._weights[self._surface], stiffness)
+            self._stuck = np.zeros(len(self._surface), dtype=bool)
+            self._along = np.zeros((len(self._surface), 3, 3))
+            self._astray = np.zeros((len(self._surface), 3))
+
+    def supported(self, system: System, scene: Scene) -> System:
+        """Return the system of the richer mesh, with the supports of the body where it may have any."""
+        if not self._support:
+            return system
+        solver = scene.solver
+        return System(
+            system.rest, system.elastic.terms, system.groups, gravity=system.gravity, foundation=system.foundation,
+            support=self._support, linear=linear_factory(solver.linear, solver.linear_tolerance),
+        )  # fmt: skip
+
+    def hold(self, state: State, seen: State, fine: State) -> None:
+        """Hold the points of the richer mesh that lean on obstacles in `state`.
+
+        Along the normal they stay where the body's own mesh has them; along the surface, while friction holds them, as
+        far from there as they were when it began to.
+
+        Args:
+            state: Of the simulation.
+            seen: The same at the last estimate.
+            fine: Of the richer mesh then.
+        """
+        if not (self._support and self._world):
+            return
+        along, sticks = self._leaning(self._world)
+        begin = sticks & ~self._stuck
+        if begin.any():
+            miss = self._support.places(fine.positions)[begin] - seen.positions[self._surface[begin]]
+            self._astray[begin] = miss
+        self._stuck[:] = sticks
+        points = np.flatnonzero(along.any(axis=(1, 2)))
+        self.changes += not np.allclose(along, self._along, atol=0.05)
+        self._along[:] = along
+        place = state.positions[self._surface[points]]
+        for k, v in enumerate(points.tolist()):
+            if sticks[v]:
+                normal = self._normal[v]
+                place[k] += self._astray[v] - (self._astray[v] @ normal) * normal
+        self._support.hold(points, along[points], place)
+
+    def _leaning(self, world: "World") -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return along what obstacles hold each point of the surface, D, shape (p, 3, 3), and which of them stick."""
+        count = len(self._surface)
+        along, sticks, self._normal = (
+            np.zeros((count, 3, 3)),
+            np.zeros(count, dtype=bool),
+            np.zeros((count, 3)),
+        )
+        c, of, nodes = world.contacts.arrays, slice(0, world.contacts.count), world.nodes
+        pressure = c.pressure[of]
+        if not (pressure > 0).any():
+            return along, sticks
+        own = nodes.nodes  # type: ignore[union-attr]
+        point_of = np.full(len(world.positions), -1)
+        mine = own < self._count
+        point_of[: len(own)][mine] = np.searchsorted(self._surface, own[mine])
+        rigid = len(world.rigid.centre) if world.rigid else 0
+        for k in np.flatnonzero(pressure > PRESSES * pressure.max()).tolist():
+            counts = c.weight[k] != 0.0
+            vertex, weight, normal = c.vertex[k][counts], np.abs(c.weight[k][counts]), c.normal[k]
+            fixed, points = world.surfaces.body[vertex] >= world.soft + rigid, point_of[vertex]
+            if not fixed.any() or not (fixed | (points >= 0)).all():
+                continue
+            held = bool(np.linalg.norm(c.friction[k]) < STICKS * world.law.friction * pressure[k])
+            directions = np.eye(3) if held else np.outer(normal, normal)
+            for v, w in zip(points[~fixed].tolist(), weight[~fixed].tolist(), strict=True):
+                along[v] += w * directions
+                sticks[v] |= held
+                self._normal[v] = normal
+        return along, sticks
 
     def start(self, state: State) -> None:
         """Begin anew with `state`, at rest."""

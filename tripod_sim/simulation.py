@@ -170,7 +170,7 @@ class Simulation:
         if isinstance(mesh, Assembly):
             mesh = mesh.bodies[0].solid
         assert isinstance(mesh, SolidMesh)
-        found = MeshError(self.scene, mesh, self._parts.plate)
+        found = MeshError(self.scene, mesh, self._parts)
         self.report.mesh_error = found.start(self.state)
         return found
 

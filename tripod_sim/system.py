@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.rayleigh import StiffnessDamping
     from tripod_sim.forces.spring_force import SpringDampers
     from tripod_sim.forces.strain_bound import StrainBound
+    from tripod_sim.forces.support import Support
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -65,6 +66,7 @@ class System:
         bound: "StrainBound | None" = None,
         foundation: "Foundation | None" = None,
         loads: "NodalLoads | None" = None,
+        support: "Support | None" = None,
         joined: Sequence[IndexArray] = (),
         linear: LinearFactory = DEFAULT_LINEAR,
     ) -> None:
@@ -74,7 +76,7 @@ class System:
             rest: Undeformed positions [m], shape (n, 3).
             terms: Of the strain energy.
             groups: What holds nodes.
-            gravity, inertia, dampers, bound, foundation, loads: Further terms; None for none.
+            gravity, inertia, dampers, bound, foundation, loads, support: Further terms; None for none.
             damping: b of the force -b K v [s].
             joined: Nodes that have entries with each other in the Hessian besides those of elements, shapes (m, k).
             linear: Makes the solver.
@@ -82,7 +84,7 @@ class System:
         self.rest, self.groups = rest, groups
         self.assembly: Callable[[System], State] | None = None
         self.gravity, self.inertia, self.dampers, self.bound = gravity, inertia, dampers, bound
-        self._springs = [t for t in (dampers, bound) if t]
+        self._springs = [t for t in (dampers, bound, support) if t]
         self.foundation, self.loads = foundation, loads
         frames = groups.driven
         self._arms = np.concatenate([f.nodes for f in frames] or [np.zeros(0, dtype=np.int64)])
