@@ -413,7 +413,8 @@ class Others:
             force: Changed.
         """
         own, system, n = self._state, self._system, self._count
-        own.modes[:] = state.modes[: len(own.modes)]
+        if own.modes.size:
+            own.modes[:] = state.modes[: len(own.modes)]
         own.centres[0], own.rotations[0] = state.centres[0], state.rotations[0]
         system.drive(own, state.joints[: len(own.joints)])
         own.positions[:n] = state.positions[:n]
