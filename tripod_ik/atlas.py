@@ -10,20 +10,19 @@ a distance: so what is answered depends on nothing that was asked before. Of pos
 """
 
 import heapq
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from math import log
 
 import numpy as np
 
 from tripod_graph.names import WORKING_SLIDE
 from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
-from tripod_ik.model import Saved, StaticModel, goes_on, image_of, softest_between, working_angles
-from tripod_ik.snap import SOFTENING, SOFTEST, WITHIN
+from tripod_ik.model import Saved, StaticModel, image_of, working_angles
+from tripod_ik.roads import DIGITS, Poses, Roads, Ways
+from tripod_ik.snap import SOFTEST, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image, table
-from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
@@ -45,14 +44,14 @@ SAME = 1e-4
 NEAR = 1.5 * SPACING
 """How far a pose may be from one of the grid that it is looked for from [rad]."""
 
-SPEED, LEAST = TrackerSettings.effector_speed, WITHIN * SOFTEST
-"""Of the effector [m/s], and firmness of which nothing may be left, where it is foretold how long a way takes."""
+TRIES = 10
+"""Poses from which a state is looked for, at most: it is found from the first or second one, or hardly ever."""
+
+DOUBT = 0.02
+"""How much that a straight way misses [m] counts as a second more of it: it may be none."""
 
 ITERATIONS = 25
 """Of Newton's method, in a step of the model: what takes more is no small one."""
-
-DIGITS = 6
-"""Of what is compared to choose one of several: what is equal but for rounding is so, and the first is taken."""
 
 Cell = tuple[int, ...]
 """Angles from home, in steps of the grid."""
@@ -66,15 +65,17 @@ class Pose:
         state: The linearised state.
         saved: What brings the model there.
         level: How far the effector has to go from home on the way there [m], at least.
+        cell: Where it is in the grid.
         images: Numbers of its images, in the order of `StaticModel.symmetries`.
-        neighbours: Numbers of the poses that the body goes to from here by one step of the grid, and the times [s].
+        neighbours: Numbers of the poses that the body goes to from here by one step of one servo.
     """
 
     state: LinearState
     saved: Saved
     level: float
+    cell: Cell
     images: list[int] = field(default_factory=list)
-    neighbours: dict[int, float] = field(default_factory=dict)
+    neighbours: set[int] = field(default_factory=set)
 
 
 class Atlas:
@@ -108,6 +109,7 @@ class Atlas:
         home = model.go_home()
         self._home, self.poses = home.angles, list[Pose]()
         self._cells: dict[Cell, list[int]] = {}
+        self._roads: tuple[int, Roads] | None = None
         cell = (0,) * len(self._home)
         self._open = [(0.0, self._add(cell, home, 0.0), cell)]
 
@@ -149,7 +151,7 @@ class Atlas:
             same = [n for n in numbers if n in known and _is_same(self.poses[n].state, seen)]
             if not same:
                 same = [len(self.poses)]
-                self.poses.append(Pose(seen, image_of(saved, image), level))
+                self.poses.append(Pose(seen, image_of(saved, image), level, there))
                 known += same
             numbers += same[:1]
         for i, number in enumerate(numbers):
@@ -170,19 +172,14 @@ class Atlas:
                 found = self._step(here, there, angles, known)
                 if found is None:
                     continue
-                there_and_back = (here, self.poses[found]), (self.poses[found], here)
-                for one, other in there_and_back:
-                    time = round(duration(one.state, other.state), DIGITS)
-                    for a, b in zip(one.images, other.images, strict=True):
-                        self.poses[a].neighbours[b] = time
+                for a, b in zip(here.images, self.poses[found].images, strict=True):
+                    self.poses[a].neighbours.add(b)
+                    self.poses[b].neighbours.add(a)
                 if found >= before:
                     yield found, there
 
     def _step(self, here: Pose, cell: Cell, angles: FloatArray, known: Sequence[int]) -> int | None:
         """Return the number of the pose that the body goes to from `here`, a new one if need be; None for none."""
-        for number in known:
-            if goes_on(here.state, self.poses[number].state):
-                return number
         rho, slope = here.state.firmness, here.state.firmness_slope
         if rho * (rho + 2 * slope @ (angles - here.state.angles)) < BEYOND:
             return None
@@ -200,65 +197,51 @@ class Atlas:
             return None
         return self._add(cell, state, max(here.level, self.distance(state.equilibrium)))
 
-    def part(self, number: int, other: int) -> None:
-        """Take back that the body goes from one pose to another, and from their images to those of that."""
-        for a, b in zip(self.poses[number].images, self.poses[other].images, strict=True):
-            for one, next_to in ((a, b), (b, a)):
-                self.poses[one].neighbours.pop(next_to, None)
+    def near(
+        self, state: LinearState, among: Iterable[int], ways: Ways | None = None
+    ) -> list[tuple[float, int]]:
+        """Return the poses of `among` near `state`, and about how long it takes [s] to come there by each.
+
+        The quickest is first. `ways`: to these poses, if not from there. What a straight way misses, as the
+        Jacobians foretell it, counts, too.
+        """
+        near = [n for n in among if np.abs(self.poses[n].state.angles - state.angles).max() <= NEAR + 1e-9]
+        poses = Poses([*(self.poses[n].state for n in near), state])
+        here, there = np.arange(len(near)), np.full(len(near), len(near))
+        times = poses.durations(here, there) + poses.misses(here, there) / DOUBT
+        found = ((time + (ways.time(n) if ways else 0.0), n) for time, n in zip(times, near, strict=True))
+        return sorted((round(float(time), DIGITS), n) for time, n in found if time < np.inf)
+
+    def comes_to(self, state: LinearState, number: int) -> bool:
+        """Bring the model from a pose to `state`; return whether there is a way.
+
+        That is by poses that are hardly softer than it, or than `SOFTEST`.
+        """
+        self.model.restore(self.poses[number].saved)
+        softest = WITHIN * min(SOFTEST, max(state.firmness, 0.0))
+        try:
+            here = self.model.follow(
+                state.angles, softest=softest, shortest=SHORTEST / 4, longest=SPACING / 2
+            )
+        except (StepError, SceneError):
+            return False
+        return _is_same(here, state)
 
     def find(self, state: LinearState, among: Iterable[int]) -> int | None:
         """Bring the model to `state`; return the number of the pose that it came from, one of `among`.
 
-        None where the model has no such equilibrium, or none that it comes to from near here, by poses that are hardly
-        softer than it, or than `SOFTEST`.
+        None where the model has no such equilibrium, or none that it comes to from near here.
         """
-        softest = WITHIN * min(SOFTEST, max(state.firmness, 0.0))
-        far = {n: float(np.abs(self.poses[n].state.angles - state.angles).max()) for n in among}
-        near = [(round(distance, DIGITS), n) for n, distance in far.items() if distance <= NEAR]
-        for _, _, number in sorted((not goes_on(self.poses[n].state, state), away, n) for away, n in near):
-            self.model.restore(self.poses[number].saved)
-            try:
-                here = self.model.follow(
-                    state.angles, softest=softest, shortest=SHORTEST / 4, longest=SPACING / 2
-                )
-            except (StepError, SceneError):
-                continue
-            if _is_same(here, state):
-                return number
-        return None
+        near = self.near(state, among)[:TRIES]
+        return next((number for _, number in near if self.comes_to(state, number)), None)
 
-    def path(self, start: int, end: int, among: Collection[int]) -> list[int]:
-        """Return the poses on the quickest way from one to another, both included, by `duration`.
-
-        `among`: poses that it may lead by, all that hang together with `start`.
-        """
-        before: dict[int, int] = {}
-        todo = [(0.0, end, end)]
-        while start not in before:
-            time, number, after = heapq.heappop(todo)
-            if number in before:
-                continue
-            before[number] = after
-            for neighbour in self.poses[number].neighbours:
-                if neighbour not in before and neighbour in among:
-                    more = self.poses[neighbour].neighbours[number]
-                    heapq.heappush(todo, (time + more, neighbour, number))
-        way = [start]
-        while way[-1] != end:
-            way.append(before[way[-1]])
-        return way
-
-
-def duration(before: LinearState, after: LinearState) -> float:
-    """Return about how long the straight way from one state to another takes [s].
-
-    The effector is not moved faster than `SPEED`, and what is left of ρ² is used up with the time constant `SOFTENING`.
-    """
-    first, least = (
-        (max(rho, SOFTEST) / LEAST) ** 2 for rho in (before.firmness, softest_between(before, after))
-    )
-    move = float(np.linalg.norm(after.equilibrium - before.equilibrium)) / SPEED
-    return max(move, SOFTENING * log((first - 1.0) / (least - 1.0)))
+    @property
+    def roads(self) -> Roads:
+        """Ways between the poses known so far."""
+        if self._roads is None or self._roads[0] != len(self.poses):
+            cells, neighbours = [p.cell for p in self.poses], [p.neighbours for p in self.poses]
+            self._roads = len(self.poses), Roads([p.state for p in self.poses], cells, neighbours)
+        return self._roads[1]
 
 
 def _is_same(state: LinearState, other: LinearState) -> bool:

@@ -4,20 +4,15 @@ Pure: the caller gives the time.
 """
 
 from collections.abc import Sequence
+from math import expm1
 
 import numpy as np
 
 from tripod_ik.arrays import FloatArray
-from tripod_ik.snap import SOFTENING, SOFTEST, WITHIN
+from tripod_ik.snap import HURRY, SOFTEST, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 from tripod_ik.way import Ask
-
-STUCK = 0.02
-"""Time without coming closer, from a pose that no step betters on, after which the way is asked for [s]."""
-
-CLOSER = 0.1
-"""Part of what is missing that has to be removed to come closer."""
 
 STILL, MOVED = 2e-5, 1e-3
 """A target that moves by less than STILL [m, of a normal] is the same; one that moves by MOVED needs another way."""
@@ -41,6 +36,22 @@ PATIENCE = 2.0
 """Time [s] in which the command has to come on by `ARRIVED`; else the way is given up, since something blocks it."""
 
 
+def steps_of(move: float, fall: float) -> float:
+    """Return how many steps a way is long.
+
+    Towards a snap the body gets softer: after a part t of the way, of `move` steps as the Jacobian says,
+    √(1 - t fall) of the firmness is left, and the effector has moved by 2 t move / (1 + √(1 - t fall)).
+
+    Args:
+        move: Steps, by the Jacobian at its beginning.
+        fall: Part of ρ² that is lost on it.
+    """
+    left = 1.0 - fall / (2.0 * move) if move > 0 else 1.0
+    if fall <= 0 or left >= 1.0:
+        return move
+    return fall / (1.0 - max(left, 0.0) ** 2)
+
+
 class Guidance:
     """Asks for a way where the tracker stands still, leads it there and holds it there until the target moves.
 
@@ -61,8 +72,7 @@ class Guidance:
         self._target = np.zeros(0)
         self._answered = False
         self._worth = 0.0
-        self._since: float | None = None
-        self._least, self._beside = np.inf, np.zeros(0)
+        self._beside = np.zeros(0)
         self._moved: tuple[float, FloatArray] | None = None
         self.arrived = self._met = False
         self.limits: tuple[str, ...] = ()
@@ -109,13 +119,16 @@ class Guidance:
             self._stops = []
             return None
         at, left = previous, 1.0
-        soft = max(state.firmness**2 - (WITHIN * SOFTEST) ** 2, SLOWEST) / SOFTENING
+        rho = max(state.firmness, 1e-3)
+        soft = max(rho**2 - (WITHIN * SOFTEST) ** 2, SLOWEST) * -expm1(-dt / HURRY)
         while True:
             way = self._stops[0] - at
+            move = float(np.linalg.norm(state.jacobian[:3] @ way)) / max(speed * dt, 1e-12)
+            fall = -2 * rho * float(state.firmness_slope @ way)
             part = max(
                 float(np.abs(way).max()) / max(reach, 1e-12),
-                float(np.linalg.norm(state.jacobian[:3] @ way)) / max(speed * dt, 1e-12),
-                -2 * state.firmness * float(state.firmness_slope @ way) / max(soft * dt, 1e-12),
+                steps_of(move, fall / rho**2),
+                fall / max(soft, 1e-12),
             )
             if part > left:
                 return np.asarray(at + way * (left / part))
@@ -124,32 +137,21 @@ class Guidance:
                 return at
             self._stops.pop(0)
 
-    def notice(self, target: FloatArray, error: float) -> None:
-        """Take notice of how far the resting effector is from what it is to do, in each step [m].
-
-        A step that comes closer than all before it betters the pose; one that goes to and fro before a fold does not.
-        """
-        same = len(self._beside) and np.abs(target - self._beside).max() < STILL
-        if not same or error < (1.0 - CLOSER) * self._least:
-            self._since, self._least, self._beside = None, error, target
-
     def look(
-        self, state: LinearState, tasks: Sequence[Task], target: FloatArray, residual: float, now: float
+        self, state: LinearState, tasks: Sequence[Task], target: FloatArray, residual: float, *, asks: bool
     ) -> None:
-        """Ask for a way from a pose that no step betters.
+        """Ask for a way, where the target stands still; to be called with each step.
 
         Args:
             state: Where the robot is.
             tasks: What it is to do.
             target: Position [m] and normal that are followed, shape (6,).
             residual: What is missing [m].
-            now: [s].
+            asks: Whether steps do not better the pose, or not by much.
         """
-        if self._ask is None or self._answered:
-            return
-        if self._since is None:
-            self._since = now
-        if now - self._since < STUCK:
+        still = len(self._beside) and np.abs(target - self._beside).max() < STILL
+        self._beside = target
+        if self._ask is None or self._answered or not (asks and still):
             return
         if self._question is None:
             self._question, self._target = (state, tasks), target

@@ -44,10 +44,15 @@ def goes_on(before: LinearState, after: LinearState, softest: float = 0.0) -> bo
     """Return whether two states belong to one family of equilibria, as far as their Jacobians tell, none of which on
     the straight way between them is less firm than `softest`.
     """
-    move, turn = after.equilibrium - before.equilibrium, after.angles - before.angles
-    miss = move - 0.5 * (before.jacobian[:3] + after.jacobian[:3]) @ turn
-    smooth = after.firmness > 0 and np.linalg.norm(miss) <= MISSED + PART * np.linalg.norm(move)
+    move = np.linalg.norm(after.equilibrium - before.equilibrium)
+    smooth = after.firmness > 0 and foretold_miss(before, after) <= MISSED + PART * move
     return bool(smooth and softest_between(before, after) >= softest)
+
+
+def foretold_miss(before: LinearState, after: LinearState) -> float:
+    """Return how far the effector's move from one state to another is from what the Jacobians at both ends say [m]."""
+    move, turn = after.equilibrium - before.equilibrium, after.angles - before.angles
+    return float(np.linalg.norm(move - 0.5 * (before.jacobian[:3] + after.jacobian[:3]) @ turn))
 
 
 def softest_between(before: LinearState, after: LinearState) -> float:
@@ -154,6 +159,7 @@ class StaticModel:
         softest: float = 0.0,
         shortest: float = SHORTEST,
         longest: float = np.inf,
+        passed: list[LinearState] | None = None,
     ) -> LinearState:
         """Bring the servos to `angles` as `move` does, but only along the present equilibria, in parts where need be.
 
@@ -164,6 +170,7 @@ class StaticModel:
             shortest: Part of the way [rad] below which an end of the equilibria is no longer looked for.
             longest: Part of the way [rad] to go at once, at most: from one side of a snap to the other all may look
                 smooth.
+            passed: States on the way are put here, the last one with them.
 
         Raises:
             SceneError: the angles are out of the scene's limits.
@@ -183,6 +190,8 @@ class StaticModel:
                 after = self.move(angles if end == 1.0 else start + end * whole)
                 if goes_on(before, after, softest):
                     done, part = end, min(most, 2 * part)
+                    if passed is not None:
+                        passed.append(after)
                     continue
                 soft = after.firmness < softest and goes_on(before, after)  # and so it is in shorter parts
             except StepError:

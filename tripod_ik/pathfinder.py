@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tripod_ik.arrays import FloatArray
-from tripod_ik.atlas import DIGITS, SAME, SHORTEST, SPACING, SPEED, Atlas
+from tripod_ik.atlas import SAME, SHORTEST, SPACING, Atlas
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
 from tripod_ik.limits import AngleLimit, Motion, StepLimit
 from tripod_ik.merit import limits_passed
 from tripod_ik.model import Saved
 from tripod_ik.problem import build_ik
+from tripod_ik.roads import DIGITS, quickest, time_of
 from tripod_ik.row_limits import RowLimit, TorqueLimit
 from tripod_ik.snap import SOFTEST, WITHIN, longest_step
 from tripod_ik.solver import IkSolver
@@ -52,9 +53,10 @@ CALM = 0.22
 round it.
 """
 
-DRAWN, WORTH = 2, 0.04
-"""Times that a stop of a way is drawn in, at most, by half of what it is off the line, and time on the way that each is
-to save [s]: about what it takes to try."""
+CUT, WORTH = 2, 0.04
+"""Stops that are left out after the beginning of a way and before its end, at most, and time that this is to save
+[s]: about what it takes to try it.
+"""
 
 Promise = tuple[float, float]
 """What a step may miss [m], and the square of how much longer it is than what is trusted near a snap: of steps that may
@@ -136,6 +138,7 @@ class Pathfinder:
     def prepare(self) -> None:
         """Find the poses that every answer looks at: what takes long of the first one."""
         self._atlas.within(FARTHEST)
+        _ = self._atlas.roads
 
     def around(self, state: LinearState) -> list[int]:
         """Bring the model to `state`; return the poses that hang together with that, by poses within the limits.
@@ -283,86 +286,52 @@ class Pathfinder:
             return NOWHERE
         here = self.model.save()
         best = self.closest(tasks, state.angles, around)
-        end, last = best.trail[-1], self._atlas.find(best.solution.state, around)
-        number, rest = (best.number, best.trail[1:]) if last is None else (last, (end,))
-        while True:
-            path = self._atlas.path(around[0], number, set(around))
-            poses = [self._atlas.poses[n] for n in path]
-            stops = [(here, state), *((p.saved, p.state) for p in poses), *rest]
-            kept = self._straightened(stops)
-            snapping = [
-                k
-                for k in range(1, len(poses))
-                if {k, k + 1} <= set(kept) and self._snaps(stops[k], stops[k + 1])
-            ]
-            if not snapping:
+        ways, rest = self._atlas.roads.ways(around[0], around), best.trail[1:]
+        number, longest = best.number, ways.time(best.number) + time_of([found for _, found in best.trail])
+        for time, other in self._atlas.near(best.solution.state, around, ways):
+            if time >= longest or other == best.number:
                 break
-            for k in snapping:
-                self._atlas.part(path[k - 1], path[k])
-            if number not in self._hanging_together(around[0], set(around)):
-                return self._way(state, tasks)
-        way = [stops[k] for k in kept]
-        for i in range(1, len(way) - 1):
-            way[i] = self._drawn_in(*way[i - 1 : i + 2])
+            if self._atlas.comes_to(best.solution.state, other):
+                number, rest = other, best.trail[-1:]
+                break
+        poses = [self._atlas.poses[n] for n in ways.to(number)]
+        kept = self._shortened([(here, state), *((p.saved, p.state) for p in poses), *rest], len(rest))
         return Way(
-            np.array([stop.angles for _, stop in way[1:]]).reshape(-1, len(state.angles)),
+            np.array([stop.angles for _, stop in kept[1:]]),
             best.solution.residual,
             best.solution.active_limits,
         )
 
-    def _straightened(self, stops: Sequence[Stop]) -> list[int]:
-        """Return numbers of stops between which the body goes straight, or by one step of the grid."""
-        kept, at, ahead = [0], 0, len(stops)
-        while at < len(stops) - 1:
-            after = min(at + ahead, len(stops) - 1)
-            while after > at + 1 and not self._is_straight(stops[at], stops[after]):
-                after = at + (after - at + 1) // 2
-            at, ahead = after, 2 * (after - at)
-            kept.append(at)
-        return kept
+    def _shortened(self, stops: Sequence[Stop], searched: int) -> list[Stop]:
+        """Return stops without some of the first and last ones: where the way begins and ends is not on the grid.
 
-    def _drawn_in(self, before: Stop, stop: Stop, after: Stop) -> Stop:
-        """Return a stop nearer to the straight line between its neighbours, where the ways stay as firm: the grid is
-        coarse.
+        Of the last stops `searched` are those of a search.
         """
-        whole, ends = after[1].angles - before[1].angles, (before[1].equilibrium, after[1].equilibrium)
-        for _ in range(DRAWN):
-            here = stop[1].angles
-            along = float((here - before[1].angles) @ whole) / max(float(whole @ whole), 1e-12)
-            off = before[1].angles + min(max(along, 0.0), 1.0) * whole - here
-            place = stop[1].equilibrium
-            saved = _length(ends, place) - _length(ends, place + 0.5 * stop[1].jacobian[:3] @ off)
-            if saved < WORTH * SPEED:
-                break
-            self.model.restore(stop[0])
-            try:
-                state = self.model.follow(here + 0.5 * off, shortest=SHORTEST / 4)
-            except (StepError, SceneError):
-                break
-            nearer = self.model.save(), state
-            if not (self._is_straight(before, nearer) and self._is_straight(nearer, after)):
-                break
-            stop = nearer
-        return stop
+        last = len(stops) - 1
 
-    def _is_straight(self, start: Stop, end: Stop) -> bool:
-        """Return whether the body goes straight from one pose to another, and hardly softer than these."""
+        def saves(k: int, after: int) -> bool:
+            between = time_of([state for _, state in stops[k : after + 1]])
+            saved = between - quickest(stops[k][1], stops[after][1])
+            return saved > WORTH and self._time(stops[k], stops[after]) < between
+
+        first = next((k for k in range(min(1 + CUT, last), 1, -1) if saves(0, k)), 1)
+        grid = range(max(last - searched - CUT, first), min(last - searched + 1, last - 1))
+        final = next((k for k in grid if saves(k, last)), last - 1)
+        return [stops[k] for k in sorted({0, *range(first, final + 1), last})]
+
+    def _time(self, start: Stop, end: Stop) -> float:
+        """Return about how long the straight way from one pose to another takes [s]; infinite where there is none."""
         self.model.restore(start[0])
+        passed = [start[1]]
         softest = WITHIN * max(SOFTEST, min(CALM, start[1].firmness, end[1].firmness))
         try:
-            found = self.model.follow(end[1].angles, softest=softest, shortest=SHORTEST / 4, longest=LONGEST)
+            self.model.follow(
+                end[1].angles, softest=softest, shortest=SHORTEST / 4, longest=LONGEST, passed=passed
+            )
         except (StepError, SceneError):
-            return False
-        return bool(np.abs(found.equilibrium - end[1].equilibrium).max() < SAME)
-
-    def _snaps(self, start: Stop, end: Stop) -> bool:
-        """Return whether the body snaps on the way between two neighbours of the grid: the flood's steps are long."""
-        self.model.restore(start[0])
-        try:
-            found = self.model.follow(end[1].angles, longest=LONGEST)
-        except (StepError, SceneError):
-            return True
-        return bool(np.abs(found.equilibrium - end[1].equilibrium).max() >= SAME)
+            return np.inf
+        there = np.abs(passed[-1].equilibrium - end[1].equilibrium).max() < SAME
+        return time_of(passed) if there else np.inf
 
 
 def foretold(tasks: Sequence[Task], states: Sequence[LinearState]) -> FloatArray:
@@ -376,11 +345,6 @@ def foretold(tasks: Sequence[Task], states: Sequence[LinearState]) -> FloatArray
         total_distance(tasks, [r.error - r.jacobian @ step for r in found])
         for found, step in zip(rows, steps, strict=True)
     ])  # fmt: skip
-
-
-def _length(ends: tuple[FloatArray, FloatArray], between: FloatArray) -> float:
-    """Return the way from one place to another by one between them [m]."""
-    return sum(float(np.linalg.norm(end - between)) for end in ends)
 
 
 def _order(state: LinearState, image: Image, tasks: Sequence[Task]) -> tuple[float, ...]:

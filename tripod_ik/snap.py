@@ -25,8 +25,10 @@ SOFTEST = 0.07
 WITHIN = 0.9
 """Part of that which a way to a pose as soft may use."""
 
-SOFTENING = 0.1
-"""Time in which commands use up what is left of ρ² - SOFTEST², but for 1/e [s]."""
+SOFTENING, HURRY = 0.1, 0.04
+"""Times in which commands use up what is left of ρ² - SOFTEST², but for 1/e [s]: where it is not known how far the
+body may go, and on ways that are known to end before a snap.
+"""
 
 BEND = 0.03
 """Square of the length of a step, for a distance of 1 rad from the snap [rad]: what the limit's curvature allows."""

@@ -18,7 +18,7 @@ from tripod_ik.guidance import Guidance
 from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
-from tripod_ik.snap import SOFTENING, SOFTEST, SnapLimit, longest_step
+from tripod_ik.snap import SNAP, SOFTENING, SOFTEST, SnapLimit, longest_step
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.target_motion import TargetMotion
@@ -257,9 +257,10 @@ class Tracker:
         self._previous, self._time = result.command, max(self._time, now)
         error, tilt = self._present_error(state, wanted)
         activity = self._activity(result, beyond=beyond)
-        self._guidance.notice(aimed, result.error)
-        if activity is Activity.CLOSEST:
-            self._guidance.look(state, wanted_tasks, aimed, result.residual, now)
+        before_snap = SNAP in result.active_limits and result.residual > self.settings.tolerance
+        self._guidance.look(
+            state, wanted_tasks, aimed, result.residual, asks=activity is Activity.CLOSEST or before_snap
+        )
         if led is not None and not self._guidance.arrived and result.ok:
             activity = Activity.TRACKING
         return TrackerStep(activity, wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result)

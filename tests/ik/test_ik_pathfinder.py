@@ -126,6 +126,16 @@ def test_a_goal_on_another_sheet_is_met(between):
     assert found.solution.residual < 1e-6
 
 
+def test_goals_on_another_sheet_are_met_soon(between):
+    """2 mm higher on a circle of 10 mm; thinking, which takes 0.1 to 0.4 s more, is not counted."""
+    model = StaticModel(load_scene("tripod"), 0.012, between.model.home)
+    goals = [at(degrees) + np.array([0.0, 0.0, 0.002]) for degrees in (0, 30, 60, 90)]
+    home, ends = follow(model, between, goals, seconds=0.64)
+    for k in (0, 1, 3):
+        assert ends[k][0].equilibrium == pytest.approx(home + goals[k], abs=1e-4), k
+    assert ends[2][1].activity is Activity.CLOSEST
+
+
 def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
     """More of them are in benchmarks/ik_circles.py."""
     home, limits = flat.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
