@@ -289,7 +289,7 @@ class Pathfinder:
         ways, rest = self._atlas.roads.ways(around[0], around), best.trail[1:]
         number, longest = best.number, ways.time(best.number) + time_of([found for _, found in best.trail])
         for time, other in self._atlas.near(best.solution.state, around, ways):
-            if time >= longest or other == best.number:
+            if time > longest - WORTH or other == best.number:
                 break
             if self._atlas.comes_to(best.solution.state, other):
                 number, rest = other, best.trail[-1:]
