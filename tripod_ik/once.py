@@ -138,10 +138,11 @@ def _mesh_error(scene: Scene, model: StaticModel, angles: FloatArray) -> dict[st
     simulation = model.simulation
     if not (scene.mesh_error and isinstance(simulation.mesh, SolidMesh)):
         return {}
-    from tripod_sim.mesh_error import MeshError  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.build import build  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.mesh_error import MeshError  # noqa: PLC0415
 
     model.move(angles)
-    found = MeshError(simulation.scene, simulation.mesh).start(simulation.state)
+    found = MeshError(simulation.scene, simulation.mesh, build(simulation.scene)).start(simulation.state)
     return {"mesh_error": {"effector": list(found.effector), "distance": found.distance}}
 
 
