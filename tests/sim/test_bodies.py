@@ -220,10 +220,14 @@ def test_the_tripod_takes_a_cloth_along() -> None:
 
 def test_a_ball_lies_on_a_cloth_on_a_block() -> None:
     simulation = Simulation(load_scene("pile", ["body.1.springs.nodes=5"]))
+    forces = []
     for _ in range(60):
         simulation.step()
+        forces.append(pressed(simulation))
     assert_nothing_passes(simulation)
-    block, cloth = pressed(simulation)
+    block, cloth = np.mean(
+        forces[-40:], axis=0
+    )  # the ball rolls, so that each by itself swings by some per cent
     ball = 0.02 * 9.81
     assert cloth[2] == pytest.approx(25 * 2e-5 * 9.81, abs=0.02 * ball)  # what it bears it hands on
     assert block[2] == pytest.approx(1070 * 0.04 * 0.04 * 0.03 * 9.81, rel=0.02)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from tripod_sim.contact.distance_kernels import across, triangle_normal
+from tripod_sim.contact.distance_kernels import SLIVER, across, triangle_normal
 
 Array = Any
 
@@ -43,7 +43,11 @@ def may_touch(body: Array, itself: Array, a: int, b: int) -> bool:
 
 @njit(cache=True, error_model="numpy", inline="always")
 def in_edge_region(top: Topology, x: Array, e: int, w: Array, room: float) -> bool:
-    """Return whether direction `w`, from edge e outward, points into none of the triangles at e, but for a cosine."""
+    """Return whether direction `w`, from edge e outward, points into none of the triangles at e, but for a cosine.
+
+    A triangle without an area, as for `point_triangle`, has no inside: where its third corner is beside the edge is
+    rounding.
+    """
     a, b = top.edges[e, 0], top.edges[e, 1]
     u0, u1, u2 = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
     square = u0 * u0 + u1 * u1 + u2 * u2
@@ -56,10 +60,10 @@ def in_edge_region(top: Topology, x: Array, e: int, w: Array, room: float) -> bo
             continue
         o = top.triangles[t, 0] + top.triangles[t, 1] + top.triangles[t, 2] - a - b
         m0, m1, m2 = x[o, 0] - x[a, 0], x[o, 1] - x[a, 1], x[o, 2] - x[a, 2]
-        share = (m0 * u0 + m1 * u1 + m2 * u2) / square
+        share, far = (m0 * u0 + m1 * u1 + m2 * u2) / square, m0 * m0 + m1 * m1 + m2 * m2
         m0, m1, m2 = m0 - share * u0, m1 - share * u1, m2 - share * u2
-        inward = w[0] * m0 + w[1] * m1 + w[2] * m2
-        if inward > 0.0 and inward * inward > room * room * size * (m0 * m0 + m1 * m1 + m2 * m2):
+        inward, high = w[0] * m0 + w[1] * m1 + w[2] * m2, m0 * m0 + m1 * m1 + m2 * m2
+        if inward > 0.0 and inward * inward > room * room * size * high and high > SLIVER * far:
             return False
     return True
 
