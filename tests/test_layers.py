@@ -15,7 +15,7 @@ MAY_IMPORT = {
     "tripod_host": set(),
     "tripod_graph": {"tripod_host"},
     "tripod_sim": {"tripod_host", "tripod_graph"},
-    "tripod_ik": {"tripod_host", "tripod_graph", "tripod_sim"},
+    "tripod_ik": {"tripod_host", "tripod_graph", "tripod_sim", "tripod_identify"},
     "tripod_driver": {"tripod_host", "tripod_graph"},
     "tripod_teleop": {"tripod_host", "tripod_graph"},
     "tripod_view": {"tripod_host", "tripod_graph"},

@@ -64,6 +64,7 @@ class ModelError:
         self._model = History[tuple[FloatArray, FloatArray]]()
         self.shift, self.tilt = np.zeros(3), np.zeros(3)
         self._last: float | None = None
+        self._measured: set[str] = set()
 
     def predict(self, position: FloatArray, normal: FloatArray, now: float) -> None:
         """Remember the model's pose at rest for the angles at `now` [s]: position [m] and normal, shape (3,) each."""
@@ -85,11 +86,19 @@ class ModelError:
         if model is None:
             return
         gain = -math.expm1(-dt / self.time)
+        self._measured |= {name for name, value in (("shift", p), ("tilt", u)) if value is not None}
         if p is not None:
             self.shift = self._bounded("shift", self.shift + gain * (p - model[0] - self.shift))
         if u is not None:
             found = tilt_between(model[1], u / np.linalg.norm(u))
             self.tilt = self._bounded("tilt", self.tilt + gain * (found - self.tilt))
+
+    def give_up(self, shift: FloatArray, tilt: FloatArray) -> None:
+        """Take off what the model has of its error by now: [m] and [rad], shape (3,) each; only of what is measured."""
+        if "shift" in self._measured:
+            self.shift = self._bounded("shift", self.shift - shift)
+        if "tilt" in self._measured:
+            self.tilt = self._bounded("tilt", self.tilt - tilt)
 
     def corrected(self, position: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the target that brings the robot to `position` [m] and `normal`, shape (3,) each."""

@@ -43,7 +43,14 @@ from tripod_ik.joining import Joining
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
 from tripod_ik.rotation import quaternion_matrix, unit_quaternion
-from tripod_ik.settings import PARAMETERS, command_limits, load_observer, model_error, tracker_settings
+from tripod_ik.settings import (
+    PARAMETERS,
+    command_limits,
+    expected,
+    load_observer,
+    model_error,
+    tracker_settings,
+)
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
 from tripod_ik.tracker import Activity, Tracker, TrackerStep
@@ -68,7 +75,7 @@ class IkNode(Node):
         self._servos = len(names.SERVOS)  # until the driver or a compliance tells of others
         self._tracker = Tracker(tracker_settings(values), model_error(values), self._guide)
         self._tracker.resize(self._servos)
-        self._observer = load_observer(values)
+        self._observer, self._expected = load_observer(values), expected(values)
         self._range = RangeWatch(command_limits(self._tracker.settings, self._servos))
         self._scene, self._slide = values["scene"], values["slide"]
         self._guide.slide = self._slide
@@ -148,6 +155,8 @@ class IkNode(Node):
         """Say that nothing more will be commanded, and leave the graph."""
         self._own.close()
         self._guide.close()
+        if self._expected:
+            self._expected.close()
         self._rest(Activity.IDLE, "stopped")
         self._statuses.wait_for_all_acked(LAST_WORD)  # a publisher that is gone sends nothing again
         self.destroy_node()
@@ -309,8 +318,11 @@ class IkNode(Node):
             self._tracker.start()
         self._received = now
         self._fit(len(state.angles))
+        if self._expected:
+            self._expected.look(state, self._guide.slide, now)
         if self._observer:
             self._observer.predict(state, self._motion.at(now))
+            state = self._observer.loaded(state, self._tracker.correction)
         begin = time.perf_counter()
         step = self._tracker.update(state, self._motion.at(now))
         duration = time.perf_counter() - begin
@@ -436,6 +448,8 @@ class IkNode(Node):
             load = self._observer.load
             told = {"load [N]": load.force, "load, half of 90 % [N]": load.half}
             values |= {name: v if math.isfinite(v) else "not told" for name, v in told.items()}
+        if self._expected:
+            values |= self._expected.values()
         return levels.get(self._activity, Level.OK), self._message or self._activity.name.lower(), values
 
 

@@ -1,6 +1,7 @@
 """Parameters of the node, and what they make."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tripod_graph import names
@@ -11,6 +12,7 @@ from tripod_ik.feedback import ModelError
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 
 if TYPE_CHECKING:
+    from tripod_ik.expected import ExpectedError
     from tripod_ik.load import LoadObserver
 
 _COMMAND, _TRACKER = CommandLimits(), TrackerSettings()
@@ -118,8 +120,14 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "observe_load",
         False,
-        "whether the weight on the effector, beyond what was there when the mode became IK, is estimated and told in "
-        "/diagnostics; needs feedback",
+        "whether the weight on the effector, beyond what was there when the mode became IK, is estimated, told in "
+        "/diagnostics and taken into account; needs feedback",
+    ),
+    Parameter(
+        "posterior",
+        "",
+        "file that `tripod identify --json` printed, of `scene`: the expected error of the pose at rest is then told "
+        "in /diagnostics, with 90 % bars; empty for none",
     ),
     Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
     Parameter(
@@ -205,6 +213,16 @@ def load_observer(values: Mapping[str, Any]) -> "LoadObserver | None":
     from tripod_ik.load import LoadObserver  # noqa: PLC0415 - an effect that is absent
 
     return LoadObserver(values["feedback_delay"])
+
+
+def expected(values: Mapping[str, Any]) -> "ExpectedError | None":
+    """Return what tells the expected error of poses, None where nobody asks; raise IkError for a file without it."""
+    if not values["posterior"]:
+        return None
+    from tripod_ik.expected import expected_error  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+
+    return expected_error(Path(values["posterior"]), lambda: load_scene(values["scene"]))
 
 
 def _box(low: Sequence[float], high: Sequence[float]) -> Any:

@@ -71,6 +71,7 @@ class Display:
         self.pictures_per_second = 0.0
         self.recorder = Recorder()
         self._sim, self._ik, self._robot, self._figures = Heard(), Heard(), Heard(), Heard()
+        self._ik_values = Heard()
         self._torques: FloatArray | None = None
         self._newest: Callable[[], tuple[int, FloatArray]] | None = None
         self._nodes: FloatArray | None = None
@@ -172,6 +173,10 @@ class Display:
     def keep_ik(self, status: words.IkFields) -> None:
         """Keep a status of the inverse kinematics."""
         self._ik = Heard(status, time.monotonic())
+
+    def keep_ik_values(self, values: Mapping[str, str]) -> None:
+        """Keep the values in the diagnostics of the inverse kinematics."""
+        self._ik_values = Heard(values, time.monotonic())
 
     def keep_robot(self, status: words.RobotFields) -> None:
         """Keep a status of the driver."""
@@ -287,7 +292,10 @@ class Display:
         skipped, refused = (body.skipped, body.reason), (rejects.total, rejects.last)
         lines = [words.silence("Simulator", sim.age(now)) or words.sim_line(sim.status)]
         if self._scene.has_target:
-            lines.append(words.ik_silence(ik.age(now), control.mode) or words.ik_line(ik.status))
+            silent = words.ik_silence(ik.age(now), control.mode)
+            lines.append(silent or words.ik_line(ik.status))
+            if not silent and self._ik_values.fresh(now):
+                lines += words.ik_value_lines(self._ik_values.status)
         lines.append(words.robot_silence(robot.age(now)) or words.robot_line(robot.status))
         return [*lines, words.page_line(browsers, self.pictures_per_second, skipped, refused)]
 

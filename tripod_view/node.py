@@ -108,7 +108,7 @@ class ViewNode(Node):
         self._guard = self.create_guard_condition(self._on_events)
         self._inbox = Inbox(self._guard.trigger)
         self._wishes = self.create_publisher(String, names.SIM_REQUEST, RELIABLE)
-        self._recorder = f"{self.get_namespace().rstrip('/')}/record"
+        self._recorder, self._ik = (f"{self.get_namespace().rstrip('/')}/{name}" for name in ("record", "ik"))
         self._recorders = {
             Button.RECORD: self.create_client(Trigger, names.RECORD_START),
             Button.STOP_RECORDING: self.create_client(Trigger, names.RECORD_STOP),
@@ -211,11 +211,13 @@ class ViewNode(Node):
         self._display.keep_figures(figures if isinstance(figures, dict) else {})
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Keep what the recorder of this robot says of itself."""
+        """Keep what the recorder and the inverse kinematics of this robot say of themselves."""
         for status in message.status:
             if status.name == self._recorder:
                 path = next((pair.value for pair in status.values if pair.key == "path"), "")
                 self._display.recorder.hear(status.message, path)
+            elif status.name == self._ik:
+                self._display.keep_ik_values({pair.key: pair.value for pair in status.values})
 
     def _on_goal(self, message: String) -> None:
         self._display.let_turn(message.data in TURNED)

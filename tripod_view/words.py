@@ -18,6 +18,9 @@ SILENT = 1.5
 SIMULATED = ("", "mock")
 """Ports behind which there is no robot."""
 
+GRAVITY = 9.81
+"""By which a load is a mass [m/s²]."""
+
 SLOW = 0.95
 """Real-time factor below which the simulation counts as slow."""
 
@@ -130,6 +133,51 @@ def ik_line(status: IkFields) -> Line:
         4: (Light.BAD, f"solver failed: {status.message or status.solver_status}"),
     }
     return Line(*_stated("Inverse kinematics", status.state, texts))
+
+
+def ik_value_lines(values: Mapping[str, str]) -> list[Line]:
+    """Return the lines about the load and the expected error, where the inverse kinematics is asked for them.
+
+    `values`: of its diagnostics.
+    """
+    lines = []
+    if (load := values.get("load [N]")) is not None:
+        lines.append(_load_line(_numbers(load), _numbers(values.get("load, half of 90 % [N]", ""))))
+    if (shift := values.get("expected error [m]")) is not None:
+        lines.append(_expected_line(shift, values.get("expected error, half of 90 % [m]", "")))
+    return lines
+
+
+def _load_line(force: list[float], half: list[float]) -> Line:
+    """Return the line about a load on the effector [N], with half its 90 % interval."""
+    if len(force) != 1 or len(half) != 1:
+        return Line(Light.OFF, "Load", "not told")
+    if force[0] < -half[0]:
+        return Line(
+            Light.WATCH, "Load", f"pushed up by {-force[0]:.3f} ± {half[0]:.3f} N: something is touched?"
+        )
+    grams, bar = (1e3 * v / GRAVITY for v in (force[0], half[0]))
+    return Line(Light.GOOD, "Load", f"{grams:.1f} ± {bar:.1f} g")
+
+
+def _expected_line(shift: str, half: str) -> Line:
+    """Return the line about the expected error of the pose at rest: three numbers [m] each, or why there are none."""
+    places, bars = _numbers(shift), _numbers(half)
+    if len(places) != 3 or len(bars) != 3:
+        return Line(Light.OFF, "Expected error", shift)
+    told = ", ".join(
+        f"{a} {1e3 * v:+.2f} ± {1e3 * b:.2f}" for a, v, b in zip("xyz", places, bars, strict=True)
+    )
+    return Line(Light.GOOD, "Expected error", f"{told} mm (90 %)")
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the finite numbers of a text; none where it is something else."""
+    try:
+        found = [float(word) for word in text.split()]
+    except ValueError:
+        return []
+    return found if np.isfinite(found).all() else []
 
 
 def ik_silence(age: float | None, mode: Mode) -> Line | None:

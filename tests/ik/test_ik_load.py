@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.ik.plant import SpringRobot
 from tripod_ik.errors import IkError
+from tripod_ik.feedback import ModelError
 from tripod_ik.load import Load, LoadObserver
 from tripod_ik.model import StaticModel
 from tripod_ik.settings import PARAMETERS, load_observer
@@ -18,19 +20,19 @@ from tripod_sim.tables.sets import NodeSet
 
 DT, DELAY, NOISE = 0.01, 0.03, (5e-5, 1e-3)  # [s], [m, rad] of each measurement
 WEIGHT, PLACED = 0.02, 1.0  # [kg], [s]
+SCENE = ["mesh.level=1", "mesh.element=h8_modes", "clamp=off"]
+ON_IT = SceneLoad("disc", mass=WEIGHT, share="even")
 OFF = np.radians([1.0, -1.0, 0.5])  # of the servos: the tare takes it
 
 
 class Running:
     """A Tripod that moves in time, its servos a little to and fro; from `PLACED` on it has a weight on its disc."""
 
-    def __init__(self, angles: np.ndarray, off: np.ndarray) -> None:
-        scene = load_scene("tripod", ["mesh.level=1"])
+    def __init__(self, angles: np.ndarray, off: np.ndarray, load: SceneLoad = ON_IT) -> None:
+        scene = load_scene("tripod", SCENE)
         disc = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
-        loaded = replace(scene, set=(disc,), load=(SceneLoad("disc", mass=WEIGHT, share="even"),))
-        model = StaticModel(
-            load_scene("tripod", ["mesh.level=1"]), 0.035, angles
-        )  # 4 % stiffer than the robot
+        loaded = replace(scene, set=(disc,), load=(load,))
+        model = StaticModel(scene, 0.035, angles)  # 4 % stiffer than the robot
         self.rows = []
         rng, robot = np.random.default_rng(7), Simulation(scene)
         robot_at = np.append(angles + off, 0.035)
@@ -92,6 +94,66 @@ def test_a_weight_is_told_within_half_a_second(
 def test_a_level_disc_tells_an_imu_nothing_of_a_weight_in_its_middle(working: Running) -> None:
     last = working.loads(imu=True)[1.59]
     assert np.isnan(last.force) or last.half > WEIGHT * 9.81
+
+
+def test_a_push_from_below_is_a_negative_load() -> None:
+    push = SceneLoad("disc", force=(0.0, 0.0, 0.1), share="even")
+    last = Running(np.full(3, -1.4965), OFF, push).loads()[1.59]
+    assert last.force == pytest.approx(-0.1, rel=0.05)
+    assert last.sure == pytest.approx(last.force, rel=0.02)
+
+
+def test_what_may_be_nothing_counts_as_nothing() -> None:
+    assert Load(0.01, 0.02).sure == Load(-0.01, 0.02).sure == Load(0.02, 0.02).sure == 0.0
+    assert Load(-0.2, 0.02).sure == pytest.approx(-0.198)
+
+
+def test_the_loaded_model_rests_where_a_heavier_robot_does_and_its_servos_bear_as_much() -> None:
+    angles, mass = np.array([-1.2, -1.4, -0.9]), 0.002
+    plain, heavy = SpringRobot(slide=0.035), SpringRobot(slide=0.035, m=SpringRobot().m + mass)
+    observer = Told(mass * 9.81)
+    before, real = plain.state(angles), heavy.state(angles)
+    found = observer.loaded(before)
+    for name in ("equilibrium", "torques"):
+        change = getattr(real, name) - getattr(before, name)
+        assert getattr(found, name) - getattr(before, name) == pytest.approx(
+            change, abs=0.03 * np.linalg.norm(change)
+        )
+
+
+class Told(LoadObserver):
+    """An observer that has been told the load."""
+
+    def __init__(self, force: float) -> None:
+        super().__init__()
+        self.known = Load(force, 0.0)
+
+    @property
+    def load(self) -> Load:
+        return self.known
+
+
+def test_a_load_moves_nothing_when_it_is_told_and_is_there_already_in_another_pose() -> None:
+    mass, first, then = 0.01, np.full(3, -1.4), np.array([-0.9, -1.3, -1.1])
+    model, robot = SpringRobot(slide=0.035), SpringRobot(slide=0.035, m=SpringRobot().m + mass)
+    up = np.array([0.0, 0.0, 1.0])
+
+    def left(*, used: bool) -> float:
+        """Return how wrong the corrected model is just after the robot has moved [m]."""
+        observer, correction = Told(0.0), ModelError(time=0.1, delay=0.0)
+        for k in range(200):
+            if k == 100:
+                before = observer.loaded(model.state(first), correction).equilibrium + correction.shift
+                observer.known = Load(used * mass * 9.81, 0.0)
+            state = observer.loaded(model.state(first), correction)
+            if k == 100:
+                assert state.equilibrium + correction.shift == pytest.approx(before, abs=1e-12)
+            correction.predict(state.equilibrium, up, 0.01 * k)
+            correction.measure(robot.rest(first), up, 0.01 * k)
+        there = observer.loaded(model.state(then), correction).equilibrium + correction.shift
+        return float(np.linalg.norm(there - robot.rest(then)))
+
+    assert left(used=True) < 0.3 * left(used=False)
 
 
 def test_nothing_is_loaded_where_nobody_asks() -> None:

@@ -140,3 +140,39 @@ def test_the_page_reports_what_it_skipped(arguments: tuple, light: Light, text: 
     line = words.page_line(*arguments)
     assert line.light is light
     assert text in line.text
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        (
+            {"load [N]": "0.1962", "load, half of 90 % [N]": "0.00981"},
+            Line(Light.GOOD, "Load", "20.0 ± 1.0 g"),
+        ),
+        ({"load [N]": "-0.002", "load, half of 90 % [N]": "0.00981"}, Line(Light.GOOD, "Load", "-0.2 ± 1.0 g")),
+        (
+            {"load [N]": "-0.2", "load, half of 90 % [N]": "0.01"},
+            Line(Light.WATCH, "Load", "pushed up by 0.200 ± 0.010 N: something is touched?"),
+        ),
+        (
+            {"load [N]": "not told", "load, half of 90 % [N]": "not told"},
+            Line(Light.OFF, "Load", "not told"),
+        ),
+        (
+            {"expected error [m]": "0.0001 -2e-05 0.00031", "expected error, half of 90 % [m]": "5e-5 6e-5 2e-4"},
+            Line(Light.GOOD, "Expected error", "x +0.10 ± 0.05, y -0.02 ± 0.06, z +0.31 ± 0.20 mm (90 %)"),
+        ),
+        (
+            {"expected error [m]": "not told: the robot moves"},
+            Line(Light.OFF, "Expected error", "not told: the robot moves"),
+        ),
+        ({"expected error [m]": "nan 0 0", "expected error, half of 90 % [m]": "1 1 1"},
+         Line(Light.OFF, "Expected error", "nan 0 0")),
+    ],
+)  # fmt: skip
+def test_load_and_expected_error_are_told(values: dict[str, str], line: Line) -> None:
+    assert words.ik_value_lines(values) == [line]
+
+
+def test_of_load_and_error_nothing_is_said_where_nobody_asks() -> None:
+    assert words.ik_value_lines({"state": "IDLE"}) == []
