@@ -91,7 +91,8 @@ class ExpectedError:
             place, expected = self._bars(state.angles, slide)
             apart = float(np.abs(place - state.equilibrium).max())
             if apart > APART:
-                reason = f"the identified scene rests {1e3 * apart:.2f} mm from the model in use: another scene, or branch"
+                off = f"{1e3 * apart:.2f} mm from the model in use"
+                reason = f"the identified scene rests {off}: another scene, or branch"
             else:
                 found = expected
         except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside

@@ -4,7 +4,7 @@ Pure: the caller gives the time.
 """
 
 from collections.abc import Sequence
-from math import expm1
+from math import expm1, inf
 
 import numpy as np
 
@@ -34,6 +34,9 @@ SLOWEST = 2e-3
 
 PATIENCE = 2.0
 """Time [s] in which the command has to come on by `ARRIVED`; else the way is given up, since something blocks it."""
+
+THINKING = 0.5
+"""Time [s] for which a robot that could still move waits for an answer: then it goes on by itself."""
 
 
 def steps_of(move: float, fall: float) -> float:
@@ -70,7 +73,7 @@ class Guidance:
         self._stops: list[FloatArray] = []
         self._question: tuple[LinearState, Sequence[Task]] | None = None
         self._target = np.zeros(0)
-        self._answered = False
+        self._answered, self._waits = False, 0.0
         self._worth = 0.0
         self._beside = np.zeros(0)
         self._moved: tuple[float, FloatArray] | None = None
@@ -103,7 +106,7 @@ class Guidance:
             return None
         moved = float(np.abs(target - self._target).max())
         if not self._answered:
-            return self._question[0].angles if moved < STILL else None
+            return self._question[0].angles if moved < STILL and now <= self._waits else None
         if state.firmness < 0 or moved > (STILL if self.arrived else max(MOVED, self._worth)):
             self.reset()
         if not self._stops:
@@ -138,7 +141,15 @@ class Guidance:
             self._stops.pop(0)
 
     def look(
-        self, state: LinearState, tasks: Sequence[Task], target: FloatArray, residual: float, *, asks: bool
+        self,
+        state: LinearState,
+        tasks: Sequence[Task],
+        target: FloatArray,
+        residual: float,
+        now: float,
+        *,
+        closest: bool,
+        before_snap: bool = False,
     ) -> None:
         """Ask for a way, where the target stands still; to be called with each step.
 
@@ -147,14 +158,17 @@ class Guidance:
             tasks: What it is to do.
             target: Position [m] and normal that are followed, shape (6,).
             residual: What is missing [m].
-            asks: Whether steps do not better the pose, or not by much.
+            now: [s].
+            closest: Whether steps do not better the pose.
+            before_snap: Whether they do not by much, since a snap is near.
         """
         still = len(self._beside) and np.abs(target - self._beside).max() < STILL
         self._beside = target
-        if self._ask is None or self._answered or not (asks and still):
+        if self._ask is None or self._answered or not ((closest or before_snap) and still):
             return
         if self._question is None:
             self._question, self._target = (state, tasks), target
+            self._waits = inf if closest else now + THINKING
         moved = float(np.abs(target - self._target).max())
         way = self._ask(*self._question)
         if way is None:

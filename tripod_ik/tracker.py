@@ -258,8 +258,9 @@ class Tracker:
         error, tilt = self._present_error(state, wanted)
         activity = self._activity(result, beyond=beyond)
         before_snap = SNAP in result.active_limits and result.residual > self.settings.tolerance
+        closest = activity is Activity.CLOSEST
         self._guidance.look(
-            state, wanted_tasks, aimed, result.residual, asks=activity is Activity.CLOSEST or before_snap
+            state, wanted_tasks, aimed, result.residual, now, closest=closest, before_snap=before_snap
         )
         if led is not None and not self._guidance.arrived and result.ok:
             activity = Activity.TRACKING

@@ -209,12 +209,26 @@ def test_it_asks_as_soon_as_the_target_stands_still_where_steps_do_not_better_th
     state, target, asked = SpringRobot(slide=0.035).state(WORKING), np.zeros(6), []
     guidance = Guidance(lambda state, tasks: asked.append(state))
     for k in range(8):  # the target moves
-        guidance.look(state, (), target + 1e-3 * k, 3e-3, asks=True)
-    for _ in range(8):  # steps come closer
-        guidance.look(state, (), target, 3e-3, asks=False)
+        guidance.look(state, (), target + 1e-3 * k, 3e-3, k * DT, closest=True)
+    for k in range(8, 16):  # steps come closer
+        guidance.look(state, (), target, 3e-3, k * DT, closest=False)
     assert not asked
-    guidance.look(state, (), target, 3e-3, asks=True)
+    guidance.look(state, (), target, 3e-3, 16 * DT, closest=False, before_snap=True)
     assert asked
+
+
+@pytest.mark.parametrize(("closest", "waits"), [(True, True), (False, False)])
+def test_a_robot_that_could_still_move_waits_for_an_answer_for_a_short_while_only(closest, waits):
+    state, target = SpringRobot(slide=0.035).state(WORKING), np.zeros(6)
+    guidance = Guidance(lambda state, tasks: None)
+    for now in (0.0, DT):
+        guidance.look(state, (), target, 3e-3, now, closest=closest, before_snap=True)
+
+    def command(now):
+        return guidance.command(state, WORKING, target, now, dt=DT, reach=0.03, speed=0.06)
+
+    assert command(0.4) == pytest.approx(WORKING)
+    assert (command(0.6) is not None) == waits
 
 
 def test_a_posture_is_gone_to_straight_however_near_a_snap():
