@@ -23,6 +23,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 import numpy as np
 from doc_parts import markdown, read_rows, write_part, write_rows
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.tables.motion import EXPLICIT
 
@@ -87,7 +88,7 @@ STEP = (0.3, 0.0, 0.0)
 
 CASES = {
     "tripod_step": Case(
-        "tripod",
+        SHARP,
         (*POSE, "solver.mode=newton"),
         turn(STEP, 0.03, WORKING),
         0.2,

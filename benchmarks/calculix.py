@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.materials.lame import lame_constants
@@ -55,7 +56,7 @@ def installed() -> bool:
 def scene(element: str, level: int) -> Scene:
     """Return the Tripod in statics with the solver's tolerance far below the differences that are compared."""
     overrides = ["inertia=off", "damping=off", f"mesh.element={element}", f"mesh.level={level}"]
-    return load_scene("tripod", [*overrides, "solver.tolerance=1e-7"])
+    return load_scene(SHARP, [*overrides, "solver.tolerance=1e-7"])
 
 
 def path(case: str) -> FloatArray:

@@ -26,6 +26,7 @@ from benchmarks.calibration import calibration  # it sets the number of threads,
 # isort: split
 import numpy as np
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "convergence.csv"
@@ -114,7 +115,7 @@ def solve(row: Row) -> None:
         f"solver.linear={linear}",
     ]
     try:
-        simulation = Simulation(load_scene("tripod", [*statics, *overrides(*row.key)]))
+        simulation = Simulation(load_scene(SHARP, [*statics, *overrides(*row.key)]))
     except (SceneError, StepError) as error:
         row.note = f"L1: {error}"
         return
@@ -198,7 +199,7 @@ def measure_times(rows: dict[tuple[str, str, int], Row], steps: int) -> None:
     for row in rows.values():
         if row.unknowns <= TIMED:
             try:
-                row.step = step.measure("tripod", overrides(*row.key), steps)["median"]
+                row.step = step.measure(SHARP, overrides(*row.key), steps)["median"]
             except StepError as error:
                 print(f"{row.clamp}, {row.element}, level {row.level}: {error}", file=sys.stderr)
             else:

@@ -13,6 +13,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 import numpy as np
 from step import SCENE, swing
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, StepError, load_scene
 
 SCHEMES = ("semi_implicit_euler", "explicit_euler", "rk4", "implicit_euler")
@@ -22,7 +23,7 @@ DAMPINGS = {"scene's": [], "none": ["damping=off"]}
 def measure(level: int, scheme: str, damping: list[str], duration: float) -> tuple[float, float, float]:
     """Return the limit [s], parts and CPU time [s] of a second simulated, NaN where the scheme blew up."""
     words = [*SCENE, *damping, f"mesh.level={level}", f"inertia.scheme={scheme}"]
-    simulation = Simulation(load_scene("tripod", words))
+    simulation = Simulation(load_scene(SHARP, words))
     dt = simulation.scene.dt
     steps, parts, limit = max(1, round(duration / dt)), 0, np.inf
     begin = time.thread_time()

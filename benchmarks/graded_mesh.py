@@ -43,9 +43,13 @@ CLAMP: Settings = {"clamp.stiffness": 1.4e10}
 MOST, ENOUGH = 1500, 0.005
 """Unknowns and relative error at which the search ends."""
 
-STEEPEST, SHORTEST = 3.0, 1.4e-3
-"""What no grading exceeds: the ratio of neighbouring lengths; and the least length in the clamped end [m]. Shorter ones
-crease at the clamp's edge in motion, and steps then ask for five to ten times as many tangents."""
+STEEPEST = 3.0
+"""What the ratio of neighbouring lengths of no grading exceeds."""
+
+SHORTEST = {"h20": 1.4e-3, "h8_modes": 2.7e-3}
+"""Least length in the clamped end [m]. Shorter ones of `h20` crease at the clamp's edge in motion, and steps then ask
+for five to ten times as many tangents. Shorter ones of `h8_modes`, half as long as thick, lose their stability where
+they are pressed: their modes buckle [WriggersReese1996], and the effector stands millimetres off."""
 
 COARSEST = YLevel(2, 1, 2, 1.5)
 COUNTS = ("across", "inner", "along", "layers", "clamped")
@@ -136,18 +140,18 @@ def shortest(level: YLevel) -> float:
     return float((shape.tip_radius - shape.clamp_radius) * lengths.min() / lengths.sum())
 
 
-def regraded(level: YLevel) -> Iterator[YLevel]:
+def regraded(element: str, level: YLevel) -> Iterator[YLevel]:
     """Yield the grid with each of its gradings 1.5 times as strong and as weak, over the whole of its length."""
     for name, count in GRADINGS.items():
         if (n := getattr(level, count)) > 1:
             for factor in (1.5, 1 / 1.5):
                 ratio = getattr(level, name) * factor ** (1 / (n - 1))
                 changed = replace(level, **{name: ratio})
-                if 1 / STEEPEST <= ratio <= STEEPEST and shortest(changed) >= SHORTEST:
+                if 1 / STEEPEST <= ratio <= STEEPEST and shortest(changed) >= SHORTEST[element]:
                     yield changed
 
 
-def refined(level: YLevel) -> Iterator[YLevel]:
+def refined(element: str, level: YLevel) -> Iterator[YLevel]:
     """Yield the grid with one more element along each of its directions, graded as much over the whole.
 
     Where that makes elements of the clamped end too short, it is graded less.
@@ -160,9 +164,10 @@ def refined(level: YLevel) -> Iterator[YLevel]:
             if of == count and n > 1
         }
         finer = replace(level, **{count: n + 1}, **same)
-        while finer.clamped_grading > 1 and shortest(finer) < SHORTEST:
+        while finer.clamped_grading > 1 and shortest(finer) < SHORTEST[element]:
             finer = replace(finer, clamped_grading=max(1.0, finer.clamped_grading / 1.1))
-        yield finer
+        if shortest(finer) >= SHORTEST[element]:
+            yield finer
 
 
 def search(element: str) -> None:
@@ -172,7 +177,7 @@ def search(element: str) -> None:
     error, worst, unknowns = graded(element, level, exact)
     while True:
         while True:
-            tried = [(*graded(element, x, exact), x) for x in regraded(level)]
+            tried = [(*graded(element, x, exact), x) for x in regraded(element, level)]
             best = min(tried, key=lambda x: x[0], default=None)
             if best is None or best[0] > 0.98 * error:
                 break
@@ -184,7 +189,7 @@ def search(element: str) -> None:
         )
         if worst <= ENOUGH:
             return
-        tried = [(*graded(element, x, exact), x) for x in refined(level)]
+        tried = [(*graded(element, x, exact), x) for x in refined(element, level)]
         tried = [x for x in tried if unknowns < x[2] <= MOST and np.isfinite(x[0])]
         if not tried:
             return
@@ -220,7 +225,7 @@ def directions(element: str) -> None:
     """Print the error of the move on level 8, and with one more element along each direction of its grid."""
     steps: Settings = {"inertia.scheme": "tr_bdf2", "dt": 0.0005}
     exact = motion({**REFERENCE, **steps}, 1)[0]
-    named = [("level 8", LEVELS[8]), *zip(COUNTS, refined(LEVELS[8]), strict=True)]
+    named = [("level 8", LEVELS[8]), *zip(COUNTS, refined(element, LEVELS[8]), strict=True)]
     for name, level in named:
         y_piece.LEVELS[1] = level  # of this process
         found, unknowns, *_ = motion({"mesh.element": element, "mesh.level": 1, **steps}, 1)

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.scenes import SHARP
 from tripod_identify.columns import Channel
 from tripod_identify.errors import FitError
 from tripod_identify.identify import Wanted, identify
@@ -45,7 +46,7 @@ CHANNELS = tuple(Channel("effector", axis, angle) for angle in (False, True) for
 def robot(words: tuple[str, ...]) -> Scene:
     """Return the Tripod with a weight on its disc."""
     disc = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
-    return replace(load_scene("tripod", words), set=(disc,), load=(Load("disc", mass=0.1, share="even"),))
+    return replace(load_scene(SHARP, words), set=(disc,), load=(Load("disc", mass=0.1, share="even"),))
 
 
 def drawn(seed: int, truth: str) -> tuple[dict[str, float], Measured]:

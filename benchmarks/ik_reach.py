@@ -30,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.ik.search import Limits, Search
 from tests.ik.tripod_loop import circle, follow, tilting, vertical_sine
+from tests.scenes import SHARP
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import Saved, StaticModel
@@ -260,13 +261,13 @@ def main() -> None:
         if wanted.json:
             wanted.json.write_text(json.dumps({"moving": rows}, indent=1, default=float))
         return
-    model = StaticModel(load_scene("tripod"))
+    model = StaticModel(load_scene(SHARP))
     home = model.save()
     found = {"reachable": reachable(model, home, wanted.targets)}
     show("targets over the reachable set", found["reachable"])
     found["limited"] = limited(model, home, wanted.limited)
     show(f"angles within {NARROW[0]} to {NARROW[1]} rad", found["limited"])
-    bounds = held(StaticModel(load_scene("tripod")), wanted.held, wanted.seeds)
+    bounds = held(StaticModel(load_scene(SHARP)), wanted.held, wanted.seeds)
     for row in bounds:
         show(str(row["limits"]), {k: v for k, v in row.items() if k != "limits"})  # type: ignore[misc]
     found["tilts"] = tilts(model, home)

@@ -16,6 +16,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 import numpy as np
 import qdldl
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.forces.solid import Solid
@@ -48,7 +49,7 @@ class Qdldl:
 def tripods(levels: list[int]) -> Iterator[tuple[str, System]]:
     """Yield the Tripod at equilibrium in the working pose, its tangent factored."""
     for level in levels:
-        simulation = Simulation(load_scene("tripod", [*SCENE, f"mesh.level={level}"]))
+        simulation = Simulation(load_scene(SHARP, [*SCENE, f"mesh.level={level}"]))
         system = simulation._system
         system.assemble(simulation.state, project=False)
         system.evaluate(simulation.state)

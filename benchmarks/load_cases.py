@@ -7,6 +7,7 @@ slid 35 mm inward. `python benchmarks/load_cases.py`.
 
 import numpy as np
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, StepError, load_scene
 
 STATIC = ("inertia=off", "damping=off")
@@ -23,7 +24,7 @@ REFERENCES = {
 
 def pose(joints: tuple[float, ...], overrides: tuple[str, ...]) -> Simulation:
     """Return the simulation at rest at `joints`, reached in twenty increments."""
-    simulation = Simulation(load_scene("tripod", [*STATIC, *overrides]))
+    simulation = Simulation(load_scene(SHARP, [*STATIC, *overrides]))
     for k in range(1, 21):
         simulation.step(np.array(joints) * k / 20)
     return simulation
@@ -46,7 +47,7 @@ def main() -> None:
     for law in ("neo_hooke", "corotational"):
         for level in (1, 2, 3, 4):
             overrides = (f"material.law={law}", f"mesh.level={level}")
-            unknowns = Simulation(load_scene("tripod", overrides)).unknowns
+            unknowns = Simulation(load_scene(SHARP, overrides)).unknowns
             try:
                 found = measure(overrides)
                 cells = [f"{100 * (found[name] / value - 1):+.1f}" for name, value in REFERENCES.items()]

@@ -24,6 +24,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 import numpy as np
 from doc_parts import write_part
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, StepError, load_scene
 
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
@@ -35,7 +36,7 @@ EVERY = "mesh_error.share=1e6"
 def simulation(element: str, level: int, clamp: str, *words: str) -> Simulation:
     """Return the Tripod on a mesh."""
     mesh = (f"mesh.element={element}", f"mesh.level={level}", f"clamp.stiffness={clamp}")
-    return Simulation(load_scene("tripod", [*mesh, "solver.max_turn=0.3", *words]))
+    return Simulation(load_scene(SHARP, [*mesh, "solver.max_turn=0.3", *words]))
 
 
 def in_motion(element: str, level: int, clamp: str, *words: str) -> Simulation:
@@ -46,7 +47,7 @@ def in_motion(element: str, level: int, clamp: str, *words: str) -> Simulation:
 
 def pose(rng: np.random.Generator) -> np.ndarray:
     """Return random joints."""
-    servos = load_scene("tripod").servos
+    servos = load_scene(SHARP).servos
     assert servos
     angles = rng.uniform(servos.angle_min, servos.angle_max, 3)
     return np.append(angles, np.clip(angles.mean() / WORKING[0], 0.0, 1.0) * WORKING[3])

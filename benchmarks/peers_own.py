@@ -9,6 +9,7 @@ from benchmarks import load_cases
 from benchmarks import peers_cases as cases
 from benchmarks.blocks import block, elastic, lumped
 from benchmarks.peers_cases import FloatArray, Prepared, Reference, Setting, height
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.forces.gravity import GravityForce
@@ -138,7 +139,7 @@ def _swing(element: str, cells: tuple[int, int, int], scheme: str, dt: float) ->
 
 
 def _pose(case: str, overrides: tuple[str, ...]) -> Prepared:
-    scene = load_scene("tripod", [*STATIC, *overrides])
+    scene = load_scene(SHARP, [*STATIC, *overrides])
     turns = np.zeros(1) if case == "y L1" else np.linspace(0, cases.TURN, 9)[1:]
 
     def run() -> FloatArray:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray  # noqa: E402
 
 from benchmarks.blocks import Block, block, brick  # noqa: E402
 from benchmarks.doc_parts import markdown, read_rows, write_part, write_rows  # noqa: E402
+from tests.scenes import SHARP  # noqa: E402
 from tripod_sim import Simulation, StepError, load_scene  # noqa: E402
 from tripod_sim.integrators.substeps import StepReport  # noqa: E402
 from tripod_sim.robot.disc import effector_disc  # noqa: E402
@@ -125,7 +126,7 @@ def add_noise(simulation: Simulation, share: float) -> None:
 def tripod(case: Case, element: str, scheme: str) -> Subject:
     """Return a case of the Tripod, on mesh level 1."""
     names = ("mesh.level=1", f"mesh.element={element}", f"inertia.scheme={scheme}", *case.overrides)
-    simulation = Simulation(load_scene("tripod", names))
+    simulation = Simulation(load_scene(SHARP, names))
     if case.undeformed:
         simulation._system.start_state(np.zeros(4)).copy_to(simulation.state)
     if case.noise:

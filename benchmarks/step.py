@@ -12,12 +12,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
 # isort: split
 import numpy as np
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 
 SCENE = ("servos.angles=[-1.4965, -1.4965, -1.4965]", "servos.slide=0.035")
@@ -148,12 +150,16 @@ def main() -> None:
         "machine: of a product of that length; first: of the first step, the longest"
     )
     print("  ".join(f"{c:>10}" for c in ("scene", "level", *COLUMNS, "compliance", "SOFA")))
-    rows = [("tripod", level) for level in options.levels] + [("tripod_sofa", level) for level in SOFA]
+    rows = [
+        ("tripod", 12),
+        *((SHARP, level) for level in options.levels),
+        *(("tripod_sofa", level) for level in SOFA),
+    ]
     for scene, level in rows:
         row = measure(
             scene, [f"mesh.level={level}", f"solver.mode={options.mode}"], options.steps, options.repeats
         )
-        cells = [scene[-10:], str(level), *(str(row[c]) for c in COLUMNS[:3])]
+        cells = [Path(scene).stem[-12:], str(level), *(str(row[c]) for c in COLUMNS[:3])]
         cells += [f"{row[c]:.3f}" for c in (*COLUMNS[3:], "compliance")]
         cells.append(f"{SOFA[level]:g}" if scene == "tripod_sofa" else "")
         print("  ".join(f"{c:>10}" for c in cells), flush=True)

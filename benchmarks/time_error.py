@@ -19,6 +19,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 import numpy as np
 from doc_parts import markdown, read_rows, write_part, write_rows
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 
 SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")
@@ -38,7 +39,7 @@ def scene(level: int, dt: float, scheme: str, *words: str) -> Simulation:
     """Return the Tripod in its working pose, built with `dt` [s]."""
     pose = [f"servos.angles={list(WORKING[:3])}", f"servos.slide={WORKING[3]}"]
     return Simulation(
-        load_scene("tripod", [f"mesh.level={level}", f"dt={dt!r}", f"inertia.scheme={scheme}", *pose, *words])
+        load_scene(SHARP, [f"mesh.level={level}", f"dt={dt!r}", f"inertia.scheme={scheme}", *pose, *words])
     )
 
 

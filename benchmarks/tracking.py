@@ -22,13 +22,15 @@ from calibration import calibration  # it sets the number of threads, so it come
 import numpy as np
 
 from tests.ik.tripod_loop import circle, follow
+from tests.scenes import SHARP
 from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim import Simulation, load_scene
 
 AT_WORK = ("servos.angles=[-1.4965, -1.4965, -1.4965]", "servos.slide=0.035")
 EXACT = ("solver.mode=newton", "solver.tolerance=1e-7")
 SCENES = {
-    "tripod 2": ("tripod", "mesh.level=2", 3.0),
+    "tripod": ("tripod", "mesh.level=12", 3.0),
+    "tripod_sharp": (SHARP, "mesh.level=2", 3.0),
     "tripod_sofa 5": ("tripod_sofa", "mesh.level=5", 2.0),
     "tripod_sofa 7": ("tripod_sofa", "mesh.level=7", 2.0),
 }
