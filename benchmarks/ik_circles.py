@@ -66,6 +66,9 @@ DT, LONGEST = 0.02, 2.4
 MET, STILL, CALM = 1e-4, 1e-6, 0.5
 """Distance from a goal that is met [m]; turn in a step [rad] and time [s] after which a pose is taken as the end."""
 
+SPEED = 4.0
+"""Of the servos, as the simulator's node keeps to it [rad/s]."""
+
 SETTINGS = TrackerSettings()
 LIMITS = Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
 
@@ -247,14 +250,16 @@ def moving(radius: float) -> list[tuple[float, float]]:
     simulation, guide = Simulation(load_scene("tripod")), Timed(0.0)
     home, dt = simulation.state.centres[0].copy(), simulation.scene.dt
     tracker, joints, now = Tracker(SETTINGS, guide=guide), simulation.state.joints.copy(), 0.0
-    rows = []
+    rows, every, command = [], round(DT / dt), joints[:3].copy()
     for k in range(13):
         goal = home + (azimuth(2 * np.pi * k / 12, radius) if k < 12 else 0.0)
         tracker.aim(goal, None, now)
         speed = 0.0
-        for _ in range(round(LONGEST / dt)):
+        for step in range(round(LONGEST / dt)):
             before = simulation.state.centres[0].copy()
-            joints[:3] = tracker.update(linear_state(simulation.compliance()), now).result.command
+            if step % every == 0:
+                command = tracker.update(linear_state(simulation.compliance()), now).result.command
+            joints[:3] += np.clip(command - joints[:3], -SPEED * dt, SPEED * dt)
             simulation.step(joints)
             now += dt
             speed = max(speed, float(np.linalg.norm(simulation.state.centres[0] - before)) / dt)

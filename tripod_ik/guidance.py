@@ -90,6 +90,7 @@ class Guidance:
         dt: float,
         reach: float,
         speed: float,
+        firm: float = 0.0,
     ) -> FloatArray | None:
         """Return the angles to command [rad], shape (s,); None where the tracker finds its way itself.
 
@@ -101,6 +102,7 @@ class Guidance:
             dt: Time since the last command [s].
             reach: How far a servo may turn in it [rad].
             speed: How fast the resting effector may move [m/s].
+            firm: Firmness down to which the body may be led, as it swings now.
         """
         if self._question is None:
             return None
@@ -124,6 +126,8 @@ class Guidance:
         at, left = previous, 1.0
         rho = max(state.firmness, 1e-3)
         soft = max(rho**2 - (WITHIN * SOFTEST) ** 2, SLOWEST) * -expm1(-dt / HURRY)
+        if rho**2 - firm**2 < soft:  # it waits until the body is calmer, which is no block
+            soft, self._moved = max(rho**2 - firm**2, 0.0), (now, previous)
         while True:
             way = self._stops[0] - at
             move = float(np.linalg.norm(state.jacobian[:3] @ way)) / max(speed * dt, 1e-12)

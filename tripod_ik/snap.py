@@ -34,6 +34,21 @@ BEND = 0.03
 """Square of the length of a step, for a distance of 1 rad from the snap [rad]: what the limit's curvature allows."""
 
 
+BARRIER, SWING = 4e-3, 0.3
+"""Swing of the effector [m] that may carry a body of firmness 1 over a snap; and the time in which a swing that is no
+longer seen is forgotten, but for 1/e [s].
+"""
+
+
+def firm_enough(swing: float) -> float:
+    """Return the firmness below which a body that swings about its rest by `swing` [m] may snap.
+
+    Towards a limit point the energy between the equilibrium and the unstable one beyond it falls as ρ³, and that of a
+    swing is as its square, so what carries a body over is as ρ^(3/2).
+    """
+    return float((swing / BARRIER) ** (2 / 3))
+
+
 def longest_step(state: LinearState) -> float:
     """Return how far the limit's tangent is to be trusted [rad]: √(BEND ρ / 2|dρ/dα|)."""
     steep = hypot(*state.firmness_slope.tolist())

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from math import hypot
+from math import exp, hypot
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from tripod_ik.guidance import Guidance
 from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
-from tripod_ik.snap import SNAP, SOFTENING, SOFTEST, SnapLimit, longest_step
+from tripod_ik.snap import SNAP, SOFTENING, SOFTEST, SWING, SnapLimit, firm_enough, longest_step
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
 from tripod_ik.target_motion import TargetMotion
@@ -95,7 +95,8 @@ class Tracker:
     limit is not moved to relieve it: what it bears then is its limit, until it is once below `torque_max`. An effector
     found outside of the box is not brought in either: where it is then is the side, until it is once inside.
 
-    It stays on the branch of the pose that it began in, off its snaps (`SnapLimit`). Where a state is found beyond
+    It stays on the branch of the pose that it began in, off its snaps (`SnapLimit`), and the farther the more the body
+    swings (`firm_enough`). Where a state is found beyond
     a fold or a snap, the command goes back along the trail of poses that it came by, as far as need be, and steps are
     halved until the target moves: what remains is the closest pose on this side. Where the trail ends and the
     body is still beyond, the pose is taken as it is.
@@ -200,6 +201,7 @@ class Tracker:
         self._back: float | None = None
         self._trust = self.settings.step
         self._least: float | None = None
+        self._swing = 0.0
         self._guidance.reset()
         if self.correction:
             self.correction.reset()
@@ -220,6 +222,10 @@ class Tracker:
         here = branch(state, tasks)
         aimed = np.concatenate([position, normal])
         previous = state.angles if self._previous is None else self._previous
+        self._swing = max(
+            hypot(*state.equilibrium_offset[:3].tolist()), self._swing * exp(-dt / SWING)
+        )
+        firm = firm_enough(self._swing)
         led = self._guidance.command(
             state,
             previous,
@@ -228,6 +234,7 @@ class Tracker:
             dt=dt,
             reach=self._limits[1].speed * dt,
             speed=self.settings.effector_speed,
+            firm=firm,
         )
         beyond = led is None and self._is_beyond_fold(state, here, now)
         if led is not None:
@@ -240,7 +247,7 @@ class Tracker:
         free = beyond or led is not None
         step = self.settings.step if free else min(self._trust, longest_step(state))
         limits = (self._limits[0], StepLimit(step), self._limits[1])
-        row_limits = self._row_limits(state, dt, led=led is not None)
+        row_limits = self._row_limits(state, dt, firm, led=led is not None)
         result = self._solved(state, tasks, limits, row_limits, dt)
         if self._trust < self.settings.step:  # what is left of the step is no way to go
             kept = tuple(name for name in result.active_limits if not name.endswith(" step"))
@@ -354,10 +361,10 @@ class Tracker:
         distances = [task.distances(error) for task, error in zip(tasks, errors, strict=True)]
         return total_distance(tasks, errors), sum(d.get(TILT, 0.0) for d in distances)
 
-    def _row_limits(self, state: LinearState, dt: float, *, led: bool) -> list[RowLimit]:
+    def _row_limits(self, state: LinearState, dt: float, firm: float, *, led: bool) -> list[RowLimit]:
         found = state.firmness
         self._least = SOFTEST if found >= SOFTEST else found if self._least is None else self._least
-        snap = SnapLimit(self._least, share=min(1.0, dt / SOFTENING))
+        snap = SnapLimit(max(self._least, min(firm, found)), share=min(1.0, dt / SOFTENING))
         limits: list[RowLimit] = [SnapLimit(-1.0) if led else snap]  # the way is known to be firm enough
         if self._limited:
             limits.append(TorqueLimit(self._torque_ceiling(state), hard=self.settings.hard))
