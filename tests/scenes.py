@@ -2,6 +2,11 @@
 
 from pathlib import Path
 
+import tripod_sim
+
 SHARP = str(Path(__file__).with_name("tripod_sharp.toml"))
 """The Tripod as `--accuracy draft` takes it: 402 unknowns, ideal clamps, implicit Euler with steps of 5 ms. Quick, and
 the same whatever the shipped scene becomes."""
+
+CUBE = str(Path(tripod_sim.__file__).parent / "scenes" / "cube.obj")
+"""The shipped cube, for scenes that are not."""

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, load_scene
 from tripod_sim.accuracy.choice import LOAD, MARGIN, asked, choose, expected, holds, pick, promised
@@ -224,15 +225,15 @@ def test_what_is_promised_has_an_error_at_every_point(tmp_path: Path) -> None:
 def test_an_effect_with_its_numbers_is_a_setting(tmp_path: Path) -> None:
     path = tmp_path / "tripod_dynamic.json"
     soft = {**made_up()["points"][1], "settings": {"clamp": "{stiffness=1.4e10}"}}
-    path.write_text(json.dumps(made_up(study="mine", scene="tripod", points=[soft])))
-    choice = choose("tripod", "50%", study=path, speed=same_speed)
-    assert load_scene("tripod", choice.overrides).clamp.stiffness == 1.4e10
+    path.write_text(json.dumps(made_up(study="mine", scene="tripod_sharp", points=[soft])))
+    choice = choose(SHARP, "50%", study=path, speed=same_speed)
+    assert load_scene(SHARP, choice.overrides).clamp.stiffness == 1.4e10
     assert "clamp={stiffness=1.4e10}" in choice.sentence
     assert choice.outside == ()
-    given = load_scene("tripod", ["clamp={stiffness=1.4e10}"])
+    given = load_scene(SHARP, ["clamp={stiffness=1.4e10}"])
     assert holds(given, "clamp", "{stiffness=1.4e10}")
     assert not holds(given, "clamp", "{stiffness=1e10}")
-    assert not holds(load_scene("tripod"), "clamp", "{stiffness=1.4e10}")
+    assert not holds(load_scene(SHARP), "clamp", "{stiffness=1.4e10}")
 
 
 def test_a_study_names_its_draft(tmp_path: Path) -> None:
@@ -264,7 +265,7 @@ def test_one_per_cent_of_the_tripod_is_promised_at_rest_and_in_motion() -> None:
         choice = choose("tripod", "1%", still, speed=same_speed)
         assert choice.error <= 0.01
         assert choice.outside == ()
-        assert load_scene("tripod", choice.overrides).clamp.stiffness == 1.4e10
+        assert load_scene(SHARP, choice.overrides).clamp.stiffness == 1.4e10
     assert choose("tripod", "1%", speed=lambda: 0.03).seconds < 5
 
 

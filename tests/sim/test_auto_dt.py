@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.integrators import auto_steps
 from tripod_sim.integrators.auto_steps import AutoSteps
@@ -16,7 +17,7 @@ NEWTON = ("solver.mode=newton", "solver.tolerance=1e-8", "mesh.level=1")
 
 
 def tripod(scheme: str, *words: str) -> Simulation:
-    return Simulation(load_scene("tripod", [*NEWTON, f"inertia.scheme={scheme}", *words]))
+    return Simulation(load_scene(SHARP, [*NEWTON, f"inertia.scheme={scheme}", *words]))
 
 
 def turned(t: float) -> np.ndarray:
@@ -191,14 +192,14 @@ def test_a_part_that_cannot_be_solved_is_halved_and_at_last_named(monkeypatch: p
 
 
 def test_the_scene_says_so_and_is_written_and_read_back() -> None:
-    scene = load_scene("tripod", ["dt=auto", "time_error.tolerance=1e-5"])
+    scene = load_scene(SHARP, ["dt=auto", "time_error.tolerance=1e-5"])
     assert (scene.dt, scene.time_error.steps, scene.time_error.tolerance) == (0.005, "auto", 1e-5)
-    assert load_scene("tripod", ["dt=0.02", "dt=auto"]).dt == 0.02
-    assert load_scene("tripod", ["dt=auto", "dt=0.02"]).time_error is None
+    assert load_scene(SHARP, ["dt=0.02", "dt=auto"]).dt == 0.02
+    assert load_scene(SHARP, ["dt=auto", "dt=0.02"]).time_error is None
 
 
 def test_a_scene_file_may_say_auto(tmp_path) -> None:
-    scene = load_scene("tripod", ["dt=auto"])
+    scene = load_scene(SHARP, ["dt=auto"])
     path = tmp_path / "scene.toml"
     path.write_text(scene_to_toml(scene))
     assert load_scene(path) == scene
@@ -225,7 +226,7 @@ def test_a_scene_file_may_say_auto(tmp_path) -> None:
 )
 def test_what_cannot_be_is_refused_by_name(words: list[str], message: str) -> None:
     with pytest.raises(SceneError) as caught:
-        load_scene("tripod", words)
+        load_scene(SHARP, words)
     assert str(caught.value).startswith(message)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 
 STATIC = ["inertia=off", "damping=off", "mesh.level=1", "solver.tolerance=1e-8"]
@@ -10,7 +11,7 @@ POSE = np.array([-0.7, -0.6, -0.8, 0.0])
 
 
 def at(pose: np.ndarray, *overrides: str) -> Simulation:
-    simulation = Simulation(load_scene("tripod", [*STATIC, *overrides]))
+    simulation = Simulation(load_scene(SHARP, [*STATIC, *overrides]))
     for k in range(1, 11):
         simulation.step(pose * k / 10)
     return simulation
@@ -59,12 +60,12 @@ def test_compliance_predicts_the_effector_through_the_bedding() -> None:
 
 
 def test_only_the_mesh_is_shown_and_the_mass_stays() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", "clamp={}"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", "clamp={}"]))
     assert simulation.positions.shape == simulation.mesh.nodes.shape
     assert len(simulation.state.positions) > len(simulation.positions)
     assert simulation._mass.sum() == pytest.approx(0.032)
     for scheme in ("implicit_euler", "bdf2", "tr_bdf2"):
-        moving = Simulation(load_scene("tripod", ["mesh.level=1", "clamp={}", f"inertia.scheme={scheme}"]))
+        moving = Simulation(load_scene(SHARP, ["mesh.level=1", "clamp={}", f"inertia.scheme={scheme}"]))
         for k in range(20):
             moving.step(np.array([-0.02 * k, 0, 0, 0]))
         assert np.isfinite(moving.state.positions).all()
@@ -82,4 +83,4 @@ def test_a_clamp_without_servos_is_refused() -> None:
     with pytest.raises(SceneError, match="clamp needs servos"):
         load_scene("silicone", ["clamp={}"])
     with pytest.raises(SceneError, match=r"clamp\.stiffness is 0\.0; it must be above 0 N/m⁴"):
-        load_scene("tripod", ["clamp.stiffness=0.0"])
+        load_scene(SHARP, ["clamp.stiffness=0.0"])

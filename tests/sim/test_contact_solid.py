@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.scenes import CUBE, SHARP
 from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.bodies.build import assembled
@@ -175,7 +176,7 @@ def test_reset_and_repetition_give_the_same_bits() -> None:
 
 def test_gradient_and_potential_agree_with_a_disc_that_turns() -> None:
     """Also at rotations so large that the derivative of the rotation vector is not that of the rotation."""
-    simulation = Simulation(load_scene("tripod", [*COARSE, *FAR]))
+    simulation = Simulation(load_scene(SHARP, [*COARSE, *FAR]))
     stepper = simulation._stepper
     assert isinstance(stepper, ContactStepper)
     solid = stepper.world.nodes
@@ -211,7 +212,7 @@ def test_a_post_stops_the_sinking_tripod_and_the_servos_feel_it() -> None:
         "obstacles=[{source='cube.obj', scale=0.1, position=[0,0,-0.0155]}]",
     ]
     words = ["solver.mode=newton", "solver.tolerance=1e-7", "damping={mass=30.0, stiffness=2e-3}"]
-    bare, held = (Simulation(load_scene("tripod", [*COARSE, *words, *w])) for w in ([], post))
+    bare, held = (Simulation(load_scene(SHARP, [*COARSE, *words, *w])) for w in ([], post))
 
     def settle(angle: float) -> tuple[float, float]:
         """Return energy and sum of torques at rest."""
@@ -244,7 +245,7 @@ def test_a_rigid_ball_dropped_on_the_tripod_comes_to_rest_on_it() -> None:
         "contact={contact_distance=2e-4, alarm_distance=1e-3, friction=0.5}", "damping={mass=20.0, stiffness=5e-3}",
         "rigid=[{shape='ball', radius=0.012, mass=0.01, position=[0.0004,0.0002,0.017]}]",
     ]  # fmt: skip
-    simulation = Simulation(load_scene("tripod", [*COARSE, *words]))
+    simulation = Simulation(load_scene(SHARP, [*COARSE, *words]))
     assert simulation.effector
     before = simulation.effector.position[2]
     assert len(simulation.positions) == len(simulation.mesh.nodes)
@@ -268,7 +269,7 @@ def test_a_box_on_a_driven_strip_is_taken_along_and_its_servo_carries_it() -> No
         "rigid=[{size=[0.006,0.006,0.002], mass=0.001, position=[0.05,0,0.0037]}]",
     ]  # fmt: skip
     damped = [*COARSE, "damping={mass=30.0, stiffness=2e-3}", "solver.mode=newton", "solver.tolerance=1e-8"]
-    simulation, bare = (Simulation(load_scene("tripod", [*damped, *w])) for w in (words, []))
+    simulation, bare = (Simulation(load_scene(SHARP, [*damped, *w])) for w in (words, []))
     for k in range(70):
         joints = np.array([0.1 * min(1, k / 30), 0, 0, 0.003 * min(1, k / 30)])
         simulation.step(joints)
@@ -298,8 +299,8 @@ def test_held_nodes_may_be_where_an_obstacle_is() -> None:
     assert report.contact.pressed > 60
     np.testing.assert_allclose(cloth.positions[[0, 8, 72, 80], 2], 0, atol=1e-12)
     assert cloth.positions[10:70, 2].max() == pytest.approx(0.001, abs=1e-5)  # 2 mm above the plate
-    cube = "obstacles=[{source='cube.obj', scale=0.1, position=[0.058,0,-0.0128]}]"
-    tripod = Simulation(load_scene("tripod", [*COARSE, "contact={contact_distance=1e-4}", cube]))
+    cube = f"obstacles=[{{source='{CUBE}', scale=0.1, position=[0.058,0,-0.0128]}}]"
+    tripod = Simulation(load_scene(SHARP, [*COARSE, "contact={contact_distance=1e-4}", cube]))
     for k in range(20):
         report = tripod.step(np.array([-0.5 * (k + 1) / 20, 0, 0, 0]))
         assert report.contact

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.description import BASE, arm_frames, urdf
 from tripod_sim.scene_short import joints_of
@@ -39,8 +40,8 @@ PLACED = [
 ]
 """The Tripod with three [[servo]]: one slides, aslant, two do not."""
 
-ROBOTS = [("tripod", []), ("cross", []), ("two_tripods", ["body.0.mesh.level=1", "body.1.mesh.level=1"]),
-          ("tripod", PLACED)]  # fmt: skip
+ROBOTS = [(SHARP, []), ("cross", []), ("two_tripods", ["body.0.mesh.level=1", "body.1.mesh.level=1"]),
+          (SHARP, PLACED)]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "overrides"), ROBOTS)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 
 FREE = ["servos=off", "effector=off", "damping=off", "mesh.level=1", "solver.tolerance=1e-9"]
@@ -14,14 +15,14 @@ def momenta(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_mass_is_the_scene_s() -> None:
-    simulation = Simulation(load_scene("tripod", ["material.mass=0.05"]))
+    simulation = Simulation(load_scene(SHARP, ["material.mass=0.05"]))
     assert simulation._mass.sum() == pytest.approx(0.05, rel=1e-12)
     assert simulation._mass.min() > 0
 
 
 def test_free_fall_is_the_recurrence_exactly() -> None:
     """v_n = n dt g, x_n = x_0 + dt² g n (n + 1) / 2."""
-    simulation = Simulation(load_scene("tripod", FREE))
+    simulation = Simulation(load_scene(SHARP, FREE))
     rest, n, dt = simulation.state.positions.copy(), 50, simulation.scene.dt
     for _ in range(n):
         simulation.step()
@@ -33,7 +34,7 @@ def test_free_fall_is_the_recurrence_exactly() -> None:
 
 
 def test_momentum_is_kept_and_energy_never_grows_in_free_flight() -> None:
-    simulation = Simulation(load_scene("tripod", [*FREE, "gravity=off", "dt=0.002"]))
+    simulation = Simulation(load_scene(SHARP, [*FREE, "gravity=off", "dt=0.002"]))
     state, rng = simulation.state, np.random.default_rng(0)
     spin = np.array([2.0, -3.0, 5.0])
     state.velocities[:] = np.cross(spin, state.positions) + np.array([0.1, 0.2, -0.3])
@@ -88,7 +89,7 @@ def test_damping_takes_energy_and_its_absence_leaves_it_to_the_scheme() -> None:
 
 def test_mass_damping_of_a_free_body_is_the_recurrence() -> None:
     """v_n = v_0 / (1 + a dt)^n."""
-    simulation = Simulation(load_scene("tripod", [*FREE, "gravity=off", "damping={mass=3.0, stiffness=0.0}"]))
+    simulation = Simulation(load_scene(SHARP, [*FREE, "gravity=off", "damping={mass=3.0, stiffness=0.0}"]))
     simulation.state.velocities[:] = [0.0, 0.4, 0.0]
     for _ in range(30):
         simulation.step()
@@ -96,7 +97,7 @@ def test_mass_damping_of_a_free_body_is_the_recurrence() -> None:
 
 
 def test_reset_returns_the_same_bits_and_the_same_motion() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     start = simulation.state.positions.tobytes()
     ends = []
     for _ in range(2):

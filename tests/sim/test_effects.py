@@ -88,7 +88,7 @@ ROWS = {
         "sum(len(f.nodes) for f in simulation._system.groups.driven) + simulation._system.driven.size",
     ),
     "servo_dynamics": Row(("bare solid", "held solid"), "robot", ROBOT),
-    "clamp": Row(("bare solid", "held solid"), "robot", ROBOT),
+    "clamp": Row(("bare solid", "held solid"), "robot", (*ROBOT, "clamp=off"), add=("clamp.stiffness=1.4e10",)),
     "effector": Row(
         ("bare solid", "free solid"), "robot", (*ROBOT, "effector=off"),
         "sum(len(nodes) for nodes in simulation._system.groups.rigid) + simulation.state.centres.size",
@@ -247,7 +247,7 @@ def test_adding_and_removing_an_effect_restores_the_same_bits(effect: str) -> No
 
 def test_what_effects_a_scene_names() -> None:
     scene = load_scene("tripod")
-    assert named(scene) == ["gravity", "inertia", "damping", "servos", "effector"]
+    assert named(scene) == ["gravity", "inertia", "damping", "servos", "clamp", "effector"]
     assert set(named(scene)) | set(absent(scene)) == set(EFFECTS)
     for effect in EFFECTS:
         assert meaning(effect).endswith("."), effect

@@ -273,7 +273,7 @@ def test_the_command_prints_tables_or_json() -> None:
         "elastic forces",
         "unknowns",
         "all arrays",
-        "effects: gravity, inertia, damping, servos, effector",
+        "effects: gravity, inertia, damping, servos, clamp, effector",
     ):
         assert text in done.stdout
     done = CliRunner().invoke(app, [*words, "--json"])

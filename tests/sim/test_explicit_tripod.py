@@ -5,6 +5,7 @@ import pytest
 import scipy.linalg
 
 from tests.memory import kept
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.integrators.explicit import ExplicitSteps
@@ -30,7 +31,7 @@ def path(t: float) -> np.ndarray:
 def moved(steps: int, scheme: str, words: list[str], substeps: str = "off") -> np.ndarray:
     """Positions, velocities and rotation of the disc after `steps` steps along the path, all as lengths [m]."""
     inertia = f"inertia={{scheme='{scheme}', substeps='{substeps}'}}"
-    simulation = Simulation(load_scene("tripod", [*SMALL, *POSE, inertia, f"dt={END / steps!r}", *words]))
+    simulation = Simulation(load_scene(SHARP, [*SMALL, *POSE, inertia, f"dt={END / steps!r}", *words]))
     for k in range(steps):
         simulation.step(path((k + 1) * END / steps))
     state = simulation.state
@@ -62,7 +63,7 @@ def test_error_falls_at_the_order_of_the_scheme_while_servos_move(
     errors = [np.abs(moved(n, scheme, ["damping=off"]) - reference).max() for n in (steps, 2 * steps)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.3)
     assert errors[1] < (1e-9 if order == 4 else 2e-5)
-    start = Simulation(load_scene("tripod", [*SMALL, *POSE])).state
+    start = Simulation(load_scene(SHARP, [*SMALL, *POSE])).state
     assert np.abs(reference[: start.positions.size] - start.positions.ravel()).max() > 1e-4
 
 
@@ -178,7 +179,7 @@ def test_order_on_a_tumbling_disc() -> None:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_driven_nodes_have_position_and_velocity_of_the_joints(scheme: str) -> None:
-    simulation = Simulation(load_scene("tripod", [*SMALL, *POSE, f"inertia.scheme={scheme}", "dt=1e-4"]))
+    simulation = Simulation(load_scene(SHARP, [*SMALL, *POSE, f"inertia.scheme={scheme}", "dt=1e-4"]))
     frames, rest = simulation.driven_frames, simulation._system.rest
     before = simulation.command
     goal = before + np.array([0.002, -0.003, 0.004, -2e-5])
@@ -195,9 +196,9 @@ def test_driven_nodes_have_position_and_velocity_of_the_joints(scheme: str) -> N
 @pytest.mark.parametrize("words", [[], ["clamp={}"], ["maze={}"], ["servo_dynamics={}"]])
 def test_a_body_in_equilibrium_stays_at_rest_under_the_static_torque(words: list[str]) -> None:
     words = [*SMALL, *POSE, *words, "dt=2e-4"]
-    static = Simulation(load_scene("tripod", [*words, "inertia=off", "damping=off"])).torques
+    static = Simulation(load_scene(SHARP, [*words, "inertia=off", "damping=off"])).torques
     moving = [*words, "inertia.scheme=semi_implicit_euler", "damping={mass=1.0, stiffness=1e-6}"]
-    simulation = Simulation(load_scene("tripod", moving))
+    simulation = Simulation(load_scene(SHARP, moving))
     start = simulation.positions.copy()
     for _ in range(5):
         report = simulation.step()
@@ -217,13 +218,13 @@ def test_torques_of_accelerated_servos_are_those_of_the_implicit_scheme(
     def torques(scheme: str, steps: int) -> np.ndarray:
         dt, accelerations = 2e-4 / steps, np.array([1e6, 5e5, -5e5, 1e4])
         words = [*base, f"inertia.scheme={scheme}", f"dt={dt!r}", "solver.tolerance=1e-4"]
-        simulation = Simulation(load_scene("tripod", words))
+        simulation = Simulation(load_scene(SHARP, words))
         for k in range(steps):
             joints = np.array([-0.3, -0.4, -0.5, 0.01]) + 0.5 * accelerations * ((k + 1) * dt) ** 2
             simulation.step(joints)
         return simulation.torques
 
-    static = Simulation(load_scene("tripod", [*base, "inertia=off", "damping=off"])).torques
+    static = Simulation(load_scene(SHARP, [*base, "inertia=off", "damping=off"])).torques
     size = np.abs(torques(scheme, 20) - static)
     assert (size > 0.2).all()
     errors = [np.abs(torques(scheme, n) - torques("implicit_euler", n)) for n in (20, 40)]
@@ -235,7 +236,7 @@ def test_servos_with_dynamics_move_the_body_as_with_an_implicit_scheme() -> None
     def end(scheme: str) -> Simulation:
         words = [*SMALL, *POSE, "servo_dynamics={}", "dt=5e-4", "damping={mass=20.0, stiffness=1e-5}"]
         words.append(f"inertia.scheme={scheme}")
-        simulation = Simulation(load_scene("tripod", words))
+        simulation = Simulation(load_scene(SHARP, words))
         for _ in range(12):
             simulation.step(np.array([-0.35, -0.4, -0.3, 0.01]))
         return simulation
@@ -251,7 +252,7 @@ def test_a_ball_on_the_plate_rolls_as_with_an_implicit_scheme() -> None:
     def ball(scheme: str) -> np.ndarray:
         words = [*SMALL, "servos.angles=[-0.8, -0.4, -0.4]", "maze={source='first'}", "ball={}", "dt=1e-3"]
         words.append(f"inertia.scheme={scheme}")
-        simulation = Simulation(load_scene("tripod", words))
+        simulation = Simulation(load_scene(SHARP, words))
         start = simulation.ball.position
         for _ in range(30):
             simulation.step()
@@ -264,7 +265,7 @@ def test_a_ball_on_the_plate_rolls_as_with_an_implicit_scheme() -> None:
 
 def test_the_limit_is_the_largest_frequency_of_the_constrained_body() -> None:
     words = [*SMALL, *POSE, "clamp={}", "maze={}", "damping=off"]
-    simulation = Simulation(load_scene("tripod", [*words, "inertia.scheme=semi_implicit_euler", "dt=1e-5"]))
+    simulation = Simulation(load_scene(SHARP, [*words, "inertia.scheme=semi_implicit_euler", "dt=1e-5"]))
     report = simulation.step()
     system, mass, stepper = simulation._system, simulation._mass, simulation._stepper
     system.assemble(simulation.state, project=False)
@@ -289,7 +290,7 @@ def test_the_limit_is_the_largest_frequency_of_the_constrained_body() -> None:
 
 def test_a_long_step_is_divided_and_what_servos_do_is_not_taken_for_growth() -> None:
     words = [*SMALL, "inertia.scheme=semi_implicit_euler", "damping={mass=0.0, stiffness=1e-6}", "dt=0.002"]
-    simulation = Simulation(load_scene("tripod", words))
+    simulation = Simulation(load_scene(SHARP, words))
     start = simulation.energies()
     for k in range(8):
         report = simulation.step(np.array([-0.03 * (k + 1)] * 3 + [0.0]))
@@ -306,7 +307,7 @@ def test_a_long_step_is_divided_and_what_servos_do_is_not_taken_for_growth() -> 
 def test_a_long_step_renews_what_lags_behind_while_servos_move_fast() -> None:
     def end(dt: float) -> np.ndarray:
         words = ["mesh.level=1", "inertia.scheme=rk4", "damping={mass=20.0, stiffness=2e-5}", f"dt={dt}"]
-        simulation = Simulation(load_scene("tripod", words))
+        simulation = Simulation(load_scene(SHARP, words))
         for t in dt * np.arange(1, round(0.02 / dt) + 1):
             simulation.step(np.array([-10.0, -5.0, 5.0, 0.5]) * t)
         return simulation.positions.copy()
@@ -315,14 +316,14 @@ def test_a_long_step_renews_what_lags_behind_while_servos_move_fast() -> None:
 
 
 def test_a_steady_step_allocates_no_growing_memory() -> None:
-    simulation = Simulation(load_scene("tripod", [*SMALL, "inertia.scheme=semi_implicit_euler", "dt=1e-4"]))
+    simulation = Simulation(load_scene(SHARP, [*SMALL, "inertia.scheme=semi_implicit_euler", "dt=1e-4"]))
     joints = [np.array([-1e-4 * k, 0, 0, 0]) for k in range(60)]
     assert kept(simulation.step, joints) < 4_000  # 100 bytes a step: no array of the mesh
 
 
 def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
     words = [*SMALL, "inertia={scheme='semi_implicit_euler', substeps='off'}", "damping=off", "dt=2.5e-4"]
-    simulation = Simulation(load_scene("tripod", words))
+    simulation = Simulation(load_scene(SHARP, words))
     flagged = 0
     with pytest.raises(StepError, match=r"limit is .* s, dt 0\.00025 s; substeps = 'auto' divides the step"):
         for step in range(1, 300):
@@ -335,7 +336,7 @@ def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
 
 def test_reset_returns_the_same_bits() -> None:
     words = [*SMALL, *POSE, "inertia.scheme=semi_implicit_euler", "servo_dynamics={}", "dt=1e-4"]
-    simulation = Simulation(load_scene("tripod", words))
+    simulation = Simulation(load_scene(SHARP, words))
     ends = []
     for _ in range(2):
         simulation.reset()
@@ -360,4 +361,4 @@ def test_masses_in_a_line_are_refused() -> None:
 @pytest.mark.parametrize("words", [["inertia.substeps=never"], ["dt=0"]])
 def test_bad_input_is_refused(words: list[str]) -> None:
     with pytest.raises(SceneError, match=words[0].split("=")[0]):
-        load_scene("tripod", ["inertia.scheme=rk4", *words])
+        load_scene(SHARP, ["inertia.scheme=rk4", *words])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 
 SCHEMES = {"implicit_euler": 1, "bdf2": 2, "tr_bdf2": 2}
@@ -45,7 +46,7 @@ def recurrence(scheme: str, h: float, steps: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_falling_body_follows_the_recurrence(scheme: str) -> None:
-    simulation = Simulation(load_scene("tripod", [*FREE, f"inertia.scheme={scheme}", "dt=0.01"]))
+    simulation = Simulation(load_scene(SHARP, [*FREE, f"inertia.scheme={scheme}", "dt=0.01"]))
     rest, steps = simulation.state.positions.copy(), 30
     for _ in range(steps):
         simulation.step()
@@ -68,7 +69,7 @@ def swung(scheme: str, steps: int) -> np.ndarray:
     dt = 0.06 / steps
     solver = ["solver.mode=newton", "solver.tolerance=1e-8"]
     overrides = ["mesh.level=1", f"dt={dt}", *solver, f"inertia.scheme={scheme}"]
-    simulation = Simulation(load_scene("tripod", overrides))
+    simulation = Simulation(load_scene(SHARP, overrides))
     for k in range(steps):
         angle = -0.1 * (1 - np.cos(np.pi * min(1.0, (k + 1) * dt / 0.03)))
         simulation.step(np.array([angle, 0, 0, 0]))
@@ -112,7 +113,7 @@ def test_second_order_schemes_keep_more_of_a_vibration() -> None:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_reset_forgets_the_history(scheme: str) -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", f"inertia.scheme={scheme}"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", f"inertia.scheme={scheme}"]))
     ends = []
     for _ in range(2):
         for k in range(10):
@@ -124,7 +125,7 @@ def test_reset_forgets_the_history(scheme: str) -> None:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_jump_is_survived_in_parts(scheme: str) -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", f"inertia.scheme={scheme}"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", f"inertia.scheme={scheme}"]))
     for _ in range(300):
         simulation.step(np.array([-2.1, -2.1, -2.1, 0.0]))
         assert np.isfinite(simulation.state.positions).all()

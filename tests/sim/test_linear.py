@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.build import build
 from tripod_sim.linear import choice
@@ -25,7 +26,7 @@ NAMES = (
 
 def tangent(level: int = 1) -> sparse.csc_matrix:
     """Upper triangle of the Tripod's static tangent, servos bent: free nodes and the disc's six unknowns."""
-    parts = build(load_scene("tripod", ["inertia=off", "damping=off", f"mesh.level={level}"]))
+    parts = build(load_scene(SHARP, ["inertia=off", "damping=off", f"mesh.level={level}"]))
     system = parts.system
     state = system.start_state(np.zeros(4))
     parts.stepper.step(state, np.array([-0.5, -0.3, 0.1, 0.003]), 0.0)
@@ -250,7 +251,7 @@ def reference() -> dict[str, np.ndarray]:
 def displacements(name: str, case: str) -> np.ndarray:
     """Of all nodes [m], at equilibrium to 1e-9 N: with stiffnesses near 100 N/m that leaves 1e-11 m."""
     options = ["inertia=off", "damping=off", "mesh.level=1", "solver.tolerance=1e-9", f"solver.linear={name}"]
-    simulation = Simulation(load_scene("tripod", options))
+    simulation = Simulation(load_scene(SHARP, options))
     for k in range(1, 9):
         simulation.step(CASES[case] * k / 8)
     return simulation.state.positions - simulation.mesh.nodes
@@ -270,7 +271,7 @@ def test_load_cases_do_not_depend_on_the_solver(
 def test_newton_projects_where_a_solver_reports_an_indefinite_tangent(name: str) -> None:
     """Half of the node spacing as noise turns elements inside out: no solver may follow the tangent as it is there."""
     options = ["mesh.level=1", "material.law=stable_neo_hooke", f"solver.linear={name}"]
-    simulation = Simulation(load_scene("tripod", options))
+    simulation = Simulation(load_scene(SHARP, options))
     free = simulation._system.reduction.free
     noise = 2e-3 * np.random.default_rng(0).standard_normal((len(free), 3))
     simulation.state.positions[free] += noise
@@ -296,14 +297,14 @@ def test_a_tolerance_below_rounding_is_reported() -> None:
         "solver.linear_tolerance=1e-30",
     ]
     with pytest.raises(StepError, match=r"conjugate gradients did not converge|tangent is singular"):
-        Simulation(load_scene("tripod", options)).step(np.array([-0.1, 0, 0, 0]))
+        Simulation(load_scene(SHARP, options)).step(np.array([-0.1, 0, 0, 0]))
 
 
 def test_a_solver_that_gives_up_fails_the_step_and_leaves_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
     def give_up(b: np.ndarray) -> np.ndarray:
         raise LinearError("no solution to be had")
 
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     before = simulation.state.positions.tobytes()
     for system in (simulation._system, simulation._static.system):
         for name in ("solve", "solve_many"):
@@ -318,7 +319,7 @@ def test_a_solver_that_gives_up_fails_the_step_and_leaves_the_state(monkeypatch:
 def test_compliance_is_that_of_the_direct_solver() -> None:
     found = []
     for options in (["solver.linear=ldl"], ["solver.linear=cg", "solver.linear_tolerance=1e-10"]):
-        found.append(Simulation(load_scene("tripod", ["mesh.level=1", *options])).compliance().w)
+        found.append(Simulation(load_scene(SHARP, ["mesh.level=1", *options])).compliance().w)
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-6 * np.abs(found[0]).max())
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.ball.ball import Place, account
 from tripod_sim.maze.board import make_board, mass_points, maze_names, read_maze
@@ -145,9 +146,7 @@ def test_the_mass_points_move_as_the_plate_would() -> None:
 
 def test_the_plate_weighs_on_the_robot_and_its_disc_stays_where_it_was() -> None:
     bare = Simulation(
-        load_scene(
-            "tripod", ["mesh.level=1", "servos.angles=[-1.4965,-1.4965,-1.4965]", "servos.slide=0.035"]
-        )
+        load_scene(SHARP, ["mesh.level=1", "servos.angles=[-1.4965,-1.4965,-1.4965]", "servos.slide=0.035"])
     )
     heavy = Simulation(load_scene("maze", ["mesh.level=1", "ball=off", "maze.mass=0.02"]))
     light = Simulation(load_scene("maze", ["mesh.level=1", "ball=off", "maze.mass=1e-9"]))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import CUBE, SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.forces.support import Support
@@ -21,7 +22,7 @@ WORKING = (f"servos.angles=[{W},{W},{W}]", "servos.slide=0.035")
 
 def effector(words: tuple[str, ...], way: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Positions of the effector along a way, and its estimated errors [m], NaN without."""
-    simulation = Simulation(load_scene("tripod", [CLAMP, "solver.max_turn=0.3", *words]))
+    simulation = Simulation(load_scene(SHARP, [CLAMP, "solver.max_turn=0.3", *words]))
     places, errors = [], []
     for joints in way:
         report = simulation.step(joints)
@@ -69,7 +70,7 @@ def test_poses_err_as_estimated_of_every_element(element: str, true_poses: np.nd
 
 TOUCH = "contact={contact_distance=1e-4, alarm_distance=5e-4}"
 SLOW = "damping.mass=20.0"
-POST = "{{source='cube.obj', scale=0.06, position=[{}, 0.0, -0.0195]}}"
+POST = f"{{{{source='{CUBE}', scale=0.06, position=[{{}}, 0.0, -0.0195]}}}}"
 BESIDE = {
     "a ball": ("ball={mass=9e-4, radius=0.006, position=[0.012, 0.0, 0.0]}",),
     "a ball in a maze": ("maze={}", "ball={mass=5e-4}"),
@@ -128,7 +129,7 @@ def test_beside_other_things_the_motion_is_the_same_to_the_bit_and_reset_begins_
     plain, _ = effector(words, way)
     watched, _ = effector((*words, ALWAYS), way)
     assert plain.tobytes() == watched.tobytes()
-    simulation = Simulation(load_scene("tripod", [CLAMP, *words, ALWAYS]))
+    simulation = Simulation(load_scene(SHARP, [CLAMP, *words, ALWAYS]))
     first = [simulation.step(joints).mesh_error for joints in way]
     simulation.reset()
     assert [simulation.step(joints).mesh_error for joints in way] == first
@@ -158,7 +159,7 @@ def test_what_is_said_of_other_bodies_is_not_said_of_the_first_alone() -> None:
         "fixed=[{set='end'}, {low=[0.04, -0.01, -0.01], high=[0.06, 0.01, 0.01]}]",
         "load=[{set='end', force=[0, 0, 0.1]}, {set='disc', force=[0, 0, 0.1]}]",
     )  # fmt: skip
-    scene = load_scene("tripod", words)
+    scene = load_scene(SHARP, words)
     assert scene.mesh
     found = alone(scene, scene.mesh)
     assert [body.name for body in soft_bodies(found)] == ["body"]
@@ -189,11 +190,11 @@ def test_a_support_pulls_points_back_along_its_directions() -> None:
 
 
 def test_quadratic_elements_are_held_against_half_their_edges() -> None:
-    scene = load_scene("tripod", [CLAMP, "mesh.element=h20", "mesh.level=8", "mesh_error={}"])
+    scene = load_scene(SHARP, [CLAMP, "mesh.element=h20", "mesh.level=8", "mesh_error={}"])
     mesh = richer(scene).mesh
     assert mesh
     assert (mesh.element, mesh.level, mesh.refine) == ("h20", 8, 1)
-    fast = richer(load_scene("tripod", [CLAMP, "mesh_error={}"])).mesh
+    fast = richer(load_scene(SHARP, [CLAMP, "mesh_error={}"])).mesh
     assert fast
     assert (fast.element, fast.level, fast.refine) == ("h20", 8, 0)
 
@@ -221,7 +222,7 @@ def test_the_motion_is_the_same_to_the_bit_and_reset_begins_anew() -> None:
     plain, _ = effector(WORKING, way)
     watched, _ = effector((*WORKING, ALWAYS), way)
     assert plain.tobytes() == watched.tobytes()
-    simulation = Simulation(load_scene("tripod", [CLAMP, *WORKING, ALWAYS]))
+    simulation = Simulation(load_scene(SHARP, [CLAMP, *WORKING, ALWAYS]))
     first = [simulation.step(joints).mesh_error for joints in way]
     simulation.reset()
     assert [simulation.step(joints).mesh_error for joints in way] == first
@@ -229,10 +230,10 @@ def test_the_motion_is_the_same_to_the_bit_and_reset_begins_anew() -> None:
 
 def test_after_a_long_way_in_one_step_it_finds_its_rest_again() -> None:
     still = (CLAMP, "inertia=off", "damping=off", "mesh_error.share=1e-9")
-    simulation = Simulation(load_scene("tripod", [*WORKING, *still]))
+    simulation = Simulation(load_scene(SHARP, [*WORKING, *still]))
     simulation.step(np.zeros(4))
     found = simulation.mesh_error()
-    fresh = Simulation(load_scene("tripod", still)).mesh_error()
+    fresh = Simulation(load_scene(SHARP, still)).mesh_error()
     assert found and fresh
     np.testing.assert_allclose(found.effector, fresh.effector, atol=2e-5)
     assert fresh.distance > 1e-4
@@ -293,4 +294,4 @@ def test_accelerations_lag_as_stiffness_damping_lets_forces_lag() -> None:
 )
 def test_what_has_no_estimate_is_refused(words: list[str], message: str) -> None:
     with pytest.raises(SceneError, match=message):
-        load_scene("tripod", words)
+        load_scene(SHARP, words)

@@ -415,5 +415,5 @@ def test_a_motion_that_cannot_be_is_refused_by_a_run_and_by_nothing_else(overrid
 
 
 def test_a_scene_without_its_servos_runs_without_its_motion() -> None:
-    words = ["servos=off", "fixed=[{low=[0.045,-1,-1],high=[1,1,1]}]", *COARSE]
+    words = ["servos=off", "clamp=off", "fixed=[{low=[0.045,-1,-1],high=[1,1,1]}]", *COARSE]
     assert run("tripod", duration=0.01, overrides=words)["steps"] == 2

@@ -193,7 +193,7 @@ def test_the_last_override_of_a_field_counts() -> None:
         ("tripod", "gravity.acceleration=off", "gravity.acceleration=off: only an effect can be off"),
         ("silicone", "fixed.1=off", "fixed.1: there is no entry '1'"),
         ("tripod", "inertia=off", "damping needs inertia"),
-        ("tripod", "inertia=off;damping=off;servos=off", "nothing holds the body"),
+        ("tripod", "inertia=off;damping=off;servos=off;clamp=off", "nothing holds the body"),
     ],
 )  # fmt: skip
 def test_a_bad_override_is_refused_by_its_path(scene: str, words: str, message: str) -> None:

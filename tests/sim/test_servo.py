@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.memory import kept
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 from tripod_sim.robot.servo import ServoMotion
 from tripod_sim.run import run
@@ -111,14 +112,14 @@ def follow(simulation: Simulation, goal: list[float], seconds: float) -> tuple[n
 def test_without_load_the_robot_follows_the_ramp() -> None:
     """A piece a million times softer and lighter: 10.47 rad/s from the first step to the dead band."""
     soft = ["material.young=0.25", "material.mass=3.2e-8", "solver.tolerance=1e-10"]
-    simulation = Simulation(load_scene("tripod", [*REAL, *soft]))
+    simulation = Simulation(load_scene(SHARP, [*REAL, *soft]))
     angles, _ = follow(simulation, [-0.5, -0.5, -0.5, 0.0], 0.1)
     ramp = np.minimum(S90.speed * 0.005 * np.arange(1, 21), 0.5 - S90.dead_band)
     np.testing.assert_allclose(angles, -np.tile(ramp[:, None], 3), atol=1e-4)
 
 
 def test_it_moves_into_the_working_pose() -> None:
-    simulation = Simulation(load_scene("tripod", REAL))
+    simulation = Simulation(load_scene(SHARP, REAL))
     angles, torques = follow(simulation, WORKING, 0.8)
     np.testing.assert_allclose(angles[-1], -1.4965 + S90.dead_band, atol=1e-9)
     np.testing.assert_allclose(torques[-1], -0.14, atol=0.006)
@@ -138,7 +139,7 @@ SCHEMES = {
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_it_stalls_where_the_load_is_the_stall_torque_at_any_step(dt: float, scheme: str) -> None:
     """L2 needs 0.5 N m: at every dt and scheme it rests at the same angle, at the stall torque, without chatter."""
-    simulation = Simulation(load_scene("tripod", [*REAL, *SCHEMES[scheme], f"dt={dt}"]))
+    simulation = Simulation(load_scene(SHARP, [*REAL, *SCHEMES[scheme], f"dt={dt}"]))
     angles, torques = follow(simulation, [QUARTER] * 3 + [0.0], 0.6)
     np.testing.assert_allclose(angles[-1], -0.1911, atol=1e-3)
     np.testing.assert_allclose(torques[-1], -S90.stall_torque, rtol=0.01)
@@ -155,7 +156,7 @@ def test_the_path_converges_with_the_step() -> None:
     """The angle 40 ms after a command, on the way: an error of the first order in dt."""
     reached = []
     for dt in (0.004, 0.002, 0.001, 0.0005):
-        simulation = Simulation(load_scene("tripod", [*REAL, f"dt={dt}", "inertia=off", "damping=off"]))
+        simulation = Simulation(load_scene(SHARP, [*REAL, f"dt={dt}", "inertia=off", "damping=off"]))
         reached.append(follow(simulation, [QUARTER, 0.0, 0.0, 0.0], 0.04)[0][-1, 0])
     steps = np.abs(np.diff(reached))
     assert steps[-1] > 1e-6
@@ -174,7 +175,7 @@ def test_a_stall_is_in_the_summary_of_a_run() -> None:
 
 
 def test_no_command_keeps_the_last_one() -> None:
-    a, b = (Simulation(load_scene("tripod", REAL)) for _ in range(2))
+    a, b = (Simulation(load_scene(SHARP, REAL)) for _ in range(2))
     goal = np.array([-0.1, -0.12, 0.05, 0.0])
     for k in range(30):
         a.step(goal)
@@ -193,18 +194,18 @@ def motion(simulation: Simulation, steps: int = 25) -> bytes:
 
 
 def test_reset_brings_back_the_same_motion_from_the_middle_of_a_pulse() -> None:
-    simulation = Simulation(load_scene("tripod", [*REAL, "dt=0.003"]))
+    simulation = Simulation(load_scene(SHARP, [*REAL, "dt=0.003"]))
     first = motion(simulation)
     assert 0 < simulation.state.servos.clock < S90.refresh
     simulation.reset()
     assert simulation.state.servos.clock == S90.refresh
     assert not simulation.state.servos.speed.any()
     assert motion(simulation) == first
-    assert motion(Simulation(load_scene("tripod", [*REAL, "dt=0.003"]))) == first
+    assert motion(Simulation(load_scene(SHARP, [*REAL, "dt=0.003"]))) == first
 
 
 def test_asking_for_the_compliance_changes_nothing() -> None:
-    a, b = (Simulation(load_scene("tripod", REAL)) for _ in range(2))
+    a, b = (Simulation(load_scene(SHARP, REAL)) for _ in range(2))
     for k in range(20):
         goal = np.array([-0.02 * k, 0.01 * k, 0.0, 0.0])
         a.step(goal)
@@ -215,7 +216,7 @@ def test_asking_for_the_compliance_changes_nothing() -> None:
 
 
 def test_a_step_that_fails_leaves_the_servos_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
-    simulation, other = (Simulation(load_scene("tripod", REAL)) for _ in range(2))
+    simulation, other = (Simulation(load_scene(SHARP, REAL)) for _ in range(2))
     goal = np.array([-0.3, -0.3, 0.2, 0.0])
     for s in (simulation, other):
         for _ in range(5):
@@ -243,7 +244,7 @@ def test_a_step_that_fails_leaves_the_servos_as_they_were(monkeypatch: pytest.Mo
 
 def test_added_and_removed_again_the_servos_are_ideal_bit_for_bit() -> None:
     def bits(overrides: list[str]) -> bytes:
-        return motion(Simulation(load_scene("tripod", [*COARSE, *overrides])))
+        return motion(Simulation(load_scene(SHARP, [*COARSE, *overrides])))
 
     ideal = bits([])
     assert bits(["servo_dynamics={}"]) != ideal
@@ -264,7 +265,7 @@ def test_absent_it_is_not_imported_and_holds_no_state() -> None:
 
 
 def test_a_steady_step_allocates_no_growing_memory() -> None:
-    simulation = Simulation(load_scene("tripod", REAL))
+    simulation = Simulation(load_scene(SHARP, REAL))
     goal = np.array([QUARTER, QUARTER, QUARTER, 0.0])
     assert kept(simulation.step, [goal] * 60) < 4_000
 
@@ -281,7 +282,7 @@ def test_a_steady_step_allocates_no_growing_memory() -> None:
 )
 def test_bad_values_are_refused_by_name(word: str, message: str) -> None:
     with pytest.raises(SceneError, match=message):
-        load_scene("tripod", ["servo_dynamics={}", word])
+        load_scene(SHARP, ["servo_dynamics={}", word])
 
 
 # in the graph ---------------------------------------------------------------------------------------------------
@@ -297,7 +298,7 @@ def test_the_node_names_a_stalled_servo_in_status_and_diagnostics(domain: int, r
     from tripod_graph.run import ros_arguments
     from tripod_sim.node import SimNode
 
-    words = ["mesh.level=1", f"servos.angles=[{QUARTER},{QUARTER},{QUARTER}]"]
+    words = ["mesh.level=1", "clamp=off", f"servos.angles=[{QUARTER},{QUARTER},{QUARTER}]"]
     words += ["servo_dynamics={}"] if real else []
     rclpy.init(args=ros_arguments([f"set:={';'.join(words)}"]), domain_id=domain)
     try:

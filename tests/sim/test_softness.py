@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 
 STATIC = ["inertia=off", "damping=off", "solver.tolerance=1e-9"]
@@ -13,7 +14,7 @@ SNAPPING = np.array([-0.28, 0.14, 0.14, 0.0])
 
 @pytest.fixture(scope="module")
 def flat() -> Simulation:
-    return Simulation(load_scene("tripod", STATIC))
+    return Simulation(load_scene(SHARP, STATIC))
 
 
 @pytest.mark.parametrize("angles", [[-0.24, 0.12, 0.12], [-0.3, 0.06, 0.21], [-0.2, 0.0, 0.2]])
@@ -82,7 +83,7 @@ def test_firmness_goes_to_zero_at_the_snap_and_its_square_in_proportion_to_the_a
 
 
 def test_a_swinging_body_has_the_compliance_of_its_rest() -> None:
-    moving = Simulation(load_scene("tripod"))
+    moving = Simulation(load_scene(SHARP))
     end = np.array([-0.2, 0.1, 0.1, 0.0])
     offsets = []
     for k in range(60):
@@ -90,7 +91,7 @@ def test_a_swinging_body_has_the_compliance_of_its_rest() -> None:
         if k >= 4:
             c = moving.compliance()
             offsets.append(float(np.linalg.norm(c.equilibrium_offset[:3])))
-    resting = Simulation(load_scene("tripod", STATIC))
+    resting = Simulation(load_scene(SHARP, STATIC))
     for part in np.linspace(0.1, 1.0, 10):
         resting.step(part * end)
     exact = resting.compliance()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
@@ -37,13 +38,13 @@ def test_the_generator_divides_as_its_own_family_of_levels() -> None:
     for m in (2, 3, 4):
         found, expected = (list(vars(level).values()) for level in (divided(LEVELS[8], m), LEVELS[7 + m]))
         np.testing.assert_allclose(found, expected, rtol=1e-12)
-    fine = Simulation(load_scene("tripod", ["mesh.level=8", "mesh.refine=1"]))
+    fine = Simulation(load_scene(SHARP, ["mesh.level=8", "mesh.refine=1"]))
     np.testing.assert_allclose(fine.mesh.nodes, y_piece(LEVELS[9]).nodes, atol=1e-12)
 
 
 @pytest.mark.parametrize("level", [1, 2])
 def test_the_estimate_is_within_a_factor_three_of_the_true_error(level: int) -> None:
-    scene = load_scene("tripod", [f"mesh.level={level}"])
+    scene = load_scene(SHARP, [f"mesh.level={level}"])
     sag = spatial_error(scene)
     assert sag.position is not None and sag.effector is not None
     true = SAG - sag.position[2]
@@ -64,7 +65,7 @@ def test_a_piece_without_effector_or_servos_has_one_too() -> None:
 
 
 def test_it_is_the_same_twice_and_leaves_effects_of_motion_out() -> None:
-    scene = load_scene("tripod", ["mesh.level=1"])
+    scene = load_scene(SHARP, ["mesh.level=1"])
     plain = replace(scene, inertia=None, damping=None)
     found = [spatial_error(s) for s in (scene, plain, replace(scene))]
     assert {f.largest for f in found} == {found[0].largest}
@@ -86,4 +87,4 @@ def test_what_has_no_estimate_is_refused(name: str, words: list[str], message: s
 
 def test_joints_that_do_not_fit_are_refused() -> None:
     with pytest.raises(SceneError, match="the scene needs 4 finite values"):
-        spatial_error(load_scene("tripod"), np.zeros(3))
+        spatial_error(load_scene(SHARP), np.zeros(3))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import stability
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
 
 WORKING = (-1.5, -1.5, -1.5, 0.035)
@@ -32,7 +33,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_hard_case_stays_stable_and_comes_to_rest(name: str) -> None:
     overrides, joints = CASES[name]
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", *overrides]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", *overrides]))
     totals = []
     for _ in range(round(3.0 / simulation.scene.dt)):
         simulation.step(np.array(joints))
@@ -50,7 +51,7 @@ def test_hard_case_stays_stable_and_comes_to_rest(name: str) -> None:
 
 @pytest.mark.parametrize("law", ["neo_hooke", "corotational"])
 def test_noise_of_a_tenth_of_an_element_relaxes(law: str) -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", f"material.law={law}"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", f"material.law={law}"]))
     free = simulation._system.reduction.free
     rest = simulation.state.positions.copy()
     noise = 1e-3 * np.random.default_rng(0).uniform(-1, 1, (len(free), 3))
@@ -61,7 +62,7 @@ def test_noise_of_a_tenth_of_an_element_relaxes(law: str) -> None:
 
 
 def test_corotational_recovers_from_inverted_elements() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", "material.law=corotational"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", "material.law=corotational"]))
     free = simulation._system.reduction.free
     rest = simulation.state.positions.copy()
     simulation.state.positions[free] += 4e-3 * np.random.default_rng(1).uniform(-1, 1, (len(free), 3))
@@ -83,7 +84,7 @@ def test_corotational_recovers_from_inverted_elements() -> None:
 
 
 def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_state() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     simulation.step(np.array([-0.1, 0, 0, 0]))
     good = simulation.state.copy()
     free = simulation._system.reduction.free
@@ -111,7 +112,7 @@ def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_s
     ],
 )
 def test_bad_commands_are_refused_and_change_nothing(joints: list[float], word: str) -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     before = simulation.state.positions.copy()
     with pytest.raises(SceneError, match=word):
         simulation.step(np.array(joints))

@@ -5,6 +5,7 @@ import pytest
 from scipy import sparse
 
 from tests.checks import assert_symmetric, random_rotation
+from tests.scenes import SHARP
 from tripod_sim import load_scene
 from tripod_sim.build import build
 from tripod_sim.constraints.groups import Groups, quaternion, rotation_matrix
@@ -19,7 +20,7 @@ LAWS = ("neo_hooke", "corotational")
 
 def bent(law: str = "neo_hooke", seed: int = 0) -> tuple[System, State]:
     """A static system and a state off equilibrium: strips bent, then nodes shaken and the disc tilted."""
-    parts = build(load_scene("tripod", ["inertia=off", "damping=off", "mesh.level=1", f"material.law={law}"]))
+    parts = build(load_scene(SHARP, ["inertia=off", "damping=off", "mesh.level=1", f"material.law={law}"]))
     system, rng = parts.system, np.random.default_rng(seed)
     state = system.start_state(np.zeros(4))
     parts.stepper.step(state, np.array([-0.5, -0.3, 0.1, 0.003]), 0.0)
@@ -34,7 +35,7 @@ def bent(law: str = "neo_hooke", seed: int = 0) -> tuple[System, State]:
 
 
 def static_system() -> System:
-    return build(load_scene("tripod", ["inertia=off", "damping=off", "mesh.level=1"])).system
+    return build(load_scene(SHARP, ["inertia=off", "damping=off", "mesh.level=1"])).system
 
 
 def settle_modes(system: System, state: State) -> None:

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.run import run
 
@@ -17,7 +18,7 @@ FINE, END = 1e-4, 0.06  # [s]
 
 def tripod(scheme: str, dt: float, *words: str) -> Simulation:
     pose = (f"servos.angles={WORKING[:3].tolist()}", f"servos.slide={WORKING[3]}", "mesh.level=1")
-    return Simulation(load_scene("tripod", [*pose, f"inertia.scheme={scheme}", f"dt={dt!r}", *words]))
+    return Simulation(load_scene(SHARP, [*pose, f"inertia.scheme={scheme}", f"dt={dt!r}", *words]))
 
 
 def turned(t: float) -> np.ndarray:
@@ -143,7 +144,7 @@ def test_a_falling_body_s_estimate_is_its_error(scheme: str) -> None:
     """v' = g - a v from rest, out of equilibrium: the exact solution is known."""
     drag, fall, dt, steps = 8.0, -9.81, 0.002, 100
     words = [*FREE, f"damping={{mass={drag}, stiffness=0.0}}", f"inertia.scheme={scheme}", f"dt={dt}"]
-    simulation = Simulation(load_scene("tripod", [*words, "time_error={}"]))
+    simulation = Simulation(load_scene(SHARP, [*words, "time_error={}"]))
     rest = simulation.state.positions.copy()
     for _ in range(steps):
         simulation.step()
@@ -156,7 +157,7 @@ def test_a_falling_body_s_estimate_is_its_error(scheme: str) -> None:
 
 
 def test_velocities_changed_from_outside_are_a_new_start() -> None:
-    simulation = Simulation(load_scene("tripod", [*FREE, "gravity=off", "damping=off", "time_error={}"]))
+    simulation = Simulation(load_scene(SHARP, [*FREE, "gravity=off", "damping=off", "time_error={}"]))
     simulation.state.velocities[:] = [0.0, 0.5, 0.0]
     for _ in range(5):
         report = simulation.step()

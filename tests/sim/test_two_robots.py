@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.scene_short import joints_of
 
@@ -15,7 +16,7 @@ PLACE, TURN = np.array([0.17, 0.0, 0.0]), np.diag([-1.0, -1.0, 1.0])
 def test_each_of_two_tripods_moves_as_one_alone_does() -> None:
     # No tangent has to be projected there: that would be done for both, and stiffness damping takes the projected.
     both = Simulation(load_scene("two_tripods", TWO))
-    alone = [Simulation(load_scene("tripod", ONE)) for _ in range(2)]
+    alone = [Simulation(load_scene(SHARP, ONE)) for _ in range(2)]
     most, moved = np.array([-0.7, -0.5, -0.6, -0.2, -0.7, -0.4, 0.01]), np.zeros(2)
     apart = 0.0
     for k in range(STEPS):
@@ -37,7 +38,7 @@ def test_each_of_two_tripods_moves_as_one_alone_does() -> None:
 
 
 def test_the_compliance_is_that_of_the_first_and_the_other_has_no_part_in_it() -> None:
-    both, one = Simulation(load_scene("two_tripods", TWO)), Simulation(load_scene("tripod", ONE))
+    both, one = Simulation(load_scene("two_tripods", TWO)), Simulation(load_scene(SHARP, ONE))
     for k in range(20):
         pose = np.array([-0.5, -0.3, -0.2]) * (k + 1) / 20
         one.step(np.append(pose, 0.01))
@@ -56,7 +57,7 @@ def test_arms_of_a_body_stand_about_its_own_axis() -> None:
 def test_at_rest_a_second_body_that_is_held_bends_as_one_alone() -> None:
     still = ["inertia=off", "damping=off", "motion=off"]
     both = Simulation(load_scene("two_tripods", ["body.0.mesh.level=1", "body.1.mesh.level=1", *still]))
-    one = Simulation(load_scene("tripod", ["mesh.level=1", *still]))
+    one = Simulation(load_scene(SHARP, ["mesh.level=1", *still]))
     assert not any("nothing holds" in note for note in both.notes)
     down = np.array([-0.4, -0.3, -0.2])
     both.step(np.concatenate([np.zeros(3), down, [0.01]]))
