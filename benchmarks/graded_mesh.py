@@ -62,7 +62,7 @@ MESHES = (
     *(("compliant", "h8_modes", level) for level in (2, 8, 12)),
     *(("compliant", "h20", level) for level in (13, 8)),
 )
-"""Clamp, element, level; the first is the scene's default."""
+"""Clamp, element, level; the first is the draft's."""
 
 STEPS = (
     ("implicit_euler", 0.005),
@@ -279,7 +279,7 @@ def front(repeats: int) -> list[str]:
         "",
         f"CPU times of one thread, of each step the least of {repeats} runs, scaled to a product of 1000 x 1000 of "
         f"{1e3 * PRODUCT:g} ms (here {1e3 * min(products):.0f} to {1e3 * max(products):.0f} ms),",
-        "worst steps not. The first mesh is the scene's default, whose clamp is another model. "
+        "worst steps not. The first mesh is the draft's, whose clamp is another model. "
         "`python benchmarks/graded_mesh.py --write`.",
     ]
 

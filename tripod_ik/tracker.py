@@ -222,9 +222,7 @@ class Tracker:
         here = branch(state, tasks)
         aimed = np.concatenate([position, normal])
         previous = state.angles if self._previous is None else self._previous
-        self._swing = max(
-            hypot(*state.equilibrium_offset[:3].tolist()), self._swing * exp(-dt / SWING)
-        )
+        self._swing = max(hypot(*state.equilibrium_offset[:3].tolist()), self._swing * exp(-dt / SWING))
         firm = firm_enough(self._swing)
         led = self._guidance.command(
             state,

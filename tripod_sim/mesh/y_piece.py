@@ -97,10 +97,10 @@ Finer meshes than 4 resolve the singular edge of the sharp clamp and leave the s
 more layers, since along the sheet alone no refinement cures the locking of linear tetrahedra in bending.
 8 to 11 resolve the compliant clamp, too; each divides the edges of level 8 by 1, 2, 3 or 4, which is what a study of
 convergence needs. 12 for `h8_modes` and 13 for `h20` are graded for the effector's position with that clamp, by
-benchmarks/graded_mesh.py: the fewest unknowns on its way that err by less than 1.25 and 1 %. No element of 12 is shorter
-in the clamp than 3 mm: at half the thickness, 2.5 mm, the modes of `h8_modes` buckle where servos press the clamp's edge.
-14 is for `h20` in motion, where strips twist, too: that 8 and 13 have two elements across is most of the 1.5 % by which
-they err there."""
+benchmarks/graded_mesh.py: the fewest unknowns on its way that err by less than 1.25 and 1 %. No element of 12 is
+shorter in the clamp than 3 mm: at 2.5 mm, half the thickness, the modes of `h8_modes` buckle where servos press the
+clamp's edge. 14 is for `h20` in motion, where strips twist, too: two elements across are most of the 1.5 % by which 8
+and 13 err there."""
 
 
 def divided(level: YLevel, m: int) -> YLevel:
