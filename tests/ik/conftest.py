@@ -2,6 +2,8 @@
 
 import pytest
 
+from tests.scenes import SHARP
+
 
 @pytest.fixture
 def graph(domain):
@@ -19,7 +21,7 @@ def shared_flat():
     from tripod_ik.model import StaticModel
     from tripod_sim import load_scene
 
-    return StaticModel(load_scene("tripod"), 0.0, np.zeros(3))
+    return StaticModel(load_scene(SHARP), 0.0, np.zeros(3))
 
 
 @pytest.fixture

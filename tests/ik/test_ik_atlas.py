@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_ik.atlas import Atlas
 from tripod_ik.model import StaticModel, image_of, working_angles
 from tripod_sim import load_scene
@@ -12,7 +13,7 @@ SLIDE = 0.012
 
 @pytest.fixture(scope="module")
 def model():
-    return StaticModel(load_scene("tripod"), SLIDE, working_angles(3) * SLIDE / 0.035)
+    return StaticModel(load_scene(SHARP), SLIDE, working_angles(3) * SLIDE / 0.035)
 
 
 def atlas_of(model, around=0.5):
@@ -49,14 +50,12 @@ def test_turned_and_mirrored_poses_are_images_with_all_that_is_known_of_them(mod
 
 @pytest.mark.parametrize("gravity", [[0.5, 0.2, -9.8], [0.5, 0.0, -9.8]])
 def test_what_is_not_symmetric_has_no_images(gravity):
-    assert (
-        len(StaticModel(load_scene("tripod", [f"gravity.acceleration={gravity}"]), SLIDE).symmetries()) == 1
-    )
+    assert len(StaticModel(load_scene(SHARP, [f"gravity.acceleration={gravity}"]), SLIDE).symmetries()) == 1
 
 
 def test_images_save_the_way_to_poses_and_change_none_of_them(model):
     with_images = atlas_of(model)
-    alone = StaticModel(load_scene("tripod"), SLIDE, model.home)
+    alone = StaticModel(load_scene(SHARP), SLIDE, model.home)
     alone.symmetries = lambda: model.symmetries()[:1]
     each = atlas_of(alone)
     assert known(with_images) >= known(each) == {*known(each)}

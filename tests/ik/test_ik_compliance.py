@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_ik.model import StaticModel, linear_state
 from tripod_ik.rotation import tilt_between, vector_matrix
 from tripod_sim import Simulation, load_scene
@@ -34,26 +35,26 @@ def assert_slopes(model, pose, h):
 
 @pytest.mark.parametrize("element", ["t4", "t10", "h8", "h8_mean", "h8_modes", "h20", "h20_full", "h27"])
 def test_every_element(element):
-    scene = load_scene("tripod", ["mesh.level=1", f"mesh.element={element}", "solver.tolerance=1e-9"])
+    scene = load_scene(SHARP, ["mesh.level=1", f"mesh.element={element}", "solver.tolerance=1e-9"])
     assert_slopes(StaticModel(scene, SLIDE, POSE), POSE, 1e-3)
 
 
 @pytest.mark.parametrize("law", ["corotational", "stable_neo_hooke", "st_venant_kirchhoff"])
 def test_every_law(law):
-    scene = load_scene("tripod", ["mesh.level=1", f"material.law={law}", "solver.tolerance=1e-9"])
+    scene = load_scene(SHARP, ["mesh.level=1", f"material.law={law}", "solver.tolerance=1e-9"])
     assert_slopes(StaticModel(scene, 0.0, 0.3 * POSE), 0.3 * POSE, 1e-3)
 
 
 @pytest.mark.parametrize("effect", ["clamp={}", "gravity=off", "gravity.acceleration=[30,10,-40]"])
 def test_every_effect_that_is_there_at_rest(effect):
-    scene = load_scene("tripod", ["mesh.level=1", effect, "solver.tolerance=1e-9"])
+    scene = load_scene(SHARP, ["mesh.level=1", effect, "solver.tolerance=1e-9"])
     assert_slopes(StaticModel(scene, SLIDE, POSE), POSE, 1e-3)
 
 
 def test_gravity_counts():
     """The check above would not notice if all forgot it; the equilibrium and its slopes do change with it."""
     with_it, without = (
-        StaticModel(load_scene("tripod", ["mesh.level=1", *words]), SLIDE, POSE).state()
+        StaticModel(load_scene(SHARP, ["mesh.level=1", *words]), SLIDE, POSE).state()
         for words in ([], ["gravity=off"])
     )
     assert with_it.equilibrium[2] < without.equilibrium[2] - 1e-4
@@ -65,7 +66,7 @@ def test_of_a_body_in_motion_it_is_that_of_the_rest_it_goes_to():
     and first order.
     """
     words = ["mesh.level=1", f"servos.angles={POSE.tolist()}", f"servos.slide={SLIDE}", "solver.mode=newton"]
-    moving = Simulation(load_scene("tripod", words))
+    moving = Simulation(load_scene(SHARP, words))
     shares, misses = [], []
     for speed in (0.1, 0.2):
         moving.reset()
@@ -73,7 +74,7 @@ def test_of_a_body_in_motion_it_is_that_of_the_rest_it_goes_to():
             goal = POSE + speed * (k + 1) * np.array([1.0, 0.0, 0.0])
             moving.step(np.append(goal, SLIDE))
         state = linear_state(moving.compliance())
-        rest = StaticModel(load_scene("tripod", words[:1]), SLIDE, state.angles).state()
+        rest = StaticModel(load_scene(SHARP, words[:1]), SLIDE, state.angles).state()
         swing = np.linalg.norm(state.equilibrium_offset[:3])
         assert swing > 1e-5
         shares.append(np.linalg.norm(state.equilibrium - rest.equilibrium) / swing)

@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
 from tripod_ik.model import StaticModel
@@ -23,8 +24,8 @@ class WrongRobot:
     """A Tripod of 10 % stiffer silicone whose servos stand 2 degrees off, measured 30 ms late."""
 
     def __init__(self):
-        self.model = StaticModel(load_scene("tripod", ["mesh.level=1"]))
-        self.robot = StaticModel(load_scene("tripod", ["mesh.level=1", "material.young=275e3"]))
+        self.model = StaticModel(load_scene(SHARP, ["mesh.level=1"]))
+        self.robot = StaticModel(load_scene(SHARP, ["mesh.level=1", "material.young=275e3"]))
         self.start = self.model.save(), self.robot.save()
 
     def restore(self):

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel
 from tripod_ik.rotation import normal_of
@@ -18,7 +19,7 @@ LOW, HIGH, SPEED, DT = -2.1, -0.4, 3.0, 0.02
 
 @pytest.fixture(scope="module")
 def shared():
-    return StaticModel(load_scene("tripod", ["mesh.level=1"]))
+    return StaticModel(load_scene(SHARP, ["mesh.level=1"]))
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
@@ -18,7 +19,7 @@ DT = 0.02
 
 @pytest.fixture(scope="module")
 def shared():
-    return StaticModel(load_scene("tripod", ["mesh.level=1"]))
+    return StaticModel(load_scene(SHARP, ["mesh.level=1"]))
 
 
 @pytest.fixture

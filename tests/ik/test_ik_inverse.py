@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from tests.ik.search import Limits, Search
+from tests.scenes import SHARP
 from tripod_ik.errors import IkError
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
@@ -21,7 +22,7 @@ NARROW = AngleLimit(-1.9, -1.1)
 
 @pytest.fixture(scope="module")
 def shared():
-    return StaticModel(load_scene("tripod", ["mesh.level=1"]))
+    return StaticModel(load_scene(SHARP, ["mesh.level=1"]))
 
 
 @pytest.fixture
@@ -177,7 +178,7 @@ def test_torques_and_box_limit_the_pose(model):
 @pytest.fixture(scope="module")
 def everywhere():
     """A model of its own: the search leaves it anywhere."""
-    return Search(StaticModel(load_scene("tripod", ["mesh.level=1"])), *(-1.9, -1.1), count=5)
+    return Search(StaticModel(load_scene(SHARP, ["mesh.level=1"])), *(-1.9, -1.1), count=5)
 
 
 BOX = (np.array([-0.006, -0.005, -0.012]), np.array([0.005, 0.006, -0.004]))
@@ -235,7 +236,7 @@ def test_where_a_torque_limit_parts_the_poses_the_closest_is_beyond_the_gap(ever
 
 def test_a_search_everywhere_leaves_a_corner_of_the_angle_limits_that_is_not_the_best():
     """The target is 65 mm out of reach; the corner that the search from home ends in is 0.13 mm worse than the best."""
-    model, target = StaticModel(load_scene("tripod")), [-0.0458489, -0.0234071, -0.0590514]
+    model, target = StaticModel(load_scene(SHARP)), [-0.0458489, -0.0234071, -0.0590514]
     solver, home = InverseSolver(model, NARROW), model.save()
     near = solver.solve([PositionTask(target)])
     model.restore(home)

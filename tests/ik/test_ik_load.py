@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.ik.plant import SpringRobot
+from tests.scenes import SHARP
 from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
 from tripod_ik.load import Load, LoadObserver
@@ -29,7 +30,7 @@ class Running:
     """A Tripod that moves in time, its servos a little to and fro; from `PLACED` on it has a weight on its disc."""
 
     def __init__(self, angles: np.ndarray, off: np.ndarray, load: SceneLoad = ON_IT) -> None:
-        scene = load_scene("tripod", SCENE)
+        scene = load_scene(SHARP, SCENE)
         disc = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
         loaded = replace(scene, set=(disc,), load=(load,))
         model = StaticModel(scene, 0.035, angles)  # 4 % stiffer than the robot

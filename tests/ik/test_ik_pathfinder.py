@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.ik.search import Flood, Limits
+from tests.scenes import SHARP
 from tripod_ik.atlas import Atlas
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel, goes_on
@@ -29,12 +30,12 @@ def at(degrees, radius=0.01):
 
 @pytest.fixture(scope="module")
 def finder():
-    return Pathfinder(Atlas.of(load_scene("tripod"), 0.0), *Tracker(SETTINGS).reach)
+    return Pathfinder(Atlas.of(load_scene(SHARP), 0.0), *Tracker(SETTINGS).reach)
 
 
 @pytest.fixture(scope="module")
 def between():
-    return Pathfinder(Atlas.of(load_scene("tripod"), 0.012), *Tracker(SETTINGS).reach)
+    return Pathfinder(Atlas.of(load_scene(SHARP), 0.012), *Tracker(SETTINGS).reach)
 
 
 def follow(flat, finder, goals, seconds=1.0):
@@ -111,8 +112,8 @@ def test_where_a_strip_hangs_slack_it_does_not_snap_by_itself():
     """Slid in by 35 mm, 90 degrees from a servo: the straight way there snaps a strip while the effector is firm, and
     so does one between two neighbours of the grid.
     """
-    working = StaticModel(load_scene("tripod"), 0.035)
-    finder = Pathfinder(Atlas.of(load_scene("tripod"), 0.035), *Tracker(SETTINGS).reach)
+    working = StaticModel(load_scene(SHARP), 0.035)
+    finder = Pathfinder(Atlas.of(load_scene(SHARP), 0.035), *Tracker(SETTINGS).reach)
     goals = [at(degrees, 0.012) + np.array([0.0, 0.0, 0.002]) for degrees in (0, 30, 60, 90)]
     home, ends = follow(working, finder, goals, seconds=1.4)
     for goal, (state, _) in zip(goals, ends, strict=True):
@@ -128,7 +129,7 @@ def test_a_goal_on_another_sheet_is_met(between):
 
 def test_goals_on_another_sheet_are_met_soon(between):
     """2 mm higher on a circle of 10 mm; thinking, which takes 0.1 to 0.4 s more, is not counted."""
-    model = StaticModel(load_scene("tripod"), 0.012, between.model.home)
+    model = StaticModel(load_scene(SHARP), 0.012, between.model.home)
     goals = [at(degrees) + np.array([0.0, 0.0, 0.002]) for degrees in (0, 30, 60, 90)]
     home, ends = follow(model, between, goals, seconds=0.64)
     for k in (0, 1, 3):
@@ -149,7 +150,7 @@ def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
 
 
 def test_a_robot_that_does_not_rest_as_the_model_does_gets_no_way(flat, finder):
-    other = StaticModel(load_scene("tripod", ["material.young=4e5"]), 0.0, np.zeros(3)).state()
+    other = StaticModel(load_scene(SHARP, ["material.young=4e5"]), 0.0, np.zeros(3)).state()
     assert finder.way(other, [PositionTask(np.array([0.01, 0.0, 0.0]))]) is NOWHERE
 
 
@@ -172,7 +173,7 @@ def test_ways_of_turned_and_mirrored_questions_are_turned_and_mirrored(flat, fin
 
 def test_a_way_is_known_where_all_poses_are():
     """Of few angles all poses are soon found: then the present one is still among them."""
-    finder = Pathfinder(Atlas.of(load_scene("tripod"), 0.035), AngleLimit(-1.8, -1.2))
+    finder = Pathfinder(Atlas.of(load_scene(SHARP), 0.035), AngleLimit(-1.8, -1.2))
     home = finder.model.go_home().equilibrium
     far = [PositionTask(home + np.array([0.05, 0.0, 0.0]))]
     finder.closest(far, finder.model.home)
@@ -184,7 +185,7 @@ def test_a_way_is_known_where_all_poses_are():
 
 def test_a_way_does_not_lead_over_a_snap_that_its_ends_say_nothing_of():
     """From the sheet above to that below, past where the body would snap: what the Jacobians at both ends say fits."""
-    finder = Pathfinder(Atlas.of(load_scene("tripod"), 0.023), *Tracker(SETTINGS).reach)
+    finder = Pathfinder(Atlas.of(load_scene(SHARP), 0.023), *Tracker(SETTINGS).reach)
     model = finder.model
     goal = [PositionTask(model.go_home().equilibrium + np.array([0.012, 0.0, 0.002]))]
     state = model.follow(np.array([-1.242, -0.59, -0.59]))

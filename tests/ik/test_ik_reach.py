@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_bringup.ik_command import solution_rows
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel
@@ -16,7 +17,7 @@ COARSE = ["mesh.level=1"]
 
 @pytest.fixture(scope="module")
 def found():
-    model = StaticModel(load_scene("tripod", COARSE))
+    model = StaticModel(load_scene(SHARP, COARSE))
     done = []
     low, high = default_range(model)
     result = reach(model, low, high, count=3, torque_max=0.13, progress=done.append)
@@ -37,7 +38,7 @@ def test_every_pose_of_the_stretched_range_is_found_once(found):
 def test_a_row_is_what_the_model_has_at_its_angles(found):
     _, result, _ = found
     for row in result.table[:4]:
-        state = StaticModel(load_scene("tripod", COARSE), angles=row[:3]).state()
+        state = StaticModel(load_scene(SHARP, COARSE), angles=row[:3]).state()
         normal = state.equilibrium_rotation[:, 2]
         assert row[3:6] == pytest.approx(state.equilibrium, abs=1e-7)
         assert row[8] == pytest.approx(np.arccos(normal[2]), abs=1e-5)
@@ -67,7 +68,7 @@ def test_layers_hold_what_the_torque_allows(found):
 
 def test_the_flood_ends_at_folds():
     """Beyond about -0.3 rad the strips hang slack and det(J) changes its sign."""
-    model = StaticModel(load_scene("tripod", COARSE))
+    model = StaticModel(load_scene(SHARP, COARSE))
     model.move(np.full(3, -0.6))
     result = reach(model, -0.6, 0.2, count=2, torque_max=1.0)
     assert result.folded + result.snapped > 0
@@ -94,7 +95,7 @@ def test_bad_grids_are_refused(found, values, message):
 
 
 def test_once_gives_angles_torques_and_what_is_missing():
-    scene = load_scene("tripod", COARSE)
+    scene = load_scene(SHARP, COARSE)
     result = solve_once(scene, [0.004, -0.002, -0.006], slide=0.035)
     assert result["reached"]
     assert result["position"] == pytest.approx([0.004, -0.002, -0.006], abs=1e-7)
@@ -115,14 +116,14 @@ def test_once_gives_angles_torques_and_what_is_missing():
 
 def test_an_answer_tells_the_error_of_its_mesh_where_that_is_asked_for():
     words = [*COARSE, "clamp.stiffness=1.4e10", "mesh_error={}"]
-    result = solve_once(load_scene("tripod", words), [0.004, -0.002, -0.006], slide=0.035)
-    fine = load_scene("tripod", ["clamp.stiffness=1.4e10", "mesh.element=h20", "mesh.level=8"])
+    result = solve_once(load_scene(SHARP, words), [0.004, -0.002, -0.006], slide=0.035)
+    fine = load_scene(SHARP, ["clamp.stiffness=1.4e10", "mesh.element=h20", "mesh.level=8"])
     there = StaticModel(fine, 0.035, result["angles"]).simulation.state.centres[0] - result["position"]
     assert result["mesh_error"]["effector"] == pytest.approx(there.tolist(), abs=2e-5)
     assert result["mesh_error"]["distance"] > 1e-4
     row = dict(solution_rows(result))["error"]
     assert row == f"mesh {1e3 * result['mesh_error']['distance']:.2g} mm (estimated)"
-    assert "mesh_error" not in solve_once(load_scene("tripod", COARSE), [0.004, -0.002, -0.006], slide=0.035)
+    assert "mesh_error" not in solve_once(load_scene(SHARP, COARSE), [0.004, -0.002, -0.006], slide=0.035)
 
 
 @pytest.mark.parametrize(
@@ -145,4 +146,4 @@ def test_an_answer_tells_the_error_of_its_mesh_where_that_is_asked_for():
 def test_bad_questions_are_refused(values, message):
     given = {"target": [0, 0, 0], "slide": 0.035} | values
     with pytest.raises(IkError, match=message):
-        solve_once(load_scene("tripod", COARSE), given.pop("target"), **given)
+        solve_once(load_scene(SHARP, COARSE), given.pop("target"), **given)

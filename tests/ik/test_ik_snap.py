@@ -6,10 +6,11 @@ The flat piece, servos at 0 and not slid in, snaps up where the effector is to g
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import linear_state
-from tripod_ik.snap import SOFTEST, SnapLimit
+from tripod_ik.snap import BARRIER, SOFTEST, SnapLimit, firm_enough
 from tripod_ik.tasks import PositionTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
@@ -50,8 +51,33 @@ def test_an_unreachable_goal_is_neared_without_a_snap_and_left_again(flat, radiu
     assert np.ptp(ends, axis=0).max() < 1e-3  # 0.02 mm of the effector
 
 
+def test_commands_that_come_in_jumps_do_not_carry_the_body_over_a_snap():
+    """As in the graph: 50 Hz, the servos as fast as they may. The body swings by 1.5 mm about where it would rest."""
+    simulation = Simulation(load_scene(SHARP))
+    home, tracker, dt = simulation.state.centres[0].copy(), Tracker(TrackerSettings()), simulation.scene.dt
+    joints, off = simulation.state.joints.copy(), []
+    for k, angle in enumerate((0.0, np.pi / 6)):  # out of reach, and within
+        goal = home + 0.01 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        tracker.aim(goal, None, 1.2 * k)
+        for step in range(round(1.2 / dt)):
+            if step % round(DT / dt) == 0:
+                state = linear_state(simulation.compliance())
+                command = tracker.update(state, 1.2 * k + step * dt).result.command
+            joints[:3] += np.clip(command - joints[:3], -4.0 * dt, 4.0 * dt)
+            simulation.step(joints)
+        off.append(np.linalg.norm(simulation.state.centres[0] - goal))
+    assert 1e-4 < off[0] < 1e-3
+    assert off[1] < 1e-5  # 6.4 mm off, beyond the snap, without a limit that knows of the swing
+
+
+def test_the_more_a_body_swings_the_firmer_it_has_to_stay():
+    assert firm_enough(0.0) == 0.0
+    assert firm_enough(BARRIER) == pytest.approx(1.0)
+    assert firm_enough(BARRIER / 8) == pytest.approx(1 / 4)
+
+
 def test_a_moving_body_does_not_snap_either():
-    simulation = Simulation(load_scene("tripod"))
+    simulation = Simulation(load_scene(SHARP))
     home, tracker, dt = simulation.state.centres[0].copy(), Tracker(TrackerSettings()), simulation.scene.dt
     last, slide = home, float(simulation.state.joints[3])
     for k in range(400):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_ik.errors import IkError
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
@@ -24,7 +25,7 @@ OFF = np.array([-1.3, -1.55, -1.7])
 
 @pytest.fixture(scope="module")
 def model():
-    return StaticModel(load_scene("tripod", ["mesh.level=1"]))
+    return StaticModel(load_scene(SHARP, ["mesh.level=1"]))
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
@@ -17,7 +18,7 @@ WAYS = ([], [[-1.25, -0.72, -1.79]], [[-1.5, -1.18, -1.8]], [[-0.64, -1.65, -1.6
 
 @pytest.fixture(scope="module")
 def shared():
-    return StaticModel(load_scene("tripod"))
+    return StaticModel(load_scene(SHARP))
 
 
 @pytest.fixture

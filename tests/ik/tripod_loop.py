@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.scenes import SHARP
 from tripod_graph.names import WORKING_POSE
 from tripod_ik.arrays import FloatArray
 from tripod_ik.model import linear_state
@@ -85,7 +86,7 @@ def follow(
 ) -> Followed:
     """Follow `path` from the working pose; each step of the simulator asks for one command."""
     *angles, slide = WORKING_POSE
-    scene = load_scene("tripod", [f"servos.angles={angles}", f"servos.slide={slide}", *overrides])
+    scene = load_scene(SHARP, [f"servos.angles={angles}", f"servos.slide={slide}", *overrides])
     simulation, tracker, rows, limits = Simulation(scene), Tracker(settings), [], set()
     home, dt = simulation.state.centres[0].copy(), scene.dt
     for k in range(round(seconds / dt)):
