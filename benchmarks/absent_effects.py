@@ -32,6 +32,7 @@ from tripod_sim.scene import EFFECTS  # noqa: E402
 
 SOLID = (
     "tripod",
+    "clamp=off",
     "servos=off",
     "effector=off",
     "fixed=[{low=[0.045, -0.02, -0.01], high=[0.06, 0.02, 0.01]}]",
@@ -49,6 +50,7 @@ WITHOUT: dict[str, tuple[str, ...]] = {
     "gravity": ("tripod", "gravity=off"),
     "inertia": ("tripod", "inertia=off", "damping=off"),
     "damping": ("tripod", "damping=off"),
+    "clamp": ("tripod", "clamp=off"),
     "servos": (*SOLID, "solver.mode=newton"),
     "effector": ("tripod", "effector=off"),
     "strain_limit": ("cloth", "springs.nodes=12"),
