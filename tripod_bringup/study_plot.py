@@ -77,9 +77,8 @@ def _work_precision(axes: Any, result: Result) -> None:
         _ring(axes, result["points"][i], levels, short(result["points"][i]["settings"], result))
     if missing := [level.rstrip("%") for level, i in result["cheapest"].items() if i is None]:
         axes.plot([], [], " ", label=f"none is surely within {', '.join(missing)} %")
-    for p in points:
-        if p["label"]:
-            _note(axes, p)
+    for k, p in enumerate(p for p in points if p["label"]):
+        _note(axes, p, 34 + 18 * k)
     for level in (10, 5, 1, 0.1):
         axes.axhline(level, color="0.8", lw=0.8, zorder=0)
     if result["reference"] and result["reference"]["own_error"]:
@@ -122,12 +121,13 @@ def _ring(axes: Any, point: Result, levels: Sequence[str], setting: str) -> None
     )  # fmt: skip
 
 
-def _note(axes: Any, point: Result) -> None:
-    """Write a point's label above it, above all markers, with a line that leads to it."""
+def _note(axes: Any, point: Result, above: int) -> None:
+    """Write a point's label so many points above it, above all markers, with a line that leads to it."""
     low, high = axes.get_xlim()
     right = point["cpu"] > (low * high) ** 0.5
     axes.annotate(
-        point["label"], (point["cpu"], _height(point)), xytext=(-20 if right else 20, 34), textcoords="offset points",
+        point["label"], (point["cpu"], _height(point)), xytext=(-20 if right else 20, above),
+        textcoords="offset points",
         ha="right" if right else "left", fontsize=8, zorder=5, color="0.1",
         bbox={"facecolor": "white", "edgecolor": "0.6", "lw": 0.6, "alpha": 0.9, "pad": 1.5},
         arrowprops={"arrowstyle": "-", "color": "0.5", "lw": 0.8, "ls": ":", "shrinkA": 0, "shrinkB": 3},
@@ -135,32 +135,33 @@ def _note(axes: Any, point: Result) -> None:
 
 
 def _steps(axes: Any, result: Result) -> None:
-    """Draw the error over the order knob, one line for each family that has a fitted order."""
+    """Draw the error over the order knob, one line for each family that has a fitted order; a colour is named once."""
     knob, name = result["order_knob"], result["order_quantity"]
-    styles = _styles(result)
+    styles, named = _styles(result), set[Any]()
     for family in sorted(result["orders"], key=lambda f: str(f["settings"][result["group"]])):
         own = [
             p for p in result["points"]
             if name in p["errors"] and all(p["settings"][k] == v for k, v in family["settings"].items())
         ]  # fmt: skip
         own.sort(key=lambda p: p["settings"][knob])
-        colour, marker = styles[family["settings"][result["group"]]]
+        value = family["settings"][result["group"]]
+        colour, marker = styles[value]
         axes.loglog(
             [p["settings"][knob] for p in own],
             [100 * max(p["errors"][name]["relative"], 1e-12) for p in own],
-            marker + "-", color=colour, ms=4, lw=0.9, alpha=0.8, label=_family(family, result),
+            marker + "-", color=colour, ms=4, lw=0.9, alpha=0.8,
+            label=None if value in named else _orders(value, result),
         )  # fmt: skip
+        named.add(value)
     axes.set(xlabel=f"{knob} [s]", ylabel=f"error of {name} [%]")
     axes.grid(visible=True, which="major", alpha=0.25)
     if result["orders"]:
         axes.legend(loc="best", fontsize=6.5)
 
 
-def _family(family: Result, result: Result) -> str:
-    """Return what tells a family of points from the others, and its order."""
-    varied = [
-        k for k in result["knobs"]
-        if len({str(f["settings"].get(k["field"])) for f in result["orders"]}) > 1
-    ]  # fmt: skip
-    words = [_word(k, family["settings"][k["field"]]) for k in varied if k["field"] in family["settings"]]
-    return f"{', '.join(words)}: order {family['order']:.1f}"
+def _orders(value: Any, result: Result) -> str:
+    """Return a value of the knob that colours, and the orders that were fitted of it."""
+    grouping = next(k for k in result["knobs"] if k["field"] == result["group"])
+    orders = [f["order"] for f in result["orders"] if f["settings"][result["group"]] == value]
+    ends = dict.fromkeys((f"{min(orders):.1f}", f"{max(orders):.1f}"))
+    return f"{_word(grouping, value)}: order {' to '.join(ends)}"
