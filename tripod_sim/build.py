@@ -308,7 +308,12 @@ def _stepper(
     if not scene.inertia:
         from tripod_sim.integrators.quasi_static import QuasiStatic
 
-        return QuasiStatic(newton, scene.solver.max_halvings, scene.solver.max_turn, reach_of(scene))
+        watch = not any(
+            body.springs for body in soft_bodies(scene)
+        )  # slack ones have no stiffness to be watched
+        return QuasiStatic(
+            newton, scene.solver.max_halvings, scene.solver.max_turn, reach_of(scene), watch=watch
+        )
     drag = scene.damping.mass if scene.damping else 0.0
     if inertia:
         from tripod_sim.integrators.stage import ImplicitStage

@@ -98,7 +98,7 @@ def run(
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
     worst, worst_mesh = dict.fromkeys(("worst_effector", "worst", "worst_added"), np.nan), {"worst": np.nan}
-    stalled_steps = [0] * len(simulation.torques)
+    stalled_steps, unstable = [0] * len(simulation.torques), array("d")
     kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
     try:
@@ -110,6 +110,8 @@ def run(
             for name in totals:
                 totals[name] += getattr(report, name)
             _note_errors(report, worst, worst_mesh)
+            if report.unstable:
+                unstable.append(simulation.state.time)
             if joints is not None or description.prescribed:  # what works on the body
                 books.add(
                     simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time
@@ -158,10 +160,20 @@ def run(
         **({"time_error": asdict(estimate) | worst} if (estimate := simulation.report.time_error) else {}),
         **_mesh_error(simulation, worst_mesh["worst"]),
         **({"markers": _markers(simulation)} if description.marker else {}),
-        **({"notes": list(simulation.notes)} if simulation.notes else {}),
+        **({"notes": notes} if (notes := [*simulation.notes, *_unstable(unstable, steps)]) else {}),
         **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
         **_contact_summary(simulation),
     }
+
+
+def _unstable(times: Sequence[float], steps: int) -> list[str]:
+    """Return what is to say of static steps that ended, at some times [s], in unstable equilibria."""
+    if not times:
+        return []
+    return [
+        f"{len(times)} of {steps} steps ended in an unstable equilibrium, first at {times[0]:.4g} s: with inertia the "
+        "body would leave it; if a finer mesh or another element tells of none, it is the mesh that buckles"
+    ]
 
 
 def _note_errors(report: StepReport, steps: dict[str, float], mesh: dict[str, float]) -> None:

@@ -39,6 +39,7 @@ class NewtonReport:
         increments: Of the load in statics, before Newton's method (see `load_steps`); 0 where none was needed.
         halvings: Times these were rolled back and halved.
         linear_iterations: Of conjugate gradients, where they tell.
+        unstable: In statics: whether it ended where the tangent is indefinite.
     """
 
     iterations: int = 0
@@ -47,6 +48,7 @@ class NewtonReport:
     increments: int = 0
     halvings: int = 0
     linear_iterations: int = 0
+    unstable: bool = False
 
 
 class Newton:
@@ -57,6 +59,7 @@ class Newton:
         near: A solve also ends where no coordinate of a node is further than this from its solution [m], estimated by
             |dx| q / (1 - q) with q what the last step dx left of the unbalanced force [HairerWanner1996, section IV.8].
             0 goes on to the tolerance.
+        indefinite: Whether the tangent factored last had to be changed to be positive definite.
     """
 
     SHORTEST = 1e-4
@@ -81,6 +84,7 @@ class Newton:
         self._ahead: float | None = None
         self.store: FactorStore | None = None
         self.near, self._moved = 0.0, 0.0
+        self.indefinite = False
 
     def forget(self) -> None:
         """Drop the factorisation kept from earlier solves, so that the next one depends on its state alone."""
@@ -237,7 +241,9 @@ class Newton:
             system.choose_damping(projected=project, start=start)
             phi = system.evaluate(state)
             if math.isfinite(phi) and system.factor():
+                self.indefinite = project
                 return phi
+        self.indefinite = True
         if not math.isfinite(phi):
             raise NewtonError(f"{self._culprit(state)} at the start of the step")
         shift = 1e-8 * system.elastic.largest_stiffness()

@@ -12,11 +12,22 @@ FloatArray = NDArray[np.float64]
 
 
 class QuasiStatic(Substeps):
-    """Moves a state from equilibrium to equilibrium."""
+    """Moves a state from equilibrium to equilibrium, and tells where one is unstable."""
 
-    def __init__(self, newton: Newton, max_halvings: int, max_turn: float, reach: float) -> None:
-        """`max_turn`: largest servo move of an increment [rad]; `reach`: of an arm [m], sets the same for the slide."""
+    def __init__(
+        self, newton: Newton, max_halvings: int, max_turn: float, reach: float, *, watch: bool = False
+    ) -> None:
+        """Prepare.
+
+        Args:
+            newton: Finds equilibria.
+            max_halvings: The smallest part of a step is 2^-max_halvings of the largest.
+            max_turn: Largest servo move of an increment [rad].
+            reach: Of an arm [m], sets the same for the slide.
+            watch: Whether unstable equilibria are told.
+        """
         super().__init__(newton, max_halvings)
+        self._watch = watch
         self._max_turn, self._reach = max_turn, reach
         self._load = LoadSteps(newton.system, newton.tolerance)
 
@@ -31,4 +42,12 @@ class QuasiStatic(Substeps):
         report.iterations += load.increments
         report.factorisations += load.increments
         report.increments, report.halvings = load.increments, load.halvings
+        report.unstable = self._watch and self._newton.indefinite and not self._is_stable(state)
         return report
+
+    def _is_stable(self, state: State) -> bool:
+        """Return whether the tangent is positive definite at `state`, as it is."""
+        system = self._newton.system
+        system.assemble(state, project=False)
+        system.evaluate(state)
+        return system.factor()

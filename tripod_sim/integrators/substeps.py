@@ -41,6 +41,7 @@ class StepReport:
         time_error: Estimated error of the time steps; None where the scene does not ask for it.
         mesh_error: Last estimate of the error of the mesh at the effector; None where the scene does not ask for it.
         asleep: Whether the body is at rest and the next step will not solve for it.
+        unstable: Whether a static step ended in an unstable equilibrium: one that a body in motion would leave.
     """
 
     iterations: int = 0
@@ -59,6 +60,7 @@ class StepReport:
     mesh_error: "MeshErrorReport | None" = None
     rejected: int = 0
     asleep: bool = False
+    unstable: bool = False
 
     @property
     def instability(self) -> str:
@@ -174,7 +176,7 @@ class Substeps(ABC):
             report.iterations += result.iterations
             report.factorisations += result.factorisations
             report.linear_iterations += result.linear_iterations
-            report.residual = result.residual
+            report.residual, report.unstable = result.residual, result.unstable
             report.increments += result.increments
             report.halvings += result.halvings
             report.parts += 1

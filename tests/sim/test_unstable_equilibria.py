@@ -1,0 +1,55 @@
+"""Statics tell of equilibria that a body in motion would leave."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import Simulation, load_scene
+from tripod_sim.mesh import y_piece
+from tripod_sim.run import run
+
+STATIC = ("inertia=off", "damping=off")
+LENGTH, WIDTH, PRESSED = 0.1, 0.01, 0.006  # [m]
+CORNERS = [
+    [0.5 * WIDTH * x, 0.5 * WIDTH * y, z]
+    for z in (0.0, LENGTH)
+    for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+]
+COLUMN = (
+    *STATIC,
+    f"mesh.corners={CORNERS}",
+    "mesh.cells=[1,1,10]",
+    f"prescribed=[{{set='head', move='0: 0,0,0; 1: 0,0,{-PRESSED}'}}]",
+    "dt=0.05",
+)
+
+
+@pytest.mark.parametrize("element", ["h8_modes", "h20"])
+def test_a_column_held_straight_is_unstable_beyond_euler_s_load(element: str) -> None:
+    """Clamped at both ends it buckles once it is pressed by 4 pi² I / (A L²) = 3.3 % of its length, by Euler."""
+    simulation = Simulation(load_scene("column", [*COLUMN, f"mesh.element={element}"]))
+    found = [simulation.step().unstable for _ in range(20)]
+    first = found.index(True)
+    assert found == [False] * first + [True] * (20 - first)
+    euler = np.pi**2 * WIDTH**2 / (3 * LENGTH**2)
+    assert euler < PRESSED / LENGTH * (first + 1) / 20 < 1.25 * euler  # by 0.3 % more in each step
+
+
+def test_a_run_says_when_it_became_unstable() -> None:
+    notes = run("column", duration=1.0, overrides=COLUMN)["notes"]
+    assert any("steps ended in an unstable equilibrium, first at 0.6" in note for note in notes), notes
+    assert "notes" not in run("column", duration=0.4, overrides=COLUMN)
+
+
+def test_a_mesh_that_buckles_in_the_clamp_is_told_and_the_shipped_one_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def found() -> bool:
+        simulation = Simulation(load_scene("tripod", STATIC))
+        way = [share * np.array([-1.4965] * 3 + [0.035]) for share in np.linspace(0.2, 1, 5)]
+        way += [np.array([a, a, a, 0.035]) for a in np.linspace(-1.55, -1.9, 8)]
+        return sum(simulation.step(joints).unstable for joints in way) > 0
+
+    assert not found()
+    short = y_piece.YLevel(2, 1, 7, 1.31, clamped=3, clamped_grading=1.84)
+    monkeypatch.setitem(y_piece.LEVELS, 12, short)
+    assert found()
