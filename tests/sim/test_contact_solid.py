@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.scenes import CUBE, SHARP
+from tests.scenes import CUBE, FLOOR, SHARP
 from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.bodies.build import assembled
@@ -25,10 +25,10 @@ MODES = ["lagrange", "penalty"]
 
 COARSE = ["mesh.level=1"]
 
-FAR = ["contact={tolerance=1e-6}", "obstacles=[{source='plate.obj', position=[0,0,-0.9]}]"]
+FAR = ["contact={tolerance=1e-6}", f"obstacles=[{{source='{FLOOR}', position=[0,0,-0.9]}}]"]
 """An obstacle that nothing reaches."""
 
-PLATE = "obstacles=[{source='plate.obj', position=[0,0,-0.003]}]"
+PLATE = f"obstacles=[{{source='{FLOOR}', position=[0,0,-0.003]}}]"
 """0.5 mm below the piece, the contact distance."""
 
 
@@ -209,7 +209,7 @@ def test_a_post_stops_the_sinking_tripod_and_the_servos_feel_it() -> None:
     """A cube of 2 cm under the disc. At rest the work of the servos is the change of energy: the post does none."""
     post = [
         "contact={contact_distance=5e-4, alarm_distance=1.5e-3, friction=0.0}",
-        "obstacles=[{source='cube.obj', scale=0.1, position=[0,0,-0.0155]}]",
+        f"obstacles=[{{source='{CUBE}', scale=0.1, position=[0,0,-0.0155]}}]",
     ]
     words = ["solver.mode=newton", "solver.tolerance=1e-7", "damping={mass=30.0, stiffness=2e-3}"]
     bare, held = (Simulation(load_scene(SHARP, [*COARSE, *words, *w])) for w in ([], post))

@@ -150,7 +150,7 @@ def test_the_orders_of_the_moving_tripod_are_seen() -> None:
         f["settings"]["inertia.scheme"]: f["order"]
         for f in moving["orders"]
         if f["settings"]["solver.mode"] == "newton"
-        and (f["settings"]["mesh.element"], f["settings"]["mesh.level"]) == ("h8_modes", 2)
+        and (f["settings"]["mesh.element"], f["settings"]["mesh.level"]) == ("h8_modes", 12)
     }
     assert 0.5 < orders["implicit_euler"] < 1.3
     assert orders["bdf2"] == pytest.approx(2.0, abs=0.3)
