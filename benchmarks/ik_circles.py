@@ -2,8 +2,8 @@
 
     python benchmarks/ik_circles.py                  # quick: three circles, copies of one, a minute or two
     python benchmarks/ik_circles.py --full --write   # all of docs/inverse_kinematics.md, half an hour of CPU time
-    python benchmarks/ik_circles.py --slides 12 --heights 0 --radii 8 10 --copies 0 --moving 0
-    python benchmarks/ik_circles.py --slides 0 --radii --heights --copies 0 --moving 0 --goals 12   # goals at random
+    python benchmarks/ik_circles.py --slides 12 --heights 0 --radii 8 10 --copies 0 --moving
+    python benchmarks/ik_circles.py --slides 0 --radii --heights --copies 0 --moving --goals 12   # goals at random
 
 From a start pose, the flat piece (slide 0), the working pose (slide 35 mm) or between, the quasi-static model follows
 the goals of a horizontal circle about where the effector starts, 12 goals one after the other for as long as it takes,
@@ -23,8 +23,9 @@ far the answers are apart, mirrored back.
 Goals: so many at random about the start of each slide, 4 to 16 mm off sideways and up to 5 mm up or down, in reach and
 out of it, each gone to from the start and asked of that search, too: how much farther than it, or closer, at most.
 
-Moving: the circle of that radius from the flat piece in the dynamic simulator, 2.4 s for each goal: speed of the
-effector and its distance at the end.
+Moving: circles of these radii in the dynamic simulator, commanded as in the graph, for as long as it takes, at most 8 s
+for each goal: speed of the effector, longest time until it stays within 0.5 mm of a goal that is met, how far off
+others it is at the end [mm].
 
 What is measured is kept, and not measured again when the same file is given with `--keep`: a run that was broken off
 goes on. Change of the code means another file.
@@ -55,7 +56,7 @@ from tripod_ik.pathfinder import Pathfinder, Way
 from tripod_ik.snap import SOFTEST
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
-from tripod_ik.tracker import Activity, Tracker
+from tripod_ik.tracker import SMOOTH, Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import StepError
@@ -65,6 +66,9 @@ DT, LONGEST = 0.02, 2.4
 
 MET, STILL, CALM = 1e-4, 1e-6, 0.5
 """Distance from a goal that is met [m]; turn in a step [rad] and time [s] after which a pose is taken as the end."""
+
+NEAR, RESTED, SLOWEST = 5e-4, 2.0, 8.0
+"""Distance from a goal that a body may swing about [m]; time until it rests at the start, longest for a goal [s]."""
 
 SPEED = 4.0
 """Of the servos, as the simulator's node keeps to it [rad/s]."""
@@ -111,7 +115,7 @@ class Follower:
         """Start where the model starts."""
         model.go_home()
         self.model, self.guide, self.now = model, guide, 0.0
-        self.tracker = Tracker(SETTINGS, guide=guide)
+        self.tracker = Tracker(SETTINGS, guide=guide, smooth=SMOOTH)
         self.speed, self.snaps = 0.0, 0
         self.kept_by: tuple[str, ...] = ()
 
@@ -245,25 +249,40 @@ def copies(slide: float, guide: Timed, number: int) -> dict[str, float]:
     return {"radius": radius, "height": height, "phase": phase, "apart": float(apart), "met": met}
 
 
-def moving(radius: float) -> list[tuple[float, float]]:
-    """Return largest speed [m/s] and distance at the end [m] for each goal of a circle in the dynamic simulator."""
-    simulation, guide = Simulation(load_scene("tripod")), Timed(0.0)
-    home, dt = simulation.state.centres[0].copy(), simulation.scene.dt
-    tracker, joints, now = Tracker(SETTINGS, guide=guide), simulation.state.joints.copy(), 0.0
-    rows, every, command = [], round(DT / dt), joints[:3].copy()
+def moving(slide: float, guide: Timed, radius: float, height: float) -> list[tuple[float, float, float]]:
+    """Return what each goal of a circle gives in the dynamic simulator, which begins at rest.
+
+    Largest speed [m/s], time until it stays within `NEAR` of the goal [s], distance at the end [m].
+    """
+    angles = ", ".join(f"{a:.9f}" for a in start_angles(slide))
+    simulation = Simulation(load_scene("tripod", [f"servos.angles=[{angles}]", f"servos.slide={slide}"]))
+    dt, now, rows = simulation.scene.dt, 0.0, []
+    joints, every = simulation.state.joints.copy(), round(DT / dt)
+    for _ in range(round(RESTED / dt)):
+        simulation.step(joints)
+    home, command = simulation.state.centres[0].copy(), joints[:3].copy()
+    tracker = Tracker(SETTINGS, guide=guide, smooth=SMOOTH)
     for k in range(13):
-        goal = home + (azimuth(2 * np.pi * k / 12, radius) if k < 12 else 0.0)
+        goal = home + (azimuth(2 * np.pi * k / 12, radius, height) if k < 12 else 0.0)
         tracker.aim(goal, None, now)
-        speed = 0.0
-        for step in range(round(LONGEST / dt)):
+        speed, begin, near, quiet, step = 0.0, now, np.inf, 0.0, 0
+        while now - begin < SLOWEST and quiet < CALM:
             before = simulation.state.centres[0].copy()
             if step % every == 0:
-                command = tracker.update(linear_state(simulation.compliance()), now).result.command
-            joints[:3] += np.clip(command - joints[:3], -SPEED * dt, SPEED * dt)
+                last, told = command, tracker.update(linear_state(simulation.compliance()), now)
+                command = told.result.command
+                still = np.abs(command - last).max() < STILL and (
+                    near < np.inf or told.activity is Activity.CLOSEST
+                )
+                quiet = quiet + DT if still else 0.0
+            left = every - step % every  # steps until the command is to be met
+            joints[:3] += np.clip((command - joints[:3]) / left, -SPEED * dt, SPEED * dt)
             simulation.step(joints)
-            now += dt
+            now, step = now + dt, step + 1
             speed = max(speed, float(np.linalg.norm(simulation.state.centres[0] - before)) / dt)
-        rows.append((speed, float(np.linalg.norm(simulation.state.centres[0] - goal))))
+            off = float(np.linalg.norm(simulation.state.centres[0] - goal))
+            near = min(near, now - begin) if off < NEAR else np.inf
+        rows.append((speed, near, off))
     return rows
 
 
@@ -289,6 +308,23 @@ class Slide:
         if self._model is None:
             self._model = model_at(self._slide)
         return circle(self._model, self.guide, radius / 1e3, height / 1e3)
+
+    def moving(self, heights: list[float], radii: list[float]) -> list[str]:
+        """Return the rows of circles in the dynamic simulator."""
+        rows = []
+        for height in heights:
+            for radius in radii:
+                name = f"{self.name}, height {height:g}, radius {radius:g}, moving"
+                found = self._kept.get(
+                    name, lambda h=height, r=radius: moving(self._slide, self.guide, r / 1e3, h / 1e3)
+                )
+                off = [d for _, _, d in found if d > MET]
+                longest = max(t for _, t, d in found if d <= MET)
+                speed, far = max(v for v, _, _ in found), ", ".join(f"{1e3 * d:.3f}" for d in off)
+                cells = (f"{speed:.3f}", f"{len(found) - len(off)} of 13", f"{longest:.2f}", far)
+                rows.append(f"| {self.name[6:]}, {height:g}, {radius:g} | {' | '.join(cells)} |")
+                print(rows[-1], flush=True)
+        return rows
 
     def search(self, goal: np.ndarray) -> float:
         """Return how near to a goal, from the start, the search comes [m]."""
@@ -359,7 +395,8 @@ HEADS = {
     "copies": ["| slide, height, radius, begun at | copies | met | answers apart [mm] |", "|---|---|---|---|"],
     "goals": ["| slide [mm] | goals | met | farthest off [mm] | farther than the search by [mm] | closer by [mm] |",
               "|---|---|---|---|---|---|"],
-    "moving": ["| radius | largest speed [m/s] | met, of 13 | others, off by [mm] |", "|---|---|---|---|"],
+    "moving": ["| slide, height, radius [mm] | speed [m/s] | met | longest [s] | others, off by [mm] |",
+               "|---|---|---|---|---|"],
 }  # fmt: skip
 
 
@@ -374,15 +411,15 @@ def main() -> None:
     parser.add_argument("--heights", nargs="*", type=float, help="mm, from the start")
     parser.add_argument("--copies", type=int, help="circles, of which there are six copies each")
     parser.add_argument("--goals", type=int, help="at random, for each slide, beside the search")
-    parser.add_argument("--moving", type=float, help="mm; 0 for none")
+    parser.add_argument("--moving", nargs="*", type=float, help="radii [mm]")
     parser.add_argument("--search", action="store_true", help="compare with the independent search")
     parser.add_argument("--keep", type=Path, help="file of what is measured")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/inverse_kinematics.md")
     chosen, full = parser.parse_args(), {
         "radii": [6, 8, 10, 12], "slides": [0, 35, 12, 23], "heights": [0, 2, -2], "copies": 5, "goals": 12,
-        "moving": 10,
+        "moving": [6, 8, 10, 12],
     }  # fmt: skip
-    quick = {"radii": [8], "slides": [0, 12, 35], "heights": [0], "copies": 1, "goals": 0, "moving": 0}
+    quick = {"radii": [8], "slides": [0, 12, 35], "heights": [0], "copies": 1, "goals": 0, "moving": []}
     for name, value in (full if chosen.full else quick).items():
         if getattr(chosen, name) is None:
             setattr(chosen, name, value)
@@ -390,13 +427,6 @@ def main() -> None:
     kept = Kept(chosen.keep)
     tables: dict[str, list[str]] = {name: [] for name in HEADS}
     slides = [Slide(slide, kept) for slide in chosen.slides]
-    if chosen.moving:
-        found = kept.get(f"moving {chosen.moving:g}", lambda: moving(chosen.moving / 1e3))
-        off = [d for _, d in found if d > MET]
-        cells = (f"{chosen.moving:g} mm", f"{max(v for v, _ in found):.3f}", len(found) - len(off))
-        far = ", ".join(f"{1e3 * d:.3f}" for d in off)
-        tables["moving"].append("| " + " | ".join(str(cell) for cell in (*cells, far)) + " |")
-        print(*HEADS["moving"], *tables["moving"], "", sep="\n", flush=True)
     print(*HEADS["circles"], sep="\n")
     for slide in slides:
         tables["circles"] += slide.rows(chosen.heights, chosen.radii, search=chosen.search or chosen.full)
@@ -406,6 +436,9 @@ def main() -> None:
     print("", *HEADS["goals"], sep="\n")
     if chosen.goals:
         tables["goals"] = [slide.goals(chosen.goals) for slide in slides]
+    print("", *HEADS["moving"], sep="\n")
+    for slide in slides:
+        tables["moving"] += slide.moving(chosen.heights, chosen.moving)
     if chosen.write:
         for name, rows in ((name, rows) for name, rows in tables.items() if rows):
             write_part("inverse_kinematics.md", f"ik circles: {name}", [*HEADS[name], *rows])

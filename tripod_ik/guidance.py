@@ -79,6 +79,8 @@ class Guidance:
         self._moved: tuple[float, FloatArray] | None = None
         self.arrived = self._met = False
         self.limits: tuple[str, ...] = ()
+        self._firmness: list[float] = []
+        self._leg = (np.zeros(0), 0.0)
 
     def command(
         self,
@@ -136,13 +138,27 @@ class Guidance:
                 float(np.abs(way).max()) / max(reach, 1e-12),
                 steps_of(move, fall / rho**2),
                 fall / max(soft, 1e-12),
+                self._softening(at, firm, dt),
             )
             if part > left:
                 return np.asarray(at + way * (left / part))
             at, left = self._stops[0], left - part
             if len(self._stops) == 1:
                 return at
-            self._stops.pop(0)
+            self._leg = self._stops.pop(0), self._firmness.pop(0)
+
+    def _softening(self, at: FloatArray, firm: float, dt: float) -> float:
+        """Return how many steps of `dt` [s] it takes from angles to the next stop, as soft as it gets.
+
+        What is commanded now the body follows later, so what it is now does not tell what it can bear. The square of
+        the firmness is taken to change evenly between stops.
+        """
+        (begin, before), end, after = self._leg, self._stops[0], self._firmness[0]
+        left = float(np.abs(end - at).max()) / max(float(np.abs(end - begin).max()), 1e-12)
+        fall = min(left, 1.0) * (before * abs(before) - after * abs(after))
+        here = after * abs(after) + fall
+        share = max(here - (WITHIN * SOFTEST) ** 2, SLOWEST) * -expm1(-dt / HURRY)
+        return fall / max(min(share, here - firm**2), 1e-12)
 
     def look(
         self,
@@ -186,3 +202,4 @@ class Guidance:
         if worth > -WORSE - moved and len(way.stops):
             self._stops, self.limits, self._met = list(way.stops), way.limits, way.residual < MET
             self._worth, self._moved = worth, None
+            self._firmness, self._leg = way.firmness.tolist(), (state.angles, state.firmness)

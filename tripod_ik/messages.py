@@ -36,12 +36,13 @@ def linear_state(message: Any) -> LinearState:
     )
 
 
-def trajectory(command: FloatArray, source: str) -> JointTrajectory:
-    """Return the command [rad], shape (n,), of `source` as a trajectory: be there now, as fast as your slew rate
-    allows.
+def trajectory(command: FloatArray, source: str, over: float = 0.0) -> JointTrajectory:
+    """Return the command [rad], shape (n,), of `source` as a trajectory: go there evenly within `over` [s], and no
+    faster than your slew rate allows.
     """
     point = JointTrajectoryPoint()
     point.positions = array("d", command)
+    point.time_from_start.nanosec = round(1e9 * over)
     message = JointTrajectory()
     message.header.frame_id = source
     message.joint_names = list(names.servo_names(len(command)))

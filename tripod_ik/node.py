@@ -53,7 +53,7 @@ from tripod_ik.settings import (
 )
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
-from tripod_ik.tracker import Activity, Tracker, TrackerStep
+from tripod_ik.tracker import LONGEST_DT, SMOOTH, Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal
 
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
@@ -73,7 +73,7 @@ class IkNode(Node):
         self._targets = TargetBox(values["target_low"], values["target_high"])
         self._guide = Guide(self._build_pathfinder)
         self._servos = len(names.SERVOS)  # until the driver or a compliance tells of others
-        self._tracker = Tracker(tracker_settings(values), model_error(values), self._guide)
+        self._tracker = Tracker(tracker_settings(values), model_error(values), self._guide, SMOOTH)
         self._tracker.resize(self._servos)
         self._observer, self._expected = load_observer(values), expected(values)
         self._range = RangeWatch(command_limits(self._tracker.settings, self._servos))
@@ -316,6 +316,7 @@ class IkNode(Node):
     def _on_state(self, state: LinearState, now: float) -> None:
         if now - self._received > self._stale_after:
             self._tracker.start()
+        over = min(now - self._received, LONGEST_DT)
         self._received = now
         self._fit(len(state.angles))
         if self._expected:
@@ -328,7 +329,7 @@ class IkNode(Node):
         duration = time.perf_counter() - begin
         self._solves += 1
         if step.result.ok:
-            self._commands.publish(trajectory(step.result.command, self._source))
+            self._commands.publish(trajectory(step.result.command, self._source, over))
         else:
             self._failures += 1
             self.get_logger().error(

@@ -277,7 +277,7 @@ class Pathfinder:
         way = self._way(image.state(state), tasks)
         return Way(
             np.array([image.back(stop) for stop in way.stops]).reshape(way.stops.shape), way.residual,
-            image.names(way.limits, state.joint_names),
+            image.names(way.limits, state.joint_names), way.firmness,
         ) if way is not NOWHERE else NOWHERE  # fmt: skip
 
     def _way(self, state: LinearState, tasks: Sequence[Task]) -> Way:
@@ -300,6 +300,7 @@ class Pathfinder:
             np.array([stop.angles for _, stop in kept[1:]]),
             best.solution.residual,
             best.solution.active_limits,
+            np.array([stop.firmness for _, stop in kept[1:]]),
         )
 
     def _shortened(self, stops: Sequence[Stop], searched: int) -> list[Stop]:

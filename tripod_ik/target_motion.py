@@ -44,11 +44,16 @@ class TargetMotion:
                 self._known.clear()
         self._known.append((now, target))
 
+    def moves(self, now: float) -> bool:
+        """Return whether the target moves at `now` [s], and has not jumped."""
+        if len(self._known) < 2 or not 0 <= now - self._known[-1][0] <= HOLD:
+            return False
+        return not np.array_equal(self._known[-1][1], self._known[0][1], equal_nan=True)
+
     def at(self, now: float) -> FloatArray:
         """Return the target to aim at, at `now` [s]; there must be one."""
         time, target = self._known[-1]
-        age = now - time
-        if self.lead == 0.0 or len(self._known) < 2 or not 0 <= age <= HOLD:
+        if self.lead == 0.0 or not self.moves(now):
             return target
         begin, first = self._known[0]
-        return target + (target - first) * ((age + self.lead) / (time - begin))
+        return target + (target - first) * ((now - time + self.lead) / (time - begin))

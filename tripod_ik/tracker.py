@@ -18,6 +18,7 @@ from tripod_ik.guidance import Guidance
 from tripod_ik.limits import AngleLimit, IntervalLimit, SpeedLimit, StepLimit
 from tripod_ik.problem import IkProblem, build_ik
 from tripod_ik.row_limits import EffectorBox, RowLimit, TorqueLimit
+from tripod_ik.smoothing import Smoothing
 from tripod_ik.snap import SNAP, SOFTENING, SOFTEST, SWING, SnapLimit, firm_enough, longest_step
 from tripod_ik.solver import IkResult, IkSolver
 from tripod_ik.state import LinearState
@@ -51,6 +52,9 @@ SHORTEST = 1e-5
 
 CALM = 1e-3
 """Distance from rest [m] up to which a pose is one to come back to."""
+
+SMOOTH, FIRM = 0.1, 0.2
+"""Time [s] over which commands are smoothed, see `Tracker`; firmness from which on it is not shorter."""
 
 HALVINGS = 10
 """Lengths of a step that are tried beside hard limits."""
@@ -111,6 +115,7 @@ class Tracker:
         settings: TrackerSettings,
         correction: ModelError | None = None,
         guide: Ask | None = None,
+        smooth: float = 0.0,
     ) -> None:
         """Begin without a target.
 
@@ -118,8 +123,12 @@ class Tracker:
             settings: How it moves the robot.
             correction: For a closed loop.
             guide: Asked for the way where no step comes closer to the target, see `Guidance`.
+            smooth: Time over which commands are smoothed, see `Smoothing`, where the target stands still [s]: `SMOOTH`,
+                or 0 for a model that does not swing. With a body that is less firm than `FIRM` it is shorter, and none
+                at `SOFTEST`: steps there are as short as `longest_step`, and what lags would make them slower.
         """
         self.settings = settings
+        self._smooth_over = smooth
         self._guidance = Guidance(guide)
         self.correction = correction
         self._limits = (
@@ -202,6 +211,8 @@ class Tracker:
         self._trust = self.settings.step
         self._least: float | None = None
         self._swing = 0.0
+        self._smoothing = Smoothing()
+        self._plan = False, False
         self._guidance.reset()
         if self.correction:
             self.correction.reset()
@@ -221,26 +232,12 @@ class Tracker:
         tasks: Sequence[Task] = wanted_tasks
         here = branch(state, tasks)
         aimed = np.concatenate([position, normal])
-        previous = state.angles if self._previous is None else self._previous
         self._swing = max(hypot(*state.equilibrium_offset[:3].tolist()), self._swing * exp(-dt / SWING))
         firm = firm_enough(self._swing)
-        led = self._guidance.command(
-            state,
-            previous,
-            aimed,
-            now,
-            dt=dt,
-            reach=self._limits[1].speed * dt,
-            speed=self.settings.effector_speed,
-            firm=firm,
-        )
-        beyond = led is None and self._is_beyond_fold(state, here, now)
+        led, beyond = self._planned(state, here, aimed, firm, now, dt)
         if led is not None:
-            self._side, self._trust = 0.0, self.settings.step
-            self._trail.clear()
             tasks = (PostureTask(led, weight=1.0),)
         elif beyond:
-            self._trust = max(self._trust / 2, SHORTEST)
             tasks = (PostureTask(self._trail[-1], weight=1.0),)
         free = beyond or led is not None
         step = self.settings.step if free else min(self._trust, longest_step(state))
@@ -260,6 +257,8 @@ class Tracker:
             names = tuple(dict.fromkeys((*result.active_limits, *more)))
             result = replace(result, error=left, residual=left, residuals=residuals, active_limits=names)
         self._previous, self._time = result.command, max(self._time, now)
+        if result.ok and self._smooth_over > 0:
+            result = replace(result, command=self._smooth(result.command, state.firmness, beyond=beyond))
         error, tilt = self._present_error(state, wanted)
         activity = self._activity(result, beyond=beyond)
         before_snap = SNAP in result.active_limits and result.residual > self.settings.tolerance
@@ -270,6 +269,35 @@ class Tracker:
         if led is not None and not self._guidance.arrived and result.ok:
             activity = Activity.TRACKING
         return TrackerStep(activity, wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result)
+
+    def _planned(
+        self, state: LinearState, here: float, aimed: FloatArray, firm: float, now: float, dt: float
+    ) -> tuple[FloatArray | None, bool]:
+        """Return where the way leads [rad], None without one, and whether the way back is to be taken."""
+        was_led, was_beyond = self._plan
+        begin = self._previous if was_led else self._smoothing.place
+        begin = self._previous if begin is None else begin
+        led = self._guidance.command(
+            state,
+            state.angles if begin is None else begin,
+            aimed,
+            now,
+            dt=dt,
+            reach=self._limits[1].speed * dt,
+            speed=self.settings.effector_speed,
+            firm=firm,
+        )
+        beyond = led is None and self._is_beyond_fold(state, here, now)
+        if led is not None:
+            self._side, self._trust = 0.0, self.settings.step
+            self._trail.clear()
+        elif beyond:
+            self._trust = max(self._trust / 2, SHORTEST)
+        self._plan = led is not None, beyond
+        if self._plan != (was_led, was_beyond):  # what was asked for before is no way to begin this one
+            place = self._smoothing.cut()
+            self._previous = self._previous if place is None else place
+        return led, beyond
 
     def _solved(
         self,
@@ -320,6 +348,16 @@ class Tracker:
                 break
             longest /= 2
         return result
+
+    def _smooth(self, command: FloatArray, firmness: float, *, beyond: bool) -> FloatArray:
+        """Return what is commanded on the way to `command`: where the target stands still a little later."""
+        at_once = beyond or self._motion.moves(self._time)
+        over = (
+            0.0
+            if at_once
+            else self._smooth_over * min(max((firmness - SOFTEST) / (FIRM - SOFTEST), 0.0), 1.0)
+        )
+        return self._smoothing.command(command, self._time, over, self._limits[1].speed)
 
     def _corrected(self, wanted: FloatArray, state: LinearState, now: float) -> tuple[FloatArray, FloatArray]:
         if self.correction is None:

@@ -19,14 +19,16 @@ class Way:
         stops: Angles [rad], each reached straight from the one before, the last those of the pose; shape (k, s).
         residual: What is missing there [m].
         limits: What keeps the effector from coming closer there.
+        firmness: Of the stops, shape (k,).
     """
 
     stops: FloatArray
     residual: float
     limits: tuple[str, ...]
+    firmness: FloatArray
 
 
-NOWHERE = Way(np.empty((0, 0)), np.inf, ())
+NOWHERE = Way(np.empty((0, 0)), np.inf, (), np.empty(0))
 """No way is known."""
 
 

@@ -21,7 +21,7 @@ from tripod_ik.way import NOWHERE, Way
 
 WORKING = np.full(3, -1.4965)
 DT = 0.01  # [s]
-STOPS = np.array([[-1.6, -1.3, -1.4], [-1.2, -1.2, -1.5]])
+STOPS, FIRM = np.array([[-1.6, -1.3, -1.4], [-1.2, -1.2, -1.5]]), np.ones(2)
 
 
 class Robot:
@@ -61,7 +61,7 @@ def from_line(point, start, end):
 
 
 def test_it_waits_for_the_answer_goes_straight_from_stop_to_stop_and_rests_there_until_the_target_moves():
-    robot = Robot([None] * 5 + [Way(STOPS, 1e-3, ("snap",))])
+    robot = Robot([None] * 5 + [Way(STOPS, 1e-3, ("snap",), FIRM)])
     robot.until_asked()
     waiting = robot.run(5)
     start = waiting[-2].result.command
@@ -87,7 +87,7 @@ def test_it_waits_for_the_answer_goes_straight_from_stop_to_stop_and_rests_there
     assert robot.plant.rest(robot.angles) == pytest.approx(goal, abs=1e-6)
 
 
-@pytest.mark.parametrize("answer", [NOWHERE, Way(STOPS, 0.2, ())])
+@pytest.mark.parametrize("answer", [NOWHERE, Way(STOPS, 0.2, (), FIRM)])
 def test_where_there_is_no_better_pose_it_stays_and_asks_no_more(answer):
     robot = Robot([answer])
     robot.until_asked()
@@ -98,7 +98,7 @@ def test_where_there_is_no_better_pose_it_stays_and_asks_no_more(answer):
 
 
 def test_a_way_that_is_blocked_is_given_up():
-    robot = Robot([Way(STOPS, 1e-3, ())])
+    robot = Robot([Way(STOPS, 1e-3, (), FIRM)])
     robot.until_asked()
     blocked = robot.run(260, obeys=False)
     assert np.abs(blocked[50].result.command - robot.angles).max() > 0.1
@@ -136,7 +136,7 @@ class Finder:
 @pytest.mark.parametrize(
     ("answer", "notice"),
     [
-        (Way(STOPS, 0.0, ()), ""),
+        (Way(STOPS, 0.0, (), FIRM), ""),
         (NOWHERE, f"{NEAR_WAY}; the robot does not rest as its model does"),
         (IkError("no servos"), f"{NEAR_WAY}; no model to look farther: no servos"),
         (KeyError("x"), f"{NEAR_WAY}; no model to look farther: KeyError: 'x'"),

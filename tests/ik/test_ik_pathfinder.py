@@ -40,7 +40,12 @@ def between():
 
 def follow(flat, finder, goals, seconds=1.0):
     """Go to one goal after the other, in 1 s each or as said; return the states and the tracker's last steps."""
-    home, tracker, now, ends = flat.state().equilibrium, Tracker(SETTINGS, guide=finder.way), 0.0, []
+    home, tracker, now, ends = (
+        flat.state().equilibrium,
+        Tracker(SETTINGS, guide=finder.way, smooth=0.12),
+        0.0,
+        [],
+    )
     for goal in goals:
         tracker.aim(home + goal, None, now)
         for _ in range(round(seconds / DT)):
