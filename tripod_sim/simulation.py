@@ -395,6 +395,11 @@ class Simulation:
             self.energies()
             if discs_of(self.scene):
                 self.compliance()
+            system = self._system
+            if (
+                isinstance(system, System) and self.scene.solver.mode == "one_solve"
+            ):  # steps that end so may come late
+                system.settle(self.state, np.zeros(system.unknowns), np.zeros_like(system.rest))
         except StepError:
             pass  # it comes again where it can be told
         self.reset()

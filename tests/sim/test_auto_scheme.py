@@ -6,6 +6,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.integrators import auto_steps
 from tripod_sim.integrators.auto_steps import AutoSteps
@@ -15,7 +16,7 @@ NEWTON = ("solver.mode=newton", "solver.tolerance=1e-8", "mesh.level=1")
 
 
 def tripod(*words: str) -> Simulation:
-    return Simulation(load_scene("tripod", [*NEWTON, "dt=0.01", *words]))
+    return Simulation(load_scene(SHARP, [*NEWTON, "dt=0.01", *words]))
 
 
 def turned(t: float) -> np.ndarray:
@@ -25,14 +26,14 @@ def turned(t: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("name", "words", "scheme"),
     [
-        ("tripod", ["dt=auto"], "auto"),
+        (SHARP, ["dt=auto"], "auto"),
         ("pendulum", ["dt=auto"], "auto"),
         ("pendulum", ["dt=auto", "time_error.tolerance=1e-4", "dt=0.1", "dt=auto"], "auto"),
-        ("tripod", ["dt=auto", "inertia.scheme=bdf2"], "bdf2"),
-        ("tripod", ["inertia.scheme=implicit_euler", "dt=auto"], "implicit_euler"),
-        ("tripod", ["inertia={scheme='tr_bdf2'}", "dt=auto"], "tr_bdf2"),
-        ("tripod", ["inertia={}", "dt=auto"], "auto"),
-        ("tripod", ["dt=auto", "dt=0.02"], "implicit_euler"),
+        (SHARP, ["dt=auto", "inertia.scheme=bdf2"], "bdf2"),
+        (SHARP, ["inertia.scheme=implicit_euler", "dt=auto"], "implicit_euler"),
+        (SHARP, ["inertia={scheme='tr_bdf2'}", "dt=auto"], "tr_bdf2"),
+        (SHARP, ["inertia={}", "dt=auto"], "auto"),
+        (SHARP, ["dt=auto", "dt=0.02"], "implicit_euler"),
     ],
 )
 def test_the_scheme_of_a_fixed_dt_makes_room_and_a_named_one_stays(
@@ -45,15 +46,15 @@ def test_the_scheme_of_a_fixed_dt_makes_room_and_a_named_one_stays(
 
 def test_a_file_with_auto_keeps_the_scheme_that_it_names(tmp_path) -> None:
     path = tmp_path / "scene.toml"
-    text = scene_to_toml(load_scene("tripod", ["inertia.scheme=bdf2"])).replace("dt = 0.005", 'dt = "auto"')
+    text = scene_to_toml(load_scene(SHARP, ["inertia.scheme=bdf2"])).replace("dt = 0.005", 'dt = "auto"')
     path.write_text(text)
     assert load_scene(path).inertia.scheme == "bdf2"
     assert load_scene(path, ["inertia={}"]).inertia.scheme == "auto"
     path.write_text(text.replace('scheme = "bdf2"\n', ""))
     assert load_scene(path).inertia.scheme == "auto"
     assert load_scene(path, ["inertia.scheme=tr_bdf2"]).inertia.scheme == "tr_bdf2"
-    path.write_text(scene_to_toml(load_scene("tripod", ["dt=auto"])))
-    assert load_scene(path) == load_scene("tripod", ["dt=auto"])
+    path.write_text(scene_to_toml(load_scene(SHARP, ["dt=auto"])))
+    assert load_scene(path) == load_scene(SHARP, ["dt=auto"])
 
 
 @pytest.mark.parametrize("name", ["tripod", "pendulum", "cloth"])
@@ -183,8 +184,8 @@ AT_WORK = (f"servos.angles={list(POSE[:3])}", f"servos.slide={POSE[3]}", "solver
 def largest_error(tolerance: float, *exact: str) -> float:
     """Of automatic steps of 10 ms over 80 ms, servo 0 by 0.3 rad in 30 ms, from steps of 0.25 ms with `exact`."""
     words = [*AT_WORK, "dt=0.01", "dt=auto", f"time_error.tolerance={tolerance}"]
-    auto = Simulation(load_scene("tripod", words))
-    fine = Simulation(load_scene("tripod", [*AT_WORK, "inertia.scheme=tr_bdf2", "dt=2.5e-4", *exact]))
+    auto = Simulation(load_scene(SHARP, words))
+    fine = Simulation(load_scene(SHARP, [*AT_WORK, "inertia.scheme=tr_bdf2", "dt=2.5e-4", *exact]))
     error = 0.0
     for k in range(8):
         for part in range(40):

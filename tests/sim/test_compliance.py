@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.constraints.groups import rotation_matrix
 
@@ -11,7 +12,7 @@ WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
 
 
 def at(joints: np.ndarray) -> Simulation:
-    simulation = Simulation(load_scene("tripod", STATIC))
+    simulation = Simulation(load_scene(SHARP, STATIC))
     for k in range(1, 21):
         simulation.step(joints * k / 20)
     return simulation
@@ -31,7 +32,7 @@ def test_w_is_symmetric_and_yields_under_load_at_held_angles(simulation: Simulat
 
 def test_servo_stiffness_is_positive_flat_and_indefinite_in_the_working_pose(simulation: Simulation) -> None:
     """Past its dead centre an arm needs less torque the further it goes: W has negative eigenvalues there."""
-    flat = Simulation(load_scene("tripod", STATIC)).compliance().w[6:, 6:]
+    flat = Simulation(load_scene(SHARP, STATIC)).compliance().w[6:, 6:]
     assert np.linalg.eigvalsh(flat).min() > 0
     assert np.linalg.eigvalsh(simulation.compliance().w[6:, 6:]).min() < 0
 
@@ -74,7 +75,7 @@ def test_effector_rows_predict_the_sag_under_more_weight() -> None:
     c = base.compliance()
     nodes = base._system.groups.rigid[0]
     weight = -9.81 * base._mass[nodes].sum() * 1e-3
-    heavier = Simulation(load_scene("tripod", STATIC))
+    heavier = Simulation(load_scene(SHARP, STATIC))
     gradient = heavier._static.system.gravity._gradient  # only the disc grows heavier
     gradient[nodes] *= 1.001
     for k in range(1, 21):
@@ -88,7 +89,7 @@ def test_effector_rows_predict_the_sag_under_more_weight() -> None:
 
 def test_offset_points_to_the_equilibrium() -> None:
     """A dynamic state off balance: the first-order offset leads near the static pose at the same angles."""
-    moving = Simulation(load_scene("tripod", [f"servos.angles={WORKING[:3].tolist()}", "servos.slide=0.035"]))
+    moving = Simulation(load_scene(SHARP, [f"servos.angles={WORKING[:3].tolist()}", "servos.slide=0.035"]))
     for k in range(4):
         moving.step(WORKING + np.array([0.04 * (k + 1), 0, 0, 0]))
     c = moving.compliance()
@@ -106,7 +107,7 @@ def test_offset_points_to_the_equilibrium() -> None:
 def test_asking_for_the_compliance_changes_no_bit_of_the_motion() -> None:
     results = []
     for ask in (False, True):
-        simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+        simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
         for k in range(40):
             simulation.step(np.array([-0.01 * k, 0, 0, 0]))
             if ask and k % 3 == 0:

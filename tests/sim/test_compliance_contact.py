@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import CUBE, SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.ball.rest import carried
 from tripod_sim.compliance import Compliance, compliance
@@ -19,10 +20,10 @@ CALM = [
     "solver.tolerance=1e-9",
     "damping={mass=20.0, stiffness=2e-3}",
 ]
-DISC = "obstacles=[{source='cube.obj', scale=0.1, position=[0,0,-0.0155]}]"
+DISC = f"obstacles=[{{source='{CUBE}', scale=0.1, position=[0,0,-0.0155]}}]"
 """A cube of 2 cm under the disc."""
 
-STRIP = "obstacles=[{source='cube.obj', scale=0.03, position=[0.028,0.001,-0.0075]}]"
+STRIP = f"obstacles=[{{source='{CUBE}', scale=0.03, position=[0.028,0.001,-0.0075]}}]"
 """One of 6 mm under the first strip, to one side of its middle."""
 
 BALL = "rigid=[{shape='ball', radius=0.008, mass=0.05, position=[0.0004,0.0002,0.0115]}]"
@@ -58,7 +59,7 @@ def settle(simulation: Simulation, joints: FLOATS, steps: int = STEPS) -> None:
 def standing(request: pytest.FixtureRequest) -> tuple[Simulation, float]:
     """Pressed on the post, then a little back, so that what sticks is not at its limit."""
     post, touch, share = CASES[request.param]
-    simulation = Simulation(load_scene("tripod", [*CALM, post, touch]))
+    simulation = Simulation(load_scene(SHARP, [*CALM, post, touch]))
     for k in range(20):
         simulation.step(1.1 * GOAL * (k + 1) / 20)
     settle(simulation, 1.1 * GOAL, 20)
@@ -172,7 +173,7 @@ def on_nodes(system: System, at: FLOATS, vectors: FLOATS, give: FLOATS) -> Rest:
 
 
 def test_many_points_under_a_disc_hold_it_in_six_directions() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     system = body(simulation)
     disc = system.groups.rigid[0]
     m = 3 * len(disc)
@@ -190,7 +191,7 @@ def test_many_points_under_a_disc_hold_it_in_six_directions() -> None:
 def test_rows_of_driven_nodes_turn_with_the_servos() -> None:
     """Against the move of the nodes, and all that follows against one dense solution for body, angles and rows."""
     words = ["mesh.level=1", "inertia=off", "damping=off", f"servos.angles={(10 * GOAL[:3]).tolist()}"]
-    simulation = Simulation(load_scene("tripod", words))
+    simulation = Simulation(load_scene(SHARP, words))
     system, rng = body(simulation), np.random.default_rng(1)
     r, n, s = system.reduction, system.unknowns, 3
     at = np.stack([system.driven[[0, -1, 3, 5]], r.free[[0, 20, 40, 60]]], axis=1)
@@ -227,7 +228,7 @@ def test_rows_of_driven_nodes_turn_with_the_servos() -> None:
 def test_a_post_that_is_not_touched_changes_no_bit(height: str, near: bool) -> None:
     """Half a millimetre more than the contact distance below the disc, or far away."""
     post = DISC.replace("-0.0155", height)
-    simulation = Simulation(load_scene("tripod", [*CALM, post, contact(0.3)]))
+    simulation = Simulation(load_scene(SHARP, [*CALM, post, contact(0.3)]))
     settle(simulation, np.zeros(4), 5)
     assert simulation.report.contact
     assert (simulation.report.contact.contacts > 0) == near
@@ -240,7 +241,7 @@ def test_a_post_that_is_not_touched_changes_no_bit(height: str, near: bool) -> N
 def test_what_goes_where_it_is_pushed_does_not_hold() -> None:
     """A rigid ball that falls on the disc."""
     ball = "rigid=[{shape='ball', radius=0.012, mass=0.01, position=[0.0004,0.0002,0.016]}]"
-    simulation = Simulation(load_scene("tripod", [*CALM, "dt=0.005", ball, contact(0.3)]))
+    simulation = Simulation(load_scene(SHARP, [*CALM, "dt=0.005", ball, contact(0.3)]))
     for _ in range(40):
         simulation.step()
         if simulation.report.contact and simulation.report.contact.pressed:
@@ -253,7 +254,7 @@ def test_what_goes_where_it_is_pushed_does_not_hold() -> None:
 
 def test_a_body_that_sleeps_on_its_post_is_held() -> None:
     awake, asleep = (
-        Simulation(load_scene("tripod", [*CALM, DISC, contact(0.0), *words])) for words in ([], ["sleep={}"])
+        Simulation(load_scene(SHARP, [*CALM, DISC, contact(0.0), *words])) for words in ([], ["sleep={}"])
     )
     for simulation in (awake, asleep):
         for k in range(30):

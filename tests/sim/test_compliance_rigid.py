@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from tests.scenes import CUBE, SHARP
 from tests.sim.test_compliance_contact import CALM, GOAL, bare, contact, gap, settle
 from tripod_sim import Simulation, load_scene
 from tripod_sim.compliance import Holding, Response, held_response
@@ -17,7 +18,7 @@ from tripod_sim.contact.world import World
 from tripod_sim.system import System
 
 FLOATS = np.ndarray
-POST = "obstacles=[{source='cube.obj', scale=0.03, position=[-0.027,0.0005,0.0015]}]"
+POST = f"obstacles=[{{source='{CUBE}', scale=0.03, position=[-0.027,0.0005,0.0015]}}]"
 PLANK = "rigid=[{shape='box', size=[0.036,0.006,0.004], mass=0.005, position=[-0.0145,0.0,0.0072]}]"
 """From a post beside the body to its disc."""
 
@@ -25,7 +26,7 @@ PLANK = "rigid=[{shape='box', size=[0.036,0.006,0.004], mass=0.005, position=[-0
 @pytest.fixture(scope="module")
 def lying() -> Simulation:
     """The plank at rest."""
-    simulation = Simulation(load_scene("tripod", [*CALM, POST, PLANK, contact(4.0)]))
+    simulation = Simulation(load_scene(SHARP, [*CALM, POST, PLANK, contact(4.0)]))
     for k in range(10):
         simulation.step(GOAL * (k + 1) / 10)
     settle(simulation, GOAL, 20)

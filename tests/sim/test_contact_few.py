@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact import few_kernels
 from tripod_sim.contact.contact_set import allocate
@@ -70,7 +71,7 @@ BALL = (
     [
         ("stack", ("rigid.2.position=[0.004,0.002,0.256]",), 20),
         ("incline", ("contact.friction=0.3",), 20),
-        ("tripod", ("mesh.level=1", *BALL), 6),
+        (SHARP, ("mesh.level=1", *BALL), 6),
     ],
 )
 def test_the_end_is_that_of_factorisations_with_the_contacts_in_them(

@@ -57,7 +57,7 @@ def ringing(dt: float, scheme: tuple[str, ...] = ()) -> np.ndarray:
     """Effector height 40 ms after the servos moved, ideal angles ramped in 20 ms."""
     simulation = Simulation(
         load_scene(
-            "tripod", ["mesh.level=1", f"dt={dt}", "solver.mode=newton", "solver.tolerance=1e-8", *scheme]
+            SHARP, ["mesh.level=1", f"dt={dt}", "solver.mode=newton", "solver.tolerance=1e-8", *scheme]
         )
     )
     for k in range(round(0.04 / dt)):

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from tests.memory import kept
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.effects import TABLE, absent, meaning, named, words
 from tripod_sim.scene import EFFECTS
 
 SOLID = ("silicone", "mesh.level=1")
-ROBOT = ("tripod", "mesh.level=1")
+ROBOT = (SHARP, "mesh.level=1")
 CLOTH = (
     "drape",
     "springs.source=grid",
@@ -255,7 +256,7 @@ def test_what_effects_a_scene_names() -> None:
 
 
 def test_a_steady_step_allocates_no_growing_memory() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1"]))
     joints = [np.array([-0.001 * k, 0, 0, 0]) for k in range(60)]
     # a report and a few numbers, no array of the mesh (the smallest has 3,000 bytes a step)
     assert kept(simulation.step, joints) < 4_000

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.explain import sampling
@@ -135,7 +136,7 @@ def test_timing_changes_no_bit() -> None:
 
 
 def test_passes_repeat_the_same_steps() -> None:
-    simulation = Simulation(load_scene("tripod", TRIPOD))
+    simulation = Simulation(load_scene(SHARP, TRIPOD))
     sampler = Sampler(simulation, 5)
     sampler.one_pass()
     first = simulation.state.positions.tobytes(), simulation.state.step
@@ -155,7 +156,7 @@ def test_the_least_of_all_passes_counts() -> None:
 
 
 def test_arrays_are_found_once_and_by_their_owner() -> None:
-    simulation = Simulation(load_scene("tripod", TRIPOD))
+    simulation = Simulation(load_scene(SHARP, TRIPOD))
     arrays = [(a, owner) for a, owner in walk(simulation) if isinstance(a, np.ndarray)]
     assert len({id(a) for a, _ in arrays}) == len(arrays)
     owners = {id(a): owner for a, owner in arrays}
@@ -176,7 +177,7 @@ def test_memory_that_many_arrays_show_is_counted_once() -> None:
 
 
 def test_sizes_are_those_of_the_matrices() -> None:
-    simulation = Simulation(load_scene("tripod", TRIPOD))
+    simulation = Simulation(load_scene(SHARP, TRIPOD))
     system, found = simulation._system, size(simulation)
     assert found.nonzeros == system.reduction.pattern.nnz
     assert found.factor_entries == system.linear.entries
@@ -202,12 +203,12 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     ("source", "words", "stages"),
     [
         (
-            "tripod",
+            SHARP,
             TRIPOD,
             {"elastic forces", "reduction", "back-substitution", "inertia", "damping", "servo arms"},
         ),
         ("maze", TRIPOD, {"ball", "gravity"}),
-        ("tripod", [*TRIPOD, "inertia=off", "damping=off"], {"load increments", "factorisation"}),
+        (SHARP, [*TRIPOD, "inertia=off", "damping=off"], {"load increments", "factorisation"}),
         (
             "cloth",
             ["springs.nodes=6"],
@@ -259,9 +260,9 @@ def test_a_fixed_box_holds_one_end_of_the_body() -> None:
 
 def test_bad_input_is_named() -> None:
     with pytest.raises(SceneError, match="--at is -1 s; it must be 0 to"):
-        explain("tripod", TRIPOD, at=-1.0)
+        explain(SHARP, TRIPOD, at=-1.0)
     with pytest.raises(SceneError, match="--at is nan s"):
-        explain("tripod", TRIPOD, at=float("nan"))
+        explain(SHARP, TRIPOD, at=float("nan"))
 
 
 @pytest.mark.usefixtures("short")
@@ -279,7 +280,7 @@ def test_the_command_prints_tables_or_json() -> None:
     done = CliRunner().invoke(app, [*words, "--json"])
     table = json.loads(done.stdout)
     assert table["scene"] == "tripod"
-    assert table["first"] == pytest.approx(0.025)
+    assert table["first"] == pytest.approx(0.02)
     assert sum(s["share"] for s in table["stages"]) == pytest.approx(1.0)
     assert table["memory"]["total"] == sum(table["memory"]["parts"].values())
 

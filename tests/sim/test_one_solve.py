@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.integrators.left_over import LeftOver
 
@@ -28,9 +29,9 @@ def run(scene: str, *overrides: str, steps: int = 60) -> tuple[np.ndarray, list[
     return np.array(positions), solves, renewals
 
 
-@pytest.mark.parametrize("scene", ["tripod", "tripod_sofa"])
+@pytest.mark.parametrize("scene", [SHARP, "tripod_sofa"])
 def test_smooth_motion_takes_one_evaluation_a_step_and_stays_close(scene: str) -> None:
-    level = "mesh.level=1" if scene == "tripod" else "mesh.level=5"
+    level = "mesh.level=1" if scene == SHARP else "mesh.level=5"
     exact, solves, _ = run(scene, level, "solver.mode=newton", "solver.tolerance=1e-8")
     assert min(solves[1:]) > 1
     simulation = Simulation(load_scene(scene, [*WORKING, level, "solver.mode=one_solve"]))
@@ -57,7 +58,7 @@ def test_commands_that_come_in_jumps_seldom_renew_the_tangent() -> None:
     """Servos that move in every fourth step alone, as by commands at 50 Hz: between them residuals seldom halve."""
     ends, renewed = [], 0
     for words in (["solver.mode=newton", "solver.tolerance=1e-7"], ["solver.mode=one_solve"]):
-        simulation = Simulation(load_scene("tripod", [*WORKING, "mesh.level=2", *words]))
+        simulation = Simulation(load_scene(SHARP, [*WORKING, "mesh.level=2", *words]))
         dt, found, renewed = simulation.scene.dt, [], 0
         for k in range(400):
             renewed += simulation.step(fast((k // 4 * 4 + 4) * dt, 0.15, 0.5)).factorisations
@@ -69,7 +70,7 @@ def test_commands_that_come_in_jumps_seldom_renew_the_tangent() -> None:
     assert np.linalg.norm(off, axis=1).max() < 3e-5
 
 
-@pytest.mark.parametrize(("scene", "level"), [("tripod", 2), ("tripod_sofa", 5)])
+@pytest.mark.parametrize(("scene", "level"), [(SHARP, 2), ("tripod_sofa", 5)])
 def test_a_fast_motion_leaves_the_effector_where_newton_puts_it(scene: str, level: int) -> None:
     """Ten micrometres root mean square are asked for; and no jumps where the tangent is renewed."""
     ends, renewed = [], 0
@@ -91,7 +92,7 @@ def test_a_fast_motion_leaves_the_effector_where_newton_puts_it(scene: str, leve
 
 def test_what_is_taken_for_solved_is_what_an_evaluation_finds() -> None:
     """Forces, energy and torques at the end of a corrected step, told without its elements, and told by them."""
-    simulation = Simulation(load_scene("tripod", [*WORKING, "mesh.level=1", "solver.mode=one_solve"]))
+    simulation = Simulation(load_scene(SHARP, [*WORKING, "mesh.level=1", "solver.mode=one_solve"]))
     system, state = simulation._system, simulation.state
     for k in range(40):
         simulation.step(swing(0.005 * (k + 1)))
@@ -110,7 +111,7 @@ def test_what_is_taken_for_solved_is_what_an_evaluation_finds() -> None:
 
 
 @pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
-@pytest.mark.parametrize(("scene", "level", "bound"), [("tripod", 1, 0.04), ("tripod_sofa", 5, 0.05)])
+@pytest.mark.parametrize(("scene", "level", "bound"), [(SHARP, 1, 0.04), ("tripod_sofa", 5, 0.05)])
 def test_a_slow_motion_is_not_held_behind(scene: str, level: int, bound: float, scheme: str) -> None:
     """What a kept tangent gets wrong does not add up: `bound` is in parts of what the effector moves in a step."""
     words = (f"mesh.level={level}", f"inertia.scheme={scheme}")
@@ -166,7 +167,7 @@ def test_a_forecast_belongs_to_one_length_and_one_factorisation() -> None:
 
 
 def test_a_restored_state_knows_nothing_of_what_was_left_over() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", *WORKING]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", *WORKING]))
     for k in range(40):
         simulation.step(swing(0.005 * (k + 1)))
     saved, ends = simulation.save(), []
@@ -184,7 +185,7 @@ def test_a_restored_state_knows_nothing_of_what_was_left_over() -> None:
 def test_a_jump_of_the_servos_is_solved_to_the_length() -> None:
     ends = []
     for words in (["solver.mode=newton", "solver.tolerance=1e-8"], ["solver.mode=one_solve"]):
-        simulation = Simulation(load_scene("tripod", ["mesh.level=1", *words, *WORKING]))
+        simulation = Simulation(load_scene(SHARP, ["mesh.level=1", *words, *WORKING]))
         report = simulation.step(np.array([-0.9, -1.4965, -1.4965, 0.035]))
         assert report.iterations > 2
         ends.append(simulation.state.positions.copy())
@@ -194,9 +195,7 @@ def test_a_jump_of_the_servos_is_solved_to_the_length() -> None:
 def test_the_length_decides() -> None:
     ends, solves = [], []
     for words in ("solver.mode=newton", "solver.position_tolerance=1e-4", "solver.position_tolerance=1e-8"):
-        simulation = Simulation(
-            load_scene("tripod", [*WORKING, "mesh.level=1", "solver.tolerance=1e-9", words])
-        )
+        simulation = Simulation(load_scene(SHARP, [*WORKING, "mesh.level=1", "solver.tolerance=1e-9", words]))
         taken, found = 0, []
         for k in range(100):
             taken += simulation.step(fast(0.005 * (k + 1))).iterations
@@ -211,7 +210,7 @@ def test_the_length_decides() -> None:
 
 def test_statics_goes_to_the_tolerance() -> None:
     options = ["mesh.level=1", "inertia=off", "damping=off", "solver.mode=one_solve", "solver.tolerance=1e-7"]
-    simulation = Simulation(load_scene("tripod", options))
+    simulation = Simulation(load_scene(SHARP, options))
     report = simulation.step(np.array([-0.2, 0.0, 0.0, 0.0]))
     assert report.residual <= 1e-7
 
@@ -220,15 +219,15 @@ def test_a_length_out_of_range_and_the_share_of_old_are_named() -> None:
     with pytest.raises(
         SceneError, match=r"solver.position_tolerance is 0.0; it must be above 0 m and at most 0.01 m"
     ):
-        load_scene("tripod", ["solver.position_tolerance=0.0"])
+        load_scene(SHARP, ["solver.position_tolerance=0.0"])
     with pytest.raises(SceneError, match=r"field solver.share is unknown; fields: .*position_tolerance"):
-        load_scene("tripod", ["solver.share=0.1"])
+        load_scene(SHARP, ["solver.share=0.1"])
 
 
 @pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
 def test_the_first_step_finds_its_factorisation_made(scheme: str) -> None:
     options = ["mesh.level=1", f"inertia.scheme={scheme}", *WORKING]
-    simulation = Simulation(load_scene("tripod", options))
+    simulation = Simulation(load_scene(SHARP, options))
     ends = []
     for _ in range(2):
         first = simulation.step(swing(0.005))
@@ -245,7 +244,7 @@ def test_the_first_step_finds_its_factorisation_made(scheme: str) -> None:
 def test_what_a_step_would_begin_with_can_be_done_before_it_with_the_same_bits(scheme: str) -> None:
     ways = []
     for ahead in (False, True):
-        simulation = Simulation(load_scene("tripod", [*WORKING, f"inertia.scheme={scheme}"]))
+        simulation = Simulation(load_scene(SHARP, [*WORKING, f"inertia.scheme={scheme}"]))
         factor, inside, counts = simulation._system.factor, [0], []
 
         def counted(*given: float, inside: list[int] = inside, factor: Any = factor) -> bool:
@@ -271,7 +270,7 @@ def test_what_a_step_would_begin_with_can_be_done_before_it_with_the_same_bits(s
 
 
 def test_what_was_done_before_a_step_is_not_used_after_a_change_of_the_state() -> None:
-    simulations = [Simulation(load_scene("tripod", WORKING)) for _ in range(2)]
+    simulations = [Simulation(load_scene(SHARP, WORKING)) for _ in range(2)]
     for simulation in simulations:
         for k in range(40):
             simulation.step(swing(6 * (k + 1) * simulation.scene.dt))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, StepError, load_scene, realtime
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.realtime import LATE, Activity, RealTime, Snapshot
@@ -303,7 +304,7 @@ def bits(snapshot: Snapshot) -> tuple[Any, ...]:
 
 def test_reset_returns_to_the_bits_of_the_start_and_the_same_motion_follows(start) -> None:
     """Also when a compliance was computed in one of the two and not in the other."""
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", "servos.angles=[-0.2, -0.3, 0.1]"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", "servos.angles=[-0.2, -0.3, 0.1]"]))
     resets: list[int] = []
 
     def command(_: float) -> np.ndarray:

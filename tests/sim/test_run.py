@@ -17,6 +17,7 @@ from tripod_sim.run import run
 from tripod_sim.scene_short import effector_of, joints_of, soft_bodies
 
 COARSE = ["mesh.level=1"]
+TRIPOD = [*COARSE, "mesh.element=h8_modes", "inertia.scheme=implicit_euler", "dt=0.005"]
 BEND = "0:0,0,0; 0.2:-0.4,-0.3,0.1"
 
 
@@ -27,7 +28,7 @@ def never(_: float) -> None:
 def refusal(scene: str = "tripod", **options: Any) -> str:
     """Return why a run is refused; it must be said before the first step."""
     with pytest.raises(SceneError) as caught:
-        run(scene, progress=never, **{"overrides": COARSE, **options})
+        run(scene, progress=never, **{"overrides": TRIPOD, **options})
     message = str(caught.value)
     assert message.isprintable()
     assert len(message) < 500
@@ -38,7 +39,7 @@ def refusal(scene: str = "tripod", **options: Any) -> str:
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], dict[str, np.ndarray], Path]:
     """The summary and the arrays of one run."""
     out = tmp_path_factory.mktemp("run") / "bend.npz"
-    summary = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=COARSE, out=out)
+    summary = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=TRIPOD, out=out)
     with np.load(out, allow_pickle=False) as file:
         return summary, dict(file), out
 
@@ -107,11 +108,12 @@ def test_the_recording_holds_every_step(recorded) -> None:
 def test_two_runs_give_the_same_bits_in_two_processes_and_in_one(recorded, tmp_path: Path) -> None:
     summary, _, first = recorded
     second, third = tmp_path / "second.npz", tmp_path / "third.npz"
-    again = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=COARSE, out=second)
+    again = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=TRIPOD, out=second)
     assert second.read_bytes() == first.read_bytes()
     words = ["run", "tripod", "--json", "--duration", "0.3", "--servo", BEND, "--slide", "0.02"]
+    sets = [word for value in TRIPOD for word in ("--set", value)]
     child = subprocess.run(
-        [sys.executable, "-m", "tripod_bringup.cli", *words, "--set", COARSE[0], "--out", str(third)],
+        [sys.executable, "-m", "tripod_bringup.cli", *words, *sets, "--out", str(third)],
         capture_output=True,
         text=True,
         check=True,
@@ -128,7 +130,7 @@ def test_another_input_gives_other_bits(recorded, tmp_path: Path) -> None:
         duration=0.3,
         servo=BEND.replace("0.1", "0.100001"),
         slide="0.02",
-        overrides=COARSE,
+        overrides=TRIPOD,
         out=other,
     )
     assert other.read_bytes() != recorded[2].read_bytes()
@@ -137,11 +139,11 @@ def test_another_input_gives_other_bits(recorded, tmp_path: Path) -> None:
 def test_the_recording_names_the_scene_with_all_its_values(recorded, tmp_path: Path) -> None:
     path = tmp_path / "again.toml"
     path.write_text(str(recorded[1]["scene"]))
-    assert load_scene(path) == load_scene("tripod", [*COARSE, "motion=off"])
+    assert load_scene(path) == load_scene("tripod", [*TRIPOD, "motion=off"])
 
 
 def test_a_recording_changes_nothing(recorded) -> None:
-    alone = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=COARSE)
+    alone = run("tripod", duration=0.3, servo=BEND, slide="0.02", overrides=TRIPOD)
     assert {**alone, "step_ms": None} == {**recorded[0], "step_ms": None}
 
 
@@ -173,7 +175,7 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
 
 def steps(**options: Any) -> int:
     """Return how many steps a run makes, at a step so long that they are few."""
-    return run("tripod", **{"overrides": [*COARSE, "motion=off", "dt=0.1", "duration=0.3"], **options})[
+    return run("tripod", **{"overrides": [*TRIPOD, "motion=off", "dt=0.1", "duration=0.3"], **options})[
         "steps"
     ]
 
@@ -190,7 +192,7 @@ def test_the_duration_is_what_is_asked_or_a_second_after_the_last_command_or_the
 def test_a_run_starts_at_rest_where_its_timelines_begin(tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
     servo, slide = "0.5:-0.5,-0.4,-0.3", "0.1:0.015"
-    summary = run("tripod", duration=0.05, servo=servo, slide=slide, overrides=COARSE, out=out)
+    summary = run("tripod", duration=0.05, servo=servo, slide=slide, overrides=TRIPOD, out=out)
     assert summary["energies"]["kinetic"] < 1e-9
     with np.load(out) as a:
         assert a["angles"][0].tolist() == [-0.5, -0.4, -0.3]
@@ -200,7 +202,7 @@ def test_a_run_starts_at_rest_where_its_timelines_begin(tmp_path: Path) -> None:
 
 def test_progress_rises_to_one() -> None:
     seen: list[float] = []
-    run("tripod", duration=0.025, overrides=COARSE, progress=seen.append)
+    run("tripod", duration=0.025, overrides=TRIPOD, progress=seen.append)
     assert seen == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
 
 
@@ -274,7 +276,7 @@ def test_a_full_disk_is_said_and_leaves_the_older_file(
 
     monkeypatch.setattr("numpy.savez", fail)
     with pytest.raises(SceneError, match=r"--out '.*run.npz' cannot be written: No space left on device"):
-        run("tripod", duration=0.01, overrides=COARSE, out=out)
+        run("tripod", duration=0.01, overrides=TRIPOD, out=out)
     assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
     assert out.read_text() == "older"
 
@@ -282,7 +284,7 @@ def test_a_full_disk_is_said_and_leaves_the_older_file(
 def test_a_finished_run_replaces_the_older_file_whole(tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
     out.write_text("older")
-    run("tripod", duration=0.01, overrides=COARSE, out=out)
+    run("tripod", duration=0.01, overrides=TRIPOD, out=out)
     assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
     with np.load(out) as arrays:
         assert len(arrays["time"]) == 2
@@ -301,9 +303,9 @@ def test_a_run_that_breaks_off_keeps_the_steps_it_made(
     monkeypatch.setattr(run_module, "Simulation", Breaking)
     whole, broken = tmp_path / "whole.npz", tmp_path / "broken.npz"
     with pytest.raises(type(error)):
-        run("tripod", duration=0.05, servo=BEND, overrides=COARSE, out=broken)
+        run("tripod", duration=0.05, servo=BEND, overrides=TRIPOD, out=broken)
     monkeypatch.undo()
-    run("tripod", duration=0.05, servo=BEND, overrides=COARSE, out=whole)
+    run("tripod", duration=0.05, servo=BEND, overrides=TRIPOD, out=whole)
     with np.load(broken) as a, np.load(whole) as b:
         assert len(a["time"]) == 4
         for name in b:
@@ -319,7 +321,7 @@ def test_a_run_that_breaks_off_at_once_writes_nothing(
 
     monkeypatch.setattr(run_module.Simulation, "step", crush)
     with pytest.raises(StepError, match="element 3 is crushed"):
-        run("tripod", duration=0.05, overrides=COARSE, out=tmp_path / "run.npz")
+        run("tripod", duration=0.05, overrides=TRIPOD, out=tmp_path / "run.npz")
     assert not list(tmp_path.iterdir())
 
 
@@ -327,7 +329,7 @@ def test_a_static_run_counts_the_increments_of_its_load() -> None:
     result = run("silicone", duration=0.01, overrides=["inertia=off", "damping=off", *COARSE])
     assert result["increments"] > 5
     assert result["newton_iterations"] == result["increments"]
-    assert run("tripod", duration=0.01, overrides=COARSE)["increments"] == 0
+    assert run("tripod", duration=0.01, overrides=TRIPOD)["increments"] == 0
 
 
 STILL = {"stack": "it stands", "cook": "it rises by a thousandth of a millimetre"}
@@ -359,7 +361,7 @@ def test_a_servo_timeline_takes_the_place_of_the_scenes_motion(tmp_path: Path) -
         run(
             "tripod",
             duration=0.1,
-            overrides=options.pop("overrides", COARSE),
+            overrides=options.pop("overrides", TRIPOD),
             out=tmp_path / "run.npz",
             **options,
         )
@@ -370,14 +372,14 @@ def test_a_servo_timeline_takes_the_place_of_the_scenes_motion(tmp_path: Path) -
     assert angles() == pytest.approx(3 * [-1.4965 / 8])
     assert angles(servo="0:0,0,0; 0.1:0,0,-0.3") == pytest.approx([0, 0, -0.3])
     assert not angles(slide="0:0; 0.1:0.001").any()
-    assert not angles(overrides=[*COARSE, "motion=off"]).any()
+    assert not angles(overrides=[*TRIPOD, "motion=off"]).any()
     assert angles(
-        overrides=[*COARSE, 'motion.servo="0:0,0,0; 0.1:0,0,-0.2"', 'motion.slide="0"']
+        overrides=[*TRIPOD, 'motion.servo="0:0,0,0; 0.1:0,0,-0.2"', 'motion.slide="0"']
     ) == pytest.approx([0, 0, -0.2])
 
 
 def test_only_a_run_takes_notice_of_the_motion() -> None:
-    moved = load_scene("tripod", COARSE)
+    moved = load_scene("tripod", TRIPOD)
     assert moved.motion
     states = []
     for scene in (moved, replace(moved, motion=None)):
@@ -415,5 +417,5 @@ def test_a_motion_that_cannot_be_is_refused_by_a_run_and_by_nothing_else(overrid
 
 
 def test_a_scene_without_its_servos_runs_without_its_motion() -> None:
-    words = ["servos=off", "clamp=off", "fixed=[{low=[0.045,-1,-1],high=[1,1,1]}]", *COARSE]
+    words = ["servos=off", "clamp=off", "fixed=[{low=[0.045,-1,-1],high=[1,1,1]}]", *TRIPOD]
     assert run("tripod", duration=0.01, overrides=words)["steps"] == 2

@@ -18,15 +18,14 @@ from tests.decisions import SOURCE
 from tests.sim.sim_graph import DEADLINE, PUBLISHED, QUIET
 from tripod_graph import names
 from tripod_graph.qos import LATCHED, RELIABLE
-from tripod_sim import messages, transforms
+from tripod_sim import Simulation, load_scene, messages, transforms
 from tripod_sim.integrators.substeps import StepReport
-from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.node import notices
 
 pytestmark = pytest.mark.ros
 
 NAN, INF = float("nan"), float("inf")
-MESH = y_piece(LEVELS[1])
+MESH = Simulation(load_scene("tripod", ["mesh.level=1"])).mesh
 
 
 def test_its_frames_are_on_tf_with_the_prefix_asked_for(make) -> None:

@@ -210,7 +210,7 @@ def test_the_process_ends_in_order_on_signals(launch) -> None:
     running = [(launch("set:=mesh.level=1"), number) for number in (signal.SIGINT, signal.SIGTERM)]
     deadline = time.monotonic() + DEADLINE
     for process, number in running:
-        while "scene tripod: 144 nodes" not in process.output():
+        while "scene tripod: 456 nodes" not in process.output():
             assert process.child.poll() is None, process.output()
             assert time.monotonic() < deadline, process.output()
             time.sleep(0.02)

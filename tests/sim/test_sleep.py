@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.substeps import StepReport
@@ -131,7 +132,7 @@ def test_what_swings_is_asleep_only_after_it_has_stopped() -> None:
 
 
 def test_a_solid_sleeps_too_and_wakes_with_its_servos() -> None:
-    simulation = Simulation(load_scene("tripod", ["mesh.level=1", "sleep={}"]))
+    simulation = Simulation(load_scene(SHARP, ["mesh.level=1", "sleep={}"]))
     until_asleep(simulation, 200)
     torques = simulation.torques.copy()
     simulation.step()

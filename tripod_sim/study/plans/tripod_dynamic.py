@@ -21,16 +21,24 @@ CLAMP = "{stiffness=1.4e10}"
 """The scene's compliant clamp. It is a setting, so that the draft, whose clamp is sharp, is held against it."""
 
 DEFAULT: Settings = {
-    "mesh.element": "h8_modes",
-    "mesh.level": 12,
+    "mesh.element": "h20",
+    "mesh.level": 13,
     "clamp": CLAMP,
-    "inertia.scheme": "implicit_euler",
-    "dt": 0.005,
+    "inertia.scheme": "tr_bdf2",
+    "dt": 0.002,
     "solver.mode": "one_solve",
     "solver.tolerance": 1e-4,
 }
 
-SHARP: Settings = {**DEFAULT, "mesh.level": 2, "clamp": "off"}
+LINEAR: Settings = {
+    **DEFAULT,
+    "mesh.element": "h8_modes",
+    "mesh.level": 12,
+    "inertia.scheme": "implicit_euler",
+    "dt": 0.005,
+}
+
+SHARP: Settings = {**LINEAR, "mesh.level": 2, "clamp": "off"}
 
 FINE: Settings = {"inertia.scheme": "tr_bdf2", "solver.mode": "newton", "solver.tolerance": 1e-7}
 
@@ -60,7 +68,7 @@ def plan(*, quick: bool) -> Plan:
     """Return the study; `quick`: few points, against a coarser reference."""
     shipped, draft = Point(DEFAULT, "the default"), Point(SHARP, "draft")
     if quick:
-        newton = {**DEFAULT, "solver.mode": "newton"}
+        newton = {**LINEAR, "solver.mode": "newton"}
         points = [
             *grid(newton, inertia__scheme=("implicit_euler", "tr_bdf2"), dt=(0.005, 0.002, 0.001)),
         ]
@@ -70,8 +78,8 @@ def plan(*, quick: bool) -> Plan:
         quadratic = {**DEFAULT, "mesh.element": "h20"}
         points = [
             *grid(SHARP, inertia__scheme=schemes, dt=(0.01, 0.005, 0.002, 0.001)),
-            *grid({**DEFAULT, "solver.mode": "newton"}, inertia__scheme=schemes, dt=steps),
-            *grid(DEFAULT, mesh__level=(2, 8, 12), inertia__scheme=schemes, dt=steps[:-1]),
+            *grid({**LINEAR, "solver.mode": "newton"}, inertia__scheme=schemes, dt=steps),
+            *grid(LINEAR, mesh__level=(2, 8, 12), inertia__scheme=schemes, dt=steps[:-1]),
             *grid(quadratic, mesh__level=(13, 8), inertia__scheme=schemes, dt=steps[1:4]),
             *grid(quadratic, mesh__level=(13, 8, 14), inertia__scheme=better, dt=(0.002, 0.001, 0.0005)),
             *grid(quadratic, mesh__level=(14,), inertia__scheme=better, dt=(0.00025,)),
