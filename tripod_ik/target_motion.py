@@ -50,10 +50,11 @@ class TargetMotion:
             return False
         return not np.array_equal(self._known[-1][1], self._known[0][1], equal_nan=True)
 
-    def at(self, now: float) -> FloatArray:
-        """Return the target to aim at, at `now` [s]; there must be one."""
+    def at(self, now: float, more: float = 0.0) -> FloatArray:
+        """Return the target to aim at, at `now` [s]; there must be one. `more`: of the lead [s]."""
         time, target = self._known[-1]
-        if self.lead == 0.0 or not self.moves(now):
+        lead = self.lead + more
+        if lead == 0.0 or not self.moves(now):
             return target
         begin, first = self._known[0]
-        return target + (target - first) * ((now - time + self.lead) / (time - begin))
+        return target + (target - first) * ((now - time + lead) / (time - begin))

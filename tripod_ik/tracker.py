@@ -124,8 +124,9 @@ class Tracker:
             correction: For a closed loop.
             guide: Asked for the way where no step comes closer to the target, see `Guidance`.
             smooth: Time over which commands are smoothed, see `Smoothing`, where the target stands still [s]: `SMOOTH`,
-                or 0 for a model that does not swing. With a body that is less firm than `FIRM` it is shorter, and none
-                at `SOFTEST`: steps there are as short as `longest_step`, and what lags would make them slower.
+                for a robot that goes evenly from one command to the next; or 0 for one that is there at once. With a
+                body that is less firm than `FIRM` it is shorter, and none at `SOFTEST`: steps there are as short as
+                `longest_step`, and what lags would make them slower.
         """
         self.settings = settings
         self._smooth_over = smooth
@@ -224,10 +225,9 @@ class Tracker:
         dt = 0.0 if self._previous is None else min(max(0.0, now - self._time), LONGEST_DT)
         if self._kept is None:
             self._kept = np.concatenate([state.equilibrium, state.equilibrium_rotation[:, 2]])
-        wanted = self._kept if self._target is None else self._motion.at(now)
-        if not np.isfinite(wanted).all():
-            wanted = np.where(np.isfinite(wanted), wanted, self._kept)
-        position, normal = self._corrected(wanted, state, now)
+        over = dt if self._smooth_over > 0 else 0.0  # that is how long it takes to be where a command says
+        wanted, aimed_at = self._wanted(now, 0.0), self._wanted(now, over)
+        position, normal = self._corrected(aimed_at, state, now)
         wanted_tasks = self.settings.tasks(position, normal)
         tasks: Sequence[Task] = wanted_tasks
         here = branch(state, tasks)
@@ -269,6 +269,14 @@ class Tracker:
         if led is not None and not self._guidance.arrived and result.ok:
             activity = Activity.TRACKING
         return TrackerStep(activity, wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result)
+
+    def _wanted(self, now: float, more: float) -> FloatArray:
+        """Return position [m] and normal that are followed, shape (6,); `more`: of the lead [s]."""
+        assert self._kept is not None
+        if self._target is None:
+            return self._kept
+        target = self._motion.at(now, more)
+        return np.where(np.isfinite(target), target, self._kept)
 
     def _planned(
         self, state: LinearState, here: float, aimed: FloatArray, firm: float, now: float, dt: float

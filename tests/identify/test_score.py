@@ -50,7 +50,7 @@ def test_a_motion_is_stepped_and_joined_by_lines() -> None:
 
 
 def test_commands_of_a_motion_are_followed() -> None:
-    scene = tripod("solver.mode=newton")
+    scene = tripod("solver.mode=newton", "dt=0.005")
     times = np.linspace(0, 0.1, 5)
     angles = np.linspace(0, -0.3, 5)[:, None] * np.ones(3)
     found = predict(plainly(scene), Measured(times, angles, np.zeros(5), PLACE, np.zeros((5, 3))), ())
