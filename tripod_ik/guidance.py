@@ -77,7 +77,7 @@ class Guidance:
         self._worth = 0.0
         self._beside = np.zeros(0)
         self._moved: tuple[float, FloatArray] | None = None
-        self.arrived = self._met = False
+        self.arrived = self._met = self._calming = False
         self.limits: tuple[str, ...] = ()
         self._firmness: list[float] = []
         self._leg = (np.zeros(0), 0.0)
@@ -111,7 +111,8 @@ class Guidance:
         moved = float(np.abs(target - self._target).max())
         if not self._answered:
             return self._question[0].angles if moved < STILL and now <= self._waits else None
-        if state.firmness < 0 or moved > (STILL if self.arrived else max(MOVED, self._worth)):
+        worth = MOVED if self._calming else max(MOVED, self._worth)
+        if state.firmness < 0 or moved > (STILL if self.arrived else worth):
             self.reset()
         if not self._stops:
             return None
@@ -128,7 +129,8 @@ class Guidance:
         at, left = previous, 1.0
         rho = max(state.firmness, 1e-3)
         soft = max(rho**2 - (WITHIN * SOFTEST) ** 2, SLOWEST) * -expm1(-dt / HURRY)
-        if rho**2 - firm**2 < soft:  # it waits until the body is calmer, which is no block
+        self._calming = rho**2 - firm**2 < soft
+        if self._calming:  # it waits until the body is calmer, which is no block
             soft, self._moved = max(rho**2 - firm**2, 0.0), (now, previous)
         while True:
             way = self._stops[0] - at

@@ -105,6 +105,40 @@ def test_a_way_that_is_blocked_is_given_up():
     assert np.abs(blocked[-1].result.command - robot.angles).max() < 1e-3
 
 
+def led(firmness, way, *, firm=0.0, move=0.0):
+    """Return where a way leads after a step from the working pose, and where after the target has moved by `move`."""
+    slope = np.array([1.0, 0.0, 0.0])
+    state = replace(SpringRobot(slide=0.035).state(WORKING), firmness=firmness, firmness_slope=slope)
+    guidance, target = Guidance(lambda *_: way), np.zeros(6)
+    for k in range(3):
+        guidance.look(state, [], target, 0.01, k * DT, closest=True)
+    found = []
+    for k, aimed in ((3, target), (4, target + move * np.eye(6)[0])):
+        found.append(guidance.command(state, WORKING, aimed, k * DT, dt=DT, reach=0.1, speed=0.06, firm=firm))
+    return found
+
+
+def test_a_target_that_moves_while_the_body_calms_down_needs_another_way():
+    softer = Way(WORKING - np.array([[0.3, 0.0, 0.0]]), 1e-3, (), np.array([0.08]))
+    goes, on = led(0.2, softer, move=2e-3)
+    assert goes[0] < WORKING[0]
+    assert on is not None
+    waits, other = led(0.2, softer, firm=0.25, move=2e-3)
+    assert waits == pytest.approx(WORKING, abs=1e-9)
+    assert other is None
+
+
+def test_a_way_that_ends_soft_is_gone_slowly_though_the_body_is_firm_where_it_is():
+    """It is where it was commanded to be a while ago."""
+    soft, hard = (
+        Way(WORKING - np.array([[0.02, 0.0, 0.0]]), 1e-3, (), np.array([end])) for end in (0.07, 1.0)
+    )
+    assert led(1.0, hard)[0] == pytest.approx(WORKING - np.array([0.02, 0.0, 0.0]))
+    part = (WORKING - led(1.0, soft)[0])[0] / 0.02
+    assert part == pytest.approx((1 - 0.063**2) * (1 - np.exp(-DT / 0.04)) / (1 - 0.07**2), rel=1e-6)
+    assert led(1.0, soft, firm=1.0)[0] == pytest.approx(WORKING, abs=1e-9)
+
+
 def test_commands_keep_to_the_speed_of_the_effector():
     robot, one = SpringRobot(slide=0.035), Tracker(TrackerSettings(effector_speed=0.02))
     one.target = robot.rest(WORKING) + np.array([0.0, 0.0, 0.006])

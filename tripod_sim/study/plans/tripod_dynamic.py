@@ -84,6 +84,7 @@ def plan(*, quick: bool) -> Plan:
             *grid(quadratic, mesh__level=(13, 8, 14), inertia__scheme=better, dt=(0.002, 0.001, 0.0005)),
             *grid(quadratic, mesh__level=(14,), inertia__scheme=better, dt=(0.00025,)),
             *grid(quadratic, mesh__level=(14,), inertia__scheme=("tr_bdf2",), dt=(0.000625,)),
+            *grid(quadratic, mesh__level=(13,), inertia__scheme=better, dt=(0.0025, 0.01 / 3)),
             *grid(
                 {**quadratic, "inertia.scheme": "tr_bdf2", "solver.mode": "newton"},
                 mesh__level=(8, 14, 9),
