@@ -319,7 +319,7 @@ class Slide:
                     name, lambda h=height, r=radius: moving(self._slide, self.guide, r / 1e3, h / 1e3)
                 )
                 off = [d for _, _, d in found if d > MET]
-                longest = max(t for _, t, d in found if d <= MET)
+                longest = max((t for _, t, d in found if d <= MET), default=np.nan)
                 speed, far = max(v for v, _, _ in found), ", ".join(f"{1e3 * d:.3f}" for d in off)
                 cells = (f"{speed:.3f}", f"{len(found) - len(off)} of 13", f"{longest:.2f}", far)
                 rows.append(f"| {self.name[6:]}, {height:g}, {radius:g} | {' | '.join(cells)} |")

@@ -45,6 +45,11 @@ FARTHEST, MARGIN = 0.016, 2e-3
 """Poses are looked at that are so far from home [m], from where a search goes on by itself, and to leave one that is
 farther those up to it, and by MARGIN more."""
 
+DETOUR = 8e-3
+"""No way takes the effector so much farther from what it is to do than where it begins [m]: a robot does not throw
+itself about for the little that a pose on a far sheet is closer.
+"""
+
 LONGEST = 0.1
 """Part of a way that is tried at once [rad]."""
 
@@ -236,7 +241,7 @@ class Pathfinder:
                 self.model.follow(inside, shortest=SHORTEST)
                 trail = (*trail, (self.model.save(), self.model.state()))
         state = trail[-1][1]
-        missed = total_distance(tasks, [task.rows(state).error for task in tasks])
+        missed = _missed(tasks, state)
         solution = Solution(Outcome.UNFINISHED, "", state, missed, {}, (), 0.0, np.inf, 0, 0.0)
         return Found(solution, number, trail)
 
@@ -284,6 +289,10 @@ class Pathfinder:
         around = self.around(state)
         if not around:
             return NOWHERE
+        farthest = _missed(tasks, state) + DETOUR
+        poses = self._atlas.poses
+        near = {number for number in around[1:] if _missed(tasks, poses[number].state) <= farthest}
+        around = self._hanging_together(around[0], near)
         here = self.model.save()
         best = self.closest(tasks, state.angles, around)
         ways, rest = self._atlas.roads.ways(around[0], around), best.trail[1:]
@@ -354,6 +363,11 @@ def _order(state: LinearState, image: Image, tasks: Sequence[Task]) -> tuple[flo
     return tuple(
         np.concatenate([state.angles[image.servos].round(3), *(e.round(6) for e in places)]).tolist()
     )
+
+
+def _missed(tasks: Sequence[Task], state: LinearState) -> float:
+    """Return what tasks miss in a state [m]."""
+    return total_distance(tasks, [task.rows(state).error for task in tasks])
 
 
 def _alike(state: LinearState, other: LinearState) -> bool:
