@@ -207,7 +207,7 @@ def test_a_way_does_not_lead_over_a_snap_that_its_ends_say_nothing_of():
 
 
 def test_a_way_makes_no_long_detour(monkeypatch):
-    """Slid in by 35 mm, 8 mm off and 2 mm lower: far sheets of the scene's finer mesh have poses that are closer."""
+    """Slid in by 35 mm, 8 mm off and 2 mm lower: the quickest way that is known leads over far sheets."""
     finder = Pathfinder(Atlas.of(load_scene("tripod"), 0.035), *Tracker(SETTINGS).reach)
     state = finder.model.go_home()
     goal = state.equilibrium + at(0, 0.008) - [0.0, 0.0, 0.002]
@@ -217,12 +217,10 @@ def test_a_way_makes_no_long_detour(monkeypatch):
         way = finder.way(state, [PositionTask(goal)])
         model.go_home()
         off = [np.linalg.norm(model.follow(stop).equilibrium - goal) for stop in way.stops]
-        return max(off), way.residual
+        assert way.residual < 1e-6
+        return max(off)
 
     begin = np.linalg.norm(state.equilibrium - goal)
-    off, residual = farthest()
-    assert off < begin + 8.5e-3
+    assert farthest() < begin + 8e-3
     monkeypatch.setattr("tripod_ik.pathfinder.DETOUR", 1.0)
-    farther, closer = farthest()
-    assert closer <= residual + 1e-9
-    assert farther >= off - 1e-9
+    assert farthest() > begin + 1e-2
