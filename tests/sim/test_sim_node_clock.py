@@ -13,7 +13,8 @@ from tripod_graph import names
 
 pytestmark = pytest.mark.ros
 
-DT = 0.005
+DT, RATE = 0.002, "500.0"
+"""Step of the scene, and poses with each [s, Hz]."""
 
 
 def nanoseconds(stamp) -> int:
@@ -21,7 +22,7 @@ def nanoseconds(stamp) -> int:
 
 
 def test_clock_and_stamps_pass_with_the_steps_and_a_reset_does_not_set_them_back(make) -> None:
-    graph = make(publish_clock="true", pose_rate="200.0").start()
+    graph = make(publish_clock="true", pose_rate=RATE).start()
     clocks: list[int] = []
     graph.ear.create_subscription(Clock, names.CLOCK, lambda m: clocks.append(nanoseconds(m.clock)), 1000)
     graph.wait(lambda: len(clocks) > 20, "the clock")
@@ -44,7 +45,7 @@ def test_clock_and_stamps_pass_with_the_steps_and_a_reset_does_not_set_them_back
 
 
 def test_joints_move_by_simulated_time_so_that_velocities_are_those_commanded(make) -> None:
-    graph = make(publish_clock="true", pose_rate="200.0").start()
+    graph = make(publish_clock="true", pose_rate=RATE).start()
     graph.pause(True)
     graph.choose(ControlMode.TELEOP)
     begin = np.array(graph.node._follower.joints[:3])
@@ -55,9 +56,9 @@ def test_joints_move_by_simulated_time_so_that_velocities_are_those_commanded(ma
     joints = graph.listen_to_all(names.SIM_JOINT_STATES)
     graph.spin(0.2)
     joints.clear()
-    for _ in range(40):  # each takes as long as a call of a service does
+    for _ in range(100):  # each takes as long as a call of a service does
         graph.step()
-    graph.wait(lambda: len(joints) >= 40, "40 joint states")
+    graph.wait(lambda: len(joints) >= 100, "100 joint states")
     angles = np.array([m.position[0] for m in joints])
     np.testing.assert_allclose(np.diff(angles) / DT, -0.5, atol=1e-6)
     assert angles[-1] == pytest.approx(begin[0] - 0.1, abs=0.5 * DT + 1e-9)
