@@ -129,6 +129,8 @@ class Guidance:
         at, left = previous, 1.0
         rho = max(state.firmness, 1e-3)
         soft = max(rho**2 - (WITHIN * SOFTEST) ** 2, SLOWEST) * -expm1(-dt / HURRY)
+        if self._firmness[0] > rho:  # out of where it is soft: a body that rings there may do so for long
+            firm = 0.0
         self._calming = rho**2 - firm**2 < soft
         if self._calming:  # it waits until the body is calmer, which is no block
             soft, self._moved = max(rho**2 - firm**2, 0.0), (now, previous)

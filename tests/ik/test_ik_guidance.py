@@ -128,6 +128,11 @@ def test_a_target_that_moves_while_the_body_calms_down_needs_another_way():
     assert other is None
 
 
+def test_out_of_where_the_body_is_soft_it_goes_though_it_swings():
+    firmer = Way(WORKING - np.array([[0.3, 0.0, 0.0]]), 1e-3, (), np.array([0.28]))
+    assert led(0.1, firmer, firm=0.15)[0][0] < WORKING[0] - 1e-4
+
+
 def test_a_way_that_ends_soft_is_gone_slowly_though_the_body_is_firm_where_it_is():
     """It is where it was commanded to be a while ago."""
     soft, hard = (
