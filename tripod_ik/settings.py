@@ -32,7 +32,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
         "effector_speed",
         _TRACKER.effector_speed,
-        "largest speed of the effector that commands ask for; swinging it is up to 1.6 times as fast",
+        "largest speed of the effector that commands ask for; swinging it is up to 2.6 times as fast",
         "m/s",
         low=0.001,
         high=10.0,

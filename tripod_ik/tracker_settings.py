@@ -32,7 +32,7 @@ class TrackerSettings:
         angle_max: Largest servo angle [rad].
         angle_speed: Largest speed of a commanded angle [rad/s].
         effector_speed: Largest speed of the resting effector that commands ask for [m/s]; a body that swings is up to
-            1.6 times as fast.
+            2.6 times as fast.
         step: Farthest that a command may be from the present angle [rad].
         torque_max: Largest torque of a servo [N m]; infinite for none.
         box: Smallest and largest x, y, z of the effector at rest [m]; None for no box.
