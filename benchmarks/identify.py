@@ -20,7 +20,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.scenes import SHARP
 from tripod_identify.columns import Channel
 from tripod_identify.errors import FitError
 from tripod_identify.identify import Wanted, identify
@@ -31,11 +30,11 @@ from tripod_sim import StepError, load_scene
 from tripod_sim.scene import Scene
 from tripod_sim.tables.sets import Load, NodeSet
 
-MODEL = ("servos.slide=0.02", "mesh.level=1", "mesh.element=h8_modes")
+MODEL = ("servos.slide=0.02",)
 TRUTHS = {
-    "element": ("servos.slide=0.02", "mesh.level=2", "mesh.element=h20"),
-    "tetrahedra": ("servos.slide=0.02", "mesh.level=2", "mesh.element=t10"),
-    "level": ("servos.slide=0.02", "mesh.level=3", "mesh.element=h8_modes"),
+    "element": ("servos.slide=0.02", "mesh.level=8", "mesh.element=h27"),
+    "tetrahedra": ("servos.slide=0.02", "mesh.level=8", "mesh.element=t10"),
+    "level": ("servos.slide=0.02", "mesh.level=8"),
 }
 POSES, NOISE = 30, (3e-4, np.radians(0.5))
 NAMES = ("material.young", "servos.zero", "servos.slide", "material.mass", "load.0.mass")
@@ -46,7 +45,7 @@ CHANNELS = tuple(Channel("effector", axis, angle) for angle in (False, True) for
 def robot(words: tuple[str, ...]) -> Scene:
     """Return the Tripod with a weight on its disc."""
     disc = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
-    return replace(load_scene(SHARP, words), set=(disc,), load=(Load("disc", mass=0.1, share="even"),))
+    return replace(load_scene("tripod", words), set=(disc,), load=(Load("disc", mass=0.1, share="even"),))
 
 
 def drawn(seed: int, truth: str) -> tuple[dict[str, float], Measured]:

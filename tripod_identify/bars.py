@@ -202,7 +202,7 @@ def linearised(scene: Scene, posterior: Posterior, arms: FloatArray, slides: Flo
     for k, (change, factor) in enumerate(((refined, FACTOR), (other_elements, 1.0))):
         if k < a.meshes:
             other = Rest(change(assumed).scene, data, ())
-            there = [between(rest, s, other, j) for s, j in zip(states, joints, strict=True)]
+            there = between(rest, states, other, joints)
             changes.append(
                 factor * (np.array([other.observer.see(s, assumed.sensor) for s in there]) - values)
             )

@@ -154,10 +154,11 @@ def _change(other: Told, problem: Problem, fit: Fit, smooth: FloatArray) -> tupl
     rows = np.unique(good[np.linspace(0, len(good) - 1, min(ROWS, len(good))).round().astype(np.int64)])
     mesh = Rest(other.scene, problem.measured, problem.points)
     joints = here.told.joints(problem.measured.joints(here.told.scene))
-    own = []
-    for k in rows:
-        state = between(here.rest, here.states[k], mesh, joints[k])
-        own.append(mesh.observer.see(state, here.told.sensor) - here.values[k])
+    there = between(here.rest, [here.states[k] for k in rows], mesh, joints[rows])
+    own = [
+        mesh.observer.see(state, here.told.sensor) - here.values[k]
+        for k, state in zip(rows, there, strict=True)
+    ]
     change = smooth @ np.linalg.lstsq(smooth[rows], np.array(own), rcond=None)[0]
     change[rows] = own
     return np.asarray(change), len(rows)
@@ -212,31 +213,34 @@ def _solve(
     return Amounts(P, PN, c, np.asarray(np.linalg.inv(normal)), first, steps, np.asarray(terms), size * sigma)
 
 
-def between(coarse: Rest, state: State, fine: Rest, joints: FloatArray) -> State:
-    """Return the state of rest on a finer mesh, begun from that on a coarser one between its nodes.
+def between(coarse: Rest, states: Sequence[State], fine: Rest, joints: FloatArray) -> list[State]:
+    """Return the states of rest on a finer mesh at `joints`, shape (k, s + 1), begun from those on a coarser one.
 
-    Where that leads nowhere the joints are played from the undeformed state. Raises StepError.
+    Where what is between its nodes leads nowhere the joints are played from the undeformed state. Raises StepError.
     """
-    start = fine.start()
-    places, moved = coarse.system.rest, state.positions - coarse.system.rest
-    own = fine.system.rest
+    places, own = coarse.system.rest, fine.system.rest
+    moved = np.stack([state.positions - places for state in states], axis=1)
     found = LinearNDInterpolator(places, moved, rescale=True)(own)
-    lost = ~np.isfinite(found).all(axis=1)
+    lost = ~np.isfinite(found).all(axis=(1, 2))
     found[lost] = NearestNDInterpolator(places, moved, rescale=True)(own[lost])
-    start.positions[:] = own + found
     placed = fine.system.groups.placed(own)
-    for b, nodes in enumerate(fine.system.groups.rigid):
-        centre = placed[nodes].mean(axis=0)
-        start.rotations[b] = state.rotations[b]
-        start.centres[b] = state.centres[b] + state.rotations[b] @ (centre - _centre(coarse, b))
-        start.positions[nodes] = start.centres[b] + (placed[nodes] - centre) @ state.rotations[b].T
-    fine.system.drive(start, joints)
-    try:
-        fine.settle(start, joints)
-    except StepError:
+    settled = []
+    for k, state in enumerate(states):
         start = fine.start()
-        fine.settle(start, joints)
-    return start
+        start.positions[:] = own + found[:, k]
+        for b, nodes in enumerate(fine.system.groups.rigid):
+            centre = placed[nodes].mean(axis=0)
+            start.rotations[b] = state.rotations[b]
+            start.centres[b] = state.centres[b] + state.rotations[b] @ (centre - _centre(coarse, b))
+            start.positions[nodes] = start.centres[b] + (placed[nodes] - centre) @ state.rotations[b].T
+        fine.system.drive(start, joints[k])
+        try:
+            fine.settle(start, joints[k])
+        except StepError:
+            start = fine.start()
+            fine.settle(start, joints[k])
+        settled.append(start)
+    return settled
 
 
 def _centre(rest: Rest, b: int) -> FloatArray:

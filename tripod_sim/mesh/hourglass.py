@@ -12,6 +12,8 @@ like cubes, a mechanism has R = 0 and F > 0, a motion that is well seen R close 
 R < SHARE F as the matrix of R - SHARE F has negative eigenvalues (Sylvester's law of inertia). One factorisation tells.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -37,13 +39,21 @@ CHUNK = 256
 
 def unseen_motions(mesh: SolidMesh) -> int:
     """Return of how many motions of a mesh of `h20`, free in space, its 2x2x2 points see less than `SHARE`."""
-    dofs = (3 * mesh.elements[:, :, None] + np.arange(3)).reshape(len(mesh.elements), -1)
-    size = 3 * len(mesh.nodes)
+    return _unseen(mesh.nodes.tobytes(), mesh.elements.tobytes())
+
+
+@lru_cache(maxsize=8)
+def _unseen(of_nodes: bytes, of_elements: bytes) -> int:
+    """Return it for nodes (n, 3) [m] and elements (m, 20): whoever builds one mesh often, asks once."""
+    every = np.frombuffer(of_nodes).reshape(-1, 3)
+    elements = np.frombuffer(of_elements, dtype=np.int64).reshape(-1, H20.size)
+    dofs = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), -1)
+    size = 3 * len(every)
     matrix = sparse.csc_matrix((size, size))
     diagonal = np.zeros(size)
     for start in range(0, len(dofs), CHUNK):
         part = dofs[start : start + CHUNK]
-        nodes = mesh.nodes[mesh.elements[start : start + CHUNK]]
+        nodes = every[elements[start : start + CHUNK]]
         seen, full = _squares(H20, nodes), _squares(H20_FULL, nodes)
         np.add.at(diagonal, part, np.einsum("eii->ei", full))
         rows, columns = np.broadcast_arrays(part[:, :, None], part[:, None, :])
