@@ -4,6 +4,7 @@ import json
 import math
 import shlex
 import sys
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tripod_identify.fit import Prior
-    from tripod_identify.identify import Identified
+    from tripod_identify.identify import Identified, Wanted
+    from tripod_identify.measured import Measured
+    from tripod_identify.observe import Point
     from tripod_sim.scene import Scene
 
 
@@ -45,7 +48,7 @@ def identify_command(
     quiet: bool,
 ) -> int:
     """Identify, print, write and return the exit code: 2 bad input, 1 nothing was found."""
-    from tripod_identify.identify import Wanted, identify  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.identify import Wanted  # noqa: PLC0415 - not needed for the help
     from tripod_identify.identify_report import identify_report, scene_text  # noqa: PLC0415
     from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
     from tripod_record.errors import RecordError  # noqa: PLC0415
@@ -65,19 +68,9 @@ def identify_command(
             tuple(fit), align, dict(map(_prior, priors)), _share(hold_out), mesh, profile, propose
         )
         given = _candidates(candidates, description) if candidates else None
-        shown = not quiet and sys.stderr.isatty()
-        with (
-            progress_bar(shown=shown) as bar,
-            compiling_told("tripod identify", bar.say if bar else None) if not quiet else nullcontext(),
-        ):
-
-            def say(line: str) -> None:
-                if bar:
-                    bar.say(line)
-                elif not quiet:
-                    print(f"tripod identify: {line}", file=sys.stderr)
-
-            result = identify(description, measured, glued, wanted, note=say, progress=bar, poses=given)
+        result = identified(
+            description, measured, glued, wanted, program="tripod identify", quiet=quiet, poses=given
+        )
         if out is not None:
             with replaced_text(out) as file:
                 file.write(scene_text(result, command))
@@ -91,7 +84,7 @@ def identify_command(
     if as_json:
         print(json.dumps(plain({"scene": description.name, "rows": len(measured.values), **_plain(result)})))
     elif not quiet:
-        _tell(result)
+        tell_found(result)
     for note in result.notes:
         print(f"tripod identify: note: {note}", file=sys.stderr)
     return 0
@@ -103,7 +96,29 @@ def _plain(result: "Identified") -> dict[str, object]:
     return as_json(result)
 
 
-def _tell(result: "Identified") -> None:
+def identified(
+    scene: "Scene", measured: "Measured", points: "Sequence[Point]", wanted: "Wanted", *, program: str, quiet: bool,
+    poses: "NDArray | None" = None,
+) -> "Identified":  # fmt: skip
+    """Return what `identify` finds, with its progress on standard error unless `quiet`; raises as it does."""
+    from tripod_identify.identify import identify  # noqa: PLC0415 - not needed for the help
+
+    with (
+        progress_bar(shown=not quiet and sys.stderr.isatty()) as bar,
+        compiling_told(program, bar.say if bar else None) if not quiet else nullcontext(),
+    ):
+
+        def say(line: str) -> None:
+            if bar:
+                bar.say(line)
+            elif not quiet:
+                print(f"{program}: {line}", file=sys.stderr)
+
+        return identify(scene, measured, points, wanted, note=say, progress=bar, poses=poses)
+
+
+def tell_found(result: "Identified") -> None:
+    """Print what was found."""
     from tripod_identify.identify_report import (  # noqa: PLC0415
         FOUND_HEAD,
         calibration_lines,

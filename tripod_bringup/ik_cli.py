@@ -7,21 +7,9 @@ from typing import Annotated
 import typer
 
 from tripod_bringup.node_command import NODES, NodeCommand, run_node_command
-from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples
+from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples, metres
 
 commands = typer.Typer()
-
-
-def metres(text: str | float) -> float:
-    """Return a length [m] that may say its unit, as 35mm. Raises typer.BadParameter."""
-    from tripod_sim.tables.fields import with_unit  # noqa: PLC0415 - not needed for the help
-
-    if not isinstance(text, str):  # the default
-        return text
-    try:
-        return with_unit(text, "m")
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is no length: give metres, or as 35mm") from None
 
 
 Slide = Annotated[

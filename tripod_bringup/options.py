@@ -36,6 +36,18 @@ def some_recordings(incomplete: str) -> list[str]:
     return [str(path) for path in found if str(path).startswith(incomplete)]
 
 
+def metres(text: str | float) -> float:
+    """Return a length [m] that may say its unit, as 35mm. Raises typer.BadParameter."""
+    from tripod_sim.tables.fields import with_unit  # noqa: PLC0415 - not needed for the help
+
+    if not isinstance(text, str):  # the default
+        return text
+    try:
+        return with_unit(text, "m")
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is no length: give metres, or as 35mm") from None
+
+
 def is_recording(path: Path) -> bool:
     """Whether `path` looks like a recording: a file, or the directory of one."""
     return path.suffix == ".mcap" or (path / "metadata.yaml").is_file()

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup.options import examples, some_ports
+from tripod_bringup.options import Overrides, SceneName, examples, metres, some_ports
 
 commands = typer.Typer()
 
@@ -41,6 +41,8 @@ def doctor(
         "tripod calibrate",
         "tripod calibrate robot.yaml --port /dev/ttyACM0",
         "tripod calibrate --protocol legacy",
+        "tripod calibrate robot.yaml --identify heights --slide 23mm",
+        "tripod calibrate robot.yaml --identify marker --camera 0 --lens ost.yaml --marker 20mm",
     )
 )
 def calibrate(
@@ -61,8 +63,71 @@ def calibrate(
         float,
         typer.Option(min=0.0, max=30.0, help="Time that the board needs after its port was opened \\[s]."),
     ] = 2.0,
+    identify: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SENSOR",
+            help="Go slowly to safe poses and measure each: heights that you type, imu, or marker (a camera that sees "
+            "an ArUco marker, 4x4_50 number 0, on the disc); then find zeros, slide and modulus.",
+        ),
+    ] = None,
+    scene: SceneName = "tripod",
+    set_: Overrides = None,
+    slide: Annotated[
+        float | None,
+        typer.Option(
+            parser=metres,
+            metavar="LENGTH",
+            help="Where the slides stand \\[m], or as 23mm; by default the scene's.",
+        ),
+    ] = None,
+    poses: Annotated[int, typer.Option(help="How many.")] = 16,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="What is measured; gone on with. By default FILE_poses.csv."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Scene to write; by default FILE_scene.toml.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="Write a report with pictures.")
+    ] = None,
+    camera: Annotated[str, typer.Option(help="Number of the camera, or its device.")] = "0",
+    marker: Annotated[
+        float,
+        typer.Option(
+            parser=metres, metavar="LENGTH", help="Side of the marker's black square \\[m], or as 20mm."
+        ),
+    ] = 0.02,
+    lens: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.yaml", help="The camera's lens, as ROS's camera_calibration writes it."),
+    ] = None,
 ) -> None:
-    """Find the calibration of the servos by hand: keys turn one shaft at a time, slowly; space stops."""
+    """Find the calibration of the servos: by hand, keys turn one shaft at a time; or by measured poses (--identify)."""
+    if identify is not None:
+        from tripod_bringup.measure_command import measure_command  # noqa: PLC0415
+
+        raise typer.Exit(
+            measure_command(
+                identify,
+                port,
+                file,
+                protocol=protocol,
+                baud=baud,
+                boot_time=boot_time,
+                scene=scene,
+                overrides=set_ or [],
+                slide=slide,
+                poses=poses,
+                data=data,
+                out=out,
+                report=report,
+                camera=camera,
+                side=marker,
+                lens=lens,
+            )
+        )
     from tripod_bringup.calibrate_command import calibrate_command  # noqa: PLC0415
 
     raise typer.Exit(calibrate_command(port, file, protocol=protocol, baud=baud, boot_time=boot_time))

@@ -6,10 +6,10 @@ pulse is linear in s: p = pulse_min + (pulse_max - pulse_min) s / pi.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
-from tripod_graph.names import SERVOS
+from tripod_graph.names import SERVOS, servo_names
 
 ARDUINO_PULSES: Final = (544.0, 2400.0)
 """Pulse widths of 0 and 180 degrees in the Servo library that the workshop's firmware uses [us]."""
@@ -126,3 +126,20 @@ class Calibration:
     def angles(self, pulses: Sequence[float]) -> tuple[float, ...]:
         """Return the joint angles [rad], shape (s,), of pulse widths [us], shape (s,)."""
         return tuple(servo.angle(pulse) for servo, pulse in zip(self.servos, pulses, strict=True))
+
+    def turned(self, zeros: Sequence[float]) -> "Calibration":
+        """Return the calibration of servos whose arms were found to stand `zeros` [rad] beyond the command, shape (s,).
+
+        offset' = offset - direction zero; the same pulses as before are safe. Raises CalibrationError.
+        """
+        servos = []
+        for name, servo, zero in zip(servo_names(len(self.servos)), self.servos, zeros, strict=True):
+            low, high = servo.safe_range
+            try:
+                offset = servo.offset - servo.direction * zero
+                servos.append(replace(servo, offset=offset, safe_range=(low + zero, high + zero)))
+            except CalibrationError as error:
+                raise CalibrationError(
+                    f"{name}: {error}; set its horn one tooth over and calibrate anew"
+                ) from None
+        return Calibration(tuple(servos))

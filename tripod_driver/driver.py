@@ -58,7 +58,6 @@ class Driver:
         self.packets_sent, self.bytes_sent = 0, 0
         self.period, self.keep_alive = period, keep_alive
         self._connected = False
-        self._wanted: Content | None = None
         self._content: Content | None = None
         self._firm: Content | None = None  # the newest that is acknowledged, in this conversation
         self._sent_at = self._due = float("-inf")
@@ -73,8 +72,8 @@ class Driver:
     @property
     def at_rest(self) -> bool:
         """Whether the servos are where they should be, as far as the board tells."""
-        arrived = self._content is not None and self._content == self._wanted and self.link.session.settled
-        return arrived and self.safety.at_rest
+        session = self.link.session
+        return session.settled and self._content == session.content(self.safety.place) and self.safety.at_rest
 
     @property
     def place_source(self) -> str:
@@ -108,7 +107,7 @@ class Driver:
         angles = None if self.too_early(now) else self.safety.setpoint(now)
         if angles is None:
             return False
-        content = self._wanted = self.link.session.content([float(angle) for angle in angles])
+        content = self.link.session.content([float(angle) for angle in angles])
         if content == self._content and now + self.period <= self._sent_at + self._patience():
             return False
         if content != self._content:  # a change need not wait for a packet that only keeps the watchdog quiet

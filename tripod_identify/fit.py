@@ -5,7 +5,8 @@ Least is the sum of rho((y - f(u)) / sigma) over all numbers y that were measure
     rho(r) = c² log(1 + (r / c)²) / 2,    c = 2.385,
 
 which takes 95 % of what least squares would of normal errors, and next to nothing of wrong rows [HollandWelsch1977].
-sigma, one of places and one of rotations, is the median absolute residual over 0.6745, found along with u. With
+sigma, one of places and one of rotations, is the median absolute residual over 0.6745, found along with u; the p
+smallest are left out of it [StreetEtAl1988]. With
 J = df/du / sigma, psi = rho', n numbers and p values the covariance of u is [Huber1981, section 7.6]
 
     (J^T J)^-1  mean(psi²) n / (n - p) / mean(psi')².
@@ -341,13 +342,18 @@ def _size(sigma: FloatArray, angle: NDArray[np.bool_]) -> str:
 
 
 def _sigma(residuals: FloatArray, weights: _Weights, count: int) -> FloatArray:
-    """Return the size of errors of places and rotations, as if they were normal."""
+    """Return the size of errors of places and rotations, as if they were normal.
+
+    Of `count` values that were fitted so many residuals may be next to nothing whatever the errors are, so the smallest
+    are left out [StreetEtAl1988]: with few rows the others would be taken for outliers else.
+    """
     found = np.array(FINEST)
     total = int(weights.use.sum())
     for i, kind in enumerate((~weights.angle, weights.angle)):
         own = residuals[:, kind][weights.use[:, kind]]
         if own.size:
-            size = float(np.median(np.abs(own))) / 0.6745 * np.sqrt(total / max(total - count, 1))
+            left_out = min(round(count * own.size / total), own.size - 1)
+            size = float(np.median(np.sort(np.abs(own))[left_out:])) / 0.6745
             found[i] = max(size, FINEST[i])
     return found
 

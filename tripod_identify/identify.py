@@ -178,6 +178,9 @@ def identify(
             both = shares(problem, last)
         except (SceneError, StepError) as error:
             notes.append(f"what the mesh makes is not known: {error}")
+        if both and (far := _too_far(both, last)):
+            notes.append(f"what the mesh makes is not known: {far}; take a finer mesh, or more rows")
+            both = None
     solved = problem.at(last.u)
     after = score(last.values[rows], measured.rows(rows))
     held = measured.rows(~rows)
@@ -203,6 +206,15 @@ def identify(
         _by_parameters(last, problem), ~rows, tuple(proposals), tuple(notes),
         posterior_of(last, both, solved.told, measured.channels, motion=measured.times is not None),
     )  # fmt: skip
+
+
+def _too_far(both: Shares, last: Fit) -> str:
+    """Return why what the mesh makes is beyond what first derivatives can tell; empty if it is not."""
+    moved = both.mesh.move + (both.step.move if both.step else 0.0)
+    for j, p in enumerate(last.wanted):
+        if not (p.nuisance or (abs(moved[j]) <= p.width and both.covariance[j, j] >= 0)):
+            return f"{p.name} would move by {abs(moved[j]) / p.width:.2g} times its plausible width"
+    return ""
 
 
 def beginning(measured: Measured) -> float:

@@ -1,0 +1,266 @@
+"""`tripod calibrate --identify` on a robot that is simulated: its board in memory, its poses from the scene."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.scenes import SHARP
+from tripod_bringup.measure_command import evaluate, measure
+from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession
+from tripod_bringup.pose_file import PoseFile
+from tripod_driver.calibration import Calibration, ServoCalibration
+from tripod_driver.calibration_file import read_calibration
+from tripod_driver.choose_session import choose_sessions
+from tripod_driver.imu import ImuReading
+from tripod_driver.ports.mock import MockPort
+from tripod_driver.ports.mock_board import MockBoard
+from tripod_driver.pose_player import SETTLE, SPEED, Phase, PosePlayer
+from tripod_driver.protocol import AngleMapping
+from tripod_identify.columns import Channel
+from tripod_identify.errors import DataError, FitError
+from tripod_identify.measured import Measured
+from tripod_identify.model import plainly, predict
+from tripod_identify.safe_poses import FEWEST, MARGIN, safe_poses
+from tripod_sim import load_scene
+
+KNOWN = Calibration((ServoCalibration(2.8, 1), ServoCalibration(0.3, -1), ServoCalibration(2.9, 1)))
+KNOWN = Calibration(tuple(replace(s, safe_range=(-1.9, 0.1)) for s in KNOWN.servos))
+ZEROS = np.array([0.05, -0.03, 0.02])
+SCENE = load_scene(SHARP, ("servos.slide=0.02",))
+HEIGHT = (Channel("effector", 2),)
+
+
+@pytest.fixture(scope="module")
+def tour() -> np.ndarray:
+    return safe_poses(SCENE, KNOWN.lower, KNOWN.upper, 10)
+
+
+class Human:
+    """A console with somebody before it, who presses g, then types the height that the robot has."""
+
+    def __init__(self, keys: dict[float, bytes] | None = None) -> None:
+        self.now, self.keys = 0.0, {0.3: b"g"} if keys is None else keys
+        self.heights: list[str] = []
+        self.typed = 0
+        self.lines: list[str] = []
+        self.said: list[str] = []
+
+    def read(self) -> bytes:
+        due = sorted(at for at in self.keys if at <= self.now)
+        return b"".join(self.keys.pop(at) for at in due)
+
+    def show(self, line: str) -> None:
+        self.lines.append(line)
+        if line.rstrip().endswith("Enter:") and self.typed < len(self.heights):
+            self.keys[self.now] = f"{self.heights[self.typed]}\r".encode()
+            self.typed += 1
+
+    def print(self, text: str) -> None:
+        self.said.append(text)
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, duration: float) -> None:
+        self.now += duration
+        assert self.now < 300.0, f"it does not end: {self.lines[-1]}"
+
+
+class Bench:
+    def __init__(self, tour: np.ndarray, sensor, path: Path, keys: dict[float, bytes] | None = None) -> None:
+        self.human = Human(keys)
+        self.board = MockBoard(self.human.clock)
+        self.port = MockPort(self.board)
+        self.file = PoseFile(path / "poses.csv", tour, sensor.columns, "a robot")
+        sessions = choose_sessions("framed", AngleMapping.ROUNDED, KNOWN)
+        self.session = MeasureSession(self.port, sessions, KNOWN, tour, sensor, self.file.keep, self.human)
+
+    def run(self, stopped=lambda: 0) -> int:
+        return measure(self.session, self.human.clock, self.human.sleep, stopped)
+
+    @property
+    def way(self) -> np.ndarray:
+        """Joint angles of all pulses that the board got [rad], shape (n, 3)."""
+        return np.array([KNOWN.angles([p / 10 for p in pulses]) for pulses in self.board.history])
+
+
+def seen(angles: np.ndarray, channels=HEIGHT, zeros=ZEROS) -> np.ndarray:
+    """What the robot shows, whose arms stand `zeros` beyond the command [m, rad]."""
+    data = Measured(None, angles, None, channels, np.zeros((len(angles), len(channels))))
+    return predict(replace(plainly(SCENE), zero=zeros), data, ())
+
+
+def test_poses_are_within_both_ranges_and_always_the_same(tour: np.ndarray) -> None:
+    assert tour.shape == (10, 3)
+    assert tour.min() >= -1.9 + MARGIN - 1e-12
+    assert tour.max() <= 0.1 - MARGIN + 1e-12
+    np.testing.assert_array_equal(tour, safe_poses(SCENE, KNOWN.lower, KNOWN.upper, 10))
+    common = tour.mean(axis=1)
+    assert np.ptp(common) > 1.0
+    assert np.abs(tour - common[:, None]).max() > 0.2
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "count", "said"),
+    [
+        ([-2.1] * 3, [0.0] * 3, FEWEST - 1, "--poses is 3; allowed: 4 to 200"),
+        ([-2.1] * 2, [0.0] * 2, 10, "has 3 servos; the calibration is of 2"),
+        ([-2.1, -0.1, -2.1], [0.0] * 3, 10, "servo_1 may be sent -0.1 to 0 rad"),
+    ],
+)
+def test_poses_that_cannot_be_are_refused(lower: list, upper: list, count: int, said: str) -> None:
+    with pytest.raises(DataError, match=said):
+        safe_poses(SCENE, lower, upper, count)
+
+
+def test_the_player_goes_slowly_waits_and_parks() -> None:
+    player = PosePlayer(np.array([[-0.5, 0.2]]), [0.0, 0.0], [0.0, 0.0])
+    now, phases, before = 0.0, [], player.angles
+    while player.phase is not Phase.STANDING:
+        angles = player.advance(now, arrived=True)
+        assert np.abs(angles - before).max() <= SPEED * 0.01 + 1e-9
+        before, now = angles, now + 0.01
+        phases.append(player.phase)
+    assert phases.index(Phase.SETTLING) * 0.01 == pytest.approx(1.0, abs=0.03)
+    assert phases.count(Phase.SETTLING) * 0.01 == pytest.approx(SETTLE, abs=0.03)
+    player.advance(now, arrived=False)
+    assert player.phase is Phase.GOING  # pushed
+    player.hold()
+    player.next()
+    assert player.phase is Phase.PARKING
+    for _ in range(100):
+        now += 0.01
+        np.testing.assert_array_equal(player.advance(now, arrived=True), before)
+    player.go_on()
+    player.advance(now + 5.0, arrived=True)
+    assert np.abs(player.angles - before).max() <= SPEED * 0.05 + 1e-9  # a late tick makes no jump
+
+
+def test_typed_heights_give_the_calibration_that_the_robot_has(
+    tour: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench = Bench(tour, HeightSensor(), tmp_path)
+    table = 62.0  # heights are taken from the table
+    noise = np.random.default_rng(4).normal(0, 0.1, len(tour))
+    bench.human.heights = [f"{table + 1e3 * z + e:.1f}" for z, e in zip(seen(tour)[:, 0], noise, strict=True)]
+    assert bench.run() == 0
+    assert bench.human.said[-1] == "the servos are parked"
+    assert not bench.port.is_open
+    way = bench.way
+    assert np.abs(np.diff(way, axis=0)).max() <= 2 * SPEED * 0.03 + 2e-3
+    for pose in tour:
+        assert np.abs(way - pose).max(axis=1).min() < 1e-3
+    np.testing.assert_allclose(way[-1], 0.0, atol=1e-3)
+    assert bench.file.done == set(range(10))
+    where = {"file": tmp_path / "robot.yaml", "out": tmp_path / "robot.toml", "report": None}
+    assert evaluate(SCENE, bench.file.path, "heights", KNOWN, **where) == 0
+    assert "servos.zero.0" in capsys.readouterr().out
+    found = read_calibration(tmp_path / "robot.yaml")
+    for own, old, zero in zip(found.servos, KNOWN.servos, ZEROS, strict=True):
+        # the pulse that the arm needs for an angle: less what it stands beyond the command
+        assert own.pulse(-1.0) == pytest.approx(old.pulse(-1.0 - zero), abs=8.0)
+        assert own.pulse(own.safe_range[0]) == pytest.approx(old.pulse(old.safe_range[0]), abs=0.1)
+    assert load_scene(tmp_path / "robot.toml").servos.slide == pytest.approx(0.02, abs=1e-3)
+
+
+def test_what_was_measured_is_kept_and_gone_on_with(tour: np.ndarray, tmp_path: Path) -> None:
+    bench = Bench(tour, HeightSensor(), tmp_path)
+    bench.human.heights = ["1", "", "3.5"]
+    bench.human.keys[60.0] = b"q"
+    assert bench.run() == 0
+    assert bench.session.left
+    np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
+    lines = bench.file.path.read_text().splitlines()
+    assert lines[0] == "# a robot"
+    assert [line.split(",")[-1] for line in lines[1:]] == ["effector.z_mm", "1.0000", "", "3.5000"]
+    again = PoseFile(bench.file.path, tour, HeightSensor.columns, "a robot")
+    assert again.done == {0, 1, 2}
+    again.keep(3, (7.0,))
+    assert bench.file.path.read_text().splitlines()[:5] == lines
+    with pytest.raises(DataError, match="is not of this tour, sensor, calibration, slide and scene"):
+        PoseFile(bench.file.path, tour, HeightSensor.columns, "another robot")
+    with pytest.raises(DataError, match="is no pose of this tour"):
+        PoseFile(bench.file.path, tour + 0.01, HeightSensor.columns, "a robot")
+
+
+def test_space_stops_and_g_goes_on(tour: np.ndarray, tmp_path: Path) -> None:
+    bench = Bench(tour[4:5], HeightSensor(), tmp_path, {0.2: b"x", 0.3: b"g", 1.0: b" ", 3.0: b"g"})
+    bench.human.heights = ["1"]
+    assert bench.run() == 0
+    assert any("x does nothing here" in line for line in bench.human.lines)
+    assert any("stopped, g goes on" in line for line in bench.human.lines)
+    moved = np.abs(np.diff(bench.way, axis=0)).max(axis=1)
+    assert moved.max() <= 2 * SPEED * 0.03 + 2e-3
+
+
+def test_nothing_moves_before_g(tour: np.ndarray, tmp_path: Path) -> None:
+    bench = Bench(tour, HeightSensor(), tmp_path, {2.0: b"q"})
+    assert bench.run() == 0
+    assert not bench.board.history
+    assert bench.human.said[-1] == "nothing was moved"
+
+
+def test_ctrl_c_parks_and_a_second_one_ends(tour: np.ndarray, tmp_path: Path) -> None:
+    bench = Bench(tour[5:], HeightSensor(), tmp_path)
+    assert bench.run(lambda: int(bench.human.now > 3.0)) == 0
+    np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
+    other = Bench(tour[5:], HeightSensor(), tmp_path)
+    assert other.run(lambda: 2 * int(other.human.now > 3.0)) == 0
+    assert np.abs(other.way[-1]).max() > 0.5
+    assert not other.port.is_open
+
+
+def test_an_imu_is_read_and_a_silent_one_is_told(tour: np.ndarray, tmp_path: Path) -> None:
+    bench = Bench(tour[:2], ImuSensor(), tmp_path)
+    bench.run()
+    assert bench.session.code == 1
+    assert any("the board told 0 readings of an IMU within 5 s" in line for line in bench.human.said)
+    np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
+    sensor, line = ImuSensor(), bench.session._link.session
+    sensor.begin(10.0)
+    line.readings = [ImuReading(0.5, 0.5, 9.9)]  # from the way
+    assert sensor.poll(10.0, line) is None
+    for k in range(ImuSensor.wanted):
+        line.readings.append(ImuReading(0.1, 0.0 if k % 3 else 0.05, 10.1 + k))
+        found = sensor.poll(10.1 + k / 10, line)
+    assert found == pytest.approx((math.degrees(0.1), 0.0), abs=0.05)
+
+
+class Finder:
+    number = 0
+
+    def __init__(self, places: list) -> None:
+        self.places = places
+
+    def find(self, image):
+        return self.places.pop(0) if self.places else None
+
+
+def test_a_marker_is_seen_hidden_and_never_seen() -> None:
+    taken = []
+    sensor = MarkerSensor(Finder([np.array([0.001, 0.002, 0.3])] * 12), lambda: taken.append(1))
+    sensor.begin(0.0)
+    found = [sensor.poll(0.01 * k, None) for k in range(MarkerSensor.wanted)]
+    assert found[-1] == pytest.approx((1.0, 2.0, 300.0))
+    assert not any(found[:-1])
+    sensor.begin(1.0)
+    assert [sensor.poll(now, None) for now in (1.0, 1.1, 2.0)] == [None] * 3
+    assert all(map(math.isnan, sensor.poll(7.0, None)))
+    with pytest.raises(DataError, match="the camera sees no marker 4x4_50 number 0 in 1 images"):
+        never = MarkerSensor(Finder([]), lambda: None)
+        never.begin(0.0)
+        never.poll(6.0, None)
+
+
+def test_what_the_model_does_not_explain_is_not_written(tour: np.ndarray, tmp_path: Path) -> None:
+    heights = 1e3 * seen(tour[:, [1, 0, 2]] * 0.6)[:, 0]
+    file = PoseFile(tmp_path / "poses.csv", tour, HeightSensor.columns, "a robot")
+    for k, z in enumerate(heights):
+        file.keep(k, (z,))
+    where = {"file": tmp_path / "robot.yaml", "out": tmp_path / "robot.toml", "report": None}
+    with pytest.raises(FitError, match="the calibration stays"):
+        evaluate(SCENE, file.path, "heights", KNOWN, **where)
+    assert not (tmp_path / "robot.yaml").exists()

@@ -1,0 +1,31 @@
+"""Images of a camera, one at a time. Needs the extra `camera` (OpenCV)."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tripod_identify.errors import DataError
+
+
+def camera_images(source: str, size: tuple[int, int]) -> Callable[[], NDArray[np.uint8]]:
+    """Return what takes an image of the camera `source`, a number or a path, of `size` pixels where it can.
+
+    Raises DataError: there is none. So does what is returned, where no more images come.
+    """
+    capture = cv2.VideoCapture(int(source) if source.isdigit() else source)
+    if not capture.isOpened():
+        raise DataError(
+            f"--camera {source}: it cannot be opened; is it there, and not used by another program?"
+        )
+    capture.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
+    capture.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
+
+    def image() -> NDArray[np.uint8]:
+        good, found = capture.read()
+        if not good:
+            raise DataError(f"--camera {source}: no more images come; is it still connected?")
+        return np.asarray(found, dtype=np.uint8)
+
+    return image

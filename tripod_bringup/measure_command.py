@@ -1,0 +1,228 @@
+"""`tripod calibrate --identify`: measures poses of the robot, and finds its calibration and its scene from them."""
+
+import shlex
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from tripod_bringup.calibrate_command import BAD_ARGUMENTS, FAILED, INTERRUPTED, TICK
+from tripod_bringup.compiling import compiling_told
+from tripod_bringup.identify_command import identified, tell_found
+from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, Sensor
+from tripod_bringup.pose_file import PoseFile
+from tripod_bringup.run_command import progress_bar
+from tripod_driver.calibration import Calibration, CalibrationError
+from tripod_driver.calibration_file import calibration_text, read_calibration
+from tripod_driver.choose_session import choose_sessions
+from tripod_driver.ports.choose import choose_port
+from tripod_driver.protocol import AngleMapping
+from tripod_host.stop import taken
+from tripod_host.writing import check_place, replaced_text
+from tripod_identify.errors import DataError, FitError
+from tripod_teleop.terminal import Terminal, TerminalError
+
+if TYPE_CHECKING:
+    from tripod_identify.identify import Identified
+    from tripod_sim.scene import Scene
+
+SENSORS: Final = ("heights", "imu", "marker")
+"""What can measure poses."""
+
+VALUES: Final = ("servos.zero", "servos.slide", "material.young")
+"""What is looked for besides how the sensor sits."""
+
+SITS: Final = {"heights": ("frame.z",), "imu": ("frame.rx", "frame.ry"), "marker": ("mount",)}
+"""What nobody knows of a sensor: where heights are measured from, how the IMU is tilted, where the marker is glued."""
+
+FARTHEST: Final = 0.35
+"""A zero beyond it [rad] is no horn that is a tooth off, and is not written."""
+
+
+def measure_command(
+    sensor: str,
+    port: str,
+    file: Path,
+    *,
+    protocol: str,
+    baud: int,
+    boot_time: float,
+    scene: str,
+    overrides: list[str],
+    slide: float | None,
+    poses: int,
+    data: Path | None,
+    out: Path | None,
+    report: Path | None,
+    camera: str,
+    side: float,
+    lens: Path | None,
+) -> int:
+    """Measure in this terminal, identify and write; return the exit code."""
+    from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.safe_poses import safe_poses  # noqa: PLC0415
+    from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+
+    try:
+        if sensor not in SENSORS:
+            raise DataError(f"--identify is {sensor!r}; allowed: {', '.join(SENSORS)}")
+        known = read_calibration(file)
+        data = data or file.with_name(f"{file.stem}_poses.csv")
+        out = out or file.with_name(f"{file.stem}_scene.toml")
+        if report is not None:
+            check_matplotlib()
+        for result in (file, out, report):
+            if result is not None:
+                check_place(result)
+        description = load_scene(scene, overrides)
+        if slide is not None and description.servos:
+            description = replace(description, servos=replace(description.servos, slide=slide))
+        look = _sensor(sensor, camera, side, lens)
+        shown = sys.stderr.isatty()
+        with progress_bar(shown=shown) as bar, compiling_told("tripod calibrate", bar.say if bar else None):
+            tour = safe_poses(description, known.lower, known.upper, poses, bar)
+        kept = PoseFile(data, tour, look.columns, _made(description, known))
+        left = [k for k in range(len(tour)) if k not in kept.done]
+        if left:
+            sessions = choose_sessions(protocol, AngleMapping.ROUNDED, known)
+            place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)
+            terminal = Terminal()
+            with terminal, taken() as asked:
+                terminal.enter()
+                session = MeasureSession(
+                    place, sessions, known, tour[left], look, lambda k, found: kept.keep(left[k], found), terminal
+                )  # fmt: skip
+                code = measure(session, stopped=lambda: asked.count)
+            if session.left or code:
+                print(
+                    f"tripod calibrate: {len(kept.done)} of {len(tour)} poses are in {data}; the same command goes on"
+                )
+                return code or (INTERRUPTED if asked.count else 0)
+        return evaluate(description, kept.path, sensor, known, file=file, out=out, report=report)
+    except (CalibrationError, DataError, SceneError, TerminalError, ValueError) as error:
+        return _complain(str(error).replace("teleop needs", "it needs"), BAD_ARGUMENTS)
+    except OSError as error:
+        return _complain(f"{error.filename or ''}: {error.strerror or error}".lstrip(": "), BAD_ARGUMENTS)
+    except (FitError, StepError) as error:
+        return _complain(str(error), FAILED)
+
+
+def measure(
+    session: MeasureSession,
+    clock: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+    stopped: Callable[[], int] = lambda: 0,
+) -> int:
+    """Run `session` until it is over; `stopped`: how often one has asked it to stop. The port is closed in any case.
+
+    The first such wish parks the servos, the second ends at once.
+    """
+    session.begin(clock())
+    try:
+        while session.code is None and stopped() < 2:
+            if stopped() and not session.left:
+                session.park()
+            session.step(clock())
+            sleep(TICK)
+    except TerminalError as error:
+        return _complain(str(error), FAILED)
+    finally:
+        session.close(clock())
+    return session.code or 0
+
+
+def evaluate(
+    scene: "Scene", data: Path, sensor: str, known: Calibration, *, file: Path, out: Path, report: Path | None
+) -> int:
+    """Identify from measured poses, and write calibration, scene and report; return the exit code.
+
+    Raises DataError, FitError, SceneError, StepError, CalibrationError, OSError.
+    """
+    from tripod_identify.identify import Wanted  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.identify_report import identify_report, scene_text  # noqa: PLC0415
+    from tripod_identify.measured import read_csv  # noqa: PLC0415
+    from tripod_identify.observe import sources_of  # noqa: PLC0415
+
+    measured = read_csv(data, scene, sources_of(scene, ()), {})
+    align = "rigid" if sensor == "marker" else "none"
+    wanted = Wanted((*VALUES, *SITS[sensor]), align, propose=False)
+    result = identified(scene, measured, (), wanted, program="tripod calibrate", quiet=False)
+    tell_found(result)
+    for note in result.notes:
+        print(f"tripod calibrate: note: {note}", file=sys.stderr)
+    command = shlex.join(["tripod", *sys.argv[1:]])
+    if report is not None:
+        with replaced_text(report) as page:
+            page.write(identify_report(f"{scene.name} from {data.name}", command, measured, result))
+    calibration = known.turned(zeros_of(result))
+    with replaced_text(out) as text:
+        text.write(scene_text(result, command))
+    with replaced_text(file) as text:
+        text.write(calibration_text(calibration))
+    print(f"written: {file}, {out}{f', {report}' if report else ''}")
+    print(f"use them: tripod up --port auto --scene {out} (calibration:={file})")
+    return 0
+
+
+def zeros_of(result: "Identified") -> list[float]:
+    """Return by how much each arm stands beyond the command [rad], 0 where the data do not tell.
+
+    Raises FitError where they must not be believed.
+    """
+    if not result.left.explained:
+        raise FitError(
+            "the model does not explain these poses, so the calibration stays; were servos exchanged, the slide or the "
+            "signs wrong?"
+        )
+    found = {f.parameter.name: f.true for f in result.found}
+    names = [f"servos.zero.{i}" for i in range(len(result.told.zero))]
+    if not set(names) & set(found):
+        raise FitError(
+            "these poses tell no servo's zero, so the calibration stays; measure more of them (--poses), or better"
+        )
+    zeros = [found.get(name, 0.0) for name in names]
+    for i, zero in enumerate(zeros):
+        if abs(zero) > FARTHEST:
+            raise FitError(
+                f"servo_{i} would stand {zero:+.2f} rad beyond its command, more than {FARTHEST} rad, so the "
+                "calibration stays; mark flat by hand first: tripod calibrate"
+            )
+    return zeros
+
+
+def _made(scene: "Scene", known: Calibration) -> str:
+    """Return what the measured poses are of, one line."""
+    assert scene.servos
+    servos = ", ".join(f"{servo.offset:.6f} {servo.direction:+d}" for servo in known.servos)
+    return (
+        f"scene {scene.name}, slide {scene.servos.slide:.6f} m, servos' offsets [rad] and directions {servos}"
+    )
+
+
+def _sensor(sensor: str, camera: str, side: float, lens: Path | None) -> Sensor:
+    """Return what measures. Raises DataError where it cannot."""
+    if sensor == "heights":
+        return HeightSensor()
+    if sensor == "imu":
+        return ImuSensor()
+    if lens is None:
+        raise DataError(
+            "--identify marker needs --lens FILE, as `ros2 run camera_calibration cameracalibrator` writes it"
+        )
+    from tripod_identify.lens import read_lens  # noqa: PLC0415 - only with a camera
+
+    found = read_lens(lens)
+    try:
+        from tripod_bringup.camera import camera_images  # noqa: PLC0415
+        from tripod_identify.marker import MarkerFinder  # noqa: PLC0415
+    except ImportError:
+        raise DataError("--identify marker needs OpenCV; to install: pip install 'tripod[camera]'") from None
+    return MarkerSensor(MarkerFinder(found, side), camera_images(camera, found.size))
+
+
+def _complain(said: str, code: int) -> int:
+    print("tripod calibrate: " + " ".join(said.split()), file=sys.stderr)
+    return code
