@@ -59,7 +59,7 @@ ROS_EDGE = {
 }
 """Modules that touch ROS, themselves or through what they import. All others work where there is no ROS."""
 
-OPTIONAL = {"tripod_sim.linear.cholmod"}
+OPTIONAL = {"tripod_sim.linear.cholmod", "tripod_identify.marker", "tripod_bringup.camera"}
 """Modules that need an optional extra; nothing imports them unless a scene names them or the extra is there."""
 
 HOME = {
@@ -68,6 +68,7 @@ HOME = {
     "serial": {"tripod_driver", "tripod_bringup"},  # the doctor looks at ports
     "mcap": {"tripod_record"},
     "rosbags": {"tripod_record"},
+    "cv2": {"tripod_identify", "tripod_bringup"},
     "osqp": {"tripod_ik"},
     "qdldl": {"tripod_sim"},
     "numba": {"tripod_sim", "tripod_ik", "tripod_view", "tripod_bringup"},

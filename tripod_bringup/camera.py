@@ -14,6 +14,7 @@ def camera_images(source: str, size: tuple[int, int]) -> Callable[[], NDArray[np
 
     Raises DataError: there is none. So does what is returned, where no more images come.
     """
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what is wrong is told below
     capture = cv2.VideoCapture(int(source) if source.isdigit() else source)
     if not capture.isOpened():
         raise DataError(

@@ -28,15 +28,6 @@ if TYPE_CHECKING:
     from tripod_identify.identify import Identified
     from tripod_sim.scene import Scene
 
-SENSORS: Final = ("heights", "imu", "marker")
-"""What can measure poses."""
-
-VALUES: Final = ("servos.zero", "servos.slide", "material.young")
-"""What is looked for besides how the sensor sits."""
-
-SITS: Final = {"heights": ("frame.z",), "imu": ("frame.rx", "frame.ry"), "marker": ("mount",)}
-"""What nobody knows of a sensor: where heights are measured from, how the IMU is tilted, where the marker is glued."""
-
 FARTHEST: Final = 0.35
 """A zero beyond it [rad] is no horn that is a tooth off, and is not written."""
 
@@ -62,13 +53,13 @@ def measure_command(
 ) -> int:
     """Measure in this terminal, identify and write; return the exit code."""
     from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415 - not needed for the help
-    from tripod_identify.safe_poses import safe_poses  # noqa: PLC0415
+    from tripod_identify.safe_poses import LOOKS, telling_poses  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
     from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
     try:
-        if sensor not in SENSORS:
-            raise DataError(f"--identify is {sensor!r}; allowed: {', '.join(SENSORS)}")
+        if sensor not in LOOKS:
+            raise DataError(f"--identify is {sensor!r}; allowed: {', '.join(LOOKS)}")
         known = read_calibration(file)
         data = data or file.with_name(f"{file.stem}_poses.csv")
         out = out or file.with_name(f"{file.stem}_scene.toml")
@@ -83,7 +74,7 @@ def measure_command(
         look = _sensor(sensor, camera, side, lens)
         shown = sys.stderr.isatty()
         with progress_bar(shown=shown) as bar, compiling_told("tripod calibrate", bar.say if bar else None):
-            tour = safe_poses(description, known.lower, known.upper, poses, bar)
+            tour = telling_poses(description, LOOKS[sensor], known.lower, known.upper, poses, bar)
         kept = PoseFile(data, tour, look.columns, _made(description, known))
         left = [k for k in range(len(tour)) if k not in kept.done]
         if left:
@@ -141,14 +132,18 @@ def evaluate(
 
     Raises DataError, FitError, SceneError, StepError, CalibrationError, OSError.
     """
-    from tripod_identify.identify import Wanted  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.fit import Prior  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.identify import Wanted  # noqa: PLC0415
     from tripod_identify.identify_report import identify_report, scene_text  # noqa: PLC0415
     from tripod_identify.measured import read_csv  # noqa: PLC0415
     from tripod_identify.observe import sources_of  # noqa: PLC0415
+    from tripod_identify.safe_poses import LOOKS, RULER  # noqa: PLC0415
 
     measured = read_csv(data, scene, sources_of(scene, ()), {})
-    align = "rigid" if sensor == "marker" else "none"
-    wanted = Wanted((*VALUES, *SITS[sensor]), align, propose=False)
+    look = LOOKS[sensor]
+    assert scene.servos
+    priors = {"servos.slide": Prior(scene.servos.slide, RULER)}
+    wanted = Wanted(look.names, look.align, priors, propose=False)
     result = identified(scene, measured, (), wanted, program="tripod calibrate", quiet=False)
     tell_found(result)
     for note in result.notes:
@@ -163,7 +158,7 @@ def evaluate(
     with replaced_text(file) as text:
         text.write(calibration_text(calibration))
     print(f"written: {file}, {out}{f', {report}' if report else ''}")
-    print(f"use them: tripod up --port auto --scene {out} (calibration:={file})")
+    print(f"use them: tripod up {out} --port auto driver.calibration:={file}")
     return 0
 
 

@@ -81,7 +81,7 @@ def calibrate(
             help="Where the slides stand \\[m], or as 23mm; by default the scene's.",
         ),
     ] = None,
-    poses: Annotated[int, typer.Option(help="How many.")] = 16,
+    poses: Annotated[int, typer.Option(help="How many.")] = 20,
     data: Annotated[
         Path | None,
         typer.Option(metavar="FILE.csv", help="What is measured; gone on with. By default FILE_poses.csv."),

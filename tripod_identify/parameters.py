@@ -144,7 +144,7 @@ def _of_family(family: str, member: str) -> Parameter:
     if family == START:
         return Parameter(name, 0.0, -1e3, 1e6, "s", False, PLAUSIBLE["s"])
     if member.startswith("r"):
-        return Parameter(name, 0.0, -1.0, 1.0, "rad", False, PLAUSIBLE["rad"])
+        return Parameter(name, 0.0, -2 * math.pi, 2 * math.pi, "rad", False, PLAUSIBLE["rad"])
     most = 10.0 if family == FRAME else 0.5
     return Parameter(name, 0.0, -most, most, "m", False, 0.02)
 

@@ -84,13 +84,30 @@ def propose(
     information = now.T @ now + np.diag(width**-2.0)
     before = np.sqrt(np.diag(np.linalg.inv(information)))
     found: list[Proposal] = []
-    while known and len(found) < PROPOSED:
-        gains = [
-            np.linalg.slogdet(np.eye(len(J)) + J @ np.linalg.solve(information, J.T))[1] for _, J in known
-        ]
-        joints, J = known.pop(int(np.argmax(gains)))
-        information = information + J.T @ J
-        after = np.sqrt(np.diag(np.linalg.inv(information)))
-        found.append(Proposal(joints, after / before))
+    for i, after in most_telling([J for _, J in known], information, PROPOSED):
+        found.append(Proposal(known[i][0], np.sqrt(np.diag(np.linalg.inv(after))) / before))
     assert all(len(p.half) == count for p in found)
+    return found
+
+
+def most_telling(
+    jacobians: Sequence[FloatArray], information: FloatArray, count: int
+) -> list[tuple[int, FloatArray]]:
+    """Return which rows to take, best first, and the information with each and those before it.
+
+    Args:
+        jacobians: Of each, d values / du over sigma, shape (m, p).
+        information: Without them, shape (p, p).
+        count: How many, at most.
+    """
+    left = list(range(len(jacobians)))
+    found: list[tuple[int, FloatArray]] = []
+    while left and len(found) < count:
+        gains = [
+            np.linalg.slogdet(np.eye(len(J)) + J @ np.linalg.solve(information, J.T))[1]
+            for J in (jacobians[i] for i in left)
+        ]
+        best = left.pop(int(np.argmax(gains)))
+        information = information + jacobians[best].T @ jacobians[best]
+        found.append((best, information))
     return found

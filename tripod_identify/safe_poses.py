@@ -1,41 +1,81 @@
-"""Poses to measure a robot in: spread over the range of its servos, each of them decided by its angles alone.
+"""Poses to measure a robot in: safe ones, and of these those that tell most.
 
-A pose serves where the model comes to rest at the same place from the pose before it and from the flat piece. Elsewhere
-a robot may snap on its way, or be in either of two places, and its measured pose says little of its values.
+Safe is a pose that its angles alone decide: the model comes to rest at the same place from the pose before it and from
+the flat piece. Elsewhere a robot may snap on its way, or be in either of two places, and where it is says little.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
+from tripod_identify.fit import USUAL
 from tripod_identify.measured import Measured
-from tripod_identify.model import Rest
+from tripod_identify.model import Rest, plainly
+from tripod_identify.parameters import parameters
+from tripod_identify.problem import Problem
+from tripod_identify.propose import most_telling
 from tripod_sim.errors import StepError
 from tripod_sim.scene import Scene
 
 FloatArray = NDArray[np.float64]
 
+VALUES = ("servos.zero", "servos.slide", "material.young")
+"""What is looked for besides how the sensor sits."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a sensor measures of a pose, and what nobody knows of it.
+
+    Attributes:
+        channels: What it measures.
+        sits: How it sits: names as of `parameters`.
+        align: What may be between its frame and the world besides.
+    """
+
+    channels: tuple[Channel, ...]
+    sits: tuple[str, ...]
+    align: str = "none"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All that is looked for."""
+        return (*VALUES, *self.sits)
+
+
+LOOKS = {
+    "heights": Look((Channel("effector", 2),), ("frame.z",)),
+    "imu": Look((Channel("effector", 0, True), Channel("effector", 1, True)), ("frame.rx", "frame.ry")),
+    "marker": Look(tuple(Channel("effector", axis) for axis in range(3)), ("mount",), "rigid"),
+}
+"""Sensors that can measure poses: a ruler, the IMU on the disc, a camera that sees a marker on it."""
+
+RULER = 5e-4
+"""To which somebody knows the slide [m]. Poses alone hardly tell it from what all servos stand off by."""
+
 MARGIN = 0.1
 """Kept from the ends of the servos' ranges [rad]: nobody knows yet where exactly they stand."""
 
-SPREAD = 0.35
+SPREAD = 0.5
 """By which each servo stands beside the common angle, at most [rad]: the disc tilts, but not far."""
 
 SAME = 1e-4
 """Two ways to a pose lead to the same one if they end so close to each other [m]."""
 
-TRIED = 4
-"""Poses that are tried for each that is wanted, before it is given up."""
+MORE = 4
+"""Poses to choose from, over those that are wanted."""
 
 FEWEST, MOST = 4, 200
 """Poses that may be asked for."""
 
 
-def safe_poses(
+def telling_poses(
     scene: Scene,
+    look: Look,
     lower: Sequence[float],
     upper: Sequence[float],
     count: int,
@@ -45,6 +85,7 @@ def safe_poses(
 
     Args:
         scene: The robot; its slide is where it stands.
+        look: What is measured.
         lower: Smallest angle that may be sent to each servo [rad], shape (s,).
         upper: Largest, shape (s,).
         count: How many.
@@ -52,8 +93,8 @@ def safe_poses(
 
     Raises:
         DataError: another number of poses or servos than can be, no range that both scene and servos have, or fewer
-            poses that serve.
-        SceneError: the scene has no states of rest.
+            poses that are safe.
+        SceneError, StepError: the scene has no states of rest.
     """
     if not FEWEST <= count <= MOST:
         raise DataError(f"--poses is {count}; allowed: {FEWEST} to {MOST}")
@@ -69,30 +110,45 @@ def safe_poses(
             f"servo_{i} may be sent {lower[i]:g} to {upper[i]:g} rad and the scene has {servos.angle_min:g} to "
             f"{servos.angle_max:g} rad: less than {2 * MARGIN:g} rad of it is common"
         )
+    poses = _safe(scene, _spread(low, high, MORE * count), progress)
+    if len(poses) < count:
+        raise DataError(
+            f"only {len(poses)} of {MORE * count} poses of scene {scene.name!r} are the same whichever way one comes; "
+            f"ask for fewer: --poses {max(len(poses), FEWEST)}"
+        )
+    wanted = parameters(scene, look.names, align=look.align)
+    data = Measured(None, poses, None, look.channels, np.zeros((len(poses), len(look.channels))))
+    problem = Problem(plainly(scene), wanted, data, ())
+    sigma = np.array([USUAL[c.angle] for c in look.channels])
+    jacobians = problem.jacobian(problem.start()) / sigma[:, None]
+    known = [RULER / p.plausible if p.name == "servos.slide" else p.width for p in wanted]
+    plausible = np.diag(np.array(known) ** -2.0)
+    return _ordered(poses[[i for i, _ in most_telling(list(jacobians), plausible, count)]])
+
+
+def _safe(scene: Scene, angles: FloatArray, progress: Callable[[float], None] | None) -> FloatArray:
+    """Return the angles, shape (k, s), at which the model is at one place, whichever way it comes."""
+    servos = scene.servos
+    assert servos
     rest = Rest(scene, Measured(None, None, None, (Channel("effector", 2),), np.zeros((1, 1))), ())
     flat = rest.start()
-    rest.settle(flat, np.array([*np.clip(0.0, low, high), servos.slide]))
+    zero = float(np.clip(0.0, servos.angle_min, servos.angle_max))
+    rest.settle(flat, np.array([*[zero] * servos.count, servos.slide]))
     before = flat.copy()
     found: list[FloatArray] = []
-    for angles in _ordered(_spread(low, high, TRIED * count), count):
+    for k, pose in enumerate(_ordered(angles)):
         ends = [before.copy(), flat.copy()]
         try:
             for state in ends:
-                rest.settle(state, np.array([*angles, servos.slide]))
+                rest.settle(state, np.array([*pose, servos.slide]))
         except StepError:
             continue  # no rest there
-        if np.linalg.norm(ends[0].centres[0] - ends[1].centres[0]) > SAME:
-            continue
-        found.append(angles)
-        before = ends[0]
+        if np.linalg.norm(ends[0].centres[0] - ends[1].centres[0]) <= SAME:
+            found.append(pose)
+            before = ends[0]
         if progress:
-            progress(min(len(found), count) / count)
-        if len(found) == count:
-            return np.array(found)
-    raise DataError(
-        f"only {len(found)} of {TRIED * count} poses of scene {scene.name!r} are the same whichever way one comes; "
-        f"ask for fewer: --poses {max(len(found), FEWEST)}"
-    )
+            progress((k + 1) / len(angles))
+    return np.array(found).reshape(-1, angles.shape[1])
 
 
 def _spread(low: FloatArray, high: FloatArray, count: int) -> FloatArray:
@@ -104,11 +160,12 @@ def _spread(low: FloatArray, high: FloatArray, count: int) -> FloatArray:
     return np.asarray(np.clip(angles, low, high))
 
 
-def _ordered(angles: FloatArray, count: int) -> FloatArray:
-    """Return the first `count` in an order in which each is the nearest to the one before, the others behind them."""
-    left = list(angles[:count])
-    here, found = np.zeros(angles.shape[1]), []
+def _ordered(angles: FloatArray) -> FloatArray:
+    """Return the same in an order in which each is the nearest to the one before."""
+    left = list(angles)
+    here = np.zeros(angles.shape[1])
+    found: list[FloatArray] = []
     while left:
         here = left.pop(int(np.argmin([np.abs(pose - here).max() for pose in left])))
         found.append(here)
-    return np.array([*found, *angles[count:]])
+    return np.array(found)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tests.scenes import SHARP
-from tripod_bringup.measure_command import evaluate, measure
+from tripod_bringup.measure_command import evaluate, measure, measure_command
 from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession
 from tripod_bringup.pose_file import PoseFile
-from tripod_driver.calibration import Calibration, ServoCalibration
-from tripod_driver.calibration_file import read_calibration
+from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
+from tripod_driver.calibration_file import calibration_text, read_calibration
 from tripod_driver.choose_session import choose_sessions
 from tripod_driver.imu import ImuReading
 from tripod_driver.ports.mock import MockPort
@@ -23,7 +23,7 @@ from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.measured import Measured
 from tripod_identify.model import plainly, predict
-from tripod_identify.safe_poses import FEWEST, MARGIN, safe_poses
+from tripod_identify.safe_poses import FEWEST, LOOKS, MARGIN, telling_poses
 from tripod_sim import load_scene
 
 KNOWN = Calibration((ServoCalibration(2.8, 1), ServoCalibration(0.3, -1), ServoCalibration(2.9, 1)))
@@ -35,7 +35,7 @@ HEIGHT = (Channel("effector", 2),)
 
 @pytest.fixture(scope="module")
 def tour() -> np.ndarray:
-    return safe_poses(SCENE, KNOWN.lower, KNOWN.upper, 10)
+    return telling_poses(SCENE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, 16)
 
 
 class Human:
@@ -94,10 +94,10 @@ def seen(angles: np.ndarray, channels=HEIGHT, zeros=ZEROS) -> np.ndarray:
 
 
 def test_poses_are_within_both_ranges_and_always_the_same(tour: np.ndarray) -> None:
-    assert tour.shape == (10, 3)
+    assert tour.shape == (16, 3)
     assert tour.min() >= -1.9 + MARGIN - 1e-12
     assert tour.max() <= 0.1 - MARGIN + 1e-12
-    np.testing.assert_array_equal(tour, safe_poses(SCENE, KNOWN.lower, KNOWN.upper, 10))
+    np.testing.assert_array_equal(tour, telling_poses(SCENE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, 16))
     common = tour.mean(axis=1)
     assert np.ptp(common) > 1.0
     assert np.abs(tour - common[:, None]).max() > 0.2
@@ -113,7 +113,7 @@ def test_poses_are_within_both_ranges_and_always_the_same(tour: np.ndarray) -> N
 )
 def test_poses_that_cannot_be_are_refused(lower: list, upper: list, count: int, said: str) -> None:
     with pytest.raises(DataError, match=said):
-        safe_poses(SCENE, lower, upper, count)
+        telling_poses(SCENE, LOOKS["heights"], lower, upper, count)
 
 
 def test_the_player_goes_slowly_waits_and_parks() -> None:
@@ -154,7 +154,7 @@ def test_typed_heights_give_the_calibration_that_the_robot_has(
     for pose in tour:
         assert np.abs(way - pose).max(axis=1).min() < 1e-3
     np.testing.assert_allclose(way[-1], 0.0, atol=1e-3)
-    assert bench.file.done == set(range(10))
+    assert bench.file.done == set(range(16))
     where = {"file": tmp_path / "robot.yaml", "out": tmp_path / "robot.toml", "report": None}
     assert evaluate(SCENE, bench.file.path, "heights", KNOWN, **where) == 0
     assert "servos.zero.0" in capsys.readouterr().out
@@ -256,6 +256,7 @@ def test_a_marker_is_seen_hidden_and_never_seen() -> None:
 
 
 def test_what_the_model_does_not_explain_is_not_written(tour: np.ndarray, tmp_path: Path) -> None:
+    tour = tour[::2]
     heights = 1e3 * seen(tour[:, [1, 0, 2]] * 0.6)[:, 0]
     file = PoseFile(tmp_path / "poses.csv", tour, HeightSensor.columns, "a robot")
     for k, z in enumerate(heights):
@@ -264,3 +265,39 @@ def test_what_the_model_does_not_explain_is_not_written(tour: np.ndarray, tmp_pa
     with pytest.raises(FitError, match="the calibration stays"):
         evaluate(SCENE, file.path, "heights", KNOWN, **where)
     assert not (tmp_path / "robot.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"sensor": "ruler"}, "--identify is 'ruler'; allowed: heights, imu, marker"),
+        ({"file": Path("none.yaml")}, "calibration none.yaml: No such file or directory; make it with"),
+        ({"sensor": "marker"}, "--identify marker needs --lens FILE"),
+        ({"scene": "pendulum"}, "scene 'pendulum' has 0 servos; the calibration is of 3"),
+        ({"slide": 0.3}, "servos.slide is 0.3 m; allowed is 0 to 0.04 m"),
+        ({"out": Path("/nowhere/x.toml")}, "there is no directory /nowhere"),
+        ({}, "it needs a terminal"),
+    ],
+)
+def test_what_is_wrong_is_told_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], changed: dict, said: str
+) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(calibration_text(KNOWN))
+    usual = {
+        "sensor": "heights", "port": "mock", "file": file, "protocol": "framed", "baud": 0, "boot_time": 2.0,
+        "scene": SHARP, "overrides": [], "slide": None, "poses": 4, "data": None, "out": None, "report": None,
+        "camera": "0", "side": 0.02, "lens": None,
+    }  # fmt: skip
+    assert measure_command(**usual | changed) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("tripod calibrate: ")
+    assert said in lines[0]
+    assert file.read_text() == calibration_text(KNOWN)
+    assert not list(tmp_path.glob("*.csv"))
+
+
+def test_a_zero_that_no_horn_has_is_not_written() -> None:
+    with pytest.raises(CalibrationError, match=r"servo_0: offset is 3\.2 rad.*set its horn one tooth over"):
+        Calibration((ServoCalibration(3.1, 1, safe_range=(-2.0, 0.0)),) * 3).turned([-0.1, 0.0, 0.0])

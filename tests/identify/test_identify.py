@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.identify.robots import BEAM, MOVING, beam, commands, measured, tripod, write_csv
+from tests.identify.robots import BEAM, MOVING, POSE, beam, commands, measured, tripod, write_csv
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.fit import Prior, fit, profile
 from tripod_identify.identify import Wanted, beginning, held_rows, identify
 from tripod_identify.measured import Measured
 from tripod_identify.model import Told, plainly, predict
+from tripod_identify.observe import Sensor
 from tripod_identify.parameters import parameters, told
 from tripod_identify.problem import Problem
 from tripod_sim import load_scene
@@ -50,6 +51,30 @@ def test_values_are_found_within_their_bars(poses: Measured) -> None:
     assert result.left.explained
     assert result.fit.sigma == pytest.approx(NOISE, rel=0.25)
     assert result.after.distance.mean < 0.2 * result.before.distance.mean
+
+
+def test_a_frame_that_lies_upside_down_is_found() -> None:
+    scene = tripod("servos.slide=0.02")
+    truth = robot(scene, {"servos.zero.0": 0.03, "mount.x": 0.004})
+    camera = Sensor(np.array([0.01, -0.02, 0.3]), np.array([3.0, 0.2, -0.4]), truth.sensor.mount)
+    data = measured(replace(truth, sensor=camera), commands(10)[0], None, channels=POSE[:3])
+    result = identify(scene, data, (), Wanted(("servos.zero.0", "mount.x"), "rigid", **QUICK))
+    assert [f.value for f in result.found] == pytest.approx([0.03, 0.004], abs=1e-5)
+    assert result.after.distance.largest < 1e-7
+
+
+def test_few_rows_are_no_outliers_of_each_other() -> None:
+    # six values of ten numbers: half of the residuals are next to nothing, whatever the errors are
+    scene = tripod("servos.slide=0.02")
+    names = ("servos.zero", "servos.slide", "material.young", "frame.z")
+    found = []
+    for seed in range(2):
+        data = measured(plainly(scene), commands(10)[0], None, POSE[2:3], noise=(3e-4, 0.0), seed=seed)
+        priors = {"servos.slide": Prior(0.02, 5e-4)}
+        result = identify(scene, data, (), Wanted(names, priors=priors, **QUICK))
+        assert not result.fit.outliers
+        found.append(result.fit.sigma[0])
+    assert 1e-4 < min(found) <= max(found) < 9e-4
 
 
 def test_exact_data_give_back_the_values_exactly() -> None:
