@@ -3,12 +3,13 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.scenes import SHARP
-from tripod_bringup.measure_command import evaluate, measure, measure_command
+from tripod_bringup.measure_command import evaluate, measure, measure_command, zeros_of
 from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession
 from tripod_bringup.pose_file import PoseFile
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
@@ -301,3 +302,25 @@ def test_what_is_wrong_is_told_in_a_line(
 def test_a_zero_that_no_horn_has_is_not_written() -> None:
     with pytest.raises(CalibrationError, match=r"servo_0: offset is 3\.2 rad.*set its horn one tooth over"):
         Calibration((ServoCalibration(3.1, 1, safe_range=(-2.0, 0.0)),) * 3).turned([-0.1, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("zeros", "explained", "said"),
+    [
+        ({0: 0.1, 2: -0.2}, False, "the model does not explain these poses"),
+        ({}, True, "these poses tell no servo's zero"),
+        ({1: -0.36}, True, "servo_1 would stand -0.36 rad beyond its command"),
+    ],
+)
+def test_zeros_that_must_not_be_believed(zeros: dict, explained: bool, said: str) -> None:
+    names = {i: SimpleNamespace(name=f"servos.zero.{i}") for i in range(3)}
+    result = SimpleNamespace(
+        left=SimpleNamespace(explained=explained),
+        found=[SimpleNamespace(parameter=names[i], true=zero) for i, zero in zeros.items()],
+        told=SimpleNamespace(zero=np.zeros(3)),
+    )
+    with pytest.raises(FitError, match=f"{said}.*the calibration stays"):
+        zeros_of(result)
+    if zeros and not explained:
+        result.left.explained = True
+        assert zeros_of(result) == [0.1, 0.0, -0.2]

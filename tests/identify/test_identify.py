@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ import pytest
 from tests.identify.robots import BEAM, MOVING, POSE, beam, commands, measured, tripod, write_csv
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError, FitError
-from tripod_identify.fit import Prior, fit, profile
-from tripod_identify.identify import Wanted, beginning, held_rows, identify
+from tripod_identify.fit import Prior, _sigma, _Weights, fit, profile
+from tripod_identify.identify import Wanted, _too_far, beginning, held_rows, identify
 from tripod_identify.measured import Measured
 from tripod_identify.model import Told, plainly, predict
 from tripod_identify.observe import Sensor
@@ -63,18 +64,26 @@ def test_a_frame_that_lies_upside_down_is_found() -> None:
     assert result.after.distance.largest < 1e-7
 
 
-def test_few_rows_are_no_outliers_of_each_other() -> None:
-    # six values of ten numbers: half of the residuals are next to nothing, whatever the errors are
-    scene = tripod("servos.slide=0.02")
-    names = ("servos.zero", "servos.slide", "material.young", "frame.z")
-    found = []
-    for seed in range(2):
-        data = measured(plainly(scene), commands(10)[0], None, POSE[2:3], noise=(3e-4, 0.0), seed=seed)
-        priors = {"servos.slide": Prior(0.02, 5e-4)}
-        result = identify(scene, data, (), Wanted(names, priors=priors, **QUICK))
-        assert not result.fit.outliers
-        found.append(result.fit.sigma[0])
-    assert 1e-4 < min(found) <= max(found) < 9e-4
+def test_of_few_rows_those_that_are_fitted_anyway_do_not_tell_the_size_of_errors() -> None:
+    places, rotations = [0.0] * 5 + [1e-3, -1e-3, 2e-3, 1e-3, -2e-3], [0.02, -0.02] * 5
+    weights = _Weights(np.ones((10, 2), dtype=bool), np.array([False, True]))
+    found = _sigma(np.column_stack([places, rotations]), weights, 10)
+    np.testing.assert_allclose(found, [1e-3 / 0.6745, 0.02 / 0.6745])
+
+
+@pytest.mark.parametrize(
+    ("move", "variance", "said"),
+    [(0.9, 1.0, ""), (1.1, 1.0, "servos.zero.0 would move by 1.1 times"), (0.0, -1e-9, "by 0 times"), (np.nan, 1.0, "nan")],
+)  # fmt: skip
+def test_what_other_meshes_make_is_not_believed_far_from_where_it_was_found(
+    move: float, variance: float, said: str
+) -> None:
+    wanted = parameters(tripod(), ["servos.zero.0"])
+    share = SimpleNamespace(move=np.array([move]))
+    both = SimpleNamespace(mesh=share, step=None, covariance=np.array([[variance]]))
+    why = _too_far(both, SimpleNamespace(wanted=wanted))
+    assert said in why
+    assert bool(why) == bool(said)
 
 
 def test_exact_data_give_back_the_values_exactly() -> None:
