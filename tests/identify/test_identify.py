@@ -73,7 +73,7 @@ def test_of_few_rows_those_that_are_fitted_anyway_do_not_tell_the_size_of_errors
 
 @pytest.mark.parametrize(
     ("move", "variance", "said"),
-    [(0.9, 1.0, ""), (1.1, 1.0, "servos.zero.0 would move by 1.1 times"), (0.0, -1e-9, "by 0 times"), (np.nan, 1.0, "nan")],
+    [(0.9, 1.0, ""), (1.1, 1.0, "zero.0 would move by 1.1 times"), (0.0, -1e-9, "by 0 times"), (np.nan, 1.0, "nan")],
 )  # fmt: skip
 def test_what_other_meshes_make_is_not_believed_far_from_where_it_was_found(
     move: float, variance: float, said: str
