@@ -449,6 +449,8 @@ class IkNode(Node):
             load = self._observer.load
             told = {"load [N]": load.force, "load, half of 90 % [N]": load.half}
             values |= {name: v if math.isfinite(v) else "not told" for name, v in told.items()}
+            if any(load.push):
+                values["push along x and y [N]"] = " ".join(f"{v:.3g}" for v in load.push)
         if self._expected:
             values |= self._expected.values()
         return levels.get(self._activity, Level.OK), self._message or self._activity.name.lower(), values

@@ -142,16 +142,22 @@ def ik_value_lines(values: Mapping[str, str]) -> list[Line]:
     """
     lines = []
     if (load := values.get("load [N]")) is not None:
-        lines.append(_load_line(_numbers(load), _numbers(values.get("load, half of 90 % [N]", ""))))
+        half, push = (
+            _numbers(values.get(name, "")) for name in ("load, half of 90 % [N]", "push along x and y [N]")
+        )
+        lines.append(_load_line(_numbers(load), half, push))
     if (shift := values.get("expected error [m]")) is not None:
         lines.append(_expected_line(shift, values.get("expected error, half of 90 % [m]", "")))
     return lines
 
 
-def _load_line(force: list[float], half: list[float]) -> Line:
-    """Return the line about a load on the effector [N], with half its 90 % interval."""
+def _load_line(force: list[float], half: list[float], push: list[float]) -> Line:
+    """Return the line about a load on the effector [N], with half its 90 % interval, and a push along x and y [N]."""
     if len(force) != 1 or len(half) != 1:
         return Line(Light.OFF, "Load", "not told")
+    if len(push) == 2:
+        told = ", ".join(f"{a} {v:+.3f}" for a, v in zip("xyz", (*push, -force[0]), strict=True))
+        return Line(Light.WATCH, "Load", f"pushed by {told} N: something is touched?")
     if force[0] < -half[0]:
         return Line(
             Light.WATCH, "Load", f"pushed up by {-force[0]:.3f} ± {half[0]:.3f} N: something is touched?"

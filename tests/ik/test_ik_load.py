@@ -22,6 +22,7 @@ from tripod_sim.tables.sets import NodeSet
 DT, DELAY, NOISE = 0.01, 0.03, (5e-5, 1e-3)  # [s], [m, rad] of each measurement
 WEIGHT, PLACED = 0.02, 1.0  # [kg], [s]
 SCENE = ["mesh.level=1", "mesh.element=h8_modes", "clamp=off"]
+DISC = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
 ON_IT = SceneLoad("disc", mass=WEIGHT, share="even")
 OFF = np.radians([1.0, -1.0, 0.5])  # of the servos: the tare takes it
 
@@ -29,9 +30,10 @@ OFF = np.radians([1.0, -1.0, 0.5])  # of the servos: the tare takes it
 class Running:
     """A Tripod that moves in time, its servos a little to and fro; from `PLACED` on it has a weight on its disc."""
 
-    def __init__(self, angles: np.ndarray, off: np.ndarray, load: SceneLoad = ON_IT) -> None:
+    def __init__(
+        self, angles: np.ndarray, off: np.ndarray, load: SceneLoad = ON_IT, disc: NodeSet = DISC
+    ) -> None:
         scene = load_scene(SHARP, SCENE)
-        disc = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
         loaded = replace(scene, set=(disc,), load=(load,))
         model = StaticModel(scene, 0.035, angles)  # 4 % stiffer than the robot
         self.rows = []
@@ -102,6 +104,28 @@ def test_a_push_from_below_is_a_negative_load() -> None:
     last = Running(np.full(3, -1.4965), OFF, push).loads()[1.59]
     assert last.force == pytest.approx(-0.1, rel=0.05)
     assert last.sure == pytest.approx(last.force, rel=0.02)
+
+
+@pytest.mark.parametrize("pose", [[-1.4965, -1.4965, -1.4965], [-1.2, -1.4, -0.9]], ids=["working", "tipped"])
+def test_a_push_from_the_side_is_told_as_one_and_not_borne(pose: list[float]) -> None:
+    force = (0.12, -0.05, 0.02)
+    push = SceneLoad("disc", force=force, share="even")
+    loads = Running(np.array(pose), np.zeros(3), push).loads()
+    last = loads[round(PLACED + 0.5 + DELAY, 3)]
+    closely = 3 * NOISE[0] * np.sqrt(2 / 40) / 0.83e-3  # what errors of 40 places, and of the tare, make [N]
+    assert (*last.push, -last.force) == pytest.approx(force, abs=closely)
+    assert last.sure == 0.0
+    assert not any(any(load.push) for now, load in loads.items() if now < PLACED)
+
+
+def test_a_weight_beside_the_middle_is_no_push(tipped: Running, working: Running) -> None:
+    for running in (tipped, working):
+        assert not any(any(load.push) for load in running.loads().values())
+    edge = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075, beyond=0.004, along=(0.0, 1.0, 0.0))
+    heavy = SceneLoad("disc", mass=0.06, share="even")
+    last = Running(np.array([-1.2, -1.4, -0.9]), np.zeros(3), heavy, edge).loads()[1.59]
+    assert last.push == (0.0, 0.0)
+    assert last.force == pytest.approx(0.06 * 9.81, rel=0.25), "it is off the middle"
 
 
 def test_what_may_be_nothing_counts_as_nothing() -> None:

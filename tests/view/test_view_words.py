@@ -155,6 +155,10 @@ def test_the_page_reports_what_it_skipped(arguments: tuple, light: Light, text: 
             Line(Light.WATCH, "Load", "pushed up by 0.200 ± 0.010 N: something is touched?"),
         ),
         (
+            {"load [N]": "0.05", "load, half of 90 % [N]": "0.01", "push along x and y [N]": "0.1 -0.203"},
+            Line(Light.WATCH, "Load", "pushed by x +0.100, y -0.203, z -0.050 N: something is touched?"),
+        ),
+        (
             {"load [N]": "not told", "load, half of 90 % [N]": "not told"},
             Line(Light.OFF, "Load", "not told"),
         ),
