@@ -128,6 +128,21 @@ def test_a_weight_beside_the_middle_is_no_push(tipped: Running, working: Running
     assert last.force == pytest.approx(0.06 * 9.81, rel=0.25), "it is off the middle"
 
 
+@pytest.mark.parametrize(("sideways", "contact"), [(0.25, False), (0.35, True)])
+def test_a_force_is_no_weight_from_three_tenths_sideways_on(sideways: float, contact: bool) -> None:
+    state, observer = SpringRobot(slide=0.035).state(np.array([-1.2, -1.4, -0.9])), LoadObserver(0.0)
+    force = np.array([0.0, sideways, -np.sqrt(1 - sideways**2)])
+    moved = (state.W[:3, :3] - state.jacobian[:3] @ state.W[6:, :3]) @ force
+    rng = np.random.default_rng(1)
+    for k in range(160):
+        observer.predict(state, k * DT)
+        place = state.equilibrium + moved * (k >= 80) + 1e-7 * rng.standard_normal(3)
+        observer.measure(place, state.equilibrium_rotation[:, 2], k * DT)
+    assert observer.load.push == pytest.approx((0.0, sideways * contact), abs=1e-3)
+    if contact:
+        assert observer.load.force == pytest.approx(-force[2], rel=1e-3)
+
+
 def test_what_may_be_nothing_counts_as_nothing() -> None:
     assert Load(0.01, 0.02).sure == Load(-0.01, 0.02).sure == Load(0.02, 0.02).sure == 0.0
     assert Load(-0.2, 0.02).sure == pytest.approx(-0.198)
