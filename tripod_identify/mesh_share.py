@@ -41,6 +41,9 @@ REST = 0.5
 """Root mean square of what is like none of the changes, over theirs."""
 
 
+FEW = 5.0
+"""Numbers as which the size of the errors that the fit has found counts."""
+
 SETTLING = 10
 """Rounds in which noise and what other meshes explain are told apart."""
 
@@ -176,7 +179,8 @@ def _solve(
 
     and du = -P N c; the rest of it, P A^T z / s², is what the fit has left undone, and nothing but its tolerance.
     The fit has taken for noise what B explains, so s² is found anew from what is left, over the numbers less those that
-    u and c use up: their count less the trace of the covariance of c [MacKay1992].
+    u and c use up: their count less the trace of the covariance of c [MacKay1992]. Where they use up all, nothing is
+    left that tells noise apart, so what the fit took for it counts along, as `FEW` numbers.
     """
     measured = problem.measured
     sigma = np.where([c.angle for c in measured.channels], fit.sigma[1], fit.sigma[0])
@@ -208,7 +212,7 @@ def _solve(
         c = m + np.linalg.solve(normal, B.T @ (z - B @ m) / variance - PN.T @ (A.T @ z / variance - N @ m))
         left_over = z - B @ c - A @ (P @ (A.T @ z / variance - N @ c))
         used = A.shape[1] + len(m) - float(np.trace(np.linalg.inv(normal)))
-        variance = float(left_over @ left_over) / max(len(z) - used, 1.0)
+        variance = (float(left_over @ left_over) + FEW * fit.spread) / (max(len(z) - used, 0.0) + FEW)
     steps = n - first
     return Amounts(P, PN, c, np.asarray(np.linalg.inv(normal)), first, steps, np.asarray(terms), size * sigma)
 

@@ -1,7 +1,9 @@
 """Poses to measure a robot in: safe ones, and of these those that tell most.
 
-Safe is a pose that its angles alone decide: the model comes to rest at the same place from the pose before it and from
-the flat piece. Elsewhere a robot may snap on its way, or be in either of two places, and where it is says little.
+Safe is a pose that its angles alone decide: the model comes to rest at the same place from the pose before it, from the
+flat piece and from the lowest pose, also with arms that stand `MARGIN` beyond or short of it. Elsewhere a robot may
+snap on its way, or be in either of two places (strips that are pushed inwards while they are flat buckle up or down),
+and where it is says little.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,6 +22,7 @@ from tripod_identify.problem import Problem
 from tripod_identify.propose import most_telling
 from tripod_sim.errors import StepError
 from tripod_sim.scene import Scene
+from tripod_sim.state import State
 
 FloatArray = NDArray[np.float64]
 
@@ -134,21 +137,35 @@ def _safe(scene: Scene, angles: FloatArray, progress: Callable[[float], None] | 
     flat = rest.start()
     zero = float(np.clip(0.0, servos.angle_min, servos.angle_max))
     rest.settle(flat, np.array([*[zero] * servos.count, servos.slide]))
+    deep = flat.copy()
+    for part in np.linspace(0.0, 1.0, 5)[1:]:
+        rest.settle(deep, np.array([*(part * angles.min(axis=0)), servos.slide]))
     before = flat.copy()
     found: list[FloatArray] = []
     for k, pose in enumerate(_ordered(angles)):
-        ends = [before.copy(), flat.copy()]
-        try:
-            for state in ends:
-                rest.settle(state, np.array([*pose, servos.slide]))
-        except StepError:
-            continue  # no rest there
-        if np.linalg.norm(ends[0].centres[0] - ends[1].centres[0]) <= SAME:
+        signs = 1 - 2 * ((k >> np.arange(servos.count)) & 1)  # other ones from pose to pose
+        off = [pose + share * MARGIN * signs for share in (1.0, -1.0, 0.0)]
+        end: State | None = before
+        for arms in off:
+            end = end and _one_place(rest, (before, flat, deep), np.array([*arms, servos.slide]))
+        if end:
             found.append(pose)
-            before = ends[0]
+            before = end
         if progress:
             progress((k + 1) / len(angles))
     return np.array(found).reshape(-1, angles.shape[1])
+
+
+def _one_place(rest: Rest, starts: Sequence[State], joints: FloatArray) -> State | None:
+    """Return the state of rest at `joints`; None where there is none, or one comes to another from another start."""
+    ends = [start.copy() for start in starts]
+    try:
+        for state in ends:
+            rest.settle(state, joints)
+    except StepError:
+        return None
+    same = all(np.linalg.norm(state.centres[0] - ends[0].centres[0]) <= SAME for state in ends)
+    return ends[0] if same else None
 
 
 def _spread(low: FloatArray, high: FloatArray, count: int) -> FloatArray:
