@@ -105,6 +105,13 @@ class Fit:
     spread: float
 
     @property
+    def sound(self) -> NDArray[np.bool_]:
+        """Rows that were used and not taken to be wrong, shape (k,); all that were used if none is right."""
+        right = self.rows.copy()
+        right[np.array(self.outliers, dtype=np.int64) - 1] = False
+        return right if right.any() else self.rows
+
+    @property
     def half(self) -> FloatArray:
         """Half the interval of u by noise, shape (p,)."""
         quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, max(self.freedom, 1)))

@@ -186,7 +186,7 @@ def identify(
     held = measured.rows(~rows)
     some = bool((~rows).any())
     own = _profiles(last, problem, wanted, say, notes)
-    left = _left(last, problem, rows)
+    left = _left(last, problem)
     if not left.explained:
         notes.append(
             f"the model does not explain the data: {_share(left)} of the squared rest follows commands or time, "
@@ -338,13 +338,11 @@ def _profiles(
     return found
 
 
-def _left(last: Fit, problem: Problem, rows: NDArray[np.bool_]) -> LeftOver:
+def _left(last: Fit, problem: Problem) -> LeftOver:
     """Return what residuals of good rows are made of."""
     measured = problem.measured
     angle = np.array([c.angle for c in measured.channels])
-    good = rows.copy()
-    good[[k - 1 for k in last.outliers]] = False
-    good = good if good.any() else rows
+    good = last.sound
     residuals = (measured.values - last.values)[good][:, ~angle if (~angle).any() else angle]
     if measured.times is None:
         along = measured.joints(problem.base.scene)[good]

@@ -153,7 +153,7 @@ def _change(other: Told, problem: Problem, fit: Fit, smooth: FloatArray) -> tupl
     here = problem.at(fit.u)
     if here.rest is None:
         return motion(other, problem.measured, problem.points) - here.values, len(here.values)
-    good = np.flatnonzero(fit.rows)
+    good = np.flatnonzero(fit.sound)
     rows = np.unique(good[np.linspace(0, len(good) - 1, min(ROWS, len(good))).round().astype(np.int64)])
     mesh = Rest(other.scene, problem.measured, problem.points)
     joints = here.told.joints(problem.measured.joints(here.told.scene))
@@ -184,18 +184,20 @@ def _solve(
     """
     measured = problem.measured
     sigma = np.where([c.angle for c in measured.channels], fit.sigma[1], fit.sigma[0])
-    use = np.isfinite(measured.values) & fit.rows[:, None]
+    use = np.isfinite(measured.values) & fit.sound[:, None]
     every = [change for changes in families for change in changes]
     columns = [(change / sigma)[use] for change in every]
-    size = REST * np.sqrt(np.mean([(change[fit.rows] ** 2).mean(axis=0) for change in every], axis=0)) / sigma
-    left, sizes, right = np.linalg.svd(smooth[fit.rows], full_matrices=False)
+    size = (
+        REST * np.sqrt(np.mean([(change[fit.sound] ** 2).mean(axis=0) for change in every], axis=0)) / sigma
+    )
+    left, sizes, right = np.linalg.svd(smooth[fit.sound], full_matrices=False)
     some = sizes > 1e-9 * sizes[0]
     even = np.sqrt(len(left) / some.sum())
     left, terms = even * left[:, some], even * right[some].T / sizes[some]
     for j, amount in enumerate(size):
         for term in left.T:
             column = np.zeros(use.shape)
-            column[fit.rows, j] = amount * term
+            column[fit.sound, j] = amount * term
             columns.append(column[use])
     B, n = np.column_stack(columns), len(every)
     first = len(families[0])
