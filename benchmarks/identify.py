@@ -134,16 +134,16 @@ def _share(held: list[tuple[bool, bool]], which: int) -> str:
     return f"{100 * np.mean([h[which] for h in held]):.0f} %"
 
 
-def robots(results: Path, count: int, one: Callable[[int], dict]) -> list[dict]:
-    """Return the rows of the first robots: those in the file, and the others by `one` of their seed, added to it."""
+def robots(results: Path, count: int, one: Callable[[int], dict], first: int = 0) -> list[dict]:
+    """Return all rows of the file, to which those of `count` robots from the seed `first` on are added by `one`."""
     lines = results.read_text().splitlines() if results.exists() else []
     rows = [json.loads(line) for line in lines]
-    for seed in sorted(set(range(count)) - {row["seed"] for row in rows}):
+    for seed in sorted(set(range(first, first + count)) - {row["seed"] for row in rows}):
         rows.append(one(seed))
         with results.open("a") as file:
             file.write(json.dumps(rows[-1]) + "\n")
-        print(f"robot {seed + 1} of {count}", flush=True)
-    return [row for row in rows if row["seed"] < count]
+        print(f"robot {seed - first + 1} of {count}", flush=True)
+    return rows
 
 
 def main() -> None:
@@ -151,6 +151,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--robots", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first of them")
     parser.add_argument(
         "--truth", choices=sorted(TRUTHS), default="element", help="what robots are computed with"
     )
@@ -158,7 +159,7 @@ def main() -> None:
         "--results", type=Path, default=Path("identify_robots.jsonl"), help="kept here, and gone on with"
     )
     given = parser.parse_args()
-    print(table(robots(given.results, given.robots, lambda seed: one(seed, given.truth))))
+    print(table(robots(given.results, given.robots, lambda seed: one(seed, given.truth), given.first)))
 
 
 if __name__ == "__main__":
