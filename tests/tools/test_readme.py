@@ -26,6 +26,8 @@ GIVEN = {
     "robot.yaml",
     "robot.toml",
     "robot.json",
+    "robot_scene.toml",
+    "ost.yaml",
     "poses.csv",
     "score.html",
     "report.html",
