@@ -117,8 +117,8 @@ def identified(
         return identify(scene, measured, points, wanted, note=say, progress=bar, poses=poses)
 
 
-def tell_found(result: "Identified") -> None:
-    """Print what was found."""
+def tell_found(result: "Identified", *, calibrated: bool = False) -> None:
+    """Print what was found; `calibrated`: the servos' calibration gets its part from this program."""
     from tripod_identify.identify_report import (  # noqa: PLC0415
         FOUND_HEAD,
         calibration_lines,
@@ -131,7 +131,7 @@ def tell_found(result: "Identified") -> None:
     from tripod_identify.score_report import HEAD  # noqa: PLC0415
 
     print_table(FOUND_HEAD, found_rows(result))
-    for line in (*untold_lines(result), *calibration_lines(result)):
+    for line in (*untold_lines(result), *([] if calibrated else calibration_lines(result))):
         print(line)
     print()
     print_table(HEAD, score_rows(result))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 from tripod_bringup.calibrate_command import BAD_ARGUMENTS, FAILED, INTERRUPTED, TICK
 from tripod_bringup.compiling import compiling_told
 from tripod_bringup.identify_command import identified, tell_found
-from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, Sensor
+from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, Sensor, reach
 from tripod_bringup.pose_file import PoseFile
 from tripod_bringup.run_command import progress_bar
 from tripod_driver.calibration import Calibration, CalibrationError
@@ -19,6 +19,7 @@ from tripod_driver.calibration_file import calibration_text, read_calibration
 from tripod_driver.choose_session import choose_sessions
 from tripod_driver.ports.choose import choose_port
 from tripod_driver.protocol import AngleMapping
+from tripod_graph.names import servo_names
 from tripod_host.stop import taken
 from tripod_host.writing import check_place, replaced_text
 from tripod_identify.errors import DataError, FitError
@@ -71,14 +72,15 @@ def measure_command(
         description = load_scene(scene, overrides)
         if slide is not None and description.servos:
             description = replace(description, servos=replace(description.servos, slide=slide))
+        sessions = choose_sessions(protocol, AngleMapping.ROUNDED, known)
+        lower, upper = reach(sessions, known)
         look = _sensor(sensor, camera, side, lens)
         shown = sys.stderr.isatty()
         with progress_bar(shown=shown) as bar, compiling_told("tripod calibrate", bar.say if bar else None):
-            tour = telling_poses(description, LOOKS[sensor], known.lower, known.upper, poses, bar)
+            tour = telling_poses(description, LOOKS[sensor], lower.tolist(), upper.tolist(), poses, bar)
         kept = PoseFile(data, tour, look.columns, _made(description, known))
         left = [k for k in range(len(tour)) if k not in kept.done]
         if left:
-            sessions = choose_sessions(protocol, AngleMapping.ROUNDED, known)
             place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)
             terminal = Terminal()
             with terminal, taken() as asked:
@@ -145,7 +147,7 @@ def evaluate(
     priors = {"servos.slide": Prior(scene.servos.slide, RULER)}
     wanted = Wanted(look.names, look.align, priors, propose=False)
     result = identified(scene, measured, (), wanted, program="tripod calibrate", quiet=False)
-    tell_found(result)
+    tell_found(result, calibrated=True)
     for note in result.notes:
         print(f"tripod calibrate: note: {note}", file=sys.stderr)
     command = shlex.join(["tripod", *sys.argv[1:]])
@@ -154,9 +156,11 @@ def evaluate(
             page.write(identify_report(f"{scene.name} from {data.name}", command, measured, result))
     calibration = known.turned(zeros_of(result))
     with replaced_text(out) as text:
-        text.write(scene_text(result, command))
+        text.write(scene_text(result, command, calibrated=True))
     with replaced_text(file) as text:
         text.write(calibration_text(calibration))
+    for name, old, new in zip(servo_names(len(known.servos)), known.servos, calibration.servos, strict=True):
+        print(f"{name}: offset {old.offset:.4f} before, {new.offset:.4f} rad now")
     print(f"written: {file}, {out}{f', {report}' if report else ''}")
     print(f"use them: tripod up {out} --port auto driver.calibration:={file}")
     return 0

@@ -200,6 +200,12 @@ class MarkerSensor:
         return f"marker seen in {len(self._seen)} of {self._looked} images"
 
 
+def reach(sessions: Sequence[Session], known: Calibration) -> "tuple[FloatArray, FloatArray]":
+    """Return the smallest and largest angles [rad] that are safe and that packets can carry, shape (s,) each."""
+    low, high = common_bounds(sessions)
+    return np.maximum(known.lower, low), np.minimum(known.upper, high)
+
+
 class MeasureSession:
     """A tour of poses from the opening of the port to the last measured one. Nothing moves before the key g.
 
@@ -219,8 +225,7 @@ class MeasureSession:
         console: Console,
     ) -> None:
         """`poses` [rad], shape (k, s); `keep` is given the number of each pose and what was measured in it."""
-        low, high = (np.array(bounds) for bounds in common_bounds(sessions))
-        lower, upper = np.maximum(known.lower, low), np.minimum(known.upper, high)
+        lower, upper = reach(sessions, known)
         self._flat = np.clip(0.0, lower, upper)
         limits = CommandLimits(
             angle_min=float(lower.min()), angle_max=float(upper.max()), angle_speed=2 * SPEED, park_after=3600.0,

@@ -115,14 +115,15 @@ def calibration_lines(result: Identified) -> list[str]:
     return lines
 
 
-def scene_text(result: Identified, command: str) -> str:
-    """Return the scene with what was found, as TOML."""
+def scene_text(result: Identified, command: str, *, calibrated: bool = False) -> str:
+    """Return the scene with what was found, as TOML; `calibrated`: the servos' calibration has its part already."""
     lines = ["# Identified by", f"#   {command}", "# 90 % intervals by noise alone:"]
     for f in result.found:
         lines.append(
             f"#   {f.parameter.name} = {f.value:.6g} ({f.low:.6g} to {f.high:.6g}) {f.parameter.unit}".rstrip()
         )
-    lines += [f"# {line}" for line in (*untold_lines(result), *calibration_lines(result), *result.notes)]
+    calibration = [] if calibrated else calibration_lines(result)
+    lines += [f"# {line}" for line in (*untold_lines(result), *calibration, *result.notes)]
     return "\n".join([*lines, "", scene_to_toml(result.told.scene)])
 
 

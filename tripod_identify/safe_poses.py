@@ -72,7 +72,7 @@ SAME = 1e-4
 MORE = 4
 """Poses to choose from, over those that are wanted."""
 
-FEWEST, MOST = 4, 200
+FEWEST, MOST = 8, 200
 """Poses that may be asked for."""
 
 

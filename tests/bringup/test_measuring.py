@@ -10,7 +10,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_bringup.measure_command import evaluate, measure, measure_command, zeros_of
-from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession
+from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, reach
 from tripod_bringup.pose_file import PoseFile
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
 from tripod_driver.calibration_file import calibration_text, read_calibration
@@ -108,7 +108,7 @@ def test_poses_are_within_both_ranges_and_always_the_same(tour: np.ndarray) -> N
 @pytest.mark.parametrize(
     ("lower", "upper", "count", "said"),
     [
-        ([-2.1] * 3, [0.0] * 3, FEWEST - 1, "--poses is 3; allowed: 4 to 200"),
+        ([-2.1] * 3, [0.0] * 3, FEWEST - 1, "--poses is 7; allowed: 8 to 200"),
         ([-2.1] * 2, [0.0] * 2, 10, "has 3 servos; the calibration is of 2"),
         ([-2.1, -0.1, -2.1], [0.0] * 3, 10, "servo_1 may be sent -0.1 to 0 rad"),
     ],
@@ -159,7 +159,10 @@ def test_typed_heights_give_the_calibration_that_the_robot_has(
     assert bench.file.done == set(range(16))
     where = {"file": tmp_path / "robot.yaml", "out": tmp_path / "robot.toml", "report": None}
     assert evaluate(SCENE, bench.file.path, "heights", KNOWN, **where) == 0
-    assert "servos.zero.0" in capsys.readouterr().out
+    said, scene = capsys.readouterr().out, (tmp_path / "robot.toml").read_text()
+    assert "servos.zero.0" in said
+    assert "servo_1: offset 0.3000 before, 0.2" in said
+    assert "off its offset" not in said + scene, "it is done already"
     found = read_calibration(tmp_path / "robot.yaml")
     for own, old, zero in zip(found.servos, KNOWN.servos, ZEROS, strict=True):
         # the pulse that the arm needs for an angle: less what it stands beyond the command
@@ -186,6 +189,24 @@ def test_what_was_measured_is_kept_and_gone_on_with(tour: np.ndarray, tmp_path: 
         PoseFile(bench.file.path, tour, HeightSensor.columns, "another robot")
     with pytest.raises(DataError, match="is no pose of this tour"):
         PoseFile(bench.file.path, tour + 0.01, HeightSensor.columns, "a robot")
+
+
+@pytest.mark.parametrize("protocol", ["legacy", "ascii"])
+def test_the_workshops_packets_carry_every_pose(tmp_path: Path, protocol: str) -> None:
+    known = Calibration(
+        (ServoCalibration(2.9, 1, safe_range=(-2.0, 0.1)),) * 3
+    )  # more than whole degrees reach
+    sessions = choose_sessions(protocol, AngleMapping.ROUNDED, known)
+    lower, upper = reach(sessions, known)
+    assert lower.min() > -2.0
+    poses = np.array([lower, upper])
+    human, kept = Human({2.5: b"g"}), []
+    human.heights = ["1", "2"]
+    session = MeasureSession(
+        MockPort(), sessions, known, poses, HeightSensor(), lambda *row: kept.append(row), human
+    )
+    assert measure(session, human.clock, human.sleep) == 0
+    assert kept == [(0, (1.0,)), (1, (2.0,))]
 
 
 def test_space_stops_and_g_goes_on(tour: np.ndarray, tmp_path: Path) -> None:
@@ -288,7 +309,7 @@ def test_what_is_wrong_is_told_in_a_line(
     file.write_text(calibration_text(KNOWN))
     usual = {
         "sensor": "heights", "port": "mock", "file": file, "protocol": "framed", "baud": 0, "boot_time": 2.0,
-        "scene": SHARP, "overrides": [], "slide": None, "poses": 4, "data": None, "out": None, "report": None,
+        "scene": SHARP, "overrides": [], "slide": None, "poses": 8, "data": None, "out": None, "report": None,
         "camera": "0", "side": 0.02, "lens": None,
     }  # fmt: skip
     assert measure_command(**usual | changed) == 2
