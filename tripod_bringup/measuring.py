@@ -37,6 +37,9 @@ KEYS: Final = """\
 UNANSWERED: Final = 5.0
 """Time after which a sensor that says nothing is given up [s]."""
 
+PATIENCE: Final = 300.0
+"""Time without a key after which a robot that waits for one parks [s]: servos that hold for hours burn."""
+
 STALE: Final = 4
 """Images that a camera may have kept from before."""
 
@@ -240,6 +243,7 @@ class MeasureSession:
         self._asks = False
         self._notice = ""
         self._bounds, self._outcome = (lower, upper), 0
+        self._heard = float("inf")
         self.code: int | None = None
         self.left = False
 
@@ -252,8 +256,13 @@ class MeasureSession:
 
     def step(self, now: float) -> None:
         """Do what the keys, the sensor and the clock ask for at `now` [s]; `code` is set when it is over."""
+        player = self._player
         for key in self._parser.feed(self._console.read()):
             self._key(key, now)
+            self._heard = now
+        if now - self._heard > PATIENCE and player and (player.held or self._asks) and not self.left:
+            self._console.print(f"no key for {PATIENCE / 60:.0f} minutes: the servos park")
+            self.park()
         self._safety.control_mode(DECISION, 0.0, now)
         player = self._player
         if player and self._safety.listens:
@@ -302,7 +311,7 @@ class MeasureSession:
             return
         if found is None:
             return
-        self._asks = False
+        self._asks, self._heard = False, now
         if not all(map(math.isfinite, found)):
             self._console.print(f"pose {player.number + 1}: left out")
         self._keep(player.number, found)
@@ -322,6 +331,8 @@ class MeasureSession:
                 self._safety.activate(now)
                 start = np.clip(self._safety.place, *self._bounds)
                 self._player = PosePlayer(self._poses, start.tolist(), self._flat.tolist())
+            else:
+                self._notice = "not yet: the board is not ready"
         elif not (self._asks and self._sensor.key(key)):
             self._notice = f"{key} does nothing here"
 

@@ -11,7 +11,7 @@ import pytest
 import tripod_bringup.measure_command as measure_module
 from tests.scenes import SHARP
 from tripod_bringup.measure_command import evaluate, measure, measure_command, zeros_of
-from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, reach
+from tripod_bringup.measuring import PATIENCE, HeightSensor, ImuSensor, MarkerSensor, MeasureSession, reach
 from tripod_bringup.pose_file import PoseFile
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
 from tripod_driver.calibration_file import calibration_text, read_calibration
@@ -46,7 +46,7 @@ class Human:
     def __init__(self, keys: dict[float, bytes] | None = None) -> None:
         self.now, self.keys = 0.0, {0.3: b"g"} if keys is None else keys
         self.heights: list[str] = []
-        self.typed = 0
+        self.typed, self.patience = 0, 300.0
         self.lines: list[str] = []
         self.said: list[str] = []
 
@@ -68,7 +68,7 @@ class Human:
 
     def sleep(self, duration: float) -> None:
         self.now += duration
-        assert self.now < 300.0, f"it does not end: {self.lines[-1]}"
+        assert self.now < self.patience, f"it does not end: {self.lines[-1]}"
 
 
 class Bench:
@@ -219,6 +219,15 @@ def test_space_stops_and_g_goes_on(tour: np.ndarray, tmp_path: Path) -> None:
     assert any("stopped, g goes on" in line for line in bench.human.lines)
     moved = np.abs(np.diff(bench.way, axis=0)).max(axis=1)
     assert moved.max() <= 2 * SPEED * 0.03 + 2e-3
+
+
+def test_a_robot_that_nobody_looks_after_parks(tour: np.ndarray, tmp_path: Path) -> None:
+    bench = Bench(tour[8:], HeightSensor(), tmp_path)
+    bench.human.patience = 400.0
+    assert bench.run() == 0
+    assert "no key for 5 minutes: the servos park" in bench.human.said
+    assert PATIENCE < bench.human.now < PATIENCE + 20
+    np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
 
 
 def test_nothing_moves_before_g(tour: np.ndarray, tmp_path: Path) -> None:
