@@ -11,10 +11,10 @@ Writes a line of JSON for each robot and sensor, goes on where it stopped, and p
 """
 
 import argparse
-import json
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,14 +22,13 @@ from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.identify import MODEL, TRUTHS
+from benchmarks.identify import MODEL, TRUTHS, robots, with_values
 from tripod_identify.errors import FitError
 from tripod_identify.fit import Prior
 from tripod_identify.identify import Wanted, identify
 from tripod_identify.measured import Measured
-from tripod_identify.model import plainly, predict
+from tripod_identify.model import predict
 from tripod_identify.observe import Sensor
-from tripod_identify.parameters import parameters, told
 from tripod_identify.safe_poses import LOOKS, RULER, telling_poses
 from tripod_sim import StepError, load_scene
 
@@ -56,9 +55,7 @@ def one(seed: int, sensor: str, poses: np.ndarray) -> dict:
     values = {f"servos.zero.{i}": float(0.05 * rng.standard_normal()) for i in range(3)}
     values |= {"servos.slide": 0.02 + RULER * float(rng.standard_normal())}
     values |= {"material.young": 250e3 * float(np.exp(0.1 * rng.standard_normal()))}
-    base = plainly(load_scene("tripod", TRUTHS["element"]))
-    own = parameters(base.scene, list(values))
-    real = told(base, own, np.array([p.to_u(values[p.name]) for p in own]))
+    real = with_values(load_scene("tripod", TRUTHS["element"]), values)
     data = Measured(None, poses, None, look.channels, np.zeros((len(poses), len(look.channels))))
     try:
         seen = predict(replace(real, sensor=SITS[sensor]), data, ())
@@ -115,21 +112,20 @@ def main() -> None:
     )
     parser.add_argument("--robots", type=int, default=10)
     parser.add_argument("--poses", type=int, default=20)
-    parser.add_argument("--results", type=Path, default=Path("calibrate_sensors.jsonl"), help="gone on with")
-    given = parser.parse_args()
-    rows = (
-        [json.loads(line) for line in given.results.read_text().splitlines()]
-        if given.results.exists()
-        else []
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=Path("calibrate_sensors"),
+        help="begin of the names of files, gone on with",
     )
+    given = parser.parse_args()
+    rows = []
     for sensor, look in LOOKS.items():
         poses = telling_poses(load_scene("tripod", MODEL), look, [SAFE[0]] * 3, [SAFE[1]] * 3, given.poses)
-        for seed in sorted(set(range(given.robots)) - {r["seed"] for r in rows if r["sensor"] == sensor}):
-            rows.append(one(seed, sensor, poses))
-            with given.results.open("a") as file:
-                file.write(json.dumps(rows[-1]) + "\n")
-            print(f"{sensor}: robot {seed + 1} of {given.robots}", flush=True)
-    print(table([r for r in rows if r["seed"] < given.robots], given.poses))
+        results = given.results.with_name(f"{given.results.stem}_{sensor}.jsonl")
+        print(sensor, flush=True)
+        rows += robots(results, given.robots, partial(one, sensor=sensor, poses=poses))
+    print(table(rows, given.poses))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from tripod_identify.columns import Channel
 from tripod_identify.errors import FitError
 from tripod_identify.identify import Wanted, identify
 from tripod_identify.measured import Measured
-from tripod_identify.model import plainly, predict
+from tripod_identify.model import Told, plainly, predict
 from tripod_identify.parameters import parameters, told
 from tripod_sim import StepError, load_scene
 from tripod_sim.scene import Scene
@@ -48,6 +48,12 @@ def robot(words: tuple[str, ...]) -> Scene:
     return replace(load_scene("tripod", words), set=(disc,), load=(Load("disc", mass=0.1, share="even"),))
 
 
+def with_values(scene: Scene, values: dict[str, float]) -> Told:
+    """Return what is assumed of a robot with some values, by name."""
+    wanted = parameters(scene, list(values))
+    return told(plainly(scene), wanted, np.array([p.to_u(values[p.name]) for p in wanted]))
+
+
 def drawn(seed: int, truth: str) -> tuple[dict[str, float], Measured]:
     """Return the values of a robot, and what it shows."""
     rng = np.random.default_rng(seed)
@@ -56,9 +62,7 @@ def drawn(seed: int, truth: str) -> tuple[dict[str, float], Measured]:
     values |= {"servos.slide": 0.02 + float(np.clip(2e-3 * rng.standard_normal(), -4e-3, 4e-3))}
     share = rng.uniform(0.2, 1.0, POSES)
     angles = -1.4 * share[:, None] + rng.uniform(-0.3, 0.3, (POSES, 3))
-    base = plainly(robot(TRUTHS[truth]))
-    wanted = parameters(base.scene, list(values))
-    assumed = told(base, wanted, np.array([p.to_u(values[p.name]) for p in wanted]))
+    assumed = with_values(robot(TRUTHS[truth]), values)
     data = Measured(None, angles, None, CHANNELS, np.zeros((POSES, len(CHANNELS))))
     sizes = [NOISE[c.angle] for c in CHANNELS]
     seen = predict(assumed, data, ()) + rng.standard_normal((POSES, len(CHANNELS))) * sizes

@@ -21,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.identify import MODEL, TRUTHS, drawn, robot, robots
+from benchmarks.identify import MODEL, TRUTHS, drawn, robot, robots, with_values
 from tripod_identify.bars import POSE, bars_of, linearised
 from tripod_identify.errors import FitError
 from tripod_identify.identify import Identified, Wanted, identify
@@ -66,10 +66,7 @@ def held(
     cpu = (time.process_time() - began) / targets
     expected = bars.poses + bars.mesh + bars.steps
     data = Measured(None, commands, None, POSE, np.zeros((targets, len(POSE))))
-    base = plainly(robot(TRUTHS[truth]))
-    wanted = parameters(base.scene, list(values))
-    own = told(base, wanted, np.array([p.to_u(values[p.name]) for p in wanted]))
-    real = predict(own, data, ()) - expected
+    real = predict(with_values(robot(TRUTHS[truth]), values), data, ()) - expected
     made = from_posterior(result, at.columns, data, drawn_robots, rng) - expected
     inside = {"posterior": np.abs(made) <= bars.half, "robot": np.abs(real) <= bars.half}
     return {

@@ -52,6 +52,28 @@ class Console(Protocol):
         """Write lines that stay."""
 
 
+class ServoSession(Protocol):
+    """A conversation with servos and somebody at a terminal, from the opening of the port to its end.
+
+    Attributes:
+        code: Exit code, once it has ended.
+    """
+
+    code: int | None
+
+    def begin(self, now: float) -> None:
+        """Open the port, and say what the keys do."""
+
+    def step(self, now: float) -> None:
+        """Do what the keys and the clock ask for at `now` [s]."""
+
+    def stop(self, asked: int) -> bool:
+        """Return whether to end at once, having been asked to stop so often."""
+
+    def close(self, now: float) -> None:
+        """Send nothing more and close the port."""
+
+
 class CalibrateSession:
     """One calibration from the opening of the port to the file. Nothing moves before the key g.
 
@@ -103,6 +125,10 @@ class CalibrateSession:
         self._console.show(self._line())
         if self._safety.state is State.FAULT:
             self._end(FAILED, self._safety.message)
+
+    def stop(self, asked: int) -> bool:
+        """Return whether to end at once, having been asked to stop so often."""
+        return asked > 0
 
     def close(self, now: float) -> None:
         """Send nothing more and close the port."""
@@ -182,20 +208,23 @@ def calibrate_command(port: str, file: Path, *, protocol: str, baud: int, boot_t
     with terminal, taken() as asked:
         terminal.enter()
         session = CalibrateSession(place, sessions, known, file, terminal)
-        code = calibrate(session, stopped=lambda: asked.count > 0)
+        code = calibrate(session, stopped=lambda: asked.count)
     return INTERRUPTED if asked.count else code
 
 
 def calibrate(
-    session: CalibrateSession,
+    session: ServoSession,
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
-    stopped: Callable[[], bool] = lambda: False,
+    stopped: Callable[[], int] = lambda: 0,
 ) -> int:
-    """Run `session` until it is over, `stopped` or fails; the port is closed in any case. Return the exit code."""
+    """Run `session` until it is over or fails; the port is closed in any case. Return the exit code.
+
+    `stopped`: how often one has asked it to stop.
+    """
     session.begin(clock())
     try:
-        while session.code is None and not stopped():
+        while session.code is None and not session.stop(stopped()):
             session.step(clock())
             sleep(TICK)
     except TerminalError as error:

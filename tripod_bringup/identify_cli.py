@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, examples
+from tripod_bringup.options import Json, Overrides, Quiet, Report, SceneArgument, examples
 
 commands = typer.Typer()
 
@@ -40,8 +40,6 @@ Renames = Annotated[
 ]
 
 Poses = Annotated[bool, typer.Option("--poses", help="Each row is a pose at rest, whatever its time.")]
-
-Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report with pictures.")]
 
 Plot = Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write the picture alone.")]
 

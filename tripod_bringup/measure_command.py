@@ -2,13 +2,10 @@
 
 import shlex
 import sys
-import time
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from tripod_bringup.calibrate_command import BAD_ARGUMENTS, FAILED, INTERRUPTED, TICK
+from tripod_bringup.calibrate_command import BAD_ARGUMENTS, FAILED, INTERRUPTED, calibrate
 from tripod_bringup.compiling import compiling_told
 from tripod_bringup.identify_command import identified, tell_found
 from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, Sensor, reach
@@ -69,16 +66,14 @@ def measure_command(
         for result in (file, out, report):
             if result is not None:
                 check_place(result)
-        description = load_scene(scene, overrides)
-        if slide is not None and description.servos:
-            description = replace(description, servos=replace(description.servos, slide=slide))
+        description = load_scene(scene, [*overrides, *([] if slide is None else [f"servos.slide={slide!r}"])])
         sessions = choose_sessions(protocol, AngleMapping.ROUNDED, known)
         lower, upper = reach(sessions, known)
         look = _sensor(sensor, camera, side, lens)
         shown = sys.stderr.isatty()
         with progress_bar(shown=shown) as bar, compiling_told("tripod calibrate", bar.say if bar else None):
             tour = telling_poses(description, LOOKS[sensor], lower.tolist(), upper.tolist(), poses, bar)
-        kept = PoseFile(data, tour, look.columns, _made(description, known))
+        kept = PoseFile(data, tour, LOOKS[sensor].columns, _made(description, known))
         left = [k for k in range(len(tour)) if k not in kept.done]
         if left:
             place = choose_port(port, baud=baud or sessions[0].baud, boot_time=boot_time, write_timeout=0.05)
@@ -88,7 +83,7 @@ def measure_command(
                 session = MeasureSession(
                     place, sessions, known, tour[left], look, lambda k, found: kept.keep(left[k], found), terminal
                 )  # fmt: skip
-                code = measure(session, stopped=lambda: asked.count)
+                code = calibrate(session, stopped=lambda: asked.count)
             if session.left or code:
                 print(
                     f"tripod calibrate: {len(kept.done)} of {len(tour)} poses are in {data}; the same command goes on"
@@ -101,30 +96,6 @@ def measure_command(
         return _complain(f"{error.filename or ''}: {error.strerror or error}".lstrip(": "), BAD_ARGUMENTS)
     except (FitError, StepError) as error:
         return _complain(str(error), FAILED)
-
-
-def measure(
-    session: MeasureSession,
-    clock: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-    stopped: Callable[[], int] = lambda: 0,
-) -> int:
-    """Run `session` until it is over; `stopped`: how often one has asked it to stop. The port is closed in any case.
-
-    The first such wish parks the servos, the second ends at once.
-    """
-    session.begin(clock())
-    try:
-        while session.code is None and stopped() < 2:
-            if stopped() and not session.left:
-                session.park()
-            session.step(clock())
-            sleep(TICK)
-    except TerminalError as error:
-        return _complain(str(error), FAILED)
-    finally:
-        session.close(clock())
-    return session.code or 0
 
 
 def evaluate(

@@ -48,11 +48,9 @@ class Sensor(Protocol):
     """What measures a pose.
 
     Attributes:
-        columns: Of what it measures, with units.
         help: What users should do, one line.
     """
 
-    columns: tuple[str, ...]
     help: str
 
     def begin(self, now: float) -> None:
@@ -62,7 +60,7 @@ class Sensor(Protocol):
         """Take a key; return whether it means something here."""
 
     def poll(self, now: float, session: Session) -> tuple[float, ...] | None:
-        """Return what was measured, in the columns' units, NaN where nothing was; None: not yet. Raises DataError."""
+        """Return what was measured, in mm or degrees, NaN where nothing was; None: not yet. Raises DataError."""
 
     def line(self) -> str:
         """Return what to show meanwhile."""
@@ -71,7 +69,6 @@ class Sensor(Protocol):
 class HeightSensor:
     """Somebody with a ruler."""
 
-    columns: tuple[str, ...] = ("effector.z_mm",)
     help = "Type the height of the disc's centre [mm], above the table or anything that stays; Enter; empty: left out."
 
     def __init__(self) -> None:
@@ -113,7 +110,6 @@ class HeightSensor:
 class ImuSensor:
     """The IMU on the disc, by way of the board."""
 
-    columns: tuple[str, ...] = ("effector.rx_deg", "effector.ry_deg")
     help = "The IMU on the disc is read."
     wanted: Final = 20
     """Readings of which the median is taken."""
@@ -121,7 +117,6 @@ class ImuSensor:
     def __init__(self) -> None:
         self._readings: list[FloatArray] = []
         self._begun = 0.0
-        self._newest = float("-inf")
 
     def begin(self, now: float) -> None:
         """Take readings from now on."""
@@ -136,8 +131,7 @@ class ImuSensor:
         from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import
 
         for reading in session.readings:
-            if reading.time > max(self._begun, self._newest):
-                self._newest = reading.time
+            if reading.time > self._begun:
                 self._readings.append(Rotation.from_quat(reading.quaternion).as_rotvec(degrees=True))
         session.readings.clear()
         if len(self._readings) >= self.wanted:
@@ -158,7 +152,6 @@ class ImuSensor:
 class MarkerSensor:
     """A camera that sees a marker on the disc."""
 
-    columns: tuple[str, ...] = ("effector.x_mm", "effector.y_mm", "effector.z_mm")
     help = "The camera must stand still from now on and see the marker on the disc in all poses."
     wanted: Final = 10
     """Images in which the marker must be seen; the median is taken."""
@@ -256,15 +249,14 @@ class MeasureSession:
 
     def step(self, now: float) -> None:
         """Do what the keys, the sensor and the clock ask for at `now` [s]; `code` is set when it is over."""
-        player = self._player
         for key in self._parser.feed(self._console.read()):
             self._key(key, now)
             self._heard = now
+        player = self._player
         if now - self._heard > PATIENCE and player and (player.held or self._asks) and not self.left:
             self._console.print(f"no key for {PATIENCE / 60:.0f} minutes: the servos park")
             self.park()
         self._safety.control_mode(DECISION, 0.0, now)
-        player = self._player
         if player and self._safety.listens:
             arrived = np.allclose(self._safety.place, player.angles, rtol=0, atol=1e-9)
             goal = player.advance(now, arrived=arrived)
@@ -280,6 +272,12 @@ class MeasureSession:
             self._end(FAILED, self._safety.message)
         elif player and player.phase is Phase.PARKED and self._driver.at_rest:
             self._end(self._outcome, "the servos are parked")
+
+    def stop(self, asked: int) -> bool:
+        """Return whether to end at once, having been asked to stop so often; the first time it parks."""
+        if asked and not self.left:
+            self.park()
+        return asked > 1
 
     def park(self) -> None:
         """Leave the tour; `step` goes on until the servos are parked."""

@@ -88,6 +88,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar and no table.")]
 
+Report = Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write a report with pictures.")]
+
 Subnet = Annotated[bool, typer.Option("--subnet", help="Let ROS discovery leave this machine.")]
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tripod_bringup.options import Overrides, SceneName, examples, metres, some_ports
+from tripod_bringup.options import Overrides, Report, SceneName, examples, metres, some_ports
 
 commands = typer.Typer()
 
@@ -89,9 +89,7 @@ def calibrate(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Scene to write; by default FILE_scene.toml.")
     ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="Write a report with pictures.")
-    ] = None,
+    report: Report = None,
     camera: Annotated[str, typer.Option(help="Number of the camera, or its device.")] = "0",
     marker: Annotated[
         float,

@@ -52,12 +52,10 @@ class PosePlayer:
         """Return the set-point at `now` [s], shape (s,). `arrived`: the servos are where the last told them to be."""
         dt = 0.0 if self._last == float("-inf") else min(max(now - self._last, 0.0), LONGEST_TICK)
         self._last = now
-        goal = (
-            self._park if self.phase is Phase.PARKING else self._poses[min(self.number, len(self._poses) - 1)]
-        )
         if self.held or self.phase is Phase.PARKED:
             self._since = now
             return self.angles
+        goal = self._park if self.phase is Phase.PARKING else self._poses[self.number]
         there = arrived and bool(np.array_equal(self.angles, goal))
         self.angles = self.angles + np.clip(goal - self.angles, -SPEED * dt, SPEED * dt)
         if not there:

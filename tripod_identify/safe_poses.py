@@ -18,7 +18,7 @@ from tripod_identify.fit import USUAL
 from tripod_identify.measured import Measured
 from tripod_identify.model import Rest, plainly
 from tripod_identify.parameters import parameters
-from tripod_identify.problem import Problem
+from tripod_identify.problem import Solved, rest_jacobian
 from tripod_identify.propose import most_telling
 from tripod_sim.errors import StepError
 from tripod_sim.scene import Scene
@@ -48,6 +48,11 @@ class Look:
     def names(self) -> tuple[str, ...]:
         """All that is looked for."""
         return (*VALUES, *self.sits)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Of a file of measured poses, with units."""
+        return tuple(f"{c.label}_{'deg' if c.angle else 'mm'}" for c in self.channels)
 
 
 LOOKS = {
@@ -113,7 +118,8 @@ def telling_poses(
             f"servo_{i} may be sent {lower[i]:g} to {upper[i]:g} rad and the scene has {servos.angle_min:g} to "
             f"{servos.angle_max:g} rad: less than {2 * MARGIN:g} rad of it is common"
         )
-    poses = _safe(scene, _spread(low, high, MORE * count), progress)
+    rest = Rest(scene, Measured(None, None, None, look.channels, np.zeros((1, len(look.channels)))), ())
+    poses, states = _safe(scene, rest, _spread(low, high, MORE * count), progress)
     if len(poses) < count:
         raise DataError(
             f"only {len(poses)} of {MORE * count} poses of scene {scene.name!r} are the same whichever way one comes; "
@@ -121,39 +127,45 @@ def telling_poses(
         )
     wanted = parameters(scene, look.names, align=look.align)
     data = Measured(None, poses, None, look.channels, np.zeros((len(poses), len(look.channels))))
-    problem = Problem(plainly(scene), wanted, data, ())
+    base = plainly(scene)
+    here = Solved(base, np.array([rest.observer.see(state, base.sensor) for state in states]), rest, states)
+    u = np.array([p.to_u(p.value) for p in wanted])
     sigma = np.array([USUAL[c.angle] for c in look.channels])
-    jacobians = problem.jacobian(problem.start()) / sigma[:, None]
+    jacobians = rest_jacobian(here, wanted, u, base, data, ()) / sigma[:, None]
     known = [RULER / p.plausible if p.name == "servos.slide" else p.width for p in wanted]
     plausible = np.diag(np.array(known) ** -2.0)
     return _ordered(poses[[i for i, _ in most_telling(list(jacobians), plausible, count)]])
 
 
-def _safe(scene: Scene, angles: FloatArray, progress: Callable[[float], None] | None) -> FloatArray:
-    """Return the angles, shape (k, s), at which the model is at one place, whichever way it comes."""
+def _safe(
+    scene: Scene, rest: Rest, angles: FloatArray, progress: Callable[[float], None] | None
+) -> tuple[FloatArray, tuple[State, ...]]:
+    """Return the angles, shape (k, s), at which the model is at one place, whichever way it comes, and its states."""
     servos = scene.servos
     assert servos
-    rest = Rest(scene, Measured(None, None, None, (Channel("effector", 2),), np.zeros((1, 1))), ())
     flat = rest.start()
     zero = float(np.clip(0.0, servos.angle_min, servos.angle_max))
     rest.settle(flat, np.array([*[zero] * servos.count, servos.slide]))
     deep = flat.copy()
     for part in np.linspace(0.0, 1.0, 5)[1:]:
         rest.settle(deep, np.array([*(part * angles.min(axis=0)), servos.slide]))
-    before = flat.copy()
-    found: list[FloatArray] = []
+    before = flat
+    poses: list[FloatArray] = []
+    states: list[State] = []
     for k, pose in enumerate(_ordered(angles)):
         signs = 1 - 2 * ((k >> np.arange(servos.count)) & 1)  # other ones from pose to pose
-        off = [pose + share * MARGIN * signs for share in (1.0, -1.0, 0.0)]
-        end: State | None = before
-        for arms in off:
-            end = end and _one_place(rest, (before, flat, deep), np.array([*arms, servos.slide]))
-        if end:
-            found.append(pose)
+        end: State | None = None
+        for off in (MARGIN, -MARGIN, 0.0):
+            end = _one_place(rest, (before, flat, deep), np.array([*(pose + off * signs), servos.slide]))
+            if end is None:
+                break
+        if end is not None:
+            poses.append(pose)
+            states.append(end)
             before = end
         if progress:
             progress((k + 1) / len(angles))
-    return np.array(found).reshape(-1, angles.shape[1])
+    return np.array(poses).reshape(-1, angles.shape[1]), tuple(states)
 
 
 def _one_place(rest: Rest, starts: Sequence[State], joints: FloatArray) -> State | None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.bringup.console import Script
 from tripod_bringup.calibrate_command import (
     TICK,
     CalibrateSession,
@@ -20,32 +21,6 @@ from tripod_driver.ports.mock import Fault, MockPort
 from tripod_driver.ports.mock_board import MockBoard
 
 UP, DOWN = b"\x1b[A", b"\x1b[B"
-
-
-class Script:
-    """A console that presses keys at given times, and remembers what it was shown."""
-
-    def __init__(self, keys: dict[float, bytes]) -> None:
-        self.keys, self.now = dict(keys), 0.0
-        self.lines: list[str] = []
-        self.said: list[str] = []
-
-    def read(self) -> bytes:
-        due = sorted(at for at in self.keys if at <= self.now)
-        return b"".join(self.keys.pop(at) for at in due)
-
-    def show(self, line: str) -> None:
-        self.lines.append(line)
-
-    def print(self, text: str) -> None:
-        self.said.append(text)
-
-    def clock(self) -> float:
-        return self.now
-
-    def sleep(self, duration: float) -> None:
-        self.now += duration
-        assert self.now < 60.0, f"it does not end: {self.lines[-1]}"
 
 
 class Bench:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import tripod_bringup.measure_command as measure_module
+from tests.bringup.console import Script
 from tests.scenes import SHARP
-from tripod_bringup.measure_command import evaluate, measure, measure_command, zeros_of
+from tripod_bringup.calibrate_command import calibrate
+from tripod_bringup.measure_command import evaluate, measure_command, zeros_of
 from tripod_bringup.measuring import PATIENCE, HeightSensor, ImuSensor, MarkerSensor, MeasureSession, reach
 from tripod_bringup.pose_file import PoseFile
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
@@ -32,6 +34,7 @@ KNOWN = Calibration((ServoCalibration(2.8, 1), ServoCalibration(0.3, -1), ServoC
 KNOWN = Calibration(tuple(replace(s, safe_range=(-1.9, 0.1)) for s in KNOWN.servos))
 ZEROS = np.array([0.05, -0.03, 0.02])
 SCENE = load_scene(SHARP, ("servos.slide=0.02",))
+COLUMNS = LOOKS["heights"].columns
 HEIGHT = (Channel("effector", 2),)
 
 
@@ -40,35 +43,21 @@ def tour() -> np.ndarray:
     return telling_poses(SCENE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, 16)
 
 
-class Human:
+class Human(Script):
     """A console with somebody before it, who presses g, then types the height that the robot has."""
 
-    def __init__(self, keys: dict[float, bytes] | None = None) -> None:
-        self.now, self.keys = 0.0, {0.3: b"g"} if keys is None else keys
-        self.heights: list[str] = []
-        self.typed, self.patience = 0, 300.0
-        self.lines: list[str] = []
-        self.said: list[str] = []
+    patience = 300.0
 
-    def read(self) -> bytes:
-        due = sorted(at for at in self.keys if at <= self.now)
-        return b"".join(self.keys.pop(at) for at in due)
+    def __init__(self, keys: dict[float, bytes] | None = None) -> None:
+        super().__init__({0.3: b"g"} if keys is None else keys)
+        self.heights: list[str] = []
+        self.typed = 0
 
     def show(self, line: str) -> None:
-        self.lines.append(line)
+        super().show(line)
         if line.rstrip().endswith("Enter:") and self.typed < len(self.heights):
             self.keys[self.now] = f"{self.heights[self.typed]}\r".encode()
             self.typed += 1
-
-    def print(self, text: str) -> None:
-        self.said.append(text)
-
-    def clock(self) -> float:
-        return self.now
-
-    def sleep(self, duration: float) -> None:
-        self.now += duration
-        assert self.now < self.patience, f"it does not end: {self.lines[-1]}"
 
 
 class Bench:
@@ -76,12 +65,12 @@ class Bench:
         self.human = Human(keys)
         self.board = MockBoard(self.human.clock)
         self.port = MockPort(self.board)
-        self.file = PoseFile(path / "poses.csv", tour, sensor.columns, "a robot")
+        self.file = PoseFile(path / "poses.csv", tour, COLUMNS, "a robot")
         sessions = choose_sessions("framed", AngleMapping.ROUNDED, KNOWN)
         self.session = MeasureSession(self.port, sessions, KNOWN, tour, sensor, self.file.keep, self.human)
 
     def run(self, stopped=lambda: 0) -> int:
-        return measure(self.session, self.human.clock, self.human.sleep, stopped)
+        return calibrate(self.session, self.human.clock, self.human.sleep, stopped)
 
     @property
     def way(self) -> np.ndarray:
@@ -183,14 +172,14 @@ def test_what_was_measured_is_kept_and_gone_on_with(tour: np.ndarray, tmp_path: 
     lines = bench.file.path.read_text().splitlines()
     assert lines[0] == "# a robot"
     assert [line.split(",")[-1] for line in lines[1:]] == ["effector.z_mm", "1.0000", "", "3.5000"]
-    again = PoseFile(bench.file.path, tour, HeightSensor.columns, "a robot")
+    again = PoseFile(bench.file.path, tour, COLUMNS, "a robot")
     assert again.done == {0, 1, 2}
     again.keep(3, (7.0,))
     assert bench.file.path.read_text().splitlines()[:5] == lines
     with pytest.raises(DataError, match="is not of this tour, sensor, calibration, slide and scene"):
-        PoseFile(bench.file.path, tour, HeightSensor.columns, "another robot")
+        PoseFile(bench.file.path, tour, COLUMNS, "another robot")
     with pytest.raises(DataError, match="is no pose of this tour"):
-        PoseFile(bench.file.path, tour + 0.01, HeightSensor.columns, "a robot")
+        PoseFile(bench.file.path, tour + 0.01, COLUMNS, "a robot")
 
 
 @pytest.mark.parametrize("protocol", ["legacy", "ascii"])
@@ -207,7 +196,7 @@ def test_the_workshops_packets_carry_every_pose(tmp_path: Path, protocol: str) -
     session = MeasureSession(
         MockPort(), sessions, known, poses, HeightSensor(), lambda *row: kept.append(row), human
     )
-    assert measure(session, human.clock, human.sleep) == 0
+    assert calibrate(session, human.clock, human.sleep) == 0
     assert kept == [(0, (1.0,)), (1, (2.0,))]
 
 
@@ -298,7 +287,7 @@ def test_what_must_not_be_believed_is_not_written(
     monkeypatch.setattr(measure_module, "identified", lambda *_, **__: SimpleNamespace(notes=()))
     monkeypatch.setattr(measure_module, "tell_found", lambda *_, **__: None)
     monkeypatch.setattr(measure_module, "zeros_of", doubted)
-    file = PoseFile(tmp_path / "poses.csv", tour, HeightSensor.columns, "a robot")
+    file = PoseFile(tmp_path / "poses.csv", tour, COLUMNS, "a robot")
     for k in range(len(tour)):
         file.keep(k, (float(k),))
     where = {"file": tmp_path / "robot.yaml", "out": tmp_path / "robot.toml", "report": None}
