@@ -170,6 +170,43 @@ def test_stiffness_is_the_derivative_of_the_gradient(kind: Element, law: str) ->
 
 
 @pytest.mark.parametrize("law", ["neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff"])
+def test_modes_settle_where_their_force_ends_and_the_energy_is_least(law: str) -> None:
+    mesh, rng = block(H8_MODES), np.random.default_rng(12)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MODES, law, 1.0, 1.0)
+    x = mesh.nodes * [1.3, 1.0, 0.8] + 0.03 * rng.standard_normal(mesh.nodes.shape)
+    solid.stiffness(
+        np.array(mesh.nodes), solid.rest_modes(), project=False
+    )  # a condensation of another state
+    modes = 0.05 * rng.standard_normal(solid.rest_modes().shape)
+    before = solid.energy(x, modes)
+    left = solid.settle_modes(x, modes, 1e-24)
+    assert left <= 1e-24
+    solid.add_gradient(x, modes, np.zeros_like(x))
+    assert solid.mode_residual_squared == pytest.approx(left, abs=1e-24)
+    least = solid.energy(x, modes)
+    assert least < before
+    for _ in range(5):
+        assert solid.energy(x, modes + 1e-4 * rng.standard_normal(modes.shape)) > least
+
+
+@pytest.mark.parametrize("seed", [1, 6, 8, 16])
+def test_modes_settle_from_far_off_where_full_steps_would_not_lead_there(seed: int) -> None:
+    mesh, rng = block(H8_MODES, (1, 1, 1)), np.random.default_rng(seed)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MODES, "neo_hooke", 3.0, 1.0)
+    x = mesh.nodes * rng.uniform(0.4, 2.5, 3) + 0.05 * rng.standard_normal(mesh.nodes.shape)
+    modes = 0.12 * rng.standard_normal(solid.rest_modes().shape)
+    assert solid.settle_modes(x, modes, 1e-22) <= 1e-22
+
+
+def test_modes_are_not_sought_where_a_point_has_no_energy() -> None:
+    mesh = block(H8_MODES, (1, 1, 1))
+    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MODES, "neo_hooke", 1.0, 1.0)
+    modes = solid.rest_modes()
+    assert solid.settle_modes(mesh.nodes * [1.0, 1.0, -1.0], modes, 1e-24) == np.inf
+    assert not modes.any()
+
+
+@pytest.mark.parametrize("law", ["neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff"])
 def test_a_rotation_of_the_frame_rotates_the_forces(kind: Element, law: str) -> None:
     mesh = block(kind, (1, 1, 1))
     solid = Solid(mesh.nodes, np.array(mesh.elements), kind, law, 1.0, 1.0)

@@ -5,8 +5,7 @@ The potential is that of `ImplicitStage`, with all that the scene fastens to the
 the nodes of driven frames and prescribed motions on the surface. These move as servos and timelines say, whatever
 presses them, and so do free nodes along axes along which they are held or moved: such unknowns are given.
 
-Incompatible modes are no unknowns: at every move they are brought to the minimum of the energy, by chord steps with the
-condensation of the last Hessian.
+Incompatible modes are no unknowns: at every move they are brought to the minimum of the energy.
 """
 
 from typing import Any
@@ -23,9 +22,6 @@ from tripod_sim.state import State
 
 HELD = 1e18
 """Stiffness with which driven nodes keep to their way [N/m]: no force that a body bears moves them by an atom."""
-
-CHORDS, RENEWALS = 12, (3, 6, 9)
-"""Of the modes at one move, and after how many their condensation is renewed."""
 
 ROOM = 1e6
 """Square of how much more unbalanced than the tolerance modes may be at last."""
@@ -383,21 +379,8 @@ class SolidNodes:
         self._move(u)
         np.subtract(trial.positions, self._last, out=self._dx)
         elastic.advance_modes(self._last_modes, self._dx, 1.0, trial.modes)
-        phi, before = system.evaluate(trial), np.inf
-        for k in range(CHORDS):
-            left = elastic.mode_residual_squared
-            if not np.isfinite(phi) or left <= self._tolerance:
-                break
-            if k in RENEWALS:
-                if left > 0.25 * before:  # they find no rest
-                    break
-                before = left
-                system.assemble(trial, project=True)
-                phi = system.evaluate(trial)
-            elastic.advance_modes(trial.modes, self._none, 1.0, trial.modes)
-            phi = system.evaluate(trial)
-        if elastic.mode_residual_squared > ROOM * self._tolerance:
-            phi = np.inf
+        left = elastic.settle_modes(trial.positions, trial.modes, self._tolerance)
+        phi = system.evaluate(trial) if left <= ROOM * self._tolerance else np.inf
         if np.isfinite(phi):
             self._remember(trial)
         else:  # what the gradient left of the modes is spoilt: take it where it was good

@@ -52,6 +52,9 @@ class ElasticTerm(Protocol):
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m]."""
 
+    def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
+        """Bring `modes` to the least E at `x`, until |dE/d modes|² <= `tolerance` [N²]; return that square."""
+
     def balance_modes(self) -> None:
         """Take the modes to be in balance after the last `advance_modes`."""
 
@@ -137,6 +140,14 @@ class Elastic:
         for k, term in enumerate(self.terms):
             if term.has_modes:
                 term.advance_modes(self.of(modes, k), dx, scale, self.of(out, k))
+
+    def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
+        """Bring the modes to the least E at `x`, in place, until |dE/d modes|² <= `tolerance` [N²]; return that square.
+
+        Infinite where E is; larger than `tolerance` where no rest is found.
+        """
+        having = [(term, k) for k, term in enumerate(self.terms) if term.has_modes]
+        return sum(term.settle_modes(x, self.of(modes, k), tolerance / len(having)) for term, k in having)
 
     def balance_modes(self) -> None:
         """Take the modes to be in balance after the last `advance_modes`."""

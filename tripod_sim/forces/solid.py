@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
+from tripod_sim.forces.mode_kernels import settle_modes
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.materials.laws import LAWS
 
@@ -102,6 +103,17 @@ class Solid:
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
         kernels.update_modes(modes, self.elements, self._X, self._y, dx, scale, out)
+
+    def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
+        """Bring `modes` to the least E at `x`, in place, until |dE/d modes|² <= `tolerance` [N²]; return that square.
+
+        Infinite where E is; larger than `tolerance` where no rest is found.
+        """
+        return float(
+            settle_modes(
+                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._inverse, tolerance
+            )
+        )  # fmt: skip
 
     def balance_modes(self) -> None:
         """Take the modes to be in balance after the last `advance_modes`: the next step moves them by -X dx alone."""

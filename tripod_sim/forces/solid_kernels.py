@@ -248,7 +248,7 @@ def _add_volume_stiffness(b: Array, factor: float, K: Array) -> None:
 def _condense(
     K: Array, nodes: int, count: int, X: Array, inverse: Array, out: Array, coupling: Array
 ) -> bool:
-    """Write K_aa^-1 (Gauss-Jordan), X and K_uu - K_ua X, numbered node by node; return False if K_aa is not positive.
+    """Write K_aa^-1, X and K_uu - K_ua X, numbered node by node; return False if K_aa is not positive.
 
     Args:
         K: Lower component blocks, shape (3, c, 3c).
@@ -269,23 +269,8 @@ def _condense(
                     coupling[3 * a + k, 3 * b + i] = K[i, b, k * count + nodes + a]
                 for b in range(count - nodes):
                     inverse[r, 3 * b + k] = inverse[3 * b + k, r] = K[i, nodes + a, k * count + nodes + b]
-    scale = 0.0
-    for p in range(size):
-        scale = max(scale, abs(inverse[p, p]))
-    for p in range(size):
-        pivot = inverse[p, p]
-        if not pivot > 1e-13 * scale:
-            return False
-        inverse[p, p] = 1.0
-        reciprocal = 1.0 / pivot
-        for c in range(size):
-            inverse[p, c] *= reciprocal
-        for r in range(size):
-            if r != p:
-                factor = inverse[r, p]
-                inverse[r, p] = 0.0
-                for c in range(size):
-                    inverse[r, c] -= factor * inverse[p, c]
+    if not invert(inverse):
+        return False
     X[:] = 0.0
     for r in range(size):
         for k in range(size):
@@ -297,6 +282,29 @@ def _condense(
             factor = coupling[k, r]
             for c in range(3 * nodes):
                 out[r, c] -= factor * X[k, c]
+    return True
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def invert(matrix: Array) -> bool:
+    """Invert a symmetric matrix in place (Gauss-Jordan); return False if it is not positive definite."""
+    size, scale = matrix.shape[0], 0.0
+    for p in range(size):
+        scale = max(scale, abs(matrix[p, p]))
+    for p in range(size):
+        pivot = matrix[p, p]
+        if not pivot > 1e-13 * scale:
+            return False
+        matrix[p, p] = 1.0
+        reciprocal = 1.0 / pivot
+        for c in range(size):
+            matrix[p, c] *= reciprocal
+        for r in range(size):
+            if r != p:
+                factor = matrix[r, p]
+                matrix[r, p] = 0.0
+                for c in range(size):
+                    matrix[r, c] -= factor * matrix[p, c]
     return True
 
 

@@ -84,6 +84,10 @@ class SpringForce(SpringTangents):
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """There are none."""
 
+    def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
+        """Return 0: there are none."""
+        return 0.0
+
     def balance_modes(self) -> None:
         """There are none."""
 

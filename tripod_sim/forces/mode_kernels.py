@@ -1,0 +1,176 @@
+"""Incompatible modes of elements whose nodes stand still: brought to the least strain energy, element by element.
+
+With f_a = dE/da and K_aa its derivative, both of one element, a Newton step is d = -K_aa^-1 f_a. The inverse at hand
+serves on while it lowers the force tenfold; else it is made anew, projected where it is not positive definite, and
+the step is halved until it lowers energy or force [NocedalWright2006]. Modes of different elements have nothing to do
+with each other while the nodes stand still, so each element takes as many steps as it needs.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from tripod_sim.forces.solid_kernels import invert
+from tripod_sim.materials import laws
+
+Array = Any
+
+MOST_STEPS, MOST_HALVINGS = 30, 12
+"""Of one element."""
+
+SERVES = 0.01
+"""Factor by which a step lowers the square of the force for the inverse to serve on."""
+
+_stress, _tangent = laws.stress, laws.tangent
+
+
+@njit(cache=True, error_model="numpy")
+def settle_modes(
+    x: Array,
+    modes: Array,
+    elements: Array,
+    G: Array,
+    weight: Array,
+    law: int,
+    lam: float,
+    mu: float,
+    inverse: Array,
+    tolerance: float,
+) -> float:
+    """Move `modes` (m, k, 3) [m] to where |f_a|² of all elements is at most `tolerance` [N²], in place.
+
+    The other arrays are those of `solid_kernels`; `inverse` (m, 3k, 3k) are K_aa^-1, renewed where they do not serve.
+
+    Returns:
+        |f_a|² [N²], infinite where a point has no energy at the start.
+    """
+    nodes, count, points = elements.shape[1], modes.shape[1], G.shape[1]
+    base, force, ahead = np.empty((points, 3, 3)), np.empty((count, 3)), np.empty((count, 3))
+    trial, step, C = np.empty((count, 3)), np.empty((count, 3)), np.empty((9, 9))
+    enough, total = tolerance / elements.shape[0], 0.0
+    for e in range(elements.shape[0]):
+        for q in range(points):
+            for i in range(3):
+                for j in range(3):
+                    entry = 0.0
+                    for a in range(nodes):
+                        entry += x[elements[e, a], i] * G[e, q, j, a]
+                    base[q, i, j] = entry
+        at, Ge, we = modes[e], G[e, :, :, nodes:], weight[e]
+        energy, left = _force(at, base, Ge, we, law, lam, mu, force)
+        if not np.isfinite(energy):
+            return np.inf
+        fresh = False
+        for _ in range(MOST_STEPS):
+            if left <= enough:
+                break
+            _times(inverse[e], force, step)
+            scale, moved = 1.0, False
+            for _ in range(MOST_HALVINGS if fresh else 1):
+                for k in range(count):
+                    for i in range(3):
+                        trial[k, i] = at[k, i] - scale * step[k, i]
+                after, smaller = _force(trial, base, Ge, we, law, lam, mu, ahead)
+                if fresh:
+                    moved = np.isfinite(after) and (after < energy or smaller < left)
+                else:
+                    moved = np.isfinite(after) and smaller <= SERVES * left
+                if moved:
+                    break
+                scale *= 0.5
+            if moved:
+                at[:], force[:] = trial, ahead
+                fresh, energy, left = False, after, smaller
+            elif fresh or not _renew(at, base, Ge, we, law, lam, mu, C, inverse[e]):
+                break
+            else:
+                fresh = True
+        total += left
+    return total
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _deformation(modes: Array, base: Array, G: Array, F: Array) -> None:
+    """Write F at a point: `base` (3, 3), that of the nodes, and what the modes add."""
+    for i in range(3):
+        for j in range(3):
+            entry = base[i, j]
+            for k in range(modes.shape[0]):
+                entry += modes[k, i] * G[j, k]
+            F[i, j] = entry
+
+
+@njit(cache=True, error_model="numpy")
+def _force(
+    modes: Array, base: Array, G: Array, weight: Array, law: int, lam: float, mu: float, force: Array
+) -> tuple[float, float]:
+    """Write f_a (k, 3) [N] of one element; return its energy [J], infinite for none, and |f_a|² [N²]."""
+    F, P = np.empty((3, 3)), np.empty((3, 3))
+    energy, square = 0.0, 0.0
+    force[:] = 0.0
+    for q in range(base.shape[0]):
+        _deformation(modes, base[q], G[q], F)
+        density = _stress(law, F, lam, mu, P)
+        if not np.isfinite(density):
+            return np.inf, np.inf
+        energy += weight[q] * density
+        for k in range(modes.shape[0]):
+            for i in range(3):
+                force[k, i] += weight[q] * (
+                    P[i, 0] * G[q, 0, k] + P[i, 1] * G[q, 1, k] + P[i, 2] * G[q, 2, k]
+                )
+    for k in range(modes.shape[0]):
+        square += force[k, 0] ** 2 + force[k, 1] ** 2 + force[k, 2] ** 2
+    return energy, square
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _times(inverse: Array, force: Array, out: Array) -> None:
+    """Write K_aa^-1 f_a, shape (k, 3)."""
+    for r in range(inverse.shape[0]):
+        entry = 0.0
+        for c in range(inverse.shape[0]):
+            entry += inverse[r, c] * force[c // 3, c % 3]
+        out[r // 3, r % 3] = entry
+
+
+@njit(cache=True, error_model="numpy")
+def _renew(
+    modes: Array,
+    base: Array,
+    G: Array,
+    weight: Array,
+    law: int,
+    lam: float,
+    mu: float,
+    C: Array,
+    inverse: Array,
+) -> bool:
+    """Write K_aa^-1 of one element, as it is or else projected; return whether there is one. C: scratch (9, 9)."""
+    F, rows = np.empty((3, 3)), np.empty((3, 9))
+    count = modes.shape[0]
+    for project in (False, True):
+        inverse[:] = 0.0
+        for q in range(base.shape[0]):
+            _deformation(modes, base[q], G[q], F)
+            _tangent(law, F, lam, mu, project, C)
+            for k in range(count):
+                for i in range(3):
+                    for c in range(9):
+                        rows[i, c] = weight[q] * (
+                            G[q, 0, k] * C[3 * i, c]
+                            + G[q, 1, k] * C[3 * i + 1, c]
+                            + G[q, 2, k] * C[3 * i + 2, c]
+                        )
+                for n in range(count):
+                    for i in range(3):
+                        for j in range(3):
+                            inverse[3 * k + i, 3 * n + j] += (
+                                rows[i, 3 * j] * G[q, 0, n]
+                                + rows[i, 3 * j + 1] * G[q, 1, n]
+                                + rows[i, 3 * j + 2] * G[q, 2, n]
+                            )
+        if invert(inverse):
+            return True
+    return False
