@@ -37,13 +37,13 @@ class Teller:
     ) -> None:
         """Begin to tell of `simulation`: of the scene `source` with the overrides `changes`, at its start `first`."""
         self._source, self._scene, self._changes = source, simulation.scene, list(changes)
-        self._picture, self._first = picture(simulation), first
+        self._picture = picture(simulation)
         self._speed: float | None = None
         self._measuring: threading.Thread | None = None
         self._told: float | None = None
         self.notice = ""
         self._lock = threading.Lock()
-        self.reset()
+        self.reset(first)
         self._scenes = node.create_publisher(String, names.SIM_PICTURE, LATCHED)
         self._figures = node.create_publisher(String, names.SIM_FIGURES, RELIABLE)
         node.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -68,9 +68,14 @@ class Teller:
         """Tell what became of a request, or nothing any more; any thread."""
         self.notice = notice
 
-    def reset(self) -> None:
-        """Begin the books anew: the simulation is back in its start state."""
-        first = self._first
+    def change(self, simulation: Simulation, first: Snapshot) -> None:
+        """Tell of another simulation of the same scene, which goes on at `first`."""
+        self._scene, self._picture = simulation.scene, picture(simulation)
+        self.reset(first)
+        self.publish_scene()
+
+    def reset(self, first: Snapshot) -> None:
+        """Begin the books anew: the simulation is back in its start state, or is another one."""
         with self._lock:
             self._books = EnergyBooks(first.energies, first.joints, first.torques, first.time)
             self._halvings, self._latest = 0, first
