@@ -54,6 +54,7 @@ class Said(Meter):
         self.factor, self.cost, self.idle = 1.0, 0.5, 2.0
 
     def look(self) -> Look:
+        """Return what it is told to say."""
         return Look(time.monotonic(), self.factor, self.cost, self.idle)
 
 
@@ -86,7 +87,8 @@ def main() -> None:
     physics.start()
     time.sleep(4.0)
     print(f"{'before':10}{told(steps[:], began + 2.5, time.monotonic())}")
-    for name, said.factor, said.cost in (("down", 0.3, 0.5), ("up", 1.0, 0.1)):
+    for factor, cost in ((0.3, 0.5), (1.0, 0.1)):  # down, up
+        said.factor, said.cost = factor, cost
         start, count, end = time.monotonic(), len(changes), time.monotonic() + PATIENCE
         while len(changes) == count and time.monotonic() < end:
             keeper.look()

@@ -196,7 +196,7 @@ class KeepUp:
             self._tell(f"{too_slow(seen)}; it cannot go on with {wanted.text}: {error}", TOLD)
             return
         if self._physics.shown[0] is after:
-            self._pace.moved(rung, clock.monotonic())
+            self._pace.moved(rung, seen.now)
             self._meter.rest()
             self._tell(*self._words(rung, at, seen))
 

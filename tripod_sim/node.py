@@ -319,7 +319,11 @@ class SimNode(Node):
         assert self._rerun
         if self._simulated:
             self._simulated.pass_by()
-        return self._rerun.joints()
+        joints = self._rerun.joints()
+        if self._rerun.simulation is not self._physics.simulation:
+            self._physics.change(self._rerun.simulation)
+            self._count_poses(self._rerun.simulation)
+        return joints
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
         self._teller.keep(snapshot)
