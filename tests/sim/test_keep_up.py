@@ -69,9 +69,7 @@ def start() -> Iterator[Callable[..., Run]]:
         assert not one.physics.is_alive()
 
 
-def test_it_comes_down_and_back_and_what_is_seen_goes_on(
-    start: Callable[..., Run], tmp_path: Path
-) -> None:
+def test_it_comes_down_and_back_and_what_is_seen_goes_on(start: Callable[..., Run], tmp_path: Path) -> None:
     run = start("tripod", (SET,), write_study(tmp_path / "two.json"))
     run.goal = np.array([-0.3, -0.2, 0.1, 0.005])
     asked = run.physics.simulation
@@ -146,7 +144,9 @@ def test_where_nothing_cheaper_is_known_it_says_so_once(
     run.look_until(lambda: run.words, "why nothing is done")
     run.let_pass(20)
     assert len(run.words) == 1
-    assert run.words[0].startswith("machine too slow (0.31 of real time), and nothing cheaper is known: " + why)
+    assert run.words[0].startswith(
+        "machine too slow (0.31 of real time), and nothing cheaper is known: " + why
+    )
     assert run.physics.simulation is before
 
 
@@ -165,7 +165,10 @@ def test_a_setting_that_cannot_be_built_is_told_and_the_next_one_taken(
         patch.setattr(keep_up, "Simulation", build)
         run.said.burden()
         run.look_until(lambda: len(run.words) == 2, "the cheaper setting")
-    assert "it cannot go on with mesh.element=h8, dt=0.004, solver.tolerance=1e-12: no such thing" in run.words[0]
+    assert (
+        "it cannot go on with mesh.element=h8, dt=0.004, solver.tolerance=1e-12: no such thing"
+        in run.words[0]
+    )
     assert run.physics.simulation.scene.mesh.element == "h8_modes"
 
 
@@ -248,7 +251,9 @@ def test_the_ball_keeps_its_place_on_the_maze() -> None:
 
     def place(simulation: Simulation) -> np.ndarray:
         assert simulation.state.ball
-        return simulation.state.rotations[0].T @ (simulation.state.ball.position - simulation.state.centres[0])
+        return simulation.state.rotations[0].T @ (
+            simulation.state.ball.position - simulation.state.centres[0]
+        )
 
     np.testing.assert_allclose(place(other), place(one), atol=1e-12)
     assert np.linalg.norm(other.state.centres[0] - one.state.centres[0]) > 1e-5
