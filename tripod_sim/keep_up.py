@@ -135,19 +135,17 @@ class KeepUp:
         """See whether the machine keeps up, and begin to do something about it."""
         if self._closed or (self._work and self._work.is_alive()):
             return
-        seen = self._meter.look() if self._physics.activity is Activity.RUNNING else None
-        if seen is None:
-            self._rest()
+        running = self._physics.activity is Activity.RUNNING
+        if not running:
+            self._meter.rest()
+        if not running or (seen := self._meter.look()) is None:
+            self._pace.rest()
             return
         rung = self._pace.look(seen)
         if self._pace.slow and self._rungs is None:
             self._begin(self._find, seen)
         elif rung is not None:
             self._begin(self._go, rung, seen)
-
-    def _rest(self) -> None:
-        self._meter.rest()
-        self._pace.rest()
 
     def _begin(self, act: Callable[..., None], *arguments: object) -> None:
         self._work = threading.Thread(target=act, args=arguments, name="keep up", daemon=True)

@@ -34,12 +34,12 @@ class Run:
         self.keeper = KeepUp(self.physics, settings, self.words.append, changed, self.said)
         self.physics.start()
 
-    def look_until(self, condition: Callable[[], Any], what: str) -> None:
+    def look_until(self, condition: Callable[[], Any], what: str, *, pause: float = 1e-3) -> None:
         deadline = time.monotonic() + DEADLINE
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain for {what}; said: {self.words}"
             self.keeper.look()
-            time.sleep(1e-3)
+            time.sleep(pause)
 
     def let_pass(self, seconds: int) -> None:
         """Let the machine's own seconds pass."""
@@ -112,13 +112,35 @@ def test_it_comes_down_and_back_and_what_is_seen_goes_on(start: Callable[..., Ru
         assert np.linalg.norm(here.position - before.position) < 1e-3
 
 
+def test_steps_that_take_too_long_are_noticed(
+    start: Callable[..., Run], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the real meter: each step of the setting asked for takes three periods."""
+    run = start("tripod", (SET,), write_study(tmp_path / "two.json"))
+    asked = run.physics.simulation
+    step = asked.step
+
+    def slow(joints: Any = None) -> Any:
+        time.sleep(0.006)
+        return step(joints)
+
+    monkeypatch.setattr(asked, "step", slow)
+    run.keeper._meter = Meter(run.physics)
+    run.look_until(lambda: run.keeper.down, "the cheaper setting", pause=0.2)
+    assert run.words[0].startswith("machine too slow (0.")
+    assert run.physics.simulation is not asked
+
+
 def test_a_pause_is_no_lack_of_time(start: Callable[..., Run], tmp_path: Path) -> None:
     run = start("tripod", (SET,), write_study(tmp_path / "two.json"))
     run.said.burden()
     run.let_pass(3)
     run.physics.pause(True)
+    run.keeper._meter = Meter(run.physics)
     for _ in range(10):
         run.keeper.look()
+    assert run.keeper._meter.look() is None, "the time of the pause would count"
+    run.keeper._meter = run.said
     assert run.said.now == 3
     run.physics.pause(False)
     run.let_pass(3)

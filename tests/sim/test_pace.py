@@ -1,5 +1,6 @@
 """The rule by which a simulation comes down to cheaper settings and goes up again, on a clock of its own."""
 
+import os
 from itertools import pairwise
 from pathlib import Path
 
@@ -141,12 +142,16 @@ def test_a_rung_that_does_not_work_is_left_out() -> None:
     assert machine.run(DOWN + 1) == [2]
 
 
-def test_idle_cores_are_counted_with_those_of_who_stands_back(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("own", "cores"), [(0, 1.5), (5, 1.1)])
+def test_idle_cores_are_counted_with_those_of_who_stands_back(
+    own: int, cores: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "getpriority", lambda which, who: own)
     book = tmp_path / "stat"
     book.write_text("cpu  100 20 30 1000 50 0 0 0 0 0\ncpu0 1 2 3\n")
     idle = Idle(book)
     book.write_text("cpu  700 60 90 1100 60 0 0 0 0 0\n")
-    assert idle.cores(1.0) == pytest.approx(1.5)  # 150 ticks of 10 ms
+    assert idle.cores(1.0) == pytest.approx(cores)  # 110 ticks of 10 ms, and 40
     book.write_text("nonsense\n")
     assert idle.cores(1.0) is None
     assert Idle(tmp_path / "none").cores(1.0) is None

@@ -40,7 +40,7 @@ def product_time() -> float | None:
 
 
 class Idle:
-    """How many cores nobody uses, by Linux's own books; a process that stands back (nice) counts as nobody."""
+    """How many cores nobody uses, by Linux's own books; who stands back (nice) counts as nobody for who does not."""
 
     def __init__(self, path: Path = BOOKS) -> None:
         self._path = path
@@ -56,6 +56,6 @@ class Idle:
     def _ticks(self) -> int | None:
         try:
             _, _, nice, _, idle, waits = read_file(self._path, 10**6).split()[:6]
-            return int(nice) + int(idle) + int(waits)
+            return int(idle) + int(waits) + (int(nice) if os.getpriority(os.PRIO_PROCESS, 0) <= 0 else 0)
         except (OSError, ValueError):
             return None
