@@ -113,7 +113,8 @@ class KeepUp:
         self._built: dict[int, Simulation] = {}
         self._work: threading.Thread | None = None
         self._closed = False
-        self._notice, self._until = "", 0.0
+        self._said = self._notice = ""
+        self._until = 0.0
 
     @property
     def down(self) -> bool:
@@ -151,10 +152,11 @@ class KeepUp:
         self._work = threading.Thread(target=act, args=arguments, name="keep up", daemon=True)
         self._work.start()
 
-    def _tell(self, notice: str, seconds: float = float("inf")) -> None:
-        if notice != self._notice and not self._closed:
-            self._say(notice)
-        self._notice, self._until = notice, clock.monotonic() + seconds
+    def _tell(self, words: str, seconds: float, notice: str = "") -> None:
+        """Say `words`, unless they are the last, and let `notice` (the same, if empty) be told for a time [s]."""
+        if words != self._said and not self._closed:
+            self._say(words)
+        self._said, self._notice, self._until = words, notice or words, clock.monotonic() + seconds
 
     # in a thread ----------------------------------------------------------------------------------------------
 
@@ -235,8 +237,8 @@ class KeepUp:
         if failed:
             raise failed[0]
 
-    def _words(self, rung: int, before: int, seen: Look) -> tuple[str, float]:
-        """Return what is said of a change from `before` to `rung`, and how long [s]."""
+    def _words(self, rung: int, before: int, seen: Look) -> tuple[str, float, str]:
+        """Return what is said of a change from `before` to `rung`, how long [s], and what is told meanwhile."""
         from tripod_sim.accuracy.choice import percent  # noqa: PLC0415 - only where the machine is too slow
 
         assert self._rungs
@@ -244,8 +246,9 @@ class KeepUp:
         expect = "" if error is None else f", error below {percent(error)}"
         instead = "" if error is None or asked is None or not rung else f" instead of {percent(asked)}"
         why = too_slow(seen) if rung > before else "there is room again"
-        words = f"{why}: now {self._rungs[rung].text}{expect}{instead}"
-        return words, float("inf") if rung else TOLD
+        now = f"now {self._rungs[rung].text}{expect}{instead}"
+        meanwhile = f"machine too slow for more: {now}" if 0 < rung < before else ""
+        return f"{why}: {now}", float("inf") if rung else TOLD, meanwhile
 
 
 def too_slow(seen: Look) -> str:

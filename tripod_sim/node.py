@@ -187,6 +187,7 @@ class SimNode(Node):
         self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._report)
         self._keep_up = self._look_after(values) if rerun is None else None
+        self._teller.standing = self._kept
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
         self.get_logger().info(
@@ -536,9 +537,18 @@ class SimNode(Node):
 
     def _notices(self, snapshot: Snapshot) -> str:
         beyond = cut(self._follower.joints, self._range.limits) if self._arms else ""
-        kept = self._keep_up.notice if self._keep_up else ""
-        words = (notices(snapshot), *self._authority.notices(time.monotonic()), beyond, kept, *self._notes)
+        words = (
+            notices(snapshot),
+            *self._authority.notices(time.monotonic()),
+            beyond,
+            self._kept(),
+            *self._notes,
+        )
         return "; ".join(word for word in words if word)
+
+    def _kept(self) -> str:
+        """Return what was given up to keep real time, empty if nothing."""
+        return self._keep_up.notice if self._keep_up else ""
 
     def _too_seldom(self, factor: float) -> Iterator[str]:
         """Tell which topics of the steps come less often than declared, at a real-time factor."""
@@ -563,8 +573,7 @@ class SimNode(Node):
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
         ignored = next(self._authority.notices(time.monotonic()), "")
-        kept = self._keep_up.notice if self._keep_up else ""
-        if trouble := stalls(latest) or latest.report.instability or ignored or kept:
+        if trouble := stalls(latest) or latest.report.instability or ignored or self._kept():
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:

@@ -30,7 +30,12 @@ PERIOD = 0.2
 
 
 class Teller:
-    """Publishes `sim/picture` when it changes and `sim/figures` while somebody listens; hears `sim/request`."""
+    """Publishes `sim/picture` when it changes and `sim/figures` while somebody listens; hears `sim/request`.
+
+    Attributes:
+        notice: What became of the newest request; empty: nothing to say.
+        standing: Tells what else is to be said where that is empty.
+    """
 
     def __init__(
         self, node: Node, source: str, simulation: Simulation, first: Snapshot, changes: Sequence[str]
@@ -42,6 +47,7 @@ class Teller:
         self._measuring: threading.Thread | None = None
         self._told: float | None = None
         self.notice = ""
+        self.standing: Callable[[], str] = str
         self._lock = threading.Lock()
         self.reset(first)
         self._scenes = node.create_publisher(String, names.SIM_PICTURE, LATCHED)
@@ -113,7 +119,11 @@ class Teller:
             latest, balance, halvings = self._latest, self._books.balance, self._halvings
         figures = asdict(stability(latest.report, halvings, balance, self._scene.dt))
         lines = stability_lines(figures)
-        told = {"errors": errors_line(latest.report), "event": latest.event, "notice": self.notice}
+        told = {
+            "errors": errors_line(latest.report),
+            "event": latest.event,
+            "notice": self.notice or self.standing(),
+        }
         table = {**figures, "lines": lines, **told}
         self._figures.publish(String(data=as_json(table)))
 

@@ -1,5 +1,6 @@
 """The simulator's node on a machine that is too slow: what changes, what goes on, what is told, and STOP in between."""
 
+import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -78,6 +79,7 @@ def test_it_tells_what_it_gave_up_and_everybody_gets_the_other_mesh(slow: Callab
         assert len(graph.heard[names.MESH][-1].vertices) == len(simulation.mesh.nodes)
         assert scene_from_toml(graph.heard[names.SCENE][-1].data) == simulation.scene
         graph.wait(lambda: checkpoints, "a checkpoint")
+        graph.next(names.SIM_FIGURES, lambda m, told=told: json.loads(m.data)["notice"] == told)
         message = graph.next(names.DIAGNOSTICS, lambda m, told=told: m.status[0].message == told).status[0]
         assert message.level == b"\x01"
         seen: list[Any] = []
