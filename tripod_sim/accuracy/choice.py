@@ -146,7 +146,7 @@ def choose(
     made = load_scene(scene, overrides)
     found = read_study(study) if study else shipped(made, scene)
     if study:
-        _check_fits(found, made)
+        check_fits(found, made)
     here = speed()
     scale = here / found.calibration if here and found.calibration else None
     point = pick(found, wish, scale, made.dt)
@@ -284,7 +284,7 @@ def shipped(made: Scene, scene: str) -> StoredStudy:
     )
 
 
-def _check_fits(study: StoredStudy, made: Scene) -> None:
+def check_fits(study: StoredStudy, made: Scene) -> None:
     """Raise SceneError if a study that the user named is not of this scene."""
     if study.scene != made.name:
         raise SceneError(f"--study: it is of scene {study.scene!r}, not of {made.name!r}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from tripod_sim.accuracy.choice import (
     DRAFT,
     changes,
+    check_fits,
     literal,
     outside,
     point_of,
@@ -75,6 +76,7 @@ def ladder(
     if why := rigid(made):
         raise SceneError(f"its settings cannot change while it runs: {why}")
     found = read_study(study) if study else shipped(made, source)
+    check_fits(found, made)
     here = point_of(found, made)
     if here:
         rungs = [Rung(tuple(words), here.cpu, _error(source, found, here, words), ASKED)]
