@@ -136,10 +136,11 @@ def test_a_pause_is_no_lack_of_time(start: Callable[..., Run], tmp_path: Path) -
     run.said.burden()
     run.let_pass(3)
     run.physics.pause(True)
-    run.keeper._meter = Meter(run.physics)
+    run.keeper._meter = meter = Meter(run.physics)
+    meter.look()
     for _ in range(10):
         run.keeper.look()
-    assert run.keeper._meter.look() is None, "the time of the pause would count"
+    assert meter.look() is None, "the time of the pause would count"
     run.keeper._meter = run.said
     assert run.said.now == 3
     run.physics.pause(False)
@@ -164,6 +165,7 @@ def test_where_nothing_cheaper_is_known_it_says_so_once(
     before = run.physics.simulation
     run.said.burden()
     run.look_until(lambda: run.words, "why nothing is done")
+    run.said.factor = 0.4
     run.let_pass(20)
     assert len(run.words) == 1
     assert run.words[0].startswith(
@@ -262,6 +264,20 @@ def test_servos_with_dynamics_go_on_towards_their_command() -> None:
     before = other.state.joints.copy()
     other.step(goal)
     assert (other.state.joints[:3] < before[:3]).all()
+
+
+def test_a_body_that_is_brought_to_rest_stays_there() -> None:
+    simulation = Simulation(load_scene("tripod", [SET, "servo_dynamics={}"]))
+    goal = simulation.command - np.array([0.4, 0.3, 0.2, 0.0])
+    for _ in range(20):
+        simulation.step(goal)
+    where = simulation.state.joints.copy()
+    simulation.rest_at(where)
+    before = simulation.positions.copy()
+    for _ in range(20):
+        simulation.step()
+    np.testing.assert_allclose(simulation.state.joints, where, atol=1e-12)
+    np.testing.assert_allclose(simulation.positions, before, atol=1e-6)
 
 
 def test_the_ball_keeps_its_place_on_the_maze() -> None:
