@@ -90,6 +90,7 @@ def main() -> None:
     for factor, cost in ((0.3, 0.5), (1.0, 0.1)):  # down, up
         said.factor, said.cost = factor, cost
         start, count, end = time.monotonic(), len(changes), time.monotonic() + PATIENCE
+        skipped = physics.speed().missed
         while len(changes) == count and time.monotonic() < end:
             keeper.look()
             time.sleep(0.2)
@@ -99,6 +100,7 @@ def main() -> None:
         wait = steps[k].time - steps[k - 1].time
         move = np.linalg.norm(steps[k].effector - steps[k - 1].effector)
         print(words[-1])
+        print(f"{'skipped':12}{physics.speed().missed - skipped} steps until 2 s after the change")
         print(f"{'until then':12}{told(steps[:k], start, changes[-1])}")
         print(f"{'change':12}{1e3 * wait:.1f} ms from step to step, effector moves {1e3 * move:.2f} mm in it")
         print(f"{'after':12}{told(steps[k:], changes[-1], time.monotonic())}")
