@@ -44,6 +44,7 @@ ROS_EDGE = {
         "node",
         "messages",
         "markers",
+        "scene_topics",
         "simulated_clock",
         "standard_services",
         "teller",

@@ -9,6 +9,7 @@ from tripod_record.errors import RecordError
 from tripod_sim.node import SimNode
 from tripod_sim.realtime import Activity
 from tripod_sim.rerun import Ended, Outcome, Rerun
+from tripod_sim.simulation import Simulation
 
 PERIOD = 0.05
 """Time between two looks whether it has ended [s]."""
@@ -56,14 +57,14 @@ class SimPlayer(SimNode):
         """While paused: make one step."""
         self._physics.request_steps()
 
-    def _join_graph(self) -> None:
+    def _join_graph(self, simulation: Simulation) -> None:
         topic = self.resolve_topic_name(names.BODY_STATE)
         if found := publisher_elsewhere(self, [topic]):
             raise RecordError(
                 f"{found[1]} simulates in this graph already, and two would mix: stop it, or set another "
                 "ROS_DOMAIN_ID; `tripod view` shows what is played"
             )
-        super()._join_graph()
+        super()._join_graph(simulation)
 
     def _watch(self) -> None:
         if self._physics.failure:

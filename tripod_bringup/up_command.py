@@ -133,8 +133,7 @@ def sim_words(
     if sentence := settle(scene, values, accuracy, study):
         print(sentence, file=sys.stderr)
     given["scene"] = scene
-    if chosen_set := values["sim"].get("set"):
-        given["set"] = str(chosen_set)
+    given |= {name: str(value) for name, value in values["sim"].items() if value}
     return [f"{name}:={value}" for name, value in given.items()]
 
 
@@ -185,7 +184,8 @@ def words_of_set(values: dict[str, dict[str, object]]) -> list[str]:
 
 
 def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | None, study: Path | None) -> str:
-    """Write the setting for an accuracy into the simulator's parameter `set`, in place; return what it is, in words.
+    """Write the setting for an accuracy into the simulator's parameter `set`, and a study of one's own into `study`, in
+    place; return what it is, in words.
 
     Raises:
         SceneError: there is none; it is a ValueError.
@@ -195,7 +195,10 @@ def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | Non
     choice = chosen(scene, accuracy, words_of_set(values), study)
     if not choice:
         return ""
-    values.setdefault("sim", {})["set"] = ";".join(choice.overrides)
+    sim = values.setdefault("sim", {})
+    sim["set"] = ";".join(choice.overrides)
+    if study:  # which tells what is cheaper, too
+        sim["study"] = str(study.absolute())
     return choice.sentence
 
 

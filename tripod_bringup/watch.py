@@ -131,7 +131,10 @@ class Watch(Node):
         said = "" if record is None or record.level == bytes([Level.OK]) else f"record: {record.message}"
         if record is not None and record.level == bytes([Level.ERROR]):
             return said
-        for name, message in (("sim", sim), ("ik", ik), ("driver", robot)):
+        nodes = [("ik", ik), ("driver", robot)]
+        failed = sim is not None and sim.state == SimStatus.FAILED
+        nodes.insert(0 if failed else len(nodes), ("sim", sim))  # what else it says may hold for long
+        for name, message in nodes:
             if message is not None and message.message:
                 return f"{name}: {message.message}"
         for name, topic, message in (

@@ -1,6 +1,5 @@
 """The simulator as a node: parameters, conversions, one call; the physics runs in its own thread."""
 
-import math
 import os
 import sys
 import threading
@@ -16,12 +15,10 @@ from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor
 from rclpy.node import Node
-from sensor_msgs.msg import JointState, PointCloud2
-from shape_msgs.msg import Mesh, SolidPrimitive
-from std_msgs.msg import Float64MultiArray, String, UInt8MultiArray
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, UInt8MultiArray
 from std_srvs.srv import SetBool, Trigger
-from tripod_msgs.msg import BodyState, Compliance, RobotStatus, SimStatus
-from visualization_msgs.msg import MarkerArray
+from tripod_msgs.msg import Compliance, RobotStatus, SimStatus
 
 from tripod_graph import names
 from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits
@@ -34,7 +31,7 @@ from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import Parameter, ParameterError, declare
-from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE, SENSOR
+from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE
 from tripod_graph.range import Fence, RangeWatch, cut
 from tripod_graph.run import Companion, run_node
 from tripod_graph.timers import set_period
@@ -42,14 +39,16 @@ from tripod_graph.trajectory import Command, obey
 from tripod_graph.turns import short
 from tripod_sim import messages, realtime
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.markers import SceneMarkers
-from tripod_sim.maze.board_mesh import board_mesh
+from tripod_sim.keep_up import PERIOD as LOOK_PERIOD
+from tripod_sim.keep_up import KeepUp, Settings
+from tripod_sim.notices import known, notices, stalls
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.requests import Request, changed
 from tripod_sim.rerun import Rerun
 from tripod_sim.scene import EFFECTS, Scene
-from tripod_sim.scene_file import load_scene, scene_to_toml
+from tripod_sim.scene_file import load_scene
 from tripod_sim.scene_short import Joints, effector_of
+from tripod_sim.scene_topics import SceneTopics
 from tripod_sim.simulated_clock import SimulatedClock
 from tripod_sim.simulation import Simulation
 from tripod_sim.standard_services import StandardServices
@@ -72,7 +71,12 @@ PARAMETERS: tuple[Parameter, ...] = (
         "",
         "Cheapest setting with an error below this: 5%, draft, real-time, reference; empty: as it is",
     ),
-    Parameter("study", "", "File of the study that accuracy looks into; empty: the scene's own"),
+    Parameter("study", "", "File of the study that accuracy and keep_up look into; empty: the scene's own"),
+    Parameter(
+        "keep_up",
+        True,
+        "Where the machine is too slow go on with cheaper settings of the study, until there is room again",
+    ),
     Parameter(
         "body_rate", 30.0, "Node positions published a second", "Hz", low=0.1, high=1000.0, dynamic=True
     ),
@@ -139,15 +143,7 @@ class SimNode(Node):
         self._source, self._overrides, self._changes = values["scene"], list[str](), list[str]()
         simulation, notice = (rerun.simulation, "") if rerun else self._build(values, begin or Anew())
         scene, self._rerun = simulation.scene, rerun
-        self._scene, self._mesh, self._skin = scene, simulation.mesh, simulation.skin
         self._notes = simulation.notes
-        self._shown_by_skin = simulation.shown
-        plate, ball = simulation.plate, simulation.scene.ball
-        self._maze_mesh = board_mesh(plate.board, plate.offset) if plate else None
-        self._ball_radius = ball.radius if ball else None
-        self._scene_markers = SceneMarkers(
-            simulation.skin, self._maze_mesh, self._ball_radius, simulation.watched
-        )
         self._lock = threading.Lock()
         self._simulated = SimulatedClock(self, scene.dt) if values["publish_clock"] else None
         self._clock_of_motion = MotionClock(self)
@@ -163,7 +159,8 @@ class SimNode(Node):
             *([names.JOINT_STATES] if values["joint_states"] else []),
         )
         self._poses, self._joint_states = messages.PoseTeller(), messages.JointTeller(len(simulation.torques))
-        self._join_graph()
+        self._told = simulation
+        self._join_graph(simulation)
         self._transforms = Transforms(self, scene, values["frame_prefix"]) if self._arms else None
         self._physics = RealTime(
             simulation,
@@ -182,16 +179,20 @@ class SimNode(Node):
             self._teller.hear(self, self._on_request, self._refuse)
         self._shown: Snapshot | None = None
         self._shown_at = 0.0
-        self._pose_every = self._steps_a_pose(values)
+        self._pose_rate = values["pose_rate"]
+        self._count_poses(simulation)
         self._body_timer = self.create_timer(
             1 / values["body_rate"], self._on_body_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._report)
+        self._keep_up = self._look_after(values) if rerun is None else None
+        self._teller.standing = self._kept
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
         self.get_logger().info(
-            f"scene {scene.name}: {len(self._mesh.nodes)} nodes, {len(self._mesh.elements)} elements, dt {scene.dt:g} s"
+            f"scene {scene.name}: {len(simulation.mesh.nodes)} nodes, {len(simulation.mesh.elements)} elements, "
+            f"dt {scene.dt:g} s"
         )
         for note in self._notes:
             self.get_logger().warning(note)
@@ -199,7 +200,7 @@ class SimNode(Node):
     def _build(self, values: dict[str, Any], begin: Anew) -> tuple[Simulation, str]:
         """Return the simulation with what is changed, or without where that cannot be built, and why in words."""
         self._overrides = [w for w in values["set"].split(";") if w.strip()]
-        if values["accuracy"] or values["study"]:
+        if values["accuracy"]:
             self._overrides = self._settle(values, self._overrides)
         notice = ""
         for changes in (begin.changes, begin.before):
@@ -230,35 +231,36 @@ class SimNode(Node):
 
     def _adopt(self, values: Mapping[str, Any]) -> None:
         """Take rates and command limits that have changed."""
-        limits = _within_scene(values, self._scene, self._arms)
+        limits = _within_scene(values, self._physics.simulation.scene, self._arms)
         with self._lock:
             self._limits = self._follower.limits = limits
             self._range.adopt(limits)
-        self._pose_every = self._steps_a_pose(values)
+        self._pose_rate = values["pose_rate"]
+        self._count_poses(self._physics.simulation)
         self._physics.compliance_period = 1 / values["compliance_rate"]
         set_period(self._body_timer, 1 / values["body_rate"])
 
-    def _steps_a_pose(self, values: Mapping[str, Any]) -> int:
-        return max(1, round(1 / (values["pose_rate"] * self._scene.dt)))
+    def _count_poses(self, simulation: Simulation) -> None:
+        self._pose_every = max(1, round(1 / (self._pose_rate * simulation.scene.dt)))
 
-    def _join_graph(self) -> None:
-        self._body = self.create_publisher(BodyState, names.BODY_STATE, SENSOR)
+    def _look_after(self, values: Mapping[str, Any]) -> KeepUp | None:
+        """Return what keeps real time by cheaper settings; None where nobody wants that, or time is simulated."""
+        if not values["keep_up"] or values["publish_clock"]:
+            return None
+        study = Path(values["study"]) if values["study"] else None
+        settings = Settings(self._source, (*self._overrides, *self._changes), study)
+        keep_up = KeepUp(self._physics, settings, self.get_logger().warning, self._count_poses)
+        self.create_timer(LOOK_PERIOD, keep_up.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        return keep_up
+
+    def _join_graph(self, simulation: Simulation) -> None:
+        self._topics = SceneTopics(self, simulation)
         self._joints = [self.create_publisher(JointState, topic, RELIABLE) for topic in self._joint_topics]
         self._pose = self.create_publisher(PoseStamped, names.EFFECTOR_POSE, RELIABLE)
-        has_ball = self._scene.ball is not None
+        has_ball = simulation.scene.ball is not None
         self._ball = self.create_publisher(PoseStamped, names.SIM_BALL_POSE, RELIABLE) if has_ball else None
         self._compliance = self.create_publisher(Compliance, names.COMPLIANCE, RELIABLE)
         self._status = self.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
-        self._markers = self.create_publisher(MarkerArray, names.MARKERS, SENSOR)
-        self._cloud = self.create_publisher(PointCloud2, names.POINT_CLOUD, SENSOR)
-        self._mesh_publisher = self.create_publisher(Mesh, names.MESH, LATCHED)
-        self._mesh_publisher.publish(messages.mesh_message(self._skin))
-        self._maze_publisher = self.create_publisher(Mesh, names.MAZE_MESH, LATCHED)
-        self._maze_publisher.publish(messages.maze_message(self._maze_mesh))
-        self._ball_shape = self.create_publisher(SolidPrimitive, names.BALL_SHAPE, LATCHED)
-        self._ball_shape.publish(messages.ball_shape_message(self._ball_radius))
-        self._scene_text = self.create_publisher(String, names.SCENE, LATCHED)
-        self._scene_text.publish(String(data=scene_to_toml(self._scene)))
         self._commands = self.create_publisher(Float64MultiArray, names.COMMANDS, KEPT)
         self._checkpoint = self.create_publisher(UInt8MultiArray, names.CHECKPOINT, LATCHED)
         self._recorders = 0
@@ -287,6 +289,8 @@ class SimNode(Node):
 
     def close(self) -> None:
         """End the physics."""
+        if self._keep_up:
+            self._keep_up.close()
         self._physics.stop()
 
     def _new_follower(self) -> CommandFollower:
@@ -316,7 +320,11 @@ class SimNode(Node):
         assert self._rerun
         if self._simulated:
             self._simulated.pass_by()
-        return self._rerun.joints()
+        joints = self._rerun.joints()
+        if self._rerun.simulation is not self._physics.simulation:
+            self._physics.change(self._rerun.simulation)
+            self._count_poses(self._rerun.simulation)
+        return joints
 
     def _on_snapshot(self, snapshot: Snapshot) -> None:
         self._teller.keep(snapshot)
@@ -335,31 +343,35 @@ class SimNode(Node):
                 self._ball.publish(self._poses.message(snapshot, snapshot.ball))
 
     def _on_start_state(self) -> None:
-        self._teller.reset()
+        self._teller.reset(self._physics.latest)
         with self._lock:
             self._follower, self._fence = self._new_follower(), Fence()
 
     # executor -------------------------------------------------------------------------------------------------
 
     def _on_body_timer(self) -> None:
-        snapshot = self._physics.latest
+        snapshot = self._newest()
         now = time.monotonic()
         if snapshot is self._shown and now - self._shown_at < REPEAT_PERIOD:
             return
         self._shown, self._shown_at = snapshot, now
         self._publish_journal()  # before the body to which it leads
-        snapshot = replace(snapshot, positions=self._shown_by_skin(snapshot.positions))
-        self._body.publish(messages.body_message(snapshot, self._skin))
-        if self._markers.get_subscription_count():
-            self._markers.publish(self._scene_markers.serialised(snapshot))
-        if self._cloud.get_subscription_count():
-            self._cloud.publish(messages.cloud_message(snapshot))
+        self._topics.publish(snapshot)
         if self._transforms:
             self._transforms.publish(snapshot)
 
+    def _newest(self) -> Snapshot:
+        """Return the newest snapshot, having told of its simulation."""
+        simulation, snapshot = self._physics.shown
+        if simulation is not self._told:
+            self._told = simulation
+            self._topics.show(simulation)
+            self._teller.change(simulation, snapshot)
+        return snapshot
+
     def _follow(self, command: Command) -> str:
         if not self._arms:
-            raise CommandError(f"scene {self._scene.name!r} has no servos")
+            raise CommandError(f"scene {self._told.scene.name!r} has no servos")
         with self._lock:
             self._look(command.now)
             if why := self._authority.admits(command.source, command.now):
@@ -474,8 +486,9 @@ class SimNode(Node):
 
     def _on_status_timer(self) -> None:
         self._physics.want_compliance = (
-            effector_of(self._scene) is not None and self._compliance.get_subscription_count() > 0
+            effector_of(self._told.scene) is not None and self._compliance.get_subscription_count() > 0
         )
+        self._newest()
         self._publish_journal()
         with self._lock:
             self._range.lapse(time.monotonic())
@@ -504,15 +517,15 @@ class SimNode(Node):
 
     def _status_message(self) -> SimStatus:
         snapshot, speed = self._physics.latest, self._physics.speed()
-        dt, energies, report = self._scene.dt, snapshot.energies, snapshot.report
+        scene, energies, report = self._told.scene, snapshot.energies, snapshot.report
         error = report.time_error
         message = (
             f"{self._physics.failure}; call sim/reset" if self._physics.failure else self._notices(snapshot)
         )
         return SimStatus(
-            header=messages.header(self._stamp()), state=self._state(), message=message, scene=self._scene.name, dt=dt,
+            header=messages.header(self._stamp()), state=self._state(), message=message, scene=scene.name, dt=scene.dt,
             step=snapshot.step, time=snapshot.time, real_time_factor=speed.real_time_factor,
-            capacity=dt / speed.median if speed.median else 0.0, step_time_median=speed.median,
+            capacity=scene.dt / speed.median if speed.median else 0.0, step_time_median=speed.median,
             step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings, parts=report.parts,
             time_error=known(error.largest if error else None),
             effector_time_error=known(error.effector if error else None),
@@ -524,15 +537,25 @@ class SimNode(Node):
 
     def _notices(self, snapshot: Snapshot) -> str:
         beyond = cut(self._follower.joints, self._range.limits) if self._arms else ""
-        words = (notices(snapshot), *self._authority.notices(time.monotonic()), beyond, *self._notes)
+        words = (
+            notices(snapshot),
+            *self._authority.notices(time.monotonic()),
+            beyond,
+            self._kept(),
+            *self._notes,
+        )
         return "; ".join(word for word in words if word)
+
+    def _kept(self) -> str:
+        """Return what was given up to keep real time, empty if nothing."""
+        return self._keep_up.notice if self._keep_up else ""
 
     def _too_seldom(self, factor: float) -> Iterator[str]:
         """Tell which topics of the steps come less often than declared, at a real-time factor."""
-        poses = 1.0 / (self._pose_every * self._scene.dt)
+        poses = 1.0 / (self._pose_every * self._told.scene.dt)
         for topic, rate, told in (
             (names.SIM_JOINT_STATES, poses, self._arms),
-            (names.EFFECTOR_POSE, poses, effector_of(self._scene)),
+            (names.EFFECTOR_POSE, poses, effector_of(self._told.scene)),
             (names.COMPLIANCE, 1.0 / self._physics.compliance_period, self._physics.want_compliance),
         ):
             if told and (words := short(topic, factor * rate, rate)):
@@ -550,36 +573,13 @@ class SimNode(Node):
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
         ignored = next(self._authority.notices(time.monotonic()), "")
-        if trouble := stalls(latest) or latest.report.instability or ignored:
+        if trouble := stalls(latest) or latest.report.instability or ignored or self._kept():
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:
             slow = f"slower than real time: factor {speed.real_time_factor:.2f}"
             return Level.WARN, "; ".join([slow, *self._too_seldom(speed.real_time_factor)]), values
         return Level.OK, "running" if running else "paused", values
-
-
-def known(value: float | None) -> float:
-    """Return `value` as messages tell it: -1 where it is not known."""
-    return -1.0 if value is None or math.isnan(value) else value
-
-
-def notices(snapshot: Snapshot) -> str:
-    """Return what an operator should know of a snapshot, empty if nothing."""
-    report = snapshot.report
-    words = (stalls(snapshot), report.instability, snapshot.event, left_out(snapshot))
-    return "; ".join(word for word in words if word)
-
-
-def left_out(snapshot: Snapshot) -> str:
-    """Return which rigid bodies the compliance leaves out, empty if it has all."""
-    names = ", ".join(f"rigid.{k}" for k in snapshot.left_out)
-    return f"the compliance leaves out {names}: nothing keeps them in place" if names else ""
-
-
-def stalls(snapshot: Snapshot) -> str:
-    """Return which servos stand against their load, empty if none does."""
-    return "; ".join(str(stall) for stall in snapshot.report.stalled)
 
 
 def _within_scene(values: Mapping[str, Any], scene: Scene, joints: Joints | None) -> CommandLimits:

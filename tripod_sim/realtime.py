@@ -129,13 +129,10 @@ class RealTime(threading.Thread):
             on_reset: Called in the thread when the simulation is back in its start state, before its next step.
         """
         super().__init__(name="physics", daemon=True)
-        self._simulation, self._command = simulation, command
+        self._command, self._rate = command, rate
         self._on_snapshot, self._on_reset, self._stamp = on_snapshot, on_reset, stamp
-        dt = simulation.scene.dt
-        self._period = dt / rate
+        self._take(simulation)
         self.compliance_period = compliance_period
-        self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
-        self._done: deque[float] = deque(maxlen=self._taken.maxlen)
         self._missed = 0
         self._requests = threading.Condition()
         self._reset_wanted = self._stopping = self._stepping = False
@@ -146,12 +143,39 @@ class RealTime(threading.Thread):
         self.journal = Journal()
         self.activity, self.failure = Activity.RUNNING, ""
         self.want_compliance = False
-        self._energies_due = float("-inf")
         self.latest = self._snapshot(compliance=False)
+
+    def _take(self, simulation: Simulation) -> None:
+        """Let `simulation` be the one that is stepped."""
+        self._simulation, dt = simulation, simulation.scene.dt
+        self._period = dt / self._rate
+        self._taken: deque[float] = deque(maxlen=max(10, round(WINDOW / dt)))
+        self._done: deque[float] = deque(maxlen=self._taken.maxlen)
+        self._energies_due = float("-inf")
+
+    @property
+    def simulation(self) -> Simulation:
+        """What is stepped."""
+        return self._simulation
+
+    @property
+    def shown(self) -> tuple[Simulation, Snapshot]:
+        """The simulation and its newest snapshot; callable from any thread."""
+        with self._requests:
+            return self._simulation, self.latest
+
+    def change(self, simulation: Simulation) -> None:
+        """Go on with another simulation, which is where this one is; call it in an act of `between_steps`, or in
+        `command`. What follows is another epoch, and begins with a checkpoint."""
+        with self._requests:
+            self._take(simulation)
+            self.journal.reset()
+            self.request_checkpoint()
+            self.latest = self._snapshot(compliance=False)
 
     def run(self) -> None:
         """Step until `stop`."""
-        period, due = self._period, clock.monotonic()
+        due = clock.monotonic()
         while not self._stopping:
             if self._reset_wanted:
                 self._reset()
@@ -166,14 +190,14 @@ class RealTime(threading.Thread):
                     self._requests.wait_for(self._is_wanted)
                     due = clock.monotonic()
                     continue
-            due += period
+            due += self._period
             ahead = due - clock.monotonic()
             if ahead > 0:
                 clock.sleep(ahead)
-            elif ahead < -LATE and period:
-                skipped = int(-ahead / period)
+            elif ahead < -LATE and self._period:
+                skipped = int(-ahead / self._period)
                 self._missed += skipped
-                due += skipped * period
+                due += skipped * self._period
 
     def _is_wanted(self) -> bool:
         single = self.activity is Activity.PAUSED and self._steps_wanted > 0
@@ -235,7 +259,7 @@ class RealTime(threading.Thread):
         saved = self._simulation.save()
         self._simulation.restore(saved)
         self.journal.cut()
-        self._checkpoint = Checkpoint(self.journal.epoch, *saved)
+        self._checkpoint = Checkpoint(self.journal.epoch, *saved, self._simulation.scene)
 
     def request_checkpoint(self) -> None:
         """Make a checkpoint before the next step; `take_checkpoint` returns it."""
@@ -250,9 +274,9 @@ class RealTime(threading.Thread):
         self._simulation.reset()
         self._energies_due = float("-inf")
         self.journal.reset()
+        self.latest = self._snapshot(compliance=False)
         if self._on_reset:
             self._on_reset()
-        self.latest = self._snapshot(compliance=False)
         with self._requests:
             if self.activity is Activity.FAILED:
                 self.activity = Activity.RUNNING

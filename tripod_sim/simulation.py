@@ -250,6 +250,21 @@ class Simulation:
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
 
+    def rest_at(self, joints: FloatArray) -> None:
+        """Bring the body to rest with servo angles and slide at `joints`, shape (s + 1,), from where it is.
+
+        Raises StepError: no equilibrium is found; the state is another one then.
+        """
+        self._pose(self._goal(joints, 0.0))
+        self._begin_errors(self._parts)
+        if self._servos:
+            self.state.servos = self._servos.start(self.state.joints[: len(self.torques)])
+        self._forget_rest()
+        self._prepare()
+        self.report = StepReport()
+        if self._mesh_error:
+            self.report.mesh_error = self._mesh_error.start(self.state)
+
     def step(self, joints: FloatArray | None = None) -> StepReport:
         """Advance by the scene's dt.
 

@@ -30,20 +30,26 @@ PERIOD = 0.2
 
 
 class Teller:
-    """Publishes `sim/picture` when it changes and `sim/figures` while somebody listens; hears `sim/request`."""
+    """Publishes `sim/picture` when it changes and `sim/figures` while somebody listens; hears `sim/request`.
+
+    Attributes:
+        notice: What became of the newest request; empty: nothing to say.
+        standing: Tells what else is to be said where that is empty.
+    """
 
     def __init__(
         self, node: Node, source: str, simulation: Simulation, first: Snapshot, changes: Sequence[str]
     ) -> None:
         """Begin to tell of `simulation`: of the scene `source` with the overrides `changes`, at its start `first`."""
         self._source, self._scene, self._changes = source, simulation.scene, list(changes)
-        self._picture, self._first = picture(simulation), first
+        self._picture = picture(simulation)
         self._speed: float | None = None
         self._measuring: threading.Thread | None = None
         self._told: float | None = None
         self.notice = ""
+        self.standing: Callable[[], str] = str
         self._lock = threading.Lock()
-        self.reset()
+        self.reset(first)
         self._scenes = node.create_publisher(String, names.SIM_PICTURE, LATCHED)
         self._figures = node.create_publisher(String, names.SIM_FIGURES, RELIABLE)
         node.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -68,9 +74,14 @@ class Teller:
         """Tell what became of a request, or nothing any more; any thread."""
         self.notice = notice
 
-    def reset(self) -> None:
-        """Begin the books anew: the simulation is back in its start state."""
-        first = self._first
+    def change(self, simulation: Simulation, first: Snapshot) -> None:
+        """Tell of another simulation of the same scene, which goes on at `first`."""
+        self._scene, self._picture = simulation.scene, picture(simulation)
+        self.reset(first)
+        self.publish_scene()
+
+    def reset(self, first: Snapshot) -> None:
+        """Begin the books anew: the simulation is back in its start state, or is another one."""
         with self._lock:
             self._books = EnergyBooks(first.energies, first.joints, first.torques, first.time)
             self._halvings, self._latest = 0, first
@@ -108,7 +119,11 @@ class Teller:
             latest, balance, halvings = self._latest, self._books.balance, self._halvings
         figures = asdict(stability(latest.report, halvings, balance, self._scene.dt))
         lines = stability_lines(figures)
-        told = {"errors": errors_line(latest.report), "event": latest.event, "notice": self.notice}
+        told = {
+            "errors": errors_line(latest.report),
+            "event": latest.event,
+            "notice": self.notice or self.standing(),
+        }
         table = {**figures, "lines": lines, **told}
         self._figures.publish(String(data=as_json(table)))
 

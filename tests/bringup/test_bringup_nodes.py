@@ -19,7 +19,7 @@ from tripod_bringup import watch as watch_module
 from tripod_bringup.demo import DemoNode, seconds, trajectory_message
 from tripod_bringup.demo_session import Phase
 from tripod_bringup.demo_target import DemoTarget
-from tripod_bringup.watch import Watch
+from tripod_bringup.watch import SIM_STATES, Watch
 from tripod_graph import names
 from tripod_graph.diagnostics import Diagnostics, Level
 from tripod_graph.mode import Mode
@@ -74,6 +74,14 @@ def test_the_watch_tells_what_it_heard_and_forgets_what_fell_silent(
     assert (status.ik_state, status.ik_error) == ("CLOSEST", 0.001)
     assert (status.robot_state, status.packets) == ("DISCONNECTED", 7)
     assert status.note == "driver: no port"
+    for state, note in ((SimStatus.RUNNING, "driver: no port"), (SimStatus.FAILED, "sim: of the simulator")):
+
+        def simulator(state: int = state) -> bool:
+            sim.publish(SimStatus(state=state, message="of the simulator"))
+            return watch.status().sim_state == SIM_STATES[state]
+
+        spin(simulator, watch, other)
+        spin(lambda note=note: watch.status().note == note, watch, other)
     assert watch.is_published(names.IK_STATUS) and not watch.is_published(names.COMPLIANCE)
 
     monkeypatch.setattr(watch_module, "SILENT_AFTER", -1.0)

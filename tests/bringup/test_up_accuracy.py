@@ -36,6 +36,7 @@ def test_the_setting_comes_before_what_the_user_sets(study: Path) -> None:
     words = [word.strip() for word in values["sim"]["set"].split(";")]
     assert words == ["dt=0.002", "mesh.level=1", "dt=0.004", "solver.mode=newton"]
     assert not isinstance(values["sim"]["set"], RawYaml), "it is text, whatever YAML would make of it"
+    assert values["sim"]["study"] == str(study), "it tells the simulator what is cheaper"
     assert "outside the study, which promises nothing then: dt=0.004; solver.mode=newton" in sentence
     assert values["view"] == {"port": "1"}
 

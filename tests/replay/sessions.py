@@ -2,9 +2,10 @@
 
 import itertools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
@@ -13,8 +14,10 @@ from tripod_graph import names
 from tripod_record.topic import Qos, Topic
 from tripod_record.writer import BagWriter
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
+from tripod_sim.handover import carry
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.rerun import Ended
+from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, scene_to_toml
 from tripod_sim.scene_short import joints_of
 from tripod_sim.simulation import Simulation
@@ -44,6 +47,7 @@ class Recorded:
     bodies: list[Snapshot] = field(default_factory=list)
     rows: list[np.ndarray] = field(default_factory=list)
     checkpoints: list[Checkpoint] = field(default_factory=list)
+    scenes: list[Scene] = field(default_factory=list)
 
 
 def run_session(
@@ -55,14 +59,17 @@ def run_session(
     reset_at: int = 0,
     checkpoint_at: int = 0,
     every: int = 7,
+    changes: Mapping[int, tuple[str, ...]] = MappingProxyType({}),
 ) -> Recorded:
     """Let the physics' own thread run, as fast as it can, with joints that swing and hold at random.
 
     At the given counts of steps it is asked, from another thread as in a node, for a reset and for a checkpoint: when
-    that happens is up to the machine. Every so many steps the body is kept, and the journal taken.
+    that happens is up to the machine. Every so many steps the body is kept, and the journal taken. At the counts of
+    `changes` the scene goes on with these overrides.
     """
     simulation = Simulation(load_scene(scene, overrides))
-    found = Recorded(simulation)
+    found = Recorded(simulation, scenes=[simulation.scene])
+    others = {made: Simulation(load_scene(scene, words)) for made, words in changes.items()}
     rng, count = np.random.default_rng(seed), itertools.count(1)
     asked: list[threading.Thread] = []
     joints, limits = simulation.command, joints_of(simulation.scene)
@@ -79,6 +86,8 @@ def run_session(
             request(lambda: physics.request_reset(60.0))
         if made == checkpoint_at:
             physics.request_checkpoint()
+        if made in others:
+            physics.between_steps(change)
         if limits is None:
             return None
         if made % 20 < 12:  # else they hold
@@ -86,6 +95,13 @@ def run_session(
             joints[:-1] = np.clip(joints[:-1], limits.low, limits.high)
             joints[-1] = np.clip(joints[-1], 0.0, limits.slide_max)
         return joints.copy()
+
+    def change(before: Simulation) -> None:
+        after = others.pop(min(others))
+        carry(before, after)
+        physics.change(after)
+        found.scenes.append(after.scene)
+        found.bodies.append(physics.latest)
 
     def keep(snapshot: Snapshot) -> None:
         if snapshot.step % every == 0:
@@ -132,8 +148,9 @@ def write_session(found: Recorded, directory: Path, *, first: int = 0, sync_ever
 
     T = STORE.types
     Dim, Layout = T["std_msgs/msg/MultiArrayDimension"], T["std_msgs/msg/MultiArrayLayout"]
-    text = T["std_msgs/msg/String"](data=scene_to_toml(found.simulation.scene))
-    write(names.SCENE, STORE.serialize_cdr(text, "std_msgs/msg/String"), begin)
+    for scene in found.scenes:
+        text = T["std_msgs/msg/String"](data=scene_to_toml(scene))
+        write(names.SCENE, STORE.serialize_cdr(text, "std_msgs/msg/String"), begin)
     for checkpoint in found.checkpoints:
         data = np.frombuffer(checkpoint_bytes(checkpoint), np.uint8)
         message = T["std_msgs/msg/UInt8MultiArray"](layout=Layout(dim=[], data_offset=0), data=data)

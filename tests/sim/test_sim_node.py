@@ -20,7 +20,7 @@ from tripod_graph import names
 from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_sim import Simulation, load_scene, messages, transforms
 from tripod_sim.integrators.substeps import StepReport
-from tripod_sim.node import notices
+from tripod_sim.notices import notices
 
 pytestmark = pytest.mark.ros
 
@@ -113,9 +113,9 @@ def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, 
 
     physics = graph.node._physics
     monkeypatch.setattr(
-        graph.node._scene_markers,
+        graph.node._topics.drawn,
         "serialised",
-        counted(names.MARKERS, graph.node._scene_markers.serialised),
+        counted(names.MARKERS, graph.node._topics.drawn.serialised),
     )
     monkeypatch.setattr(messages, "cloud_message", counted(names.POINT_CLOUD, messages.cloud_message))
     frames = counted(names.TF, transforms.arm_frames)
@@ -140,7 +140,7 @@ def test_markers_cloud_and_compliance_are_made_only_while_someone_listens(make, 
     for ear in ears:
         graph.ear.destroy_subscription(ear)
     node = graph.node
-    for publisher in (node._markers, node._cloud, node._compliance):
+    for publisher in (node._topics.markers, node._topics.cloud, node._compliance):
         graph.wait(lambda p=publisher: p.get_subscription_count() == 0, "the end of the subscription")
     graph.wait(lambda: not physics.want_compliance, "the end of compliances")
     assert unheard() == dict.fromkeys(QUIET, 0)

@@ -48,9 +48,9 @@ def start(**parameters: str) -> SimNode:
 def test_the_node_takes_the_setting_and_the_user_wins(study: Path) -> None:
     node = start(set="mesh.level=1; solver.mode=newton", accuracy="5%", study=str(study))
     try:
-        assert node._scene.dt == 0.002
-        assert node._scene.mesh.level == 1
-        assert node._scene.solver.mode == "newton"
+        assert node._physics.simulation.scene.dt == 0.002
+        assert node._physics.simulation.scene.mesh.level == 1
+        assert node._physics.simulation.scene.solver.mode == "newton"
     finally:
         node.close()
         node.destroy_node()

@@ -41,7 +41,7 @@ def test_a_body_of_springs_is_shown_by_its_surface(make, scene: str) -> None:
     body = graph.next(names.BODY_STATE)
     graph.next(names.BODY_STATE, lambda m: m.step > body.step and m.positions != body.positions)
     assert len(body.positions) == 3 * len(mesh.vertices)
-    assert body.topology_id == graph.node._skin.topology_id
+    assert body.topology_id == graph.node._physics.simulation.skin.topology_id
     assert max(max(t.vertex_indices) for t in mesh.triangles) < len(mesh.vertices)
     graph.listen(names.MARKERS)
     assert len(graph.next(names.MARKERS).markers[0].points) == 3 * len(mesh.triangles)

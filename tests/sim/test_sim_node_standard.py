@@ -164,7 +164,7 @@ def test_rates_and_limits_change_while_it_runs(make) -> None:
     changes = {"angle_speed": 0.5, "pose_rate": 10.0, "compliance_rate": 5.0, "body_rate": 100.0}
     results = graph.node.set_parameters([Parameter(n, value=v) for n, v in changes.items()])
     assert all(result.successful for result in results)
-    assert graph.node._pose_every == round(0.1 / graph.node._scene.dt)
+    assert graph.node._pose_every == round(0.1 / graph.node._physics.simulation.scene.dt)
     assert graph.node._physics.compliance_period == 0.2
     assert graph.node._body_timer.timer_period_ns == 10_000_000
     graph.command([-2.0, -2.0, -2.0], seconds=1.0)
@@ -173,6 +173,8 @@ def test_rates_and_limits_change_while_it_runs(make) -> None:
     here, step = graph.joints()[0], told.step
     graph.wait(lambda: graph.joints()[0] < -0.5, "more motion")
     steps = graph.next(names.SIM_STATUS).step - step
-    assert here + 0.5 < 0.05 + 0.5 * steps * graph.node._scene.dt  # no faster than 0.5 rad/s
+    assert (
+        here + 0.5 < 0.05 + 0.5 * steps * graph.node._physics.simulation.scene.dt
+    )  # no faster than 0.5 rad/s
     refused = graph.node.set_parameters([Parameter("angle_max", value=0.1)])
     assert refused[0].reason == "Trying to set a read-only parameter: angle_max."

@@ -35,11 +35,13 @@ def told(scene: str) -> tuple[dict[str, Any], dict[str, Any], np.ndarray, np.nda
     return table, figures, np.array(skin.nodes), np.array(skin.surface, dtype=np.uint32)
 
 
-def show(sim: FakeSimulator, scene: str, *, name: str = "", event: str = "") -> dict[str, Any]:
+def show(
+    sim: FakeSimulator, scene: str, *, name: str = "", event: str = "", notice: str = ""
+) -> dict[str, Any]:
     """Let the page show a scene, by another name if one is given; return what is told of it."""
     table, figures, *body = told(scene)
     sim.body = tuple(body)
-    sim.figures = {**figures, "event": event}
+    sim.figures = {**figures, "event": event, "notice": notice}
     sim.publish_mesh()
     sim.publish_picture({**table, "name": name or scene})
     radius = (table["ball"]["radius"],) if table["ball"] else ()

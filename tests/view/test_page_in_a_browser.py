@@ -253,6 +253,16 @@ def test_a_goal_and_a_lost_ball_are_told(stage: Stage, browser: Any) -> None:
         assert opened.errors == []
 
 
+def test_what_the_simulator_gave_up_is_told_as_long_as_it_says_so(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    with Opened(browser, stage, "screen") as opened:
+        show(stage.sim, "tripod", notice="machine too slow (0.31 of real time): now dt=0.005")
+        opened.text("#notice", "machine too slow (0.31 of real time)")
+        show(stage.sim, "tripod")
+        opened.wait("!document.querySelector('#notice').textContent")
+        assert opened.errors == []
+
+
 def test_bodies_that_fell_too_far_to_be_seen_are_told(stage: Stage, browser: Any) -> None:
     show(stage.sim, "silicone_free")
     with Opened(browser, stage, "screen") as opened:

@@ -146,18 +146,18 @@ def choose(
     made = load_scene(scene, overrides)
     found = read_study(study) if study else shipped(made, scene)
     if study:
-        _check_fits(found, made)
+        check_fits(found, made)
     here = speed()
     scale = here / found.calibration if here and found.calibration else None
     point = pick(found, wish, scale, made.dt)
-    picked = [f"{field}={_literal(value)}" for field, value in point.settings.items()]
+    picked = [f"{field}={literal(value)}" for field, value in point.settings.items()]
     words = (*picked, *overrides)
     load_scene(scene, words)  # a study that does not fit the scene is told here
     seconds = point.cpu * scale if scale else None
-    outside = _outside(scene, found, picked, overrides)
+    strange = outside(scene, found, picked, overrides)
     return Choice(
-        accuracy, found.name, words, dict(point.settings), promised(found, point), quantities(found), seconds, outside,
-        _sentence(accuracy, found, _changes(scene, point), expected(found, point), seconds, outside),
+        accuracy, found.name, words, dict(point.settings), promised(found, point), quantities(found), seconds, strange,
+        _sentence(accuracy, found, changes(load_scene(scene), point), expected(found, point), seconds, strange),
     )  # fmt: skip
 
 
@@ -178,7 +178,7 @@ def pick(
     Raises:
         SceneError: there is none; the message names the best.
     """
-    points = [p for p in study.points if _stays_stable(p)]
+    points = [p for p in study.points if stays_stable(p)]
     if not points:
         raise SceneError(f"study {study.name!r} has no point that worked and stays stable")
     if isinstance(wish, Budget):
@@ -229,7 +229,7 @@ def _within(
     return min(fast, key=lambda p: (promised(study, p), p.cpu))
 
 
-def _stays_stable(point: StoredPoint) -> bool:
+def stays_stable(point: StoredPoint) -> bool:
     """Return whether the steps of a point stay stable on another body: implicit, or divided as that one needs."""
     scheme, substeps = (
         point.settings.get("inertia.scheme", "auto"),
@@ -284,7 +284,7 @@ def shipped(made: Scene, scene: str) -> StoredStudy:
     )
 
 
-def _check_fits(study: StoredStudy, made: Scene) -> None:
+def check_fits(study: StoredStudy, made: Scene) -> None:
     """Raise SceneError if a study that the user named is not of this scene."""
     if study.scene != made.name:
         raise SceneError(f"--study: it is of scene {study.scene!r}, not of {made.name!r}")
@@ -293,7 +293,7 @@ def _check_fits(study: StoredStudy, made: Scene) -> None:
         raise SceneError(f"--study: it is of {kind}")
 
 
-def _outside(
+def outside(
     scene: str, study: StoredStudy, picked: Sequence[str], overrides: Sequence[str]
 ) -> tuple[str, ...]:
     """Return the overrides of the user that change what was studied, and what was studied and is not in the scene."""
@@ -311,7 +311,7 @@ def _outside(
             found.append(word)
     for field, value in study.base.items():
         if field not in INSIDE and field not in named and not holds(made, field, value):
-            found.append(f"the study has {field}={_literal(value)}")
+            found.append(f"the study has {field}={literal(value)}")
     return tuple(found)
 
 
@@ -327,7 +327,16 @@ def holds(made: Scene, field: str, value: Value) -> bool:
     return not found if value == "off" else found == value
 
 
-def _literal(value: Value) -> str:
+def point_of(study: StoredStudy, scene: Scene) -> StoredPoint | None:
+    """Return the point of a study whose settings, and whose base, are those of a scene; None if there is none."""
+    if not all(holds(scene, field, value) for field, value in study.base.items() if field not in INSIDE):
+        return None
+    fitting = (p for p in study.points if all(holds(scene, f, v) for f, v in p.settings.items()))
+    return next(fitting, None)
+
+
+def literal(value: Value) -> str:
+    """Return a value as an override of a scene has it."""
     return (
         str(value).lower() if isinstance(value, bool) else (value if isinstance(value, str) else repr(value))
     )
@@ -335,23 +344,22 @@ def _literal(value: Value) -> str:
 
 def settings_text(point: StoredPoint) -> str:
     """Return the settings of a point for people."""
-    return ", ".join(f"{field}={_literal(value)}" for field, value in point.settings.items())
+    return ", ".join(f"{field}={literal(value)}" for field, value in point.settings.items())
 
 
-def _changes(scene: str, point: StoredPoint) -> str:
-    """Return in words which settings of a point are not those of the scene as it is."""
-    made = load_scene(scene)
+def changes(made: Scene, point: StoredPoint) -> str:
+    """Return in words which settings of a point are not those of a scene."""
     changed = {f: v for f, v in point.settings.items() if not holds(made, f, v)}
-    return ", ".join(f"{f}={_literal(v)}" for f, v in changed.items()) or "the scene as it is"
+    return ", ".join(f"{f}={literal(v)}" for f, v in changed.items()) or "the scene as it is"
 
 
 def _sentence(
     accuracy: str,
     study: StoredStudy,
-    changes: str,
+    changed: str,
     errors: Sequence[float],
     seconds: float | None,
-    outside: Sequence[str],
+    strange: Sequence[str],
 ) -> str:
     """Return the choice for people, on one line."""
     unit = "solve" if study.solves else "simulated second"
@@ -364,7 +372,7 @@ def _sentence(
     made = f"{'quick ' if study.quick else ''}study {study.name}"
     named = zip(errors, (study.quantity, *study.others), strict=True)
     expect = ", and ".join(f"below {percent(error)} of: {quantity}" for error, quantity in named)
-    text = f"{wish}: {changes} ({made}); expect an error {expect}; {time}"
+    text = f"{wish}: {changed} ({made}); expect an error {expect}; {time}"
     return (
-        f"{text}; outside the study, which promises nothing then: {'; '.join(outside)}" if outside else text
+        f"{text}; outside the study, which promises nothing then: {'; '.join(strange)}" if strange else text
     )

@@ -4,18 +4,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from tripod_sim.accuracy.choice import (
-    INSIDE,
     LOAD,
     asked,
-    holds,
     percent,
     pick,
+    point_of,
     promised,
     quantities,
     settings_text,
     shipped,
 )
-from tripod_sim.accuracy.stored import StoredPoint, StoredStudy
+from tripod_sim.accuracy.stored import StoredStudy
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 
@@ -107,14 +106,6 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
         front=tuple(_front(dots)),
         scaled=scale is not None,
     )
-
-
-def point_of(study: StoredStudy, scene: Scene) -> StoredPoint | None:
-    """Return the point of a study whose settings, and whose base, are those of a scene; None if there is none."""
-    if not all(holds(scene, field, value) for field, value in study.base.items() if field not in INSIDE):
-        return None
-    fitting = (p for p in study.points if all(holds(scene, f, v) for f, v in p.settings.items()))
-    return next(fitting, None)
 
 
 def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None) -> Offer:

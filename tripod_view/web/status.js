@@ -20,7 +20,12 @@ export function status() {
     setText(about, [scene.description, scene.note].filter(Boolean).join(" - "));
   });
   listen("mode", (content) => showLines(mode, [content]));
-  listen("notice", (content) => showLines(notice, content));
+  const note = () => {
+    const own = value("notice") ?? [];
+    const told = value("figures")?.notice ?? "";
+    showLines(notice, own.length || !told ? own : [{ light: "watch", who: "Simulator", text: told }]);
+  };
+  listen("notice", note);
   listen("status", (content) => showLines(lines, content));
   listen("run", (content) => {
     badge.hidden = content ? !content.simulated : false;
@@ -43,8 +48,7 @@ export function status() {
     event.hidden = !text;
     event.className = text.startsWith("goal") ? "good" : "bad";
     setText(event, text);
-    const refused = figures?.notice ?? "";
-    if (refused && !(value("notice") ?? []).length) showLines(notice, [{ light: "watch", who: "Simulator", text: refused }]);
+    note();
   });
 
   const top = element("header");

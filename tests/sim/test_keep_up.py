@@ -1,0 +1,332 @@
+"""Coming down to cheaper settings while the steps go on, and back: in the thread of the steps, without a graph."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.sim.overload import ASKED, CHEAP, SET, Said, write_study
+from tripod_sim import SceneError, Simulation, StepError, keep_up, load_scene
+from tripod_sim.accuracy.ladder import ladder
+from tripod_sim.handover import carry
+from tripod_sim.keep_up import KeepUp, Meter, Settings
+from tripod_sim.realtime import Activity, RealTime, Snapshot
+
+DEADLINE = 60.0
+"""For a loaded machine [s]; nothing here waits so long unless it fails."""
+
+
+class Run:
+    """The steps of a scene in real time, looked after; the test says how slow the machine is."""
+
+    def __init__(self, settings: Settings) -> None:
+        simulation = Simulation(load_scene(settings.source, settings.words))
+        self.goal = simulation.command if simulation.joints else None
+        self.snapshots: list[Snapshot] = []
+        self.words: list[str] = []
+        self.physics = RealTime(simulation, lambda now: self.goal, on_snapshot=self.snapshots.append)
+        self.said: Any = Said()
+        changed: Callable[[Simulation], None] = lambda simulation: None  # noqa: E731
+        self.keeper = KeepUp(self.physics, settings, self.words.append, changed, self.said)
+        self.physics.start()
+
+    def look_until(self, condition: Callable[[], Any], what: str, *, pause: float = 1e-3) -> None:
+        deadline = time.monotonic() + DEADLINE
+        while not condition():
+            assert time.monotonic() < deadline, f"waited in vain for {what}; said: {self.words}"
+            self.keeper.look()
+            time.sleep(pause)
+
+    def let_pass(self, seconds: int) -> None:
+        """Let the machine's own seconds pass."""
+        end = self.said.now + seconds
+        self.look_until(lambda: self.said.now >= end, "looks")
+
+    def wait(self, condition: Callable[[], Any], what: str) -> None:
+        deadline = time.monotonic() + DEADLINE
+        while not condition():
+            assert time.monotonic() < deadline, f"waited in vain for {what}; said: {self.words}"
+            time.sleep(1e-3)
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Run]]:
+    """Start runs; none outlives the test."""
+    made: list[Run] = []
+
+    def run(source: str, words: tuple[str, ...] = (), study: Path | None = None) -> Run:
+        made.append(Run(Settings(source, words, study)))
+        return made[-1]
+
+    yield run
+    for one in made:
+        one.keeper.close()
+        one.physics.stop(DEADLINE)
+        assert not one.physics.is_alive()
+
+
+def test_it_comes_down_and_back_and_what_is_seen_goes_on(start: Callable[..., Run], tmp_path: Path) -> None:
+    run = start("tripod", (SET,), write_study(tmp_path / "two.json"))
+    run.goal = np.array([-0.3, -0.2, 0.1, 0.005])
+    asked = run.physics.simulation
+    run.wait(lambda: run.physics.latest.energies.kinetic < 1e-9 and run.physics.latest.step > 100, "rest")
+    run.said.burden()
+    run.look_until(lambda: run.words, "the cheaper setting")
+    assert run.words == [
+        "machine too slow (0.31 of real time): now mesh.element=h8_modes, inertia.scheme=bdf2, dt=0.005, error below "
+        "6 % instead of 3 %"
+    ]
+    assert (run.keeper.down, run.keeper.notice) == (True, run.words[0])
+    cheap = run.physics.simulation
+    assert cheap.scene == load_scene("tripod", [SET, *(f"{k}={v}" for k, v in CHEAP.items())])
+    run.said.relieve()
+    run.look_until(lambda: len(run.words) > 1, "the way back")
+    assert run.words[1:] == ["there is room again: now the settings asked for, error below 3 %"]
+    assert run.physics.simulation is asked
+    assert not run.keeper.down
+    last = len(run.snapshots)
+    run.wait(lambda: len(run.snapshots) > last + 3, "more steps")
+
+    nodes = [len(s.positions) for s in run.snapshots]
+    first = nodes.index(len(cheap.mesh.nodes))
+    back = len(nodes) - nodes[::-1].index(len(cheap.mesh.nodes))
+    assert set(nodes[:first]) | set(nodes[back:]) == {len(asked.mesh.nodes)}
+    assert [s.step for s in run.snapshots] == list(range(1, len(nodes) + 1))
+    times = np.diff([s.time for s in run.snapshots])
+    np.testing.assert_allclose(times[: first - 1], 0.002, rtol=1e-9)
+    np.testing.assert_allclose(times[first : back - 1], 0.005, rtol=1e-9)
+    late = slice(5, None)  # the goal is one jump of ideal servos
+    assert all((s.joints == run.goal).all() for s in run.snapshots[late])
+    for k, simulation in ((first, cheap), (back, asked)):  # the effector is where that mesh has it at rest
+        rest = Simulation(simulation.scene)
+        rest.rest_at(run.goal)
+        assert rest.effector
+        here, before = run.snapshots[k].effector, run.snapshots[k - 1].effector
+        assert here
+        assert before
+        assert np.linalg.norm(here.position - rest.effector.position) < 1e-5
+        assert np.linalg.norm(here.position - before.position) < 1e-3
+
+
+def test_steps_that_take_too_long_are_noticed(
+    start: Callable[..., Run], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the real meter: each step of the setting asked for takes three periods."""
+    run = start("tripod", (SET,), write_study(tmp_path / "two.json"))
+    asked = run.physics.simulation
+    step = asked.step
+
+    def slow(joints: Any = None) -> Any:
+        time.sleep(0.006)
+        return step(joints)
+
+    monkeypatch.setattr(asked, "step", slow)
+    run.keeper._meter = Meter(run.physics)
+    run.look_until(lambda: run.keeper.down, "the cheaper setting", pause=0.2)
+    assert run.words[0].startswith("machine too slow (0.")
+    assert run.physics.simulation is not asked
+
+
+def test_a_pause_is_no_lack_of_time(start: Callable[..., Run], tmp_path: Path) -> None:
+    run = start("tripod", (SET,), write_study(tmp_path / "two.json"))
+    run.said.burden()
+    run.let_pass(3)
+    run.physics.pause(True)
+    run.keeper._meter = meter = Meter(run.physics)
+    meter.look()
+    for _ in range(10):
+        run.keeper.look()
+    assert meter.look() is None, "the time of the pause would count"
+    run.keeper._meter = run.said
+    assert run.said.now == 3
+    run.physics.pause(False)
+    run.let_pass(3)
+    assert run.keeper._rungs is None
+    assert not run.words
+
+
+@pytest.mark.parametrize(
+    ("source", "words", "why"),
+    [
+        ("drape", (), "its settings cannot change while it runs: it has [contact]"),
+        ("tripod", ("mesh.element=t10", "inertia=off", "damping=off"), "study tripod_static has no point with these"),
+        ("pendulum", ("dt=0.01",), "study pendulum has nothing cheaper that it could go on with"),
+        ("tripod_sofa", ("mesh.level=1",), "there is no study of scene 'tripod_sofa'"),
+    ],
+)  # fmt: skip
+def test_where_nothing_cheaper_is_known_it_says_so_once(
+    start: Callable[..., Run], source: str, words: tuple[str, ...], why: str
+) -> None:
+    run = start(source, words)
+    before = run.physics.simulation
+    run.said.burden()
+    run.look_until(lambda: run.words, "why nothing is done")
+    run.said.factor = 0.4
+    run.let_pass(20)
+    assert len(run.words) == 1
+    assert run.words[0].startswith(
+        "machine too slow (0.31 of real time), and nothing cheaper is known: " + why
+    )
+    assert run.physics.simulation is before
+
+
+def test_a_setting_that_cannot_be_built_is_told_and_the_next_one_taken(
+    start: Callable[..., Run], tmp_path: Path
+) -> None:
+    broken = {**ASKED, "mesh.element": "h8", "solver.tolerance": 1e-12, "dt": 0.004}
+    run = start("tripod", (SET,), write_study(tmp_path / "three.json", ASKED, broken, CHEAP))
+
+    def build(scene: Any) -> Simulation:
+        if scene.mesh.element == "h8":
+            raise SceneError("no such thing")
+        return Simulation(scene)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(keep_up, "Simulation", build)
+        run.said.burden()
+        run.look_until(lambda: len(run.words) == 2, "the cheaper setting")
+    assert (
+        "it cannot go on with mesh.element=h8, dt=0.004, solver.tolerance=1e-12: no such thing"
+        in run.words[0]
+    )
+    assert run.physics.simulation.scene.mesh.element == "h8_modes"
+
+
+def test_a_body_that_finds_no_rest_leaves_the_steps_as_they_are(
+    start: Callable[..., Run], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = start("tripod", (SET,), write_study(tmp_path / "two.json"))
+    before = run.physics.simulation
+    trials: list[str] = []
+
+    def fails(one: Simulation, other: Simulation) -> None:
+        trials.append(threading.current_thread().name)
+        raise StepError("no equilibrium")
+
+    monkeypatch.setattr(keep_up, "carry", fails)
+    run.said.burden()
+    run.look_until(lambda: len(trials) > 1, "a second trial")
+    assert set(trials) == {"physics"}
+    assert run.physics.simulation is before
+    assert run.physics.activity is Activity.RUNNING
+    assert len(run.words) == 1
+    assert run.words[0].endswith("it cannot go on with mesh.element=h8_modes, inertia.scheme=bdf2, dt=0.005: "
+                                 "no equilibrium")  # fmt: skip
+
+
+def test_the_meter_tells_what_the_steps_take(start: Callable[..., Run]) -> None:
+    run = start("tripod", (SET,))
+    meter = Meter(run.physics)
+    assert meter.look() is None
+    begin = run.physics.latest.time
+    run.wait(lambda: run.physics.latest.time > begin + 0.1, "steps")
+    seen = meter.look()
+    assert seen
+    assert seen.factor > 0
+    assert seen.cost > 0
+    assert seen.cost * seen.factor < 1.1  # of one core
+    run.physics.request_reset(DEADLINE)
+    assert meter.look() is None
+
+
+def test_the_state_of_the_same_nodes_goes_on_whole() -> None:
+    one = Simulation(load_scene("pendulum"))
+    for _ in range(20):
+        one.step()
+    other = Simulation(load_scene("pendulum", ["dt=0.01", "inertia.scheme=rk4"]))
+    carry(one, other)
+    for name in ("positions", "velocities"):
+        np.testing.assert_array_equal(getattr(other.state, name), getattr(one.state, name))
+    assert (other.state.time, other.state.step) == (one.state.time, 20)
+    assert np.abs(one.state.velocities).max() > 0.1
+    other.step()
+    assert other.state.time == pytest.approx(one.state.time + 0.01)
+
+
+def test_servos_with_dynamics_go_on_towards_their_command() -> None:
+    words = [SET, "servo_dynamics={}"]
+    one = Simulation(load_scene("tripod", words))
+    goal = one.command + np.array([-0.5, -0.4, -0.3, 0.0])
+    for _ in range(20):
+        one.step(goal)
+    other = Simulation(load_scene("tripod", [*words, "mesh.element=h8_modes", "dt=0.005"]))
+    carry(one, other)
+    np.testing.assert_array_equal(other.state.joints, one.state.joints)
+    assert one.state.servos
+    assert other.state.servos
+    for name in ("command", "pulse", "speed"):
+        np.testing.assert_array_equal(getattr(other.state.servos, name), getattr(one.state.servos, name))
+    assert np.abs(one.state.servos.speed[:3]).min() > 0.1
+    before = other.state.joints.copy()
+    other.step(goal)
+    assert (other.state.joints[:3] < before[:3]).all()
+
+
+def test_a_body_that_is_brought_to_rest_stays_there() -> None:
+    simulation = Simulation(load_scene("tripod", [SET, "servo_dynamics={}"]))
+    goal = simulation.command - np.array([0.4, 0.3, 0.2, 0.0])
+    for _ in range(20):
+        simulation.step(goal)
+    where = simulation.state.joints.copy()
+    simulation.rest_at(where)
+    before = simulation.positions.copy()
+    for _ in range(20):
+        simulation.step()
+    np.testing.assert_allclose(simulation.state.joints, where, atol=1e-12)
+    np.testing.assert_allclose(simulation.positions, before, atol=1e-6)
+
+
+def test_the_ball_keeps_its_place_on_the_maze() -> None:
+    one = Simulation(load_scene("maze", ["mesh.level=1"]))
+    for _ in range(60):
+        one.step(one.command + np.array([-0.002, 0.0, 0.0, 0.0]))
+    other = Simulation(load_scene("maze", ["mesh.level=2"]))
+    carry(one, other)
+
+    def place(simulation: Simulation) -> np.ndarray:
+        assert simulation.state.ball
+        return simulation.state.rotations[0].T @ (
+            simulation.state.ball.position - simulation.state.centres[0]
+        )
+
+    np.testing.assert_allclose(place(other), place(one), atol=1e-12)
+    assert np.linalg.norm(other.state.centres[0] - one.state.centres[0]) > 1e-5
+    for _ in range(20):
+        other.step()
+    assert not other.ball_event
+
+
+@pytest.mark.parametrize("scene", ["tripod", "cloth", "silicone", "pendulum", "maze"])
+def test_each_rung_is_cheaper_and_goes_with_the_scene(scene: str) -> None:
+    rungs = ladder(scene, (), cost=1.0)
+    costs = [rung.cost for rung in rungs]
+    assert len(rungs) > 1
+    assert (np.array(costs[:-1]) >= 1.25 * np.array(costs[1:])).all()
+    made, moving = load_scene(scene), load_scene(scene).servos is not None
+    for rung in rungs[1:]:
+        other = load_scene(scene, rung.words)
+        assert rung.error is not None
+        assert rung.error <= 0.3
+        assert moving or other.mesh == made.mesh
+    if scene == "tripod":
+        errors = [rung.error or 0 for rung in rungs]
+        assert errors == sorted(errors)
+
+
+def test_what_the_study_does_not_know_is_promised_nothing() -> None:
+    rungs = ladder("tripod", ("material.young=100e3",), cost=1.0)
+    assert [rung.error for rung in rungs] == [None] * len(rungs)
+    assert all("material.young=100e3" in rung.words for rung in rungs)
+
+
+def test_a_setting_of_the_users_own_is_placed_by_what_it_takes_here() -> None:
+    """Its 0.8 s here are 0.2 s on the study's machine, which is four times as fast."""
+    study = 0.03441082999999878
+    rungs = ladder("tripod", ("mesh.level=1",), cost=0.8, speed=lambda: 4 * study)
+    assert rungs[0].cost == pytest.approx(0.2)
+    assert rungs[0].error is None
+    assert 0.05 < rungs[1].cost <= 0.16
