@@ -71,7 +71,7 @@ def amounts(count: int, sizes: np.ndarray, follow: float = 0.0) -> Amounts:
     back[4, 0] = follow
     mean = np.zeros(q)
     mean[0] = 1.0
-    return Amounts(posterior().noise, back, mean, covariance, 1, 0, np.eye(10)[:, :count], sizes)
+    return Amounts(posterior().noise, back, mean, covariance, 1, 0, np.eye(10)[:, :count], sizes, 0 * back)
 
 
 def test_the_mesh_shifts_the_pose_by_what_the_values_have_not_made_good() -> None:
