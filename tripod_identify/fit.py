@@ -393,7 +393,7 @@ def _known(
         errors, columns = np.zeros(weights.use.shape), np.zeros((*weights.use.shape, count))
         errors[weights.use] = pseudo_residuals(residual[:number])
         columns[weights.use] = slope[:number] * width
-        together = Together.of(errors, weights.use, weights.angle)
+        together = Together.of(errors, weights.use, weights.angle, columns, inverse)
         more = inverse @ together.more(columns)
     used = count + float(np.trace(more))
     spread = _robust(residual[:number])[0] * len(residual) / max(len(residual) - used, 1)

@@ -217,7 +217,7 @@ def _solve(
     m = np.zeros(B.shape[1])
     m[[0, *range(first, n)]] = 1.0  # Richardson's
     z = pseudo_residuals(((measured.values - fit.values) / sigma)[use])
-    variance, more = fit.spread, np.zeros((p + len(m), p + len(m)))
+    variance, more, given = fit.spread, np.zeros((p + len(m), p + len(m))), 0.0
     angle = np.array([c.angle for c in measured.channels])
     for _ in range(SETTLING):
         P = fit.inverse * variance
@@ -230,11 +230,11 @@ def _solve(
         if measured.times is not None:
             errors = np.zeros(use.shape)
             errors[use] = left_over
-            more = Together.of(errors, use, angle).more(whole)
-        ofu = np.hstack([P + PN @ S @ PN.T, -PN @ S])
-        used = (
-            p + len(m) - np.trace(S) + np.sum(np.vstack([ofu, np.hstack([-(PN @ S).T, S])]) * more) / variance
-        )
+            ofu = np.hstack([P + PN @ S @ PN.T, -PN @ S])
+            both = np.vstack([ofu, np.hstack([ofu[:, p:].T, S])]) / variance
+            more = Together.of(errors, use, angle, whole, both).more(whole)
+            given = float(np.sum(both * more))
+        used = p + len(m) - float(np.trace(S)) + given
         variance = (float(left_over @ left_over) + FEW * fit.spread) / (max(len(z) - used, 0.0) + FEW)
     more /= variance
     toc = np.vstack([-PN, np.eye(len(m))]) @ S  # the noise in c is S Q^T

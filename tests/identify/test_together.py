@@ -9,7 +9,9 @@ import pytest
 from tests.identify.robots import MOVING, POSE, beam
 from tripod_identify.columns import Channel
 from tripod_identify.fit import fit, profile
+from tripod_identify.left_over import Smooth
 from tripod_identify.measured import Measured
+from tripod_identify.mesh_share import REST, _solve
 from tripod_identify.model import plainly, predict
 from tripod_identify.parameters import parameters
 from tripod_identify.problem import Problem
@@ -94,6 +96,31 @@ def test_errors_alone_make_intervals_that_are_no_longer_than_those_of_poses() ->
     np.testing.assert_allclose(held("alone", TIMES)[1], held("alone", None)[1], rtol=0.01)
 
 
+def test_intervals_hold_also_with_what_other_meshes_foretell() -> None:
+    """The errors of mesh and noise as they are taken to be; values of noise alone as in the posterior, too."""
+    rng, t = np.random.default_rng(9), TIMES[:, None]
+    smooth = Smooth.of(t).squares(t)
+    left = np.linalg.svd(smooth, full_matrices=False)[0] * np.sqrt(ROWS / smooth.shape[1])
+    finer = SIZE * (0.3 + 2 * t * np.cos(2 * np.pi * 5 * t + np.arange(6)))
+    other = SIZE * (np.exp(-3 * t) * np.cos(np.arange(6)))
+    size = REST * np.sqrt(0.5 * ((finer**2).mean(axis=0) + (other**2).mean(axis=0)))
+    inside, alone, drawn = [], [], []
+    for _ in range(DRAWS):
+        error = (1 + rng.standard_normal()) * finer + rng.standard_normal() * other
+        error += size * (left @ rng.standard_normal((left.shape[1], 6)))
+        problem = Linear(error + SIZE * errors(rng, "close"), TIMES)
+        found = fit(problem, np.ones(ROWS, dtype=bool))
+        amounts = _solve(problem, found, ([finer, other], []), smooth)
+        off = found.u + sum(amounts.moves) - problem.begin
+        inside.append(np.abs(off) <= 1.645 * np.sqrt(np.diag(amounts.all)))
+        alone.append(np.abs(off) <= 1.645 * np.sqrt(np.diag(replace(amounts, cross=0 * amounts.cross).all)))
+        drawn.append(np.diag(amounts.noise))
+    assert (np.mean(inside, axis=0) >= 0.85).all()
+    assert (np.mean(inside, axis=0) <= 0.96).all()
+    assert np.mean(drawn) > 0
+    print(np.mean(inside, axis=0), np.mean(alone, axis=0))
+
+
 def test_the_profile_of_a_motion_is_as_long_as_its_interval() -> None:
     scene, times = beam(MOVING), np.arange(0, 0.3, 0.005)
     empty = Measured(times, None, None, TIP, np.zeros((len(times), 3)))
@@ -108,6 +135,10 @@ def test_the_profile_of_a_motion_is_as_long_as_its_interval() -> None:
     assert high - low == pytest.approx(2 * found.half[0], rel=0.1)
 
 
+def nothing_fitted(rows: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros((rows, len(POSE), 1)), np.eye(1)
+
+
 def test_the_spectrum_is_that_of_errors_which_remember() -> None:
     """Of one of five rows (1 - a²) / |1 - a exp(iw)|², whose mean is one."""
     rows, memory = 6000, np.exp(-1 / 5)
@@ -117,7 +148,7 @@ def test_the_spectrum_is_that_of_errors_which_remember() -> None:
         red[k] = memory * red[k - 1] + np.sqrt(1 - memory**2) * red[k]
     use = np.ones(red.shape, dtype=bool)
     use[::7] = False  # missing rows change nothing
-    found = Together.of(np.where(use, red, np.nan), use, ANGLE)
+    found = Together.of(np.where(use, red, np.nan), use, ANGLE, *nothing_fitted(rows))
     w = np.linspace(0, np.pi, rows + 1)
     expected = (1 - memory**2) / np.abs(1 - memory * np.exp(1j * w)) ** 2
     for spectrum in found.spectra:
@@ -133,7 +164,7 @@ def test_the_spectrum_is_that_of_errors_which_remember() -> None:
 def test_of_few_rows_or_none_nothing_is_said() -> None:
     for rows in (1, 2, 3):
         use = np.ones((rows, 6), dtype=bool)
-        found = Together.of(np.zeros((rows, 6)), use, ANGLE)
+        found = Together.of(np.zeros((rows, 6)), use, ANGLE, *nothing_fitted(rows))
         assert found.spectra is None
         assert not found.more(np.ones((rows, 6, 2))).any()
         assert found.worth(use) == 6 * rows
