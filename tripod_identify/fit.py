@@ -35,8 +35,11 @@ FloatArray = NDArray[np.float64]
 CAUCHY = 2.385
 """c."""
 
-CLOSE = ((1e-5, 1e-7), (1e-4, 1e-5))
+CLOSE = ((1e-5, 1e-7), (1e-4, 1e-4))
 """To which share of u and of the sum it is made least, of poses and of motions, which are solved less closely."""
+
+REACH = 2.0
+"""Plausible widths that values of a motion may go in a round: with a swing that is out of step derivatives mislead."""
 
 FINEST = (1e-6, 1e-6)
 """sigma is not taken to be less [m, rad]."""
@@ -187,13 +190,13 @@ def fit(
     u = problem.start() if start is None else start.copy()
     weights.sigma = _sigma(measured.values - problem.at(u).values, weights, 0)
     for turn in range(ROUNDS):
-        u = sums.least(u)
+        before, u = u, sums.least(u)
         sigma = _sigma(measured.values - problem.at(u).values, weights, count)
         moved = float(np.abs(np.log(sigma / weights.sigma)).max())
         if note:
             note(f"round {turn + 1}: {_size(sigma, weights.angle)}, {problem.evaluations} predictions")
         weights.sigma = sigma
-        if moved < SETTLED:
+        if moved < SETTLED and not sums.ends(before, u):
             return _known(sums, u, rows, number)
     raise FitError(f"the size of the errors did not settle in {ROUNDS} rounds; are most of the rows wrong?")
 
@@ -214,6 +217,7 @@ class _Sums:
 
     def __init__(self, problem: Problem, weights: _Weights, priors: Mapping[str, Prior]) -> None:
         self.problem, self.weights = problem, weights
+        self._reach = REACH * np.array([p.width for p in problem.wanted])
         self._held = 1.0 / (RIDGE * np.array([p.width for p in problem.wanted]))
         self._begin = problem.start()
         self.known = [(j, p, priors[p.name]) for j, p in enumerate(problem.wanted) if p.name in priors]
@@ -236,6 +240,12 @@ class _Sums:
             own[i, j] = p.slope(p.to_u(q.value)) / q.sd
         return np.concatenate([jacobian, own])
 
+    def ends(self, begin: FloatArray, end: FloatArray) -> bool:
+        """Return whether a value went as far as it may in a round: it might go on in another one."""
+        if self.problem.measured.times is None:
+            return False
+        return bool((np.abs(end - begin) > 0.99 * self._reach).any())
+
     def cost(self, u: FloatArray) -> float:
         """Return the sum."""
         return float(0.5 * CAUCHY**2 * np.log1p((self.residual(u) / CAUCHY) ** 2).sum())
@@ -244,6 +254,8 @@ class _Sums:
         """Return where the sum is least, near `u`, to so many times `CLOSE`. Raises FitError."""
         xtol, ftol = (tolerance * close for close in CLOSE[self.problem.measured.times is not None])
         lows, highs = (np.array(b) for b in zip(*(p.bounds for p in self.problem.wanted), strict=True))
+        if self.problem.measured.times is not None:
+            lows, highs = np.maximum(lows, u - self._reach), np.minimum(highs, u + self._reach)
         found = least_squares(
             lambda v: np.concatenate([self.residual(v), self._held * (v - self._begin)]),
             np.clip(u, lows + 1e-9, highs - 1e-9),

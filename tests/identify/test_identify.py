@@ -301,3 +301,14 @@ def test_the_command_writes_scene_and_report_and_proposes(
     assert "is not of the form NAME=VALUE~SD" in said[1]
     assert "it must be a share such as 20% or 0.2" in said[2]
     assert "nothing to identify" in said[3]
+
+
+def test_a_motion_that_begins_out_of_step_is_found() -> None:
+    """A modulus five times too low: its swing takes twice as long, and it is found in several rounds."""
+    scene = scene_from_toml(MOVING.replace("200e3", "50e3"))
+    data = Measured(np.arange(0, 0.3, 0.01), None, None, TIP, np.zeros((30, 3)))
+    values = predict(robot(scene, {"material.young": 240e3}), data, ())
+    data = replace(data, values=values + 1e-4 * np.random.default_rng(4).standard_normal(values.shape))
+    result = identify(scene, data, (), Wanted(("material.young", "damping.stiffness"), mesh=False))
+    assert result.found[0].value == pytest.approx(240e3, rel=0.01)
+    assert result.fit.sigma[0] == pytest.approx(1e-4, rel=0.3)
