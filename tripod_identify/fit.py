@@ -130,6 +130,11 @@ class Fit:
         return np.asarray(quantile * np.sqrt(np.diag(self.covariance)))
 
     @property
+    def longer(self) -> FloatArray:
+        """How many times as long as if no error had to do with another, shape (p,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance) / (self.spread * np.diag(self.inverse))))
+
+    @property
     def told(self) -> NDArray[np.bool_]:
         """Which values the data tell, shape (p,)."""
         width = np.array([p.width for p in self.wanted])
@@ -317,8 +322,7 @@ def profile(
     )
     sums = _Sums(problem, weights, priors or {})
     lowest, (_, ratio) = sums.cost(fit.u), _robust(sums.residual(fit.u)[: int(weights.use.sum())])
-    longer = np.sqrt(fit.covariance[j, j] / (fit.spread * fit.inverse[j, j]))
-    wanted = float(longer * student.ppf(0.5 + 0.5 * CONFIDENCE, max(fit.freedom, 1)))
+    wanted = float(fit.longer[j] * student.ppf(0.5 + 0.5 * CONFIDENCE, max(fit.freedom, 1)))
     mine, others = problem.wanted[j], [i for i in range(len(fit.u)) if i != j]
 
     def root(value: float) -> float:

@@ -69,19 +69,18 @@ class Together:
         if all(found is None for found in spectra):
             return cls(None, angle)
         even = np.ones(len(errors) + 1)
-        found = cls(np.array([even if s is None else s for s in spectra]), angle)
+        whole = [even if s is None else s for s in spectra]
         for _ in range(GIVEN_BACK):
-            answers = [kind.answer(s) for kind, s in zip(kinds, found.spectra, strict=True)]
-            middle = sum(
-                np.einsum("kjp,kjq->pq", kind.columns, y) for kind, y in zip(kinds, answers, strict=True)
+            answers = [kind.answer(s) for kind, s in zip(kinds, whole, strict=True)]
+            middle = np.sum(
+                [np.einsum("kjp,kjq->pq", kind.columns, y) for kind, y in zip(kinds, answers, strict=True)],
+                axis=0,
             )
-            taken = [kind.taken(y, inverse, middle) for kind, y in zip(kinds, answers, strict=True)]
-            spectra = [
-                k.spectrum(t) if s is not None else None
-                for k, t, s in zip(kinds, taken, spectra, strict=True)
-            ]
-            found = cls(np.array([even if s is None else s for s in spectra]), angle)
-        return found
+            for i, (kind, answer) in enumerate(zip(kinds, answers, strict=True)):
+                if spectra[i] is not None:
+                    found = kind.spectrum(kind.taken(answer, inverse, middle))
+                    whole[i] = even if found is None else found
+        return cls(np.array(whole), angle)
 
     def more(self, columns: FloatArray) -> FloatArray:
         """Return A^T (R - 1) A, R being Ω of errors of size one; A of shape (k, m, q), zero where it does not count."""

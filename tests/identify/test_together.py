@@ -130,7 +130,7 @@ def test_the_profile_of_a_motion_is_as_long_as_its_interval() -> None:
     )
     problem = Problem(plainly(scene), parameters(scene, ["material.young"]), replace(empty, values=seen), ())
     found = fit(problem, np.ones(len(times), dtype=bool))
-    assert found.covariance[0, 0] > 1.5 * found.spread * found.inverse[0, 0]
+    assert found.longer[0] > 1.2
     low, high = profile(found, problem, 0)
     assert high - low == pytest.approx(2 * found.half[0], rel=0.1)
 
