@@ -8,6 +8,9 @@ is how often the 90 % intervals, by noise alone and with what other meshes foret
 one identification. Identification compares the model with `h20`, too, of which the robots are; `--truth tetrahedra`
 makes them of an element that it does not know (`t10`), `--truth level` with the model's own on a finer mesh.
 
+`--motion`: instead of poses each robot shows a motion of 0.8 s, its arms going quickly to four poses where the
+disc swings, 100 rows a second, computed with half the model's steps; its damping is asked for, its weight known.
+
 Writes a line of JSON for each robot, goes on where it stopped, and prints the table; `--robots 200` is all of it.
 """
 
@@ -19,6 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_identify.columns import Channel
 from tripod_identify.errors import FitError
@@ -30,6 +34,8 @@ from tripod_sim import StepError, load_scene
 from tripod_sim.scene import Scene
 from tripod_sim.tables.sets import Load, NodeSet
 
+FloatArray = NDArray[np.float64]
+
 MODEL = ("servos.slide=0.02",)
 TRUTHS = {
     "element": ("servos.slide=0.02", "mesh.level=8", "mesh.element=h27"),
@@ -37,7 +43,12 @@ TRUTHS = {
     "level": ("servos.slide=0.02", "mesh.level=8"),
 }
 POSES, NOISE = 30, (3e-4, np.radians(0.5))
+STANDS, STAND, MOVE, RATE = 4, 0.2, 0.06, 100.0
+"""Of a motion: poses, time from one to the next, of it the time that arms take to get there [s]; rows a second."""
+FLATTEST = (0.2, 0.65)
+"""Least share of the working pose of poses, and of a motion, whose disc shall not snap through while it is flat."""
 NAMES = ("material.young", "servos.zero", "servos.slide", "material.mass", "load.0.mass")
+NAMES_OF_MOTION = ("material.young", "damping.stiffness", "servos.zero", "servos.slide")
 RATIOS = {"material.young", "material.mass", "load.0.mass"}
 CHANNELS = tuple(Channel("effector", axis, angle) for angle in (False, True) for axis in range(3))
 
@@ -54,30 +65,43 @@ def with_values(scene: Scene, values: dict[str, float]) -> Told:
     return told(plainly(scene), wanted, np.array([p.to_u(values[p.name]) for p in wanted]))
 
 
-def drawn(seed: int, truth: str) -> tuple[dict[str, float], Measured]:
+def drawn(seed: int, truth: str, moving: bool = False) -> tuple[dict[str, float], Measured]:
     """Return the values of a robot, and what it shows."""
     rng = np.random.default_rng(seed)
     values = {"material.young": 250e3 * float(np.exp(0.25 * rng.standard_normal()))}
     values |= {f"servos.zero.{i}": float(0.05 * rng.standard_normal()) for i in range(3)}
     values |= {"servos.slide": 0.02 + float(np.clip(2e-3 * rng.standard_normal(), -4e-3, 4e-3))}
-    share = rng.uniform(0.2, 1.0, POSES)
-    angles = -1.4 * share[:, None] + rng.uniform(-0.3, 0.3, (POSES, 3))
-    assumed = with_values(robot(TRUTHS[truth]), values)
-    data = Measured(None, angles, None, CHANNELS, np.zeros((POSES, len(CHANNELS))))
+    shown = STANDS if moving else POSES
+    share = rng.uniform(FLATTEST[moving], 1.0, shown)
+    angles = -1.4 * share[:, None] + rng.uniform(-0.3, 0.3, (shown, 3))
+    times, words = None, TRUTHS[truth]
+    if moving:
+        values |= {"damping.stiffness": 5e-4 * float(np.exp(0.4 * rng.standard_normal()))}
+        times, words = np.arange(round(STANDS * STAND * RATE) + 1) / RATE, (*words, "dt=0.001")
+        angles = played(angles, times)
+    assumed = with_values(robot(words), values)
+    data = Measured(times, angles, None, CHANNELS, np.zeros((len(angles), len(CHANNELS))))
     sizes = [NOISE[c.angle] for c in CHANNELS]
-    seen = predict(assumed, data, ()) + rng.standard_normal((POSES, len(CHANNELS))) * sizes
+    seen = predict(assumed, data, ()) + rng.standard_normal(data.values.shape) * sizes
     return values, replace(data, values=seen)
 
 
-def one(seed: int, truth: str) -> dict:
+def played(stands: FloatArray, times: FloatArray) -> FloatArray:
+    """Return the commands at `times` that go through poses, quickly and each in its turn, back to the first."""
+    knots = np.concatenate([[i * STAND, i * STAND + MOVE] for i in range(len(stands))])
+    ends = np.repeat(np.vstack([stands, stands[:1]]), 2, axis=0)[1:-1]
+    return np.column_stack([np.interp(times, knots, column) for column in ends.T])
+
+
+def one(seed: int, truth: str, moving: bool = False) -> dict:
     """Return what is found of a robot."""
     try:
-        values, data = drawn(seed, truth)
+        values, data = drawn(seed, truth, moving)
     except StepError as error:  # no robot: a pose that it cannot take
         return {"seed": seed, "skipped": str(error)}
     start = time.process_time()
     try:
-        result = identify(robot(MODEL), data, (), Wanted(NAMES, propose=False))
+        result = identify(robot(MODEL), data, (), Wanted(NAMES_OF_MOTION if moving else NAMES, propose=False))
     except (FitError, StepError) as error:
         return {"seed": seed, "failed": str(error), "cpu": time.process_time() - start}
     return {
@@ -99,6 +123,8 @@ def one(seed: int, truth: str) -> dict:
         "sigma": result.fit.sigma,
         "explained": result.left.explained,
         "mesh": result.mesh.size if result.mesh else None,
+        "step": result.step.size if result.step else None,
+        "outliers": len(result.fit.outliers),
     }
 
 
@@ -115,20 +141,25 @@ def table(rows: list[dict]) -> str:
         "|---|---|---|---|---|",
     ]
     every: list[tuple[bool, bool]] = []
-    for name in ("material.young", *(f"servos.zero.{i}" for i in range(3)), "servos.slide"):
+    moving = any("damping.stiffness" in r["found"].keys() | r["untold"].keys() for r in done)
+    zeros = [f"servos.zero.{i}" for i in range(3)]
+    for name in ("material.young", *(["damping.stiffness"] if moving else []), *zeros, "servos.slide"):
         own = [r["found"][name] for r in done if name in r["found"]]
         if not own:
             lines.append(f"| `{name}` | 0 of {len(done)} | - | - | - |")
             continue
         held = [(low <= truth <= high, tlow <= truth <= thigh) for truth, _, low, high, _, tlow, thigh in own]
         every += held
-        halves = [0.5 * (high - low) / (truth if "young" in name else 1e-3) for truth, *_, low, high in own]
-        unit, size = ("%", 100) if "young" in name else ("mm" if "slide" in name else "mrad", 1)
+        share = not name.startswith("servos")
+        halves = [0.5 * (high - low) / (truth if share else 1e-3) for truth, *_, low, high in own]
+        unit, size = ("%", 100) if share else ("mm" if "slide" in name else "mrad", 1)
         shown = f"{size * np.median(halves):.2g} {unit}"
         lines.append(
             f"| `{name}` | {len(own)} of {len(done)} | {_share(held, 0)} | {_share(held, 1)} | {shown} |"
         )
     lines.append(f"| all | | {_share(every, 0)} | {_share(every, 1)} | |")
+    if moving:
+        return "\n".join(lines)
     named = sum(bool(RATIOS & r["untold"].keys()) for r in done)
     lines += ["", f"That modulus, mass and weight cannot be told apart is said for {named} of {len(done)}."]
     return "\n".join(lines)
@@ -159,11 +190,18 @@ def main() -> None:
     parser.add_argument(
         "--truth", choices=sorted(TRUTHS), default="element", help="what robots are computed with"
     )
+    parser.add_argument("--motion", action="store_true", help="a motion of each robot, not poses")
     parser.add_argument(
         "--results", type=Path, default=Path("identify_robots.jsonl"), help="kept here, and gone on with"
     )
     given = parser.parse_args()
-    print(table(robots(given.results, given.robots, lambda seed: one(seed, given.truth), given.first)))
+    print(
+        table(
+            robots(
+                given.results, given.robots, lambda seed: one(seed, given.truth, given.motion), given.first
+            )
+        )
+    )
 
 
 if __name__ == "__main__":

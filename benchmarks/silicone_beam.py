@@ -125,9 +125,12 @@ def motions(files: dict[str, Measured]) -> None:
     data = cut(files["free_52g"])
     wanted = Wanted(("material.young", "damping.stiffness", "start"), "translation")
     result = identify(scene, data, POINTS, wanted, note=print)
+    longer = dict(zip([p.name for p in result.fit.wanted], result.fit.longer, strict=True))
     for f in result.found:
         print(
-            f"{f.parameter.name}: {f.value:.5g} on this mesh, {f.true:.5g} without its error {f.parameter.unit}"
+            f"{f.parameter.name}: {f.value:.5g} ({f.low:.5g} to {f.high:.5g}) on this mesh, {f.true:.5g} "
+            f"({f.true_low:.5g} to {f.true_high:.5g}) without its error {f.parameter.unit}; by noise "
+            f"{longer[f.parameter.name]:.1f} times as long as if no error had to do with another"
         )
     print(f"fitted: {result.after.distance}")
     young, damping = (f.value for f in result.found[:2])

@@ -108,7 +108,7 @@ def _stands(measured: Measured, path: Path) -> Measured:
         if measured.times[k - 1] - measured.times[first] >= STILL:
             half = 0.5 * (measured.times[first] + measured.times[k - 1])
             late = np.flatnonzero(measured.times[first:k] >= half) + first
-            rows.append((joints[k - 1], np.nanmean(measured.values[late], axis=0)))
+            rows.append((joints[k - 1], _mean(measured.values[late])))
         first = k
     if not rows:
         raise DataError(f"{path}: the commands never stand for {STILL:g} s, so there is no pose at rest")
@@ -117,3 +117,10 @@ def _stands(measured: Measured, path: Path) -> Measured:
         None, stood[:, :-1], stood[:, -1] if measured.slide is not None else None, measured.channels,
         np.array([r[1] for r in rows]),
     )  # fmt: skip
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Return the mean of each column of (k, m), NaN where nothing was measured."""
+    some = np.isfinite(values)
+    count = some.sum(axis=0)
+    return np.where(count > 0, np.where(some, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)

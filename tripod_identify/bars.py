@@ -4,10 +4,11 @@ With J = d pose / du, D the changes of the pose to other meshes and t the polyno
 prediction is J du + D c + t c' to first order. Given the amounts c (c' among them) du is -F c with the covariance P, so
 with W = (D, t) - J F
 
-    error = W m  ±  sqrt(J P J^T + W S W^T),    c ~ N(m, S):
+    error = W m  ±  sqrt(J P J^T + W S W^T + J X W^T + W X^T J^T),    c ~ N(m, S):
 
-what the mesh makes of the pose is mostly made good by what it has made of the values. J is exact, one linear solve for
-each value (`problem`). A pose at rest has no time steps; those of a motion that was fitted are in the values.
+X, the covariance of noise and amounts, is none but of values from a motion. So what the mesh makes of the pose is
+mostly made good by what it has made of the values. J is exact, one linear solve for each value (`problem`). A pose at
+rest has no time steps; those of a motion that was fitted are in the values.
 """
 
 import json
@@ -115,7 +116,7 @@ def posterior_of(
         a = both.amounts
         amounts = Amounts(
             a.noise[np.ix_(own, own)] * np.outer(size, size), a.follow[own] * size[:, None], a.mean, a.covariance,
-            a.meshes, a.steps, a.terms, a.sizes,
+            a.meshes, a.steps, a.terms, a.sizes, a.cross[own] * size[:, None],
         )  # fmt: skip
     return Posterior(
         {p.name: p.of_u(float(fit.u[j])) for p, j in zip(wanted, own, strict=True)},
@@ -162,9 +163,10 @@ def bars_of(at: Linearised, posterior: Posterior) -> Bars:
     ofstep[a.meshes : a.meshes + a.steps] = True
     by_values = np.einsum("kij,jl,kil->ki", J, a.noise, J)
     by_mesh = np.einsum("kij,jl,kil->ki", W, a.covariance, W) + at.more
+    by_mesh = np.maximum(by_mesh + 2 * np.einsum("kij,jl,kil->ki", J, a.cross, W), -by_values)
     return Bars(
         at.poses, W @ np.where(ofstep, 0.0, a.mean), W @ np.where(ofstep, a.mean, 0.0), quantile * np.sqrt(by_values),
-        quantile * np.sqrt(by_mesh), quantile * np.sqrt(by_values + by_mesh), known=True,
+        quantile * np.sqrt(np.maximum(by_mesh, 0)), quantile * np.sqrt(by_values + by_mesh), known=True,
     )  # fmt: skip
 
 
@@ -260,7 +262,7 @@ def as_json(posterior: Posterior) -> dict[str, Any]:
         "amounts": a and {
             "noise": a.noise.tolist(), "follow": a.follow.tolist(), "mean": a.mean.tolist(),
             "covariance": a.covariance.tolist(), "meshes": a.meshes, "steps": a.steps, "terms": a.terms.tolist(),
-            "sizes": a.sizes.tolist(),
+            "sizes": a.sizes.tolist(), "cross": a.cross.tolist(),
         },
         "smooth": smooth and {
             "columns": smooth.columns.tolist(), "mean": smooth.mean.tolist(), "span": smooth.span.tolist()
@@ -280,6 +282,7 @@ def posterior_from_json(table: Any) -> Posterior:
                 _numbers(a["noise"], (p, p)), _numbers(a["follow"], (p, q)), _numbers(a["mean"], (q,)),
                 _numbers(a["covariance"], (q, q)), int(a["meshes"]), int(a["steps"]),
                 _numbers(a["terms"], (-1, (q - int(a["meshes"]) - int(a["steps"])) // m)), _numbers(a["sizes"], (m,)),
+                _numbers(a["cross"], (p, q)),
             )  # fmt: skip
         polynomials = None
         if smooth is not None:

@@ -11,6 +11,8 @@ J = df/du / sigma, psi = rho', n numbers and p values the covariance of u is [Hu
 
     (J^T J)^-1  mean(psi²) n / (n - p) / mean(psi')².
 
+Errors of one motion hang together in time: then it is longer by what `together` says of them.
+
 What is assumed of a value before (a prior) is a row of its own.
 """
 
@@ -25,12 +27,19 @@ from scipy.stats import t as student
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.parameters import Parameter, told
 from tripod_identify.problem import Problem
+from tripod_identify.together import Together
 from tripod_sim.errors import SceneError, StepError
 
 FloatArray = NDArray[np.float64]
 
 CAUCHY = 2.385
 """c."""
+
+CLOSE = ((1e-5, 1e-7), (1e-4, 1e-4))
+"""To which share of u and of the sum it is made least, of poses and of motions, which are solved less closely."""
+
+REACH = 2.0
+"""Plausible widths that values of a motion may go in a round: with a swing that is out of step derivatives mislead."""
 
 FINEST = (1e-6, 1e-6)
 """sigma is not taken to be less [m, rad]."""
@@ -80,20 +89,23 @@ class Fit:
         wanted: The parameters, p of them.
         u: Their values as fitted, shape (p,).
         covariance: Of u, by noise alone, shape (p, p); infinite variance where the data say nothing.
+        inverse: (J^T J)^-1; times `spread` it is the covariance where no error has to do with another.
         sigma: Of places [m] and rotations [rad].
-        freedom: Numbers less parameters.
+        freedom: Numbers less parameters, as many of them as are worth one of their own.
         jacobian: d values / du at `u`, shape (k, m, p).
         values: Predicted [m, rad], shape (k, m).
         condition: Of the Jacobian, its columns in plausible widths.
         correlations: Of u, shape (p, p).
         rows: Used, shape (k,).
         outliers: Rows that were taken to be wrong, counted from 1.
-        spread: mean(psi²) n / (n - p) / mean(psi')², the variance of `pseudo_residuals`.
+        spread: mean(psi²) n / (n - p) / mean(psi')², the variance of `pseudo_residuals`; n - p less where errors hang
+            together, of which the fit takes more along.
     """
 
     wanted: tuple[Parameter, ...]
     u: FloatArray
     covariance: FloatArray
+    inverse: FloatArray
     sigma: tuple[float, float]
     freedom: int
     jacobian: FloatArray
@@ -116,6 +128,11 @@ class Fit:
         """Half the interval of u by noise, shape (p,)."""
         quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, max(self.freedom, 1)))
         return np.asarray(quantile * np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def longer(self) -> FloatArray:
+        """How many times as long as if no error had to do with another, shape (p,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance) / (self.spread * np.diag(self.inverse))))
 
     @property
     def told(self) -> NDArray[np.bool_]:
@@ -153,7 +170,7 @@ class _Weights:
 
 def fit(
     problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior] | None = None,
-    start: FloatArray | None = None, note: Note | None = None, tolerance: float = 1e-5,
+    start: FloatArray | None = None, note: Note | None = None,
 ) -> Fit:  # fmt: skip
     """Return the values that fit best.
 
@@ -163,7 +180,6 @@ def fit(
         priors: Of some parameters, by name.
         start: u to begin with; None: where the parameters say.
         note: Told what happens, one line each.
-        tolerance: Of u.
 
     Raises:
         DataError: fewer numbers than parameters.
@@ -179,13 +195,13 @@ def fit(
     u = problem.start() if start is None else start.copy()
     weights.sigma = _sigma(measured.values - problem.at(u).values, weights, 0)
     for turn in range(ROUNDS):
-        u = sums.least(u, tolerance)
+        before, u = u, sums.least(u)
         sigma = _sigma(measured.values - problem.at(u).values, weights, count)
         moved = float(np.abs(np.log(sigma / weights.sigma)).max())
         if note:
             note(f"round {turn + 1}: {_size(sigma, weights.angle)}, {problem.evaluations} predictions")
         weights.sigma = sigma
-        if moved < SETTLED:
+        if moved < SETTLED and not sums.ends(before, u):
             return _known(sums, u, rows, number)
     raise FitError(f"the size of the errors did not settle in {ROUNDS} rounds; are most of the rows wrong?")
 
@@ -206,6 +222,7 @@ class _Sums:
 
     def __init__(self, problem: Problem, weights: _Weights, priors: Mapping[str, Prior]) -> None:
         self.problem, self.weights = problem, weights
+        self._reach = REACH * np.array([p.width for p in problem.wanted])
         self._held = 1.0 / (RIDGE * np.array([p.width for p in problem.wanted]))
         self._begin = problem.start()
         self.known = [(j, p, priors[p.name]) for j, p in enumerate(problem.wanted) if p.name in priors]
@@ -228,18 +245,27 @@ class _Sums:
             own[i, j] = p.slope(p.to_u(q.value)) / q.sd
         return np.concatenate([jacobian, own])
 
+    def ends(self, begin: FloatArray, end: FloatArray) -> bool:
+        """Return whether a value went as far as it may in a round: it might go on in another one."""
+        if self.problem.measured.times is None:
+            return False
+        return bool((np.abs(end - begin) > 0.99 * self._reach).any())
+
     def cost(self, u: FloatArray) -> float:
         """Return the sum."""
         return float(0.5 * CAUCHY**2 * np.log1p((self.residual(u) / CAUCHY) ** 2).sum())
 
-    def least(self, u: FloatArray, tolerance: float) -> FloatArray:
-        """Return where the sum is least, near `u`, to `tolerance`. Raises FitError."""
+    def least(self, u: FloatArray, tolerance: float = 1.0) -> FloatArray:
+        """Return where the sum is least, near `u`, to so many times `CLOSE`. Raises FitError."""
+        xtol, ftol = (tolerance * close for close in CLOSE[self.problem.measured.times is not None])
         lows, highs = (np.array(b) for b in zip(*(p.bounds for p in self.problem.wanted), strict=True))
+        if self.problem.measured.times is not None:
+            lows, highs = np.maximum(lows, u - self._reach), np.minimum(highs, u + self._reach)
         found = least_squares(
             lambda v: np.concatenate([self.residual(v), self._held * (v - self._begin)]),
             np.clip(u, lows + 1e-9, highs - 1e-9),
             lambda v: np.concatenate([self.slope(v), np.diag(self._held)]), bounds=(lows, highs), loss="cauchy",
-            f_scale=CAUCHY, x_scale="jac", xtol=tolerance, ftol=1e-7, gtol=1e-12, max_nfev=40,
+            f_scale=CAUCHY, x_scale="jac", xtol=xtol, ftol=ftol, gtol=1e-12, max_nfev=40,
         )  # fmt: skip
         if not np.isfinite(found.cost):
             raise FitError("no values were found: the predictions are not finite")
@@ -276,8 +302,9 @@ def profile(
 ) -> tuple[float, float]:
     """Return the interval of one u by the profile of the sum: all others are fitted anew at each of its values.
 
-    The ends are where twice the sum, over mean(psi²) / mean(psi'), has grown by the square of Student's quantile. They
-    need not be as far to both sides, as those by the covariance are.
+    The ends are where twice the sum, over mean(psi²) / mean(psi'), has grown by the square of Student's quantile; by as
+    many times more as the variance is longer because errors hang together. They need not be as far to both sides, as
+    those by the covariance are.
 
     Args:
         fit: Of `problem`.
@@ -295,7 +322,7 @@ def profile(
     )
     sums = _Sums(problem, weights, priors or {})
     lowest, (_, ratio) = sums.cost(fit.u), _robust(sums.residual(fit.u)[: int(weights.use.sum())])
-    wanted = float(student.ppf(0.5 + 0.5 * CONFIDENCE, max(fit.freedom, 1)))
+    wanted = float(fit.longer[j] * student.ppf(0.5 + 0.5 * CONFIDENCE, max(fit.freedom, 1)))
     mine, others = problem.wanted[j], [i for i in range(len(fit.u)) if i != j]
 
     def root(value: float) -> float:
@@ -304,7 +331,7 @@ def profile(
         beside = _Sums(part, weights, {k: q for k, q in (priors or {}).items() if k != mine.name})
         slide = fit.covariance[others, j] / fit.covariance[j, j] * (value - fit.u[j])
         cost = (
-            beside.cost(beside.least(fit.u[others] + slide, 1e-4)) if others else sums.cost(np.array([value]))
+            beside.cost(beside.least(fit.u[others] + slide, 10.0)) if others else sums.cost(np.array([value]))
         )
         if mine.name in (priors or {}):
             q = (priors or {})[mine.name]
@@ -372,14 +399,22 @@ def _known(
     problem, weights, slope, residual = sums.problem, sums.weights, sums.slope(u), sums.residual(u)
     wanted = problem.wanted
     count = len(wanted)
-    freedom = max(len(residual) - count, 1)
-    spread = _robust(residual[:number])[0] * len(residual) / freedom
     width = np.array([p.width for p in wanted])
-    scaled = slope * width
-    _, sizes, vt = np.linalg.svd(scaled, full_matrices=False)
+    _, sizes, vt = np.linalg.svd(slope * width, full_matrices=False)
     smallest = max(1e-10 * float(sizes.max(initial=0.0)), 1e-12)
-    inverse = np.where(sizes > smallest, 1 / np.maximum(sizes, smallest), 1e12)
-    covariance = spread * (vt.T * inverse**2) @ vt
+    back = np.where(sizes > smallest, 1 / np.maximum(sizes, smallest), 1e12)
+    inverse = (vt.T * back**2) @ vt
+    together, more = Together(None, weights.angle), np.zeros((count, count))
+    if problem.measured.times is not None:
+        errors, columns = np.zeros(weights.use.shape), np.zeros((*weights.use.shape, count))
+        errors[weights.use] = pseudo_residuals(residual[:number])
+        columns[weights.use] = slope[:number] * width
+        together = Together.of(errors, weights.use, weights.angle, columns, inverse)
+        more = inverse @ together.more(columns)
+    used = count + float(np.trace(more))
+    spread = _robust(residual[:number])[0] * len(residual) / max(len(residual) - used, 1)
+    freedom = max(round(together.worth(weights.use)) + len(residual) - number - count, 1)
+    covariance = spread * (inverse + more @ inverse)
     sd = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(sd, sd)
     solved = problem.at(u)
@@ -391,6 +426,6 @@ def _known(
     condition = float(sizes.max() / sizes.min()) if sizes.size and sizes.min() > 0 else np.inf
     sigma = (float(weights.sigma[0]), float(weights.sigma[1]))
     return Fit(
-        wanted, u, covariance * np.outer(width, width), sigma, freedom, problem.jacobian(u), solved.values, condition,
-        correlations, rows, outliers, spread,
+        wanted, u, covariance * np.outer(width, width), inverse * np.outer(width, width), sigma, freedom,
+        problem.jacobian(u), solved.values, condition, correlations, rows, outliers, spread,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 from tripod_identify.bars import Posterior, posterior_of
 from tripod_identify.bars import as_json as posterior_json
 from tripod_identify.errors import DataError, FitError
-from tripod_identify.fit import CONFIDENCE, Fit, Note, Prior, enough, fit, hopeless, profile
+from tripod_identify.fit import CONFIDENCE, OUTLIER, Fit, Note, Prior, enough, fit, hopeless, profile
 from tripod_identify.left_over import LeftOver, left_over
 from tripod_identify.measured import Measured
 from tripod_identify.mesh_share import Share, Shares, shares
@@ -28,6 +28,10 @@ FloatArray = NDArray[np.float64]
 
 LEFT = 0.02
 """Of the largest range of any number: what has moved farther has begun to move."""
+
+
+MOST = 0.5
+"""Share of rows: where a number is off in more, it is not the rows that are wrong."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +175,7 @@ def identify(
         notes.append(
             f"{len(last.outliers)} of {int(rows.sum())} rows are more than 6 sigma off, and hardly count: {which}"
         )
+        notes += _columns_off(last, measured)
     both: Shares | None = None
     if wanted.mesh:
         say("the same on other meshes")
@@ -208,6 +213,21 @@ def identify(
     )  # fmt: skip
 
 
+def _columns_off(last: Fit, measured: Measured) -> list[str]:
+    """Return a warning for each number that is off in most of its rows: it is not what it is taken to be."""
+    found = []
+    sigma = np.where([c.angle for c in measured.channels], last.sigma[1], last.sigma[0])
+    errors = np.abs(measured.values - last.values)[last.rows] / sigma
+    for channel, column in zip(measured.channels, errors.T, strict=True):
+        count, off = int(np.isfinite(column).sum()), int((column > OUTLIER).sum())
+        if off > MOST * count:
+            found.append(
+                f"{channel.label} is more than 6 sigma off in {off} of {count} rows, and so tells nothing: another "
+                "unit, another frame (--align), another sensor?"
+            )
+    return found
+
+
 def _too_far(both: Shares, last: Fit) -> str:
     """Return why what the mesh makes is beyond what first derivatives can tell; empty if it is not."""
     moved = both.mesh.move + (both.step.move if both.step else 0.0)
@@ -221,7 +241,9 @@ def beginning(measured: Measured) -> float:
     """Return the last time before a place or rotation has left where it began by `LEFT` of the largest range [s]."""
     if measured.times is None:
         return 0.0
-    away = np.abs(measured.values - measured.values[0])
+    values = measured.values
+    first = np.isfinite(values).argmax(axis=0)  # a sensor may see nothing at the beginning
+    away = np.abs(values - values[first, np.arange(values.shape[1])])
     moved = (away > LEFT * np.nanmax(away)).any(axis=1)
     return float(measured.times[max(int(np.argmax(moved)) - 1, 0)])
 

@@ -18,6 +18,9 @@ FloatArray = NDArray[np.float64]
 MOST_BYTES = 100_000_000
 """Of a CSV file."""
 
+LARGEST = 1e3
+"""Of a place [m] or rotation [rad] of a robot."""
+
 
 @dataclass(frozen=True, eq=False)
 class Measured:
@@ -150,7 +153,7 @@ def checked(measured: Measured, scene: Scene, lines: Sequence[int]) -> Measured:
     """Return data that fit a scene, with a note on what is missing; `lines` name the rows in messages.
 
     Raises:
-        DataError: times that fall, commands that the servos of the scene cannot follow, infinite or no values.
+        DataError: times that fall, commands that the servos of the scene cannot follow, values beyond all reason, none.
     """
     times, values = measured.times, measured.values
     if times is not None and (falls := np.flatnonzero(np.diff(times) <= 0)).size:
@@ -182,9 +185,13 @@ def checked(measured: Measured, scene: Scene, lines: Sequence[int]) -> Measured:
             raise DataError(
                 f"line {lines[k]}: slide at {measured.slide[k]:g} m; the scene allows 0 to {servos.slide_max:g} m"
             )
-    if np.isinf(values).any():
-        k, j = np.argwhere(np.isinf(values))[0]
-        raise DataError(f"line {lines[k]}: {measured.channels[j].label} is infinite")
+    if (far := np.argwhere(np.abs(values) > LARGEST)).size:
+        k, j = far[0]
+        channel, unit = measured.channels[j], "rad" if measured.channels[j].angle else "m"
+        raise DataError(
+            f"line {lines[k]}: {channel.label} is {values[k, j]:g} {unit}; allowed: -{LARGEST:g} to {LARGEST:g}; leave "
+            "the cell empty where nothing was measured"
+        )
     missing, some = int(np.isnan(values).sum()), [bool(np.isfinite(column).any()) for column in values.T]
     if missing == values.size:
         raise DataError("all measured values are missing (empty or NaN)")

@@ -24,8 +24,9 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from tripod_identify.fit import Fit, pseudo_residuals
 from tripod_identify.left_over import Smooth
-from tripod_identify.model import Rest, Told, motion
+from tripod_identify.model import Rest, Told, closely, motion
 from tripod_identify.problem import Problem, other_elements, refined
+from tripod_identify.together import Together
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.state import State
 
@@ -67,12 +68,13 @@ class Share:
 class Amounts:
     """Values and amounts of changes as found together, their number p and q.
 
-    Given the amounts c, u is where the fit has it less `follow` c, with the covariance `noise`.
+    u is where the fit has it, by the noise of the covariance `noise`, less `follow` c.
 
     Attributes:
         noise: Of u, were c known, shape (p, p).
         follow: By which u goes back for a unit of each, shape (p, q).
         mean, covariance: Of c, shapes (q,), (q, q).
+        cross: Covariance of the noise in u and of c, shape (p, q); none where no error has to do with another.
         meshes, steps: How many of the first c are of other meshes, and of shorter steps after them; the others are of
             the polynomial, for each number in turn.
         terms: Polynomials that have the root mean square 1 at the rows, of those of `Smooth`, shape (terms, t).
@@ -87,6 +89,7 @@ class Amounts:
     steps: int
     terms: FloatArray
     sizes: FloatArray
+    cross: FloatArray
 
     @property
     def moves(self) -> list[FloatArray]:
@@ -98,7 +101,8 @@ class Amounts:
     @property
     def all(self) -> FloatArray:
         """Covariance of u, by noise and amounts, shape (p, p)."""
-        return np.asarray(self.noise + self.follow @ self.covariance @ self.follow.T)
+        crossed = self.cross @ self.follow.T
+        return np.asarray(self.noise + self.follow @ self.covariance @ self.follow.T - crossed - crossed.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +139,7 @@ def shares(problem: Problem, fit: Fit) -> Shares:
     scene, step = here.told.scene, []
     if here.rest is None and not scene.time_error:
         halved = replace(here.told, scene=replace(scene, dt=0.5 * scene.dt))
-        step.append(FACTOR * (motion(halved, problem.measured, problem.points) - here.values))
+        step.append(FACTOR * _change(halved, problem, fit, smooth)[0])
     amounts = _solve(problem, fit, (mesh, step), smooth)
     moves = amounts.moves
     angle = np.array([c.angle for c in problem.measured.channels])
@@ -152,7 +156,8 @@ def _change(other: Told, problem: Problem, fit: Fit, smooth: FloatArray) -> tupl
     """Return by how much all rows differ with another mesh, shape (k, m), and how many were computed."""
     here = problem.at(fit.u)
     if here.rest is None:
-        return motion(other, problem.measured, problem.points) - here.values, len(here.values)
+        closer = replace(other, scene=closely(other.scene))
+        return motion(closer, problem.measured, problem.points) - here.values, len(here.values)
     good = np.flatnonzero(fit.sound)
     rows = np.unique(good[np.linspace(0, len(good) - 1, min(ROWS, len(good))).round().astype(np.int64)])
     mesh = Rest(other.scene, problem.measured, problem.points)
@@ -181,12 +186,16 @@ def _solve(
     The fit has taken for noise what B explains, so s² is found anew from what is left, over the numbers less those that
     u and c use up: their count less the trace of the covariance of c [MacKay1992]. Where they use up all, nothing is
     left that tells noise apart, so what the fit took for it counts along, as `FEW` numbers.
+
+    Errors of a motion hang together: those of size one have the covariance R (`together`), found anew from what is left
+    as well. u and c are the same linear functions of the data; with Q = B - A P N and S the covariance of c above, c
+    then has S + S Q^T (R - 1) Q S / s², the noise of u P + P A^T (R - 1) A P / s², and both P A^T (R - 1) Q S / s².
     """
     measured = problem.measured
     sigma = np.where([c.angle for c in measured.channels], fit.sigma[1], fit.sigma[0])
     use = np.isfinite(measured.values) & fit.sound[:, None]
     every = [change for changes in families for change in changes]
-    columns = [(change / sigma)[use] for change in every]
+    columns = [change / sigma for change in every]
     size = (
         REST * np.sqrt(np.mean([(change[fit.sound] ** 2).mean(axis=0) for change in every], axis=0)) / sigma
     )
@@ -198,25 +207,39 @@ def _solve(
         for term in left.T:
             column = np.zeros(use.shape)
             column[fit.sound, j] = amount * term
-            columns.append(column[use])
-    B, n = np.column_stack(columns), len(every)
+            columns.append(column)
+    p, n = len(fit.u), len(every)
+    whole = np.where(
+        use[..., None], np.stack([*np.moveaxis(fit.jacobian / sigma[:, None], -1, 0), *columns], -1), 0
+    )
+    A, B = np.split(whole[use], [p], axis=1)
     first = len(families[0])
     m = np.zeros(B.shape[1])
     m[[0, *range(first, n)]] = 1.0  # Richardson's
-    A = (fit.jacobian / sigma[:, None])[use]
     z = pseudo_residuals(((measured.values - fit.values) / sigma)[use])
-    variance = fit.spread
+    variance, more, given = fit.spread, np.zeros((p + len(m), p + len(m))), 0.0
+    angle = np.array([c.angle for c in measured.channels])
     for _ in range(SETTLING):
-        P = fit.covariance * (variance / fit.spread)
+        P = fit.inverse * variance
         N = A.T @ B / variance
         PN = P @ N
         normal = B.T @ B / variance + np.eye(len(m)) - N.T @ PN
-        c = m + np.linalg.solve(normal, B.T @ (z - B @ m) / variance - PN.T @ (A.T @ z / variance - N @ m))
+        S = np.linalg.inv(normal)
+        c = m + S @ (B.T @ (z - B @ m) / variance - PN.T @ (A.T @ z / variance - N @ m))
         left_over = z - B @ c - A @ (P @ (A.T @ z / variance - N @ c))
-        used = A.shape[1] + len(m) - float(np.trace(np.linalg.inv(normal)))
+        if measured.times is not None:
+            errors = np.zeros(use.shape)
+            errors[use] = left_over
+            ofu = np.hstack([P + PN @ S @ PN.T, -PN @ S])
+            both = np.vstack([ofu, np.hstack([ofu[:, p:].T, S])]) / variance
+            more = Together.of(errors, use, angle, whole, both).more(whole)
+            given = float(np.sum(both * more))
+        used = p + len(m) - float(np.trace(S)) + given
         variance = (float(left_over @ left_over) + FEW * fit.spread) / (max(len(z) - used, 0.0) + FEW)
-    steps = n - first
-    return Amounts(P, PN, c, np.asarray(np.linalg.inv(normal)), first, steps, np.asarray(terms), size * sigma)
+    more /= variance
+    toc = np.vstack([-PN, np.eye(len(m))]) @ S  # the noise in c is S Q^T
+    noise, cross, covariance = P + P @ more[:p, :p] @ P, P @ more[:p] @ toc, S + toc.T @ more @ toc
+    return Amounts(noise, PN, c, covariance, first, n - first, np.asarray(terms), size * sigma, cross)
 
 
 def between(coarse: Rest, states: Sequence[State], fine: Rest, joints: FloatArray) -> list[State]:

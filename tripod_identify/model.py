@@ -19,7 +19,11 @@ from tripod_sim.system import System
 FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-7
-"""Unbalanced force to which states at rest are solved [N]: small against what a changed value makes."""
+"""Unbalanced force to which states and steps are solved [N]: small against what a changed value makes."""
+
+PLACES = 1e-7
+"""Likewise the error that a step of a motion may have where one solve may do [m], see `tables/method.py`: what steps
+differ by at 5e-6 m is as large as what a thousandth of a modulus makes, whose derivatives would be wrong by a half."""
 
 MORE = 0.5
 """By which the servos may go beyond the range of the scene [rad], as their zeros are not known."""
@@ -69,8 +73,18 @@ def plainly(scene: Scene) -> Told:
 
 def still(scene: Scene) -> Scene:
     """Return the scene whose rest states are looked for: static, solved closely."""
-    found = at_rest(scene)
-    return replace(found, solver=replace(found.solver, tolerance=min(found.solver.tolerance, TOLERANCE)))
+    return closely(at_rest(scene))
+
+
+def closely(scene: Scene) -> Scene:
+    """Return a scene with a solver whose errors are small against what a changed value makes."""
+    s = scene.solver
+    return replace(
+        scene,
+        solver=replace(
+            s, tolerance=min(s.tolerance, TOLERANCE), position_tolerance=min(s.position_tolerance, PLACES)
+        ),
+    )
 
 
 class Rest:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
-from tripod_identify.model import Progress, Rest, Run, Told, check_points, rest_states, run_motion
+from tripod_identify.model import Progress, Rest, Run, Told, check_points, closely, rest_states, run_motion
 from tripod_identify.observe import Point
 from tripod_identify.parameters import START, Parameter, told
 from tripod_sim.errors import SceneError, StepError
@@ -33,7 +33,7 @@ RUN_STEP = 1e-3
 """The same for a difference of motions, whose steps are solved to a tolerance."""
 
 BEFORE = 0.1
-"""A motion is stepped for so much longer [s]: it may begin so much earlier."""
+"""A motion whose start is looked for is stepped for so much longer [s]: it may begin so much earlier."""
 
 KEPT = 2
 """Sets of values whose states are kept: the last, and the one before a step that is refused."""
@@ -146,10 +146,12 @@ class Problem:
 
     def _run(self, assumed: Told) -> Run:
         """Return the motion with some values; one of the last serves if only the sensor or the start differ."""
+        assumed = replace(assumed, scene=closely(assumed.scene))
         for run in self._runs:
             if run.serves(assumed, self.measured):
                 return run
-        run = run_motion(assumed, self.measured, self.points, self._progress, BEFORE)
+        further = BEFORE if any(p.name == START for p in self.wanted) else 0.0
+        run = run_motion(assumed, self.measured, self.points, self._progress, further)
         self._runs = [run, *self._runs][: len(self.wanted) + KEPT]
         return run
 

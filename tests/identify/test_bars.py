@@ -10,7 +10,16 @@ import pytest
 from tests.identify.robots import POSE as CHANNELS
 from tests.identify.robots import commands, measured, tripod
 from tripod_bringup.ik_command import expected_error, solution_rows
-from tripod_identify.bars import POSE, Posterior, as_json, pose_bars, posterior_from_json, read_posterior
+from tripod_identify.bars import (
+    POSE,
+    Linearised,
+    Posterior,
+    as_json,
+    bars_of,
+    pose_bars,
+    posterior_from_json,
+    read_posterior,
+)
 from tripod_identify.errors import DataError
 from tripod_identify.identify import Wanted, identify
 from tripod_identify.identify import as_json as result_json
@@ -71,7 +80,7 @@ def amounts(count: int, sizes: np.ndarray, follow: float = 0.0) -> Amounts:
     back[4, 0] = follow
     mean = np.zeros(q)
     mean[0] = 1.0
-    return Amounts(posterior().noise, back, mean, covariance, 1, 0, np.eye(10)[:, :count], sizes)
+    return Amounts(posterior().noise, back, mean, covariance, 1, 0, np.eye(10)[:, :count], sizes, 0 * back)
 
 
 def test_the_mesh_shifts_the_pose_by_what_the_values_have_not_made_good() -> None:
@@ -92,6 +101,29 @@ def test_the_mesh_shifts_the_pose_by_what_the_values_have_not_made_good() -> Non
     moved = poses(VALUES | {"servos.slide": 0.02 - 1e-5}) - poses(VALUES)
     followed = pose_bars(SCENE, posterior(amounts(1, sizes, 1e-5), along), ANGLES, SLIDES)
     assert followed.mesh - bars.mesh == pytest.approx(moved, abs=1e-6)
+
+
+def test_noise_of_a_motion_that_goes_with_the_amounts_is_in_the_bars() -> None:
+    """Noise and amounts drawn together: the bars hold nine of ten errors, but not without what both share."""
+    rng, a = np.random.default_rng(4), amounts(1, np.full(6, 1e-4), 2e-3)
+    joint = np.block([[a.noise, np.zeros_like(a.follow)], [np.zeros_like(a.follow).T, a.covariance]])
+    joint[4, 5] = joint[5, 4] = -0.8 * np.sqrt(joint[4, 4] * joint[5, 5])
+    a = replace(a, cross=joint[:5, 5:])
+    J = np.zeros((1, 6, 5))
+    J[0, :, 4] = 1.0
+    at = Linearised(
+        np.zeros((1, 6)),
+        J,
+        np.concatenate([np.full((1, 6, 1), 1e-3), np.zeros((1, 6, 6))], 2),
+        np.zeros((1, 6)),
+    )
+    draws = np.linalg.cholesky(joint) @ rng.standard_normal((12, 4000))
+    c = a.mean[:, None] + draws[5:]
+    error = J[0] @ (draws[:5] - a.follow @ c) + at.columns[0] @ c
+    for known, low, high in ((a, 0.88, 0.92), (replace(a, cross=0 * a.cross), 0.0, 0.85)):
+        bars = bars_of(at, replace(posterior(), amounts=known))
+        inside = np.abs(error - (bars.mesh + bars.steps)[0, :, None]) <= bars.half[0, :, None]
+        assert low < inside.mean() < high
 
 
 @pytest.fixture(scope="module")

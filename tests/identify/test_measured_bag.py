@@ -20,8 +20,13 @@ JOINTS, POSE, IMU = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped
 NAMES = ("servo_0", "servo_1", "servo_2", "slide")
 
 
-def write_bag(directory: Path, joints=NAMES, seen=("/robot/effector_pose",), robots=("",)) -> Path:
-    """Stand for 2 s at angles 0, go in 1 s to -0.5, stand for 2 s; the disc is at -10 mm times the share."""
+def write_bag(
+    directory: Path, joints=NAMES, seen=("/robot/effector_pose",), robots=("",), lost=0, broken=()
+) -> Path:
+    """Stand for 2 s at angles 0, go in 1 s to -0.5, stand for 2 s; the disc is at -10 mm times the share.
+
+    The first `lost` of its 501 poses are NaN, so are the commands `broken`.
+    """
     writer = BagWriter(directory)
     header = T["std_msgs/msg/Header"](
         stamp=T["builtin_interfaces/msg/Time"](sec=0, nanosec=0), frame_id="world"
@@ -35,7 +40,8 @@ def write_bag(directory: Path, joints=NAMES, seen=("/robot/effector_pose",), rob
     for k in range(501):
         share, stamp = float(np.clip((k / 100 - 2), 0, 1)), START + k * 10**7
         position = np.array([-0.5 * share] * (len(joints) - 1) + [0.02 * share])
-        point = T["geometry_msgs/msg/Point"](x=0.0, y=0.0, z=-0.01 * share)
+        position[list(broken) if k == 300 else []] = np.nan
+        point = T["geometry_msgs/msg/Point"](x=np.nan if k < lost else 0.0, y=0.0, z=-0.01 * share)
         vector = T["geometry_msgs/msg/Vector3"](x=0.0, y=0.0, z=0.0)
         messages = {
             JOINTS: T[JOINTS](header=header, name=list(joints), position=position, velocity=position, effort=position),
@@ -66,6 +72,20 @@ def test_stands_of_a_recording_are_poses(tmp_path: Path) -> None:
     assert found.times is None
     assert found.angles == pytest.approx(np.array([[0.0] * 3, [-0.5] * 3]), abs=1e-3)
     assert found.values[:, 2] == pytest.approx([0, -0.01])
+
+
+def test_what_a_recording_lost_is_left_out_and_told(tmp_path: Path) -> None:
+    """As of a camera that saw no marker: at first, during all of a stand, ever."""
+    scene, path = tripod(), write_bag(tmp_path / "b", lost=250)
+    moving = read_recording(path, scene, poses=False)
+    assert moving.notes == ("250 of 3006 values are missing (empty or NaN) and left out",)
+    standing = read_recording(path, scene, poses=True)
+    assert standing.notes == ("1 of 12 values are missing (empty or NaN) and left out",)
+    assert np.isnan(standing.values[:, 0]).tolist() == [True, False]
+    never = read_recording(write_bag(tmp_path / "c", lost=501), scene, poses=True)
+    assert "effector.x" not in [c.label for c in never.channels]
+    with pytest.raises(DataError, match="servo_1 at nan rad; the scene allows"):
+        read_recording(write_bag(tmp_path / "d", broken=(1,)), scene, poses=False)
 
 
 def test_the_imu_tells_orientations_alone(tmp_path: Path) -> None:

@@ -44,11 +44,12 @@ def held(shared: float, rows: int = ROWS, more: int = 0) -> float:
         sigma = float(np.median(np.sort(np.abs(residual).ravel())[2 + more :])) / 0.6745
         spread = _robust(residual.ravel() / sigma)[0] * y.size / (y.size - 2 - more)
         wanted = tuple(parameters(beam(), ["load.0.mass", "material.young"]))
+        inverse = sigma**2 * np.linalg.inv(A.T @ A)
         fit = Fit(
-            wanted, u, spread * sigma**2 * np.linalg.inv(A.T @ A), (sigma, 1.0), y.size - 2 - more, slope, slope @ u,
-            1.0, np.eye(2 + more), np.ones(rows, dtype=bool), (), spread,
+            wanted, u, spread * inverse, inverse, (sigma, 1.0), y.size - 2 - more, slope, slope @ u, 1.0,
+            np.eye(2 + more), np.ones(rows, dtype=bool), (), spread,
         )  # fmt: skip
-        problem = SimpleNamespace(measured=SimpleNamespace(channels=PLACE, values=y))
+        problem = SimpleNamespace(measured=SimpleNamespace(channels=PLACE, values=y, times=None))
         amounts = _solve(problem, fit, ([finer, other], []), smooth)
         true = u + sum(amounts.moves)
         count += int((np.abs(true) <= 1.645 * np.sqrt(np.diag(amounts.all))).sum())
@@ -75,10 +76,10 @@ def test_rows_that_are_wrong_tell_nothing_of_the_mesh() -> None:
     smooth, slope = Smooth.of(along).squares(along), rng.standard_normal((ROWS, 3, 1))
     change, values = 1e-3 * rng.standard_normal((2, ROWS, 3))
     fit = Fit(
-        tuple(parameters(beam(), ["load.0.mass"])), np.zeros(1), np.eye(1), (1e-3, 1.0), 3 * ROWS - 1, slope,
+        tuple(parameters(beam(), ["load.0.mass"])), np.zeros(1), np.eye(1), np.eye(1), (1e-3, 1.0), 3 * ROWS - 1, slope,
         np.zeros((ROWS, 3)), 1.0, np.eye(1), np.ones(ROWS, dtype=bool), (spoilt + 1,), 1.0,
     )  # fmt: skip
-    problem = SimpleNamespace(measured=SimpleNamespace(channels=PLACE, values=values))
+    problem = SimpleNamespace(measured=SimpleNamespace(channels=PLACE, values=values, times=None))
     found = _solve(problem, fit, ([change], []), smooth)
     snapped = change.copy()
     snapped[spoilt] += 1.0
