@@ -68,18 +68,22 @@ def identify_command(
             tuple(fit), align, dict(map(_prior, priors)), _share(hold_out), mesh, profile, propose
         )
         given = _candidates(candidates, description) if candidates else None
-        result = identified(
-            description, measured, glued, wanted, program="tripod identify", quiet=quiet, poses=given
-        )
+        title = f"{description.name} from {data.name}"
+        try:
+            result = identified(
+                description, measured, glued, wanted, program="tripod identify", quiet=quiet, poses=given
+            )
+        except FitError as error:
+            return _unfound(error, description, measured, glued, align, title, command, report)
         if out is not None:
             with replaced_text(out) as file:
                 file.write(scene_text(result, command))
         if report is not None:
             with replaced_text(report) as page:
-                page.write(identify_report(f"{description.name} from {data.name}", command, measured, result))
+                page.write(identify_report(title, command, measured, result))
     except (DataError, RecordError, SceneError, OSError) as error:
         return _complain(error, BAD_ARGUMENTS)
-    except (FitError, StepError) as error:
+    except StepError as error:
         return _complain(error, FAILED)
     if as_json:
         print(json.dumps(plain({"scene": description.name, "rows": len(measured.values), **_plain(result)})))
@@ -88,6 +92,31 @@ def identify_command(
     for note in result.notes:
         print(f"tripod identify: note: {note}", file=sys.stderr)
     return 0
+
+
+def _unfound(
+    error: FitError, scene: "Scene", measured: "Measured", points: "Sequence[Point]", align: str, title: str,
+    command: str, report: Path | None,
+) -> int:  # fmt: skip
+    """Say why nothing was found, and in the report also how far the scene, as it is, is from the data.
+
+    Returns the exit code; raises as `predict` does, and OSError.
+    """
+    from tripod_identify.left_over import what_is_left  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.model import plainly, predict  # noqa: PLC0415
+    from tripod_identify.score import score  # noqa: PLC0415
+    from tripod_identify.score_report import score_report  # noqa: PLC0415
+
+    found = score(predict(plainly(scene), measured, points), measured, align)
+    left = what_is_left(found.residuals, measured, scene)
+    notes = [*measured.notes, *([left.note] if left.note else [])]
+    if report is not None:
+        text, _ = score_report(title, command, measured, found, left, align, [str(error), *notes])
+        with replaced_text(report) as page:
+            page.write(text)
+    for note in notes:
+        print(f"tripod identify: note: {note}", file=sys.stderr)
+    return _complain(error, FAILED)
 
 
 def _plain(result: "Identified") -> dict[str, object]:

@@ -27,10 +27,11 @@ def score_command(
 ) -> int:
     """Score, print, write and return the exit code: 2 bad input, 1 a pose or motion could not be computed."""
     from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
+    from tripod_identify.left_over import what_is_left  # noqa: PLC0415
     from tripod_identify.model import plainly, predict  # noqa: PLC0415
     from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415
     from tripod_identify.score import score  # noqa: PLC0415
-    from tripod_identify.score_report import HEAD, alignment_line, score_report, score_rows  # noqa: PLC0415
+    from tripod_identify.score_report import HEAD, alignment_line, left_rows, score_report, score_rows  # noqa: PLC0415
     from tripod_record.errors import RecordError  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
 
@@ -44,10 +45,12 @@ def score_command(
         with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
             predicted = predict(plainly(description), measured, glued, progress)
         found = score(predicted, measured, align)
+        left = what_is_left(found.residuals, measured, description)
+        notes = [*measured.notes, *([left.note] if left.note else [])]
         if report is not None or plot is not None:
             command = shlex.join(["tripod", *sys.argv[1:]])
             title = f"{description.name} against {data.name}"
-            text, picture = score_report(title, command, measured, found, align, measured.notes)
+            text, picture = score_report(title, command, measured, found, left, align, notes)
             if report is not None:
                 with replaced_text(report) as page:
                     page.write(text)
@@ -60,12 +63,16 @@ def score_command(
     except StepError as error:
         print("tripod score: " + " ".join(str(error).split()), file=sys.stderr)
         return FAILED
-    for note in measured.notes:
+    for note in notes:
         print(f"tripod score: note: {note}", file=sys.stderr)
     if as_json:
-        print(json.dumps(plain({"scene": description.name, "rows": len(measured.values), **found.as_json()})))
+        numbers = {**found.as_json(), "rest": left.as_json()}
+        print(json.dumps(plain({"scene": description.name, "rows": len(measured.values), **numbers})))
     elif not quiet:
         print_table(HEAD, score_rows(found))
+        print()
+        print_table(("what is left", "rms"), left_rows(left, angle=not found.distance))
+        print()
         explained = (
             f"; {100 * found.explained:.2f} % of the variance explained"
             if math.isfinite(found.explained)

@@ -12,7 +12,7 @@ from tripod_identify.bars import Posterior, posterior_of
 from tripod_identify.bars import as_json as posterior_json
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.fit import CONFIDENCE, OUTLIER, Fit, Note, Prior, enough, fit, hopeless, profile
-from tripod_identify.left_over import LeftOver, left_over
+from tripod_identify.left_over import LeftOver, what_is_left
 from tripod_identify.measured import Measured
 from tripod_identify.mesh_share import Share, Shares, shares
 from tripod_identify.model import Progress, Told, plainly
@@ -191,12 +191,11 @@ def identify(
     held = measured.rows(~rows)
     some = bool((~rows).any())
     own = _profiles(last, problem, wanted, say, notes)
-    left = _left(last, problem)
-    if not left.explained:
-        notes.append(
-            f"the model does not explain the data: {_share(left)} of the squared rest follows commands or time, "
-            "as no noise does"
-        )
+    good = last.sound
+    left = what_is_left((measured.values - last.values)[good], measured.rows(good), scene)
+    if left.note:
+        notes.append(left.note)
+    notes += _against(last, wanted.priors)
     proposals: list[Proposal] = []
     if wanted.propose and measured.times is None and scene.servos:
         say("poses that would tell most")
@@ -360,20 +359,16 @@ def _profiles(
     return found
 
 
-def _left(last: Fit, problem: Problem) -> LeftOver:
-    """Return what residuals of good rows are made of."""
-    measured = problem.measured
-    angle = np.array([c.angle for c in measured.channels])
-    good = last.sound
-    residuals = (measured.values - last.values)[good][:, ~angle if (~angle).any() else angle]
-    if measured.times is None:
-        along = measured.joints(problem.base.scene)[good]
-        return left_over(residuals, along)
-    return left_over(residuals, measured.times[good][:, None])
-
-
-def _share(left: LeftOver) -> str:
-    return f"{100 * left.systematic**2 / max(left.rms**2, 1e-30):.0f} %"
+def _against(last: Fit, priors: Mapping[str, Prior]) -> list[str]:
+    """Return a sentence for each value that is found far from what was known of it before."""
+    found = []
+    for p, u in zip(last.wanted, last.u.tolist(), strict=True):
+        if p.name in priors and (off := abs(p.of_u(u) - priors[p.name].value) / priors[p.name].sd) > OUTLIER:
+            found.append(
+                f"the model does not explain the data together with --prior: they ask for {p.name} = "
+                f"{p.of_u(u):.4g}, {off:.0f} standard deviations from it"
+            )
+    return found
 
 
 def _by_parameters(last: Fit, problem: Problem) -> float:
@@ -422,8 +417,7 @@ def as_json(result: Identified) -> dict[str, Any]:
         "mesh": result.mesh.size if result.mesh else None,
         "step": result.step.size if result.step else None,
         "parameters": result.parameters,
-        "rest": {"rms": result.left.rms, "systematic": result.left.systematic, "scatter": result.left.scatter,
-                 "chance": result.left.chance, "explained": result.left.explained},
+        "rest": result.left.as_json(),
         "outliers": result.fit.outliers,
         "proposals": [p.joints.tolist() for p in result.proposals],
         "notes": result.notes,

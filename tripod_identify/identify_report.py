@@ -10,7 +10,7 @@ from tripod_identify.page import Page
 from tripod_identify.parameters import GAIN, ZERO
 from tripod_identify.pictures import curves
 from tripod_identify.score import Score
-from tripod_identify.score_report import HEAD, spread_cells
+from tripod_identify.score_report import HEAD, left_rows, spread_cells
 from tripod_sim.scene_file import scene_to_toml
 
 FOUND_HEAD = ("value", "found", "90 % by noise", "mesh adds", "steps add", "without both", "90 %", "unit")
@@ -65,11 +65,7 @@ def _rows(name: str, score: Score | None) -> list[list[str]]:
 def rest_rows(result: Identified) -> list[list[str]]:
     """Return what the rest is made of: name and size."""
     size, unit = (1e3, "mm") if result.after.distance else (math.degrees(1), "degrees")
-    left = result.left
-    rows = [["all that is left", f"{size * left.rms:.4f} {unit}"]]
-    if math.isfinite(left.chance):
-        rows.append(["of it, follows the commands or time", f"{size * left.systematic:.4f} {unit}"])
-        rows.append(["of it, scatter", f"{size * left.scatter:.4f} {unit}"])
+    rows = left_rows(result.left, angle=not result.after.distance)
     if result.mesh:
         rows.append(["the mesh makes", f"{size * result.mesh.size:.4f} {unit} (at {result.mesh.rows} rows)"])
     if result.step:

@@ -1,10 +1,14 @@
 """What is left: how much of the residuals is a smooth function of the commands, which no noise is."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
+
+from tripod_identify.measured import Measured
+from tripod_sim.scene import Scene
 
 FloatArray = NDArray[np.float64]
 
@@ -35,6 +39,21 @@ class LeftOver:
     def explained(self) -> bool:
         """Whether the model leaves no more than noise, as far as that can be told."""
         return not (self.chance < SURE and self.systematic**2 > RULES * self.rms**2)
+
+    @property
+    def note(self) -> str:
+        """That the model does not explain the data, in a sentence; empty where it does."""
+        if self.explained:
+            return ""
+        share = 100 * self.systematic**2 / self.rms**2
+        return (
+            f"the model does not explain the data: {share:.0f} % of the squared rest follows commands or time, as no "
+            "noise does"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the numbers, SI."""
+        return {**asdict(self), "explained": self.explained}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,3 +123,16 @@ def left_over(residuals: FloatArray, along: FloatArray) -> LeftOver:
     chance = float(fisher.sf((before - after) / given / scatter, given, freedom))
     systematic = max(before - after - given * scatter, 0.0) / count
     return LeftOver(rms, float(np.sqrt(systematic)), float(np.sqrt(scatter)), chance)
+
+
+def what_is_left(residuals: FloatArray, measured: Measured, scene: Scene) -> LeftOver:
+    """Return what residuals of data are made of: of places, of rotations where there is no place.
+
+    Args:
+        residuals: Measured less predicted [m, rad], shape (k, m).
+        measured: The data.
+        scene: Whose commands they follow.
+    """
+    angle = np.array([c.angle for c in measured.channels])
+    along = measured.joints(scene) if measured.times is None else measured.times[:, None]
+    return left_over(residuals[:, ~angle if (~angle).any() else angle], along)

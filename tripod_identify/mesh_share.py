@@ -255,7 +255,7 @@ def between(coarse: Rest, states: Sequence[State], fine: Rest, joints: FloatArra
     placed = fine.system.groups.placed(own)
     settled = []
     for k, state in enumerate(states):
-        start = fine.start()
+        start = fine.system.undeformed(np.zeros_like(joints[k]))
         start.positions[:] = own + found[:, k]
         for b, nodes in enumerate(fine.system.groups.rigid):
             centre = placed[nodes].mean(axis=0)

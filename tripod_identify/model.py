@@ -90,14 +90,16 @@ def closely(scene: Scene) -> Scene:
 class Rest:
     """The states of rest of one scene."""
 
-    def __init__(self, scene: Scene, measured: Measured, points: Sequence[Point]) -> None:
-        """Raises SceneError: the scene has no states of rest."""
+    def __init__(
+        self, scene: Scene, measured: Measured, points: Sequence[Point], progress: Progress | None = None
+    ) -> None:
+        """`progress`: told how far bodies are bent to fit together. Raises SceneError: there are no states of rest."""
         self.scene = still(with_watched(scene, points))
         if self.scene.prescribed:
             raise SceneError(
                 "poses at rest of a scene with [[prescribed]] are not defined; give the data a time column"
             )
-        self.parts: Parts = build(self.scene)
+        self.parts: Parts = build(self.scene, progress)
         if not isinstance(self.parts.system, System):
             raise SceneError(
                 f"scene {scene.name!r} has no soft solid: nothing of it is at rest by its stiffness"
@@ -107,7 +109,7 @@ class Rest:
         self.observer = Observer(measured.channels, points, watched, self.system.rest)
 
     def start(self) -> State:
-        """Return the undeformed state."""
+        """Return the state that a simulation begins from: bent, where bodies do not fit together undeformed."""
         return self.system.start_state(np.zeros(len(self.system.groups.driven) + 1))
 
     def settle(self, state: State, joints: FloatArray) -> None:
@@ -132,23 +134,28 @@ def rest_states(
     """
     found: list[State] = []
     for k, goal in enumerate(joints):
-        ways = []
-        if near:
-            ways.append(near[k].copy())
-            rest.system.drive(ways[0], ways[0].joints.copy())  # where these servos stand, not those of `near`
-        ways.append(found[-1].copy() if found else rest.start())
-        for i, state in enumerate(ways):
-            try:
+        try:
+            state = _from(rest, near[k], goal) if near else None
+            if state is None:  # `start` may have to bend bodies: not before it is needed
+                state = found[-1].copy() if found else rest.start()
                 rest.settle(state, goal)
-            except StepError as error:
-                if i == len(ways) - 1:
-                    raise StepError(f"row {k + 1} of the data: {error}") from error
-                continue
-            found.append(state)
-            break
+        except StepError as error:
+            raise StepError(f"row {k + 1} of the data: {error}") from error
+        found.append(state)
         if progress:
             progress((k + 1) / len(joints))
     return found
+
+
+def _from(rest: Rest, near: State, goal: FloatArray) -> State | None:
+    """Return the state of rest at `goal` that is reached from one of other values; None where none is."""
+    state = near.copy()
+    rest.system.drive(state, state.joints.copy())  # where these servos stand, not those of `near`
+    try:
+        rest.settle(state, goal)
+    except StepError:
+        return None
+    return state
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +257,7 @@ def predict(
     check_points(told.scene, points)
     if measured.times is not None:
         return motion(told, measured, points, progress)
-    rest = Rest(told.scene, measured, points)
+    rest = Rest(told.scene, measured, points, progress)
     states = rest_states(rest, told.joints(measured.joints(told.scene)), progress=progress)
     return np.array([rest.observer.see(state, told.sensor) for state in states])
 

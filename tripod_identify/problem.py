@@ -114,7 +114,7 @@ class Problem:
     def _solve(self, assumed: Told) -> Solved:
         if self.measured.times is not None:
             return Solved(assumed, self._run(assumed).at(assumed, self.measured))
-        rest = Rest(assumed.scene, self.measured, self.points)
+        rest = Rest(assumed.scene, self.measured, self.points, self._progress)
         near = self._near
         if near and near[0].positions.shape != rest.system.rest.shape:
             near = ()
@@ -171,17 +171,20 @@ def rest_jacobian(
     others: list[tuple[Told, Rest, FloatArray, float]] = []
     still: Rest | None = None  # a second system for what changes no scene: the first keeps its factors
     commands = measured.joints(here.told.scene)
+    stand = here.told.joints(commands)
     for j, p in enumerate(wanted):
         step = STEP if u[j] + STEP < p.bounds[1] else -STEP
         changed = u.copy()
         changed[j] += step
         assumed = told(base, wanted, changed)
+        joints = assumed.joints(measured.joints(assumed.scene) if p.is_field else commands)
         if p.is_field:
             other = Rest(assumed.scene, measured, points)
+        elif np.array_equal(joints, stand):
+            other = rest  # only what sees it is another
         else:
             other = still = still or Rest(assumed.scene, measured, points)
-        own = measured.joints(assumed.scene) if p.is_field else commands
-        others.append((assumed, other, assumed.joints(own), step))
+        others.append((assumed, other, joints, step))
     found = np.empty((*here.values.shape, len(wanted)))
     for k, state in enumerate(here.states):
         if system.assemble(state, project=False) >= 0:
@@ -193,7 +196,7 @@ def rest_jacobian(
             )
         residual = system.residual.copy()
         for j, (assumed, other, joints, step) in enumerate(others):
-            moved = _moved(system, residual, state, other, joints[k])
+            moved = state if other is rest else _moved(system, residual, state, other, joints[k])
             seen = other.observer.see(moved, assumed.sensor)
             found[k, :, j] = (seen - here.values[k]) / step
     return found

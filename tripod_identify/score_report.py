@@ -1,7 +1,9 @@
 """What a score says: rows for people, and the report."""
 
 import math
+from collections.abc import Sequence
 
+from tripod_identify.left_over import LeftOver
 from tripod_identify.measured import Measured
 from tripod_identify.page import Page
 from tripod_identify.pictures import curves
@@ -31,6 +33,16 @@ def score_rows(score: Score) -> list[list[str]]:
     return rows
 
 
+def left_rows(left: LeftOver, *, angle: bool) -> list[list[str]]:
+    """Return what the rest is made of, name and root mean square in mm or degrees."""
+    size, unit = (math.degrees(1), "degrees") if angle else (1e3, "mm")
+    rows = [["all that is left", f"{size * left.rms:.4f} {unit}"]]
+    if math.isfinite(left.chance):
+        rows.append(["of it, follows the commands or time", f"{size * left.systematic:.4f} {unit}"])
+        rows.append(["of it, scatter", f"{size * left.scatter:.4f} {unit}"])
+    return rows
+
+
 def alignment_line(score: Score, kind: str) -> str:
     """Return what was taken away before."""
     shift = ", ".join(f"{1e3 * v:.3f}" for v in score.aligned.shift)
@@ -42,8 +54,8 @@ def alignment_line(score: Score, kind: str) -> str:
 
 
 def score_report(
-    title: str, command: str, measured: Measured, score: Score, kind: str, notes: tuple[str, ...]
-) -> tuple[str, bytes]:
+    title: str, command: str, measured: Measured, score: Score, left: LeftOver, kind: str, notes: Sequence[str]
+) -> tuple[str, bytes]:  # fmt: skip
     """Return the report as HTML, and its picture as PNG."""
     page = Page(title)
     page.code(command)
@@ -54,6 +66,7 @@ def score_report(
     page.table(HEAD, score_rows(score))
     if math.isfinite(score.explained):
         page.say(f"The scene explains {100 * score.explained:.2f} % of the variance of the measured places.")
+    page.table(("what is left", "root mean square"), left_rows(left, angle=not score.distance))
     picture = curves(measured, score, title)
     page.picture(picture, "measured and predicted numbers, and their distance")
     return page.text, picture

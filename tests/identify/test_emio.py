@@ -9,10 +9,12 @@ from benchmarks.emio import POINTS, SCENE, YOUNG, found, wrong
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
-from tripod_identify.model import plainly, predict
+from tripod_identify.model import Rest, plainly, predict, rest_states
 from tripod_identify.observe import parse_point, plain_sensor, sources_of
 from tripod_identify.score import score
 from tripod_sim import load_scene
+from tripod_sim.state import State
+from tripod_sim.system import System
 
 COARSE = ["body.0.mesh.cells=[1,1,10]"]
 POSES = np.array(
@@ -51,6 +53,34 @@ def test_a_point_on_the_platform_moves_as_one_in_its_frame() -> None:
     assert np.linalg.norm(seen - centre, axis=1) == pytest.approx(0.027, abs=1e-12)
     with pytest.raises(DataError, match="tracker=effector: scene 'silicone' has no effector"):
         sources_of(load_scene("silicone"), (point,))
+
+
+def test_legs_are_bent_once_and_it_is_shown() -> None:
+    """States of one modulus serve those of another; bending the legs anew would take as long as many poses."""
+    scene, data, shown = load_scene(SCENE, COARSE), poses(3), list[float]()
+    told = plainly(scene)
+    joints = told.joints(data.joints(scene))
+    first = Rest(scene, data, POINTS, shown.append)
+    states = rest_states(first, joints, progress=shown.append)
+    assert len(shown) > 6
+    assert shown[-3:] == pytest.approx([1 / 3, 2 / 3, 1])
+    assert sorted(shown[:-3]) == shown[:-3]
+    assert shown[-4] < 1, "of the way that the legs are bent"
+    other = Rest(load_scene(SCENE, [*COARSE, f"{YOUNG}=6e6"]), data, POINTS)
+    asked = list[bool]()
+    bend = other.system.assembly
+    assert bend
+
+    def bending(system: System) -> State:
+        asked.append(True)
+        return bend(system)
+
+    other.system.assembly = bending
+    near = [other.observer.see(s, told.sensor) for s in rest_states(other, joints, states)]
+    assert not asked
+    far = [other.observer.see(s, told.sensor) for s in rest_states(other, joints)]
+    assert asked
+    assert np.array(near) == pytest.approx(np.array(far), abs=1e-6)
 
 
 def test_a_modulus_is_found_again_and_wrong_motors_score_much_worse() -> None:

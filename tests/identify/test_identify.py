@@ -229,6 +229,45 @@ def test_exchanged_motors_are_not_explained(poses: Measured) -> None:
     assert any(note.startswith("the model does not explain the data") for note in result.notes)
 
 
+def test_what_was_known_before_and_is_contradicted_is_said(poses: Measured) -> None:
+    names, said = ("servos.zero", "servos.slide"), "the model does not explain the data together with --prior"
+    for prior, noted in ((Prior(0.025, 5e-4), False), (Prior(0.018, 5e-5), True)):
+        wanted = Wanted(names, priors={"servos.slide": prior}, **QUICK)
+        notes = identify(tripod("servos.slide=0.02"), poses, (), wanted).notes
+        assert any(n.startswith(said) and "servos.slide = 0.02" in n for n in notes) == noted
+
+
+def test_score_and_a_report_without_values_say_that_data_are_not_explained(
+    poses: Measured, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tripod_bringup.identify_command import identify_command
+    from tripod_bringup.score_command import score_command
+
+    said, page = "the model does not explain the data: ", tmp_path / "report.html"
+    more = {
+        "align": "none", "points": [], "renames": [], "poses": False, "report": page, "as_json": True, "quiet": True,
+        "overrides": ["mesh.level=1", "servos.slide=0.025"],
+    }  # fmt: skip
+    alone = {
+        "fit": ["solver.linear_tolerance"], "priors": [], "hold_out": "0", "mesh": False, "profile": False,
+        "propose": False, "candidates": None, "out": None,
+    }  # fmt: skip
+    own = measured(plainly(tripod("servos.slide=0.025")), commands(20)[0], None, noise=NOISE)
+    for data, explained in ((own, True), (replace(own, angles=own.angles[:, [1, 0, 2]]), False)):
+        path = write_csv(tmp_path / "poses.csv", data)
+        assert score_command("tripod", path, plot=None, **more) == 0
+        shown = capsys.readouterr()
+        assert json.loads(shown.out)["rest"]["explained"] == explained
+        assert (said in shown.err) == (said in page.read_text()) == (not explained)
+        assert identify_command("tripod", path, **more, **alone) == 1
+        shown = capsys.readouterr().err.splitlines()
+        assert shown[-1].startswith(
+            "tripod identify: the data tell none of the values: solver.linear_tolerance"
+        )
+        assert (said in "".join(shown)) == (said in page.read_text()) == (not explained)
+        assert "the data tell none of the values" in page.read_text()
+
+
 def test_a_coarse_mesh_is_told_and_taken_off() -> None:
     """Data of a beam of finer elements of another kind."""
     scene = scene_from_toml(BEAM.replace("[6, 2, 2]", '[12, 4, 4]\nelement = "h20"'))
