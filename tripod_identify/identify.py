@@ -183,8 +183,8 @@ def identify(
     if measured.times is not None and last.freedom < WORTH * count:
         notes.append(
             f"errors of rows that are close in time hang together: {count} numbers tell as much as {last.freedom}, and "
-            f"intervals are up to {last.longer.max():.1f} times as long; the sensor may drift, the model not explain the "
-            "motion, or its swing be out of step: look at the report, or begin with a modulus nearer by"
+            f"intervals are up to {last.longer.max():.1f} times as long; the sensor may drift, the model not explain "
+            "the motion, or its swing be out of step: look at the report, or begin with a modulus nearer by"
         )
     both: Shares | None = None
     if wanted.mesh:
