@@ -41,6 +41,9 @@ CLOSE = ((1e-5, 1e-7), (1e-4, 1e-4))
 REACH = 2.0
 """Plausible widths that values of a motion may go in a round: with a swing that is out of step derivatives mislead."""
 
+SOONER = (0.25, 0.5)
+"""Shares of a motion that are fitted first, one after the other: at its beginning its swing is hardly out of step."""
+
 FINEST = (1e-6, 1e-6)
 """sigma is not taken to be less [m, rad]."""
 
@@ -192,7 +195,7 @@ def fit(
     weights = _Weights(use, np.array([c.angle for c in measured.channels]))
     sums = _Sums(problem, weights, priors or {})
     number = enough(problem, rows, priors or {})
-    u = problem.start() if start is None else start.copy()
+    u = _in_step(problem, rows, priors or {}) if start is None else start.copy()
     weights.sigma = _sigma(measured.values - problem.at(u).values, weights, 0)
     for turn in range(ROUNDS):
         before, u = u, sums.least(u)
@@ -204,6 +207,26 @@ def fit(
         if moved < SETTLED and not sums.ends(before, u):
             return _known(sums, u, rows, number)
     raise FitError(f"the size of the errors did not settle in {ROUNDS} rounds; are most of the rows wrong?")
+
+
+def _in_step(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior]) -> FloatArray:
+    """Return where to begin: of a motion with values that fit longer and longer beginnings of it.
+
+    All of it may be fitted best, near by, by a modulus that makes it swing once more or less than it does. What a
+    beginning does not tell is held within plausible widths.
+    """
+    u, measured = problem.start(), problem.measured
+    for share in SOONER if measured.times is not None else ():
+        assert measured.times is not None
+        early = measured.times <= measured.times[0] + share * (measured.times[-1] - measured.times[0])
+        part = Problem(problem.base, problem.wanted, measured.rows(early), problem.points)
+        use = np.isfinite(part.measured.values) & rows[early, None]
+        if use.sum() <= len(u):
+            continue
+        weights = _Weights(use, np.array([c.angle for c in measured.channels]))
+        weights.sigma = _sigma(part.measured.values - part.at(u).values, weights, 0)
+        u = _Sums(part, weights, priors, ridge=1.0).least(u, 10.0)
+    return u
 
 
 def enough(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior]) -> int:
@@ -220,10 +243,12 @@ def enough(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior
 class _Sums:
     """The sum to be made least, with its rows and their derivatives."""
 
-    def __init__(self, problem: Problem, weights: _Weights, priors: Mapping[str, Prior]) -> None:
+    def __init__(
+        self, problem: Problem, weights: _Weights, priors: Mapping[str, Prior], ridge: float = RIDGE
+    ) -> None:
         self.problem, self.weights = problem, weights
         self._reach = REACH * np.array([p.width for p in problem.wanted])
-        self._held = 1.0 / (RIDGE * np.array([p.width for p in problem.wanted]))
+        self._held = 1.0 / (ridge * np.array([p.width for p in problem.wanted]))
         self._begin = problem.start()
         self.known = [(j, p, priors[p.name]) for j, p in enumerate(problem.wanted) if p.name in priors]
 

@@ -30,6 +30,9 @@ LEFT = 0.02
 """Of the largest range of any number: what has moved farther has begun to move."""
 
 
+WORTH = 0.5
+"""Share of the numbers of a motion: where as many tell as much, errors hang together so far that it is said."""
+
 MOST = 0.5
 """Share of rows: where a number is off in more, it is not the rows that are wrong."""
 
@@ -176,6 +179,13 @@ def identify(
             f"{len(last.outliers)} of {int(rows.sum())} rows are more than 6 sigma off, and hardly count: {which}"
         )
         notes += _columns_off(last, measured)
+    count = int(np.isfinite(measured.values[last.rows]).sum())
+    if measured.times is not None and last.freedom < WORTH * count:
+        notes.append(
+            f"errors of rows that are close in time hang together: {count} numbers tell as much as {last.freedom}, and "
+            f"intervals are up to {last.longer.max():.1f} times as long; the sensor may drift, the model not explain "
+            "the motion, or its swing be out of step: look at the report, or begin with a modulus nearer by"
+        )
     both: Shares | None = None
     if wanted.mesh:
         say("the same on other meshes")

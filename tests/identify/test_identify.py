@@ -11,7 +11,7 @@ import pytest
 from tests.identify.robots import BEAM, MOVING, POSE, beam, commands, measured, tripod, write_csv
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError, FitError
-from tripod_identify.fit import Prior, _sigma, _Weights, fit, profile
+from tripod_identify.fit import Prior, _in_step, _sigma, _Weights, fit, profile
 from tripod_identify.identify import Wanted, _too_far, beginning, held_rows, identify
 from tripod_identify.measured import Measured
 from tripod_identify.model import Told, plainly, predict
@@ -351,3 +351,28 @@ def test_a_motion_that_begins_out_of_step_is_found() -> None:
     result = identify(scene, data, (), Wanted(("material.young", "damping.stiffness"), mesh=False))
     assert result.found[0].value == pytest.approx(240e3, rel=0.01)
     assert result.fit.sigma[0] == pytest.approx(1e-4, rel=0.3)
+
+
+def test_a_motion_is_fitted_from_its_beginning_on() -> None:
+    """Half of it brings the values close, whatever comes after."""
+    scene = scene_from_toml(MOVING.replace("200e3", "90e3"))
+    data = Measured(np.arange(0, 0.6, 0.02), None, None, TIP, np.zeros((30, 3)))
+    values = predict(robot(scene, {"material.young": 240e3}), data, ())
+    values[16:] = 7.0
+    wanted = parameters(scene, ["material.young", "damping.stiffness"])
+    problem = Problem(plainly(scene), wanted, replace(data, values=values), ())
+    assert np.exp(_in_step(problem, np.ones(30, dtype=bool), {})[0]) == pytest.approx(240e3, rel=0.02)
+
+
+def test_errors_of_a_motion_that_hang_together_are_told() -> None:
+    data = sagging([], {"material.young": 240e3}, 1e-4)
+    wave = 1e-3 * np.sin(2 * np.pi * 8 * data.times)[:, None] * [1.0, 0.0, 1.0]
+    wanted = Wanted(("material.young", "damping.stiffness"), mesh=False)
+    notes = [
+        identify(beam(MOVING), d, (), wanted).notes for d in (data, replace(data, values=data.values + wave))
+    ]
+    told = [
+        [note for note in own if note.startswith("errors of rows that are close in time")] for own in notes
+    ]
+    assert not told[0]
+    assert len(told[1]) == 1

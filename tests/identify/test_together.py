@@ -70,7 +70,7 @@ def held(kind: str, times: np.ndarray | None) -> np.ndarray:
     rng, inside, halves = np.random.default_rng(8), [], []
     for _ in range(DRAWS):
         problem = Linear(SIZE * errors(rng, kind), times)
-        found = fit(problem, np.ones(ROWS, dtype=bool))
+        found = fit(problem, np.ones(ROWS, dtype=bool), start=problem.begin)
         inside.append(np.abs(found.u - problem.begin) <= found.half)
         halves.append(found.half)
     return np.array([np.mean(inside, axis=0), np.mean(halves, axis=0)])
@@ -109,7 +109,7 @@ def test_intervals_hold_also_with_what_other_meshes_foretell() -> None:
         error = (1 + rng.standard_normal()) * finer + rng.standard_normal() * other
         error += size * (left @ rng.standard_normal((left.shape[1], 6)))
         problem = Linear(error + SIZE * errors(rng, "close"), TIMES)
-        found = fit(problem, np.ones(ROWS, dtype=bool))
+        found = fit(problem, np.ones(ROWS, dtype=bool), start=problem.begin)
         amounts = _solve(problem, found, ([finer, other], []), smooth)
         off = found.u + sum(amounts.moves) - problem.begin
         inside.append(np.abs(off) <= 1.645 * np.sqrt(np.diag(amounts.all)))
