@@ -179,13 +179,7 @@ def identify(
             f"{len(last.outliers)} of {int(rows.sum())} rows are more than 6 sigma off, and hardly count: {which}"
         )
         notes += _columns_off(last, measured)
-    count = int(np.isfinite(measured.values[last.rows]).sum())
-    if measured.times is not None and last.freedom < WORTH * count:
-        notes.append(
-            f"errors of rows that are close in time hang together: {count} numbers tell as much as {last.freedom}, and "
-            f"intervals are up to {last.longer.max():.1f} times as long; the sensor may drift, the model not explain "
-            "the motion, or its swing be out of step: look at the report, or begin with a modulus nearer by"
-        )
+    notes += _hang_together(last, measured)
     both: Shares | None = None
     if wanted.mesh:
         say("the same on other meshes")
@@ -220,6 +214,18 @@ def identify(
         _by_parameters(last, problem), ~rows, tuple(proposals), tuple(notes),
         posterior_of(last, both, solved.told, measured.channels, motion=measured.times is not None),
     )  # fmt: skip
+
+
+def _hang_together(last: Fit, measured: Measured) -> list[str]:
+    """Return what to say of a motion few of whose numbers would tell as much."""
+    count = int(np.isfinite(measured.values[last.rows]).sum())
+    if measured.times is None or last.freedom >= WORTH * count:
+        return []
+    return [
+        f"errors of rows that are close in time hang together: {count} numbers tell as much as {last.freedom}, and "
+        f"intervals are up to {last.longer.max():.1f} times as long; the sensor may drift, the model not explain "
+        "the motion, or its swing be out of step: look at the report, or begin with a modulus nearer by"
+    ]
 
 
 def _columns_off(last: Fit, measured: Measured) -> list[str]:
