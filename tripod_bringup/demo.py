@@ -52,6 +52,7 @@ class DemoNode(Node):
         self.measured = Measurements()
         self._go, self._cut = threading.Event(), threading.Event()
         self._joints, self._effector = np.full(1, np.nan), (math.nan,) * 3
+        self._robot = np.zeros(0)
         self._stamp_start = 0.0
         self._mandate = Mandate(new_source("demo", self.get_namespace()))
         self._speaker = Speaker(self, self._mandate)
@@ -59,10 +60,11 @@ class DemoNode(Node):
         self._trajectory = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._target = self.create_publisher(PoseStamped, names.TARGET_POSE, RELIABLE)
         later = Patient()  # measured when the next target is told
-        self._joint_states, *_ = [
+        *self._until_tracking, _, _, _, _ = [
             self.create_subscription(kind, topic, callback, qos, callback_group=later)
             for kind, topic, callback, qos in (
                 (JointState, names.SIM_JOINT_STATES, self._on_joints, NEWEST),
+                (JointState, names.ROBOT_JOINT_STATES, self._on_robot_joints, NEWEST),
                 (SimStatus, names.SIM_STATUS, self._on_sim_status, RELIABLE),
                 (IkStatus, names.IK_STATUS, self._on_ik_status, NEWEST),
                 (RobotStatus, names.ROBOT_STATUS, self._on_robot_status, RELIABLE),
@@ -98,11 +100,14 @@ class DemoNode(Node):
             return
         was = self.session.phase
         linked = was is Phase.WAIT and self._is_linked()
-        self._publish(self.session.step(time.monotonic(), Heard(linked, self._joints, self._effector)))
+        self._publish(
+            self.session.step(time.monotonic(), Heard(linked, self._joints, self._effector, self._robot))
+        )
         if was is not Phase.TRACK and self._tracking:
             self._stamp_start = seconds(self.get_clock().now().to_msg())
             self.measured.packets_before = self.measured.packets
-            self.destroy_subscription(self._joint_states)  # where the joints are is asked no more
+            for subscription in self._until_tracking:  # where the joints are is asked no more
+                self.destroy_subscription(subscription)
         if self.session.failure:
             self.measured.session_failure = self.session.failure
 
@@ -149,6 +154,11 @@ class DemoNode(Node):
         told = dict(zip(message.name, message.position, strict=False))
         named = names.joint_names(names.count_servos(told))
         self._joints = np.array([told.get(name, np.nan) for name in named])
+
+    def _on_robot_joints(self, message: Any) -> None:
+        told = dict(zip(message.name, message.position, strict=False))
+        angles = np.array([told.get(name, np.nan) for name in names.servo_names(names.count_servos(told))])
+        self._robot = angles if np.isfinite(angles).all() else np.zeros(0)
 
     def _on_effector(self, message: Any) -> None:
         position = message.pose.position

@@ -33,11 +33,13 @@ class Heard:
         linked: Whether everybody who must hear the session is connected and alive.
         joints: Simulated joint values: angles [rad] and the slide [m], NaN before the first.
         effector: Simulated effector position [m], NaN before the first.
+        robot: Where the robot's servos are [rad]; empty before that is known.
     """
 
     linked: bool = False
     joints: FloatArray = field(default_factory=lambda: np.full(1, np.nan))
     effector: tuple[float, float, float] = (math.nan,) * 3
+    robot: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def complete(self) -> bool:
@@ -103,6 +105,7 @@ class DemoSession:
         self._shape = DemoTarget((0.0, 0.0, 0.0)) if shape is None else shape
         self._since: float | None = None
         self._commands = 0
+        self._robot = np.zeros(0)  # where its servos were at the first command
 
     @property
     def finished(self) -> bool:
@@ -147,6 +150,10 @@ class DemoSession:
         servos = len(heard.joints) - 1
         pose = working_pose(servos)
         off = np.abs(heard.joints - pose)
+        if self._commands == 1 and self._is_deaf(heard.robot, pose):
+            self._commands += 1
+            self._enter(Phase.MOVE, now - 0.3)
+            return Action(pose=pose, move_time=self.times.move)
         if self._commands and (off <= [self.ANGLE_TOLERANCE] * servos + [self.SLIDE_TOLERANCE]).all():
             self._enter(Phase.SETTLE, now)
         elif elapsed > 0.3 + self.times.move + self.times.arrive:
@@ -155,9 +162,18 @@ class DemoSession:
         elif (
             self._commands < 2
         ):  # again where the first ended on the way, this process having been silent too long
+            if not self._commands:
+                self._robot = heard.robot
             self._commands += 1
             return Action(pose=pose, move_time=self.times.move)
         return Action()
+
+    def _is_deaf(self, robot: FloatArray, pose: tuple[float, ...]) -> bool:
+        """Return whether the servos have not stirred: a driver that was just found may not hear the first command."""
+        if not len(robot) or len(robot) != len(self._robot):
+            return False
+        stood = (np.abs(robot - self._robot) <= self.ANGLE_TOLERANCE).all()
+        return bool(stood and (np.abs(robot - pose[: len(robot)]) > self.ANGLE_TOLERANCE).any())
 
     def _settle(self, now: float, elapsed: float, heard: Heard) -> Action:
         if elapsed < self.times.settle:

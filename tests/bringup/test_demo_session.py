@@ -57,6 +57,30 @@ def test_a_motion_that_ended_on_the_way_is_commanded_again() -> None:
     assert done[3][0] == pytest.approx(7.0, abs=0.05), "a rest after the joints arrived at 6.0 s"
 
 
+def test_a_robot_that_did_not_hear_the_first_command_is_told_again_and_waited_for() -> None:
+    session = DemoSession(SessionTimes(track=2.0))
+
+    def deaf(t: float) -> Heard:
+        """The simulator is there after 4 s; the robot stands until then, and is there 3 s later."""
+        servos = (THERE if t >= 7.4 else 0.5 * THERE if t >= 5.0 else PARKED)[:3]
+        return Heard(t >= 1.0, THERE if t >= 4.0 else PARKED, EFFECTOR, servos)
+
+    done = play(session, deaf, 14.0)
+    assert session.phase is Phase.DONE and not session.failure
+    moves = [time for time, action in done if action == Action(pose=WORKING_POSE, move_time=3.0)]
+    assert moves == [pytest.approx(1.3, abs=0.03), pytest.approx(4.3, abs=0.05)]
+    assert done[3][0] == pytest.approx(8.3, abs=0.1), "a rest after the second motion"
+
+
+@pytest.mark.parametrize("robot", [THERE[:3], 0.5 * THERE[:3], np.zeros(0)])
+def test_a_robot_that_moved_or_is_not_known_is_not_told_again(robot: np.ndarray) -> None:
+    session = DemoSession(SessionTimes(track=2.0))
+    there = lambda t: robot if t >= 4.0 else 0.0 * robot  # noqa: E731
+    done = play(session, lambda t: Heard(t >= 1.0, THERE if t >= 4.0 else PARKED, EFFECTOR, there(t)), 12.0)
+    assert session.phase is Phase.DONE
+    assert sum(action == Action(pose=WORKING_POSE, move_time=3.0) for _, action in done) == 1
+
+
 def test_targets_are_those_of_the_function_that_the_error_is_measured_against() -> None:
     session = DemoSession(SessionTimes(track=None))
     done = play(session, robot, 15.0)

@@ -13,7 +13,7 @@ TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in DOCUMENTS}
 COMMANDS = sorted(
     {
         " ".join(command.split("#")[0].split())
-        for document in TEXTS.values()
+        for document in (re.sub(r"\\\n\s*", " ", text) for text in TEXTS.values())  # lines that go on are one
         for text in (
             *re.findall(r"`(tripod [^`]+)`", document),
             *re.findall(r"^(tripod .+)$", document, re.MULTILINE),
