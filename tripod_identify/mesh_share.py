@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from tripod_identify.fit import Fit, pseudo_residuals
 from tripod_identify.left_over import Smooth
@@ -28,6 +27,7 @@ from tripod_identify.model import Rest, Told, closely, motion
 from tripod_identify.problem import Problem, other_elements, refined
 from tripod_identify.together import Together
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.handover import bent_like
 from tripod_sim.state import State
 
 FloatArray = NDArray[np.float64]
@@ -247,22 +247,9 @@ def between(coarse: Rest, states: Sequence[State], fine: Rest, joints: FloatArra
 
     Where what is between its nodes leads nowhere the joints are played from the undeformed state. Raises StepError.
     """
-    places, own = coarse.system.rest, fine.system.rest
-    moved = np.stack([state.positions - places for state in states], axis=1)
-    found = LinearNDInterpolator(places, moved, rescale=True)(own)
-    lost = ~np.isfinite(found).all(axis=(1, 2))
-    found[lost] = NearestNDInterpolator(places, moved, rescale=True)(own[lost])
-    placed = fine.system.groups.placed(own)
     settled = []
-    for k, state in enumerate(states):
-        start = fine.system.undeformed(np.zeros_like(joints[k]))
-        start.positions[:] = own + found[:, k]
-        for b, nodes in enumerate(fine.system.groups.rigid):
-            centre = placed[nodes].mean(axis=0)
-            start.rotations[b] = state.rotations[b]
-            start.centres[b] = state.centres[b] + state.rotations[b] @ (centre - _centre(coarse, b))
-            start.positions[nodes] = start.centres[b] + (placed[nodes] - centre) @ state.rotations[b].T
-        fine.system.drive(start, joints[k])
+    for k, bent in enumerate(bent_like(coarse.system, states, fine.system, joints)):
+        start = bent
         try:
             fine.settle(start, joints[k])
         except StepError:
@@ -270,8 +257,3 @@ def between(coarse: Rest, states: Sequence[State], fine: Rest, joints: FloatArra
             fine.settle(start, joints[k])
         settled.append(start)
     return settled
-
-
-def _centre(rest: Rest, b: int) -> FloatArray:
-    groups = rest.system.groups
-    return np.asarray(groups.placed(rest.system.rest)[groups.rigid[b]].mean(axis=0))

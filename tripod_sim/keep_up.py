@@ -18,10 +18,11 @@ from tripod_host.priority import stand_back
 from tripod_sim.accuracy.machine import Idle
 from tripod_sim.accuracy.pace import Look, Pace
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.handover import carry, same_nodes
+from tripod_sim.handover import carry, same_nodes, settle
 from tripod_sim.realtime import Activity, RealTime
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
+from tripod_sim.state import State
 
 if TYPE_CHECKING:
     from tripod_sim.accuracy.ladder import Rung
@@ -186,7 +187,7 @@ class KeepUp:
                 self._built[rung].rehearse()
             after = self._built[rung]
             if not same_nodes(before, after):
-                self._bring(after, calm=rung < at)
+                self._bring(before, after, calm=rung < at)
             self._take_over(before, after)
         except (SceneError, StepError) as error:
             if isinstance(error, SceneError):
@@ -200,24 +201,31 @@ class KeepUp:
             self._meter.rest()
             self._tell(*self._words(rung, at, seen))
 
-    def _bring(self, after: Simulation, *, calm: bool) -> None:
+    def _bring(self, before: Simulation, after: Simulation, *, calm: bool) -> None:
         """Bring a body to rest where the joints are; `calm`: when they stand still, as far as one can wait for that."""
         end = clock.monotonic() + CALM
         while calm and not self._closed:
             joints = self._physics.latest.joints
             clock.sleep(0.1)
             calm = clock.monotonic() < end and not np.array_equal(joints, self._physics.latest.joints)
+        seen = list[State]()
+
+        def note(simulation: Simulation) -> None:
+            seen.append(simulation.state.copy())
+
         for _ in range(PASSES):
-            joints = self._physics.latest.joints
-            after.rest_at(joints)
-            if np.abs(self._physics.latest.joints - joints).max() < NEAR:
+            self._between_steps(note)
+            if not seen:
+                return
+            settle(before, seen[-1], after)
+            if np.abs(self._physics.latest.joints - seen[-1].joints).max() < NEAR:
                 return
 
     def _take_over(self, before: Simulation, after: Simulation) -> None:
         """Let `after` take over between two steps, and wait for it. Raises StepError."""
-        done, failed = threading.Event(), list[StepError]()
+        failed = list[StepError]()
 
-        def act(simulation: Simulation) -> None:  # in the thread of the steps
+        def act(simulation: Simulation) -> None:
             try:
                 if (
                     simulation is before
@@ -229,13 +237,22 @@ class KeepUp:
                     self._changed(after)
             except StepError as error:
                 failed.append(error)
-            done.set()
 
-        self._physics.between_steps(act)
-        while not done.wait(0.1) and self._physics.is_alive() and not self._closed:
-            pass
+        self._between_steps(act)
         if failed:
             raise failed[0]
+
+    def _between_steps(self, act: Callable[[Simulation], None]) -> None:
+        """Have `act` called in the thread of the steps, and wait for it; not where that ends."""
+        done = threading.Event()
+
+        def then(simulation: Simulation) -> None:
+            act(simulation)
+            done.set()
+
+        self._physics.between_steps(then)
+        while not done.wait(0.1) and self._physics.is_alive() and not self._closed:
+            pass
 
     def _words(self, rung: int, before: int, seen: Look) -> tuple[str, float, str]:
         """Return what is said of a change from `before` to `rung`, how long [s], and what is told meanwhile."""

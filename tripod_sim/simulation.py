@@ -25,12 +25,14 @@ from tripod_sim.tables.motion import EXPLICIT
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.body_ball import BodyBall
+    from tripod_sim.contact.rigid_system import RigidSystem
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.mesh_error import MeshError, MeshErrorReport
     from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
     from tripod_sim.softness import SoftestMove
+    from tripod_sim.springs.system import SpringSystem
 
 FloatArray = NDArray[np.float64]
 
@@ -250,11 +252,15 @@ class Simulation:
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
 
-    def rest_at(self, joints: FloatArray) -> None:
-        """Bring the body to rest with servo angles and slide at `joints`, shape (s + 1,), from where it is.
+    def rest_at(self, joints: FloatArray, start: State | None = None) -> None:
+        """Bring the body to rest with servo angles and slide at `joints`, shape (s + 1,), from `start` or where it is.
 
         Raises StepError: no equilibrium is found; the state is another one then.
         """
+        if start:
+            for name in ("positions", "modes", "centres", "rotations", "joints"):
+                getattr(self.state, name)[:] = getattr(start, name)
+            self._static.stepper.forget()
         self._pose(self._goal(joints, 0.0))
         self._begin_errors(self._parts)
         if self._servos:
@@ -499,6 +505,11 @@ class Simulation:
     def unknowns(self) -> int:
         """Number of unknowns of a step, after elimination of constraints and incompatible modes."""
         return self._system.unknowns
+
+    @property
+    def system(self) -> "System | SpringSystem | RigidSystem":
+        """What the steps solve."""
+        return self._system
 
     @property
     def effector(self) -> Pose | None:

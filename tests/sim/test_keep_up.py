@@ -12,7 +12,7 @@ import pytest
 from tests.sim.overload import ASKED, CHEAP, SET, Said, write_study
 from tripod_sim import SceneError, Simulation, StepError, keep_up, load_scene
 from tripod_sim.accuracy.ladder import ladder
-from tripod_sim.handover import carry
+from tripod_sim.handover import carry, settle
 from tripod_sim.keep_up import KeepUp, Meter, Settings
 from tripod_sim.realtime import Activity, RealTime, Snapshot
 
@@ -245,6 +245,33 @@ def test_the_state_of_the_same_nodes_goes_on_whole() -> None:
     assert np.abs(one.state.velocities).max() > 0.1
     other.step()
     assert other.state.time == pytest.approx(one.state.time + 0.01)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_body_that_buckled_stays_on_its_side(side: int) -> None:
+    """Arms up or down, slides in, arms flat: the disc is 3 cm above or below, and both are at rest."""
+    one = Simulation(load_scene("tripod", [SET]))
+    way = side * np.array([[0.5, 0.5, 0.5, 0.0], [0.5, 0.5, 0.5, side * 0.02], [0.0, 0.0, 0.0, side * 0.02]])
+    here = np.zeros(4)
+    for there in way:
+        for k in range(150):
+            one.step(here + (there - here) * (k + 1) / 150)
+        here = there
+    assert one.effector
+    height = one.effector.position[2]
+    assert -side * height > 0.02
+    other = Simulation(load_scene("tripod", [SET, "mesh.element=h8_modes", "dt=0.005"]))
+    settle(one, one.state, other)
+    assert other.effector
+    assert other.effector.position[2] == pytest.approx(height, abs=2e-3)
+    np.testing.assert_array_equal(other.state.joints, one.state.joints)
+
+
+def test_a_body_that_would_jump_does_not_take_over() -> None:
+    one, other = (Simulation(load_scene("tripod", [SET])) for _ in range(2))
+    one.state.centres[0, 2] += 0.03
+    with pytest.raises(StepError, match="its body would jump by 30 mm"):
+        settle(one, one.state, other)
 
 
 def test_servos_with_dynamics_go_on_towards_their_command() -> None:
