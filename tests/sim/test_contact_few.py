@@ -108,3 +108,28 @@ def test_the_report_tells_the_way() -> None:
     words = ["springs.source=grid", "springs.nodes=5", "springs.size=0.3", "springs.position=[0,0,0.3]"]
     assert Simulation(load_scene("drape", words)).step().contact.way == "multipliers"
     assert Simulation(load_scene("stack", ["contact.response=penalty"])).step().contact.way == "penalty"
+
+
+def test_turns_count_by_what_they_move_points_by() -> None:
+    """A ball of 8 mm that bounces on the disc turns by 1e-6 rad without moving anything by more than 8 nm."""
+    ball = "rigid=[{shape='ball', radius=0.008, mass=0.0005, position=[0.001,0.0005,0.015]}]"
+    simulation = Simulation(
+        load_scene("tripod", ["contact={contact_distance=5e-4, alarm_distance=1.5e-3}", ball])
+    )
+    stepper = simulation._stepper
+    assert isinstance(stepper, ContactStepper)
+    problem = stepper.world.problem
+    turn = np.zeros(problem.unknowns)
+    turn[-1] = 1e-6
+    assert problem.size(turn) == pytest.approx(8e-9)
+    disc = problem.slices[0].stop - 1
+    while problem.reach[disc] == 1.0:
+        disc -= 1
+    assert problem.reach[disc] == pytest.approx(0.01, rel=0.5)
+    most = 0
+    for _ in range(90):
+        report = simulation.step()
+        most = max(most, report.iterations)
+        assert report.contact
+        assert report.contact.way == "compliance"
+    assert most <= 20  # 63 in units of one metre per radian

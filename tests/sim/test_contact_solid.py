@@ -10,9 +10,9 @@ from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
 from tripod_sim.bodies.build import assembled
 from tripod_sim.build import body_mesh
-from tripod_sim.constraints.groups import rotation_matrix
+from tripod_sim.constraints.groups import rotation_matrix, rotation_vector
 from tripod_sim.contact.crossings import Crossings
-from tripod_sim.contact.rotations import left_jacobian
+from tripod_sim.contact.group_kernels import add_residual
 from tripod_sim.contact.solid_build import surfaces
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
@@ -198,11 +198,16 @@ def test_gradient_and_potential_agree_with_a_disc_that_turns() -> None:
     assert (up - down) / 2 == pytest.approx(float(gradient @ du), rel=1e-5)
 
 
-def test_the_left_jacobian_is_the_derivative_of_the_rotation() -> None:
-    theta, step = np.array([0.4, -1.1, 0.3]), 1e-6 * np.array([1.0, 2.0, -3.0])
+def test_a_moment_counts_by_what_the_rotation_vector_turns() -> None:
+    """m . w of the spin w with which exp([theta]x) turns while theta changes is J^T m . dtheta/dt."""
+    theta, step, moment = (np.array(v) for v in ([0.4, -1.1, 0.3], [1.0, 2.0, -3.0], [0.7, 0.2, -0.4]))
     for turn in (theta, 1e-5 * theta):
-        expected = rotation_matrix(left_jacobian(turn) @ step) @ rotation_matrix(turn)
-        np.testing.assert_allclose(rotation_matrix(turn + step), expected, atol=2e-11)
+        u, out = np.concatenate([np.zeros(3), turn]), np.zeros(6)
+        add_residual(np.concatenate([np.zeros(3), moment]), 0, u, out)
+        after, before = (rotation_matrix(turn + s * 1e-6 * step) for s in (1.0, -1.0))
+        expected = moment @ rotation_vector(after @ before.T) / 2e-6
+        assert out[3:] @ step == pytest.approx(float(expected), rel=1e-7)
+        assert not out[:3].any()
 
 
 def test_a_post_stops_the_sinking_tripod_and_the_servos_feel_it() -> None:

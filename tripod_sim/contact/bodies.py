@@ -14,6 +14,8 @@ class Body(Protocol):
         unknowns: Their number.
         given: Which of them are not sought: they move as servos, timelines or rollers say, shape (g,).
         pattern: Upper triangle of the Hessian, CSC, with full blocks of nodes or bodies; `hessian` writes its data.
+        reach: By how much each of them moves points of the body at most [m], per m 1, per rad the largest arm, shape
+            (unknowns,).
         looked_back: Whether the next stage may look back on the last.
         served: Whether the Hessian of the stage before serves: then `begin` need not prepare another.
     """
@@ -21,6 +23,7 @@ class Body(Protocol):
     unknowns: int
     given: Any
     pattern: Any
+    reach: Any
     looked_back: bool
     served: bool
 

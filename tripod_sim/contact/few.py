@@ -115,16 +115,16 @@ class FewContacts:
                 raise _NoWayError
             free = -problem.solve_bodies(r)
             change, error = self._with_contacts(u, free, mu, 0.1 * aim)
-            size = float(np.abs(change).max(initial=0.0))
+            size = problem.size(change)
             u += change
             since += 1
             left = size * min(1.0, size / before)  # what a step leaves of its error, as the one before did
             if size <= 0.1 * aim and left <= 0.01 * aim:
                 problem.gradient(u, r)
                 r[self._which] -= self._force
-                problem.note_unbalanced(r)
-                problem.serves = since <= self.FEW
-                return max(error, size)
+                if problem.balanced(r):
+                    problem.serves = since <= self.FEW
+                    return max(error, size)
             if size >= 0.3 * before:
                 slow += 1
                 if slow > self.SLOW:

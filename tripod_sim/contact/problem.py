@@ -1,6 +1,7 @@
 """The potential of one step with contact, in the unknowns of all moving bodies, and how to go down in it."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -38,12 +39,14 @@ class StepProblem:
 
     Attributes:
         unknowns: Of all bodies, one after the other.
-        first: First unknown of each body.
+        slices: Those of each body.
         given: Unknowns that are not sought, shape (g,).
+        reach: See `Body`.
         give: 1 / diagonal of the Hessian without contacts at the start of the step, shape (unknowns,).
         effort: Counts.
         serves: Whether the factorisation of the bodies alone is one of this step, or good enough for it.
         unbalanced: Largest force that the last descent left [N].
+        balance: Which of these is small enough [N]: any, where bodies move on; see `statics`.
     """
 
     SHORTEST = 1e-6
@@ -51,9 +54,10 @@ class StepProblem:
 
     def __init__(self, bodies: list[Body], contacts: ContactSet) -> None:
         self._bodies, self._contacts = bodies, contacts
-        self.first = np.concatenate([[0], np.cumsum([b.unknowns for b in bodies])]).astype(int)
-        self.unknowns = int(self.first[-1])
-        self.given = np.concatenate([k + b.given for b, k in zip(bodies, self.first, strict=False)])
+        first = np.cumsum([0, *[b.unknowns for b in bodies]]).tolist()
+        self.slices, self.unknowns = [slice(*ends) for ends in pairwise(first)], first[-1]
+        self.given = np.concatenate([k + b.given for b, k in zip(bodies, first, strict=False)])
+        self.reach = np.concatenate([b.reach for b in bodies])
         patterns = [b.pattern for b in bodies]
         self._pattern: Any = _join(patterns)
         ends = np.cumsum([0, *[p.nnz for p in patterns]])
@@ -68,11 +72,7 @@ class StepProblem:
         self._diagonal = self._pattern.indptr[1:] - 1
         self._state = np.zeros(256, dtype=np.int64)
         self._factored = False
-        self.effort, self.unbalanced, self.serves = Effort(), 0.0, False
-
-    def slices(self) -> list[slice]:
-        """Return where the unknowns of each body are."""
-        return [slice(int(a), int(b)) for a, b in zip(self.first, self.first[1:], strict=False)]
+        self.effort, self.unbalanced, self.balance, self.serves = Effort(), 0.0, np.inf, False
 
     def warm_up(self) -> None:
         """Compile what is needed only when something touches."""
@@ -84,7 +84,7 @@ class StepProblem:
         """Prepare a stage and write the moves without forces to `u`."""
         self.serves = self.serves and stage.s == self._length and self.lasting
         self._length, self._assembled, self._factored = stage.s, False, False
-        for body, part in zip(self._bodies, self.slices(), strict=True):
+        for body, part in zip(self._bodies, self.slices, strict=True):
             body.served = self.serves
             body.begin(stage)
             body.guess(u[part])
@@ -125,12 +125,16 @@ class StepProblem:
         """Whether the bodies' Hessian of a step may serve in the next."""
         return all(body.lasting for body in self._bodies)
 
+    def size(self, moves: FloatArray) -> float:
+        """Return by how much `moves` of the unknowns move any point of the bodies at most [m]."""
+        return float(np.abs(moves * self.reach).max(initial=0.0))
+
     def renew(self) -> None:
         """Drop the factorisation: the contacts have changed."""
         self._factored = False
 
     def _assemble(self, u: FloatArray, *, project: bool) -> None:
-        for body, part, (own, place) in zip(self._bodies, self.slices(), self._parts, strict=True):
+        for body, part, (own, place) in zip(self._bodies, self.slices, self._parts, strict=True):
             body.hessian(u[part], project=project)
             place[:] = own
 
@@ -145,14 +149,18 @@ class StepProblem:
         """Write the gradient of the bodies alone to `r` and return their potential, infinite where there is none."""
         r[:] = 0.0
         phi = 0.0
-        for body, part in zip(self._bodies, self.slices(), strict=True):
+        for body, part in zip(self._bodies, self.slices, strict=True):
             phi += body.add(u[part], r[part])
         return phi
 
-    def note_unbalanced(self, r: FloatArray) -> None:
-        """Let `unbalanced` be the largest force of `r`, shape (unknowns,), but for unknowns that are given."""
+    def balanced(self, r: FloatArray) -> bool:
+        """Let `unbalanced` be the largest force of `r`, shape (unknowns,); return whether that is small enough.
+
+        Moments count divided by `reach`, unknowns that are given not at all: their forces become zero.
+        """
         r[self.given] = 0.0
-        self.unbalanced = float(np.abs(r).max(initial=0.0))
+        self.unbalanced = float(np.abs(r / self.reach).max(initial=0.0))
+        return self.unbalanced <= self.balance
 
     def _factor(self, u: FloatArray) -> None:
         """Assemble and factor at `u`: as it is if that is positive definite, else projected."""
@@ -184,7 +192,7 @@ class StepProblem:
             DescentError: no lower potential was found.
         """
         size = self._descend(u, tolerance, most)
-        self.note_unbalanced(self._r)
+        self.balanced(self._r)
         return size
 
     def _descend(self, u: FloatArray, tolerance: float, most: int) -> float:
@@ -198,7 +206,7 @@ class StepProblem:
                 self._factor(u)
                 fresh = True
             p = self._solve(r)
-            slope, size = float(r @ p), float(np.abs(p).max(initial=0.0))
+            slope, size = float(r @ p), self.size(p)
             scale = 1.0
             while True:
                 np.multiply(p, -scale, out=trial)
@@ -219,7 +227,7 @@ class StepProblem:
             u[:] = trial
             phi = lower
             r[:] = after
-            if size * scale <= tolerance and scale == 1.0:
+            if size * scale <= tolerance and scale == 1.0 and self.balanced(r):
                 return size
             self._factored = scale == 1.0 and size <= 0.3 * previous  # chord steps while they converge fast
             previous, fresh = size, False

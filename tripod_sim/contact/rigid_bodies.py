@@ -3,10 +3,10 @@
 import numpy as np
 from scipy import sparse
 
-from tripod_sim.constraints.groups import rotation_matrix
+from tripod_sim.contact import rigid_kernels as kernels
 from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.integrators.looking_back import Memory, Stage
-from tripod_sim.mesh.solid_mesh import FloatArray
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 
 class RigidBodies:
@@ -26,7 +26,7 @@ class RigidBodies:
         inertia: About the centre in the body's frame [kg m²], shape (b, 3, 3).
         centre, velocity, spin: [m], [m/s], [rad/s], in world, shape (b, 3).
         rotation: From the body's frame to world, shape (b, 3, 3).
-        given, looked_back: See `Body`.
+        given, reach, looked_back: See `Body`.
     """
 
     MOST_TURNS, SAME = 20, 1e-12
@@ -45,6 +45,7 @@ class RigidBodies:
         self.velocity, self.spin = np.zeros((2, b, 3))
         self.rotation = np.tile(np.eye(3), (b, 1, 1))
         self.unknowns, self.given = 6 * b, np.zeros(0, dtype=np.int64)
+        self.reach = np.ones(6 * b)  # until their surfaces are known
         self.lasting, self.served = True, False
         self.looked_back, self._stage = False, Stage(1.0, 1.0)
         self._inverse = np.linalg.inv(self.inertia)
@@ -86,8 +87,7 @@ class RigidBodies:
         self._stage, s = stage, stage.s
         now, way = self._momentum, self._way
         now[:, :3] = self.velocity
-        for k, (R, w) in enumerate(zip(self.rotation, self.spin, strict=True)):
-            now[k, 3:] = R @ (self.inertia[k] @ (R.T @ w))
+        kernels.carry(self.inertia, self.rotation, self.spin, now[:, 3:])
         way[:] = 0.0
         if not stage.begins:
             way += stage.back * self._moved
@@ -95,22 +95,12 @@ class RigidBodies:
             way[:, 3:] += stage.lead * self.spin
         self._memory.known(now, stage, self._known)
         self._aim[:, :3] = way[:, :3] + s * self._known[:, :3] + s * s * self._gravity
-        for k, R in enumerate(self.rotation):
-            turn, L = way[k, 3:] + s * self.spin[k], self._known[k, 3:]
-            for _ in range(self.MOST_TURNS):
-                there = rotation_matrix(turn) @ R
-                before, turn = turn, way[k, 3:] + s * (there @ (self._inverse[k] @ (there.T @ L)))
-                if (
-                    np.abs(turn - before).max() <= self.SAME * np.abs(turn).max()
-                ):  # at once where all axes are alike
-                    break
-            self._aim[k, 3:] = turn
-            if stage.begins:
-                self._world[k] = R @ self.inertia[k] @ R.T
-                there = rotation_matrix(turn) @ R
-                self._untouched[k] = there @ (self._inverse[k] @ (there.T @ L))
-            else:
-                self._world[k] = there @ self.inertia[k] @ there.T
+        L, turn, there = self._known[:, 3:], self._aim[:, 3:], np.empty_like(self.rotation)
+        kernels.turn_freely(
+            way[:, 3:], s, self.spin, L, self._inverse, self.rotation, self.MOST_TURNS, self.SAME, turn, there
+        )
+        kernels.carry(self._inverse, there, L, self._untouched)
+        kernels.tensors_in_world(self.inertia, self.rotation if stage.begins else there, self._world)
 
     def guess(self, u: FloatArray) -> None:
         """Write the moves of a stage without contact."""
@@ -118,13 +108,7 @@ class RigidBodies:
 
     def add(self, u: FloatArray, out: FloatArray) -> float:
         """Add the gradient at `u` to `out`; return the potential."""
-        s = self._stage.s
-        off = (u.reshape(-1, 6) - self._aim) / (s * s)
-        force = np.empty_like(off)
-        force[:, :3] = self.mass[:, None] * off[:, :3]
-        force[:, 3:] = np.einsum("kij,kj->ki", self._world, off[:, 3:])
-        out += force.ravel()
-        return 0.5 * s * s * float(np.vdot(off, force))
+        return float(kernels.add_inertia(u, self._aim, self.mass, self._world, self._stage.s, out))
 
     def hessian(self, u: FloatArray, *, project: bool) -> None:
         """Write the Hessian, the same at any `u`, into `pattern.data`."""
@@ -148,19 +132,16 @@ class RigidBodies:
 
     def finish(self, u: FloatArray, kick: FloatArray | None) -> None:
         """Let the moves `u` be made."""
-        after = np.empty_like(u)
-        self.rate_at_end(u, after)
-        momentum = after.reshape(-1, 6).copy()
+        momentum = np.empty_like(self._known)
+        self.rate_at_end(u, momentum.ravel())
         momentum[:, 3:] = np.einsum("kij,kj->ki", self._world, momentum[:, 3:])
         self.centre, self.rotation = self.moved(u)
         self.velocity[:] = momentum[:, :3]
-        off = (u.reshape(-1, 6) - self._aim)[:, 3:] / self._stage.s
-        for k, R in enumerate(self.rotation):
-            if self._stage.begins:
-                self.spin[k] = self._untouched[k] + off[k]
-                momentum[k, 3:] = R @ (self.inertia[k] @ (R.T @ self.spin[k]))
-            else:
-                self.spin[k] = R @ (self._inverse[k] @ (R.T @ momentum[k, 3:]))
+        if self._stage.begins:
+            self.spin[:] = self._untouched + (u.reshape(-1, 6) - self._aim)[:, 3:] / self._stage.s
+            kernels.carry(self.inertia, self.rotation, self.spin, momentum[:, 3:])
+        else:
+            kernels.carry(self._inverse, self.rotation, momentum[:, 3:], self.spin)
         if kick is not None:
             self.velocity += kick.reshape(-1, 6)[:, :3]
             self.spin += kick.reshape(-1, 6)[:, 3:]
@@ -170,6 +151,16 @@ class RigidBodies:
 
     def moved(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the centres (b, 3) and rotations (b, 3, 3) after the moves `u`."""
-        moves = u.reshape(-1, 6)
-        turned = [rotation_matrix(t) @ R for t, R in zip(moves[:, 3:], self.rotation, strict=True)]
-        return self.centre + moves[:, :3], np.array(turned).reshape(-1, 3, 3)
+        centres, rotations = np.empty_like(self.centre), np.empty_like(self.rotation)
+        kernels.moved(u, self.centre, self.rotation, centres, rotations)
+        return centres, rotations
+
+    def place(self, first: IndexArray, shape: FloatArray, arm: FloatArray, positions: FloatArray) -> None:
+        """Write where vertices are now, as `rigid_kernels.vertices` takes them."""
+        kernels.vertices(first, shape, self.centre, self.rotation, arm, positions)
+
+    def ends(
+        self, u: FloatArray, first: IndexArray, shape: FloatArray, arm: FloatArray, positions: FloatArray
+    ) -> None:
+        """Write where they are after the moves `u`."""
+        kernels.vertices(first, shape, *self.moved(u), arm, positions)

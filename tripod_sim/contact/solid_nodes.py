@@ -14,11 +14,12 @@ import numpy as np
 from scipy import sparse
 
 from tripod_sim.constraints.groups import Kind
-from tripod_sim.contact.rotations import left_jacobian
+from tripod_sim.contact import group_kernels
 from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.state import State
+from tripod_sim.system_kernels import same
 
 HELD = 1e18
 """Stiffness with which driven nodes keep to their way [N/m]: no force that a body bears moves them by an atom."""
@@ -36,7 +37,7 @@ class SolidNodes:
         nodes: Nodes of the mesh that are vertices of the surface, shape (k,).
         base, width: First unknown of each of them, -1 if it never moves, and 3 (node) or 6 (rigid group), shape (k,).
         held: Along which axes each of them does not yield, shape (k, 3).
-        given: See `Body`.
+        given, reach: See `Body`.
         bounded: Whether strains are: where there are springs and a limit.
         looked_back: Whether the next stage may look back on the last.
         served: See `Body`.
@@ -86,8 +87,16 @@ class SolidNodes:
         self._kept: tuple[State, float] | None = None
         self._projected = self._hold = self.served = False
         self._free = r.free
-        arms = [system.rest[b] - system.rest[b].mean(axis=0) for b in system.groups.rigid]
-        self._spreads = [np.linalg.pinv((a**2).sum() * np.eye(3) - a.T @ a, rcond=1e-9) for a in arms]
+        groups = system.groups.rigid
+        self._members = np.concatenate([*groups, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+        self._first = np.cumsum([0, *map(len, groups)])
+        arms = [system.rest[b] - system.rest[b].mean(axis=0) for b in groups]
+        self.reach = np.ones(self.unknowns)
+        for b, a in enumerate(arms):
+            k = 3 * r.free_count + 6 * b
+            self.reach[k + 3 : k + 6] = np.linalg.norm(a, axis=1).max()
+        spreads = [np.linalg.pinv((a**2).sum() * np.eye(3) - a.T @ a, rcond=1e-9) for a in arms]
+        self._spreads = np.reshape(spreads, (-1, 3, 3))
 
     @property
     def lasting(self) -> bool:
@@ -204,10 +213,7 @@ class SolidNodes:
         if not np.isfinite(phi):
             return np.inf
         residual, first = self._system.residual, 3 * self._system.reduction.free_count
-        out[:first] += residual[:first]
-        for k in range(first, self._own, 6):
-            out[k : k + 3] += residual[k : k + 3]
-            out[k + 3 : k + 6] += left_jacobian(u[k + 3 : k + 6]).T @ residual[k + 3 : k + 6]
+        group_kernels.add_residual(residual, first, u, out)
         return phi
 
     def hessian(self, u: FloatArray, *, project: bool) -> None:
@@ -222,9 +228,9 @@ class SolidNodes:
             if not np.isfinite(self._place(u)) or system.assemble(trial, project=project) >= 0:
                 self.pattern.data[:] = np.nan
                 return
-            self._projected |= project
-            self._at[:] = np.nan
-            self._place(u)
+            self._projected |= (
+                project  # the gradient at hand stays: of modes at rest condensation makes nothing
+            )
         else:
             system.evaluate(self._now())
             self._remember(self._now())
@@ -241,7 +247,7 @@ class SolidNodes:
     def _moved(self, u: FloatArray) -> FloatArray:
         """Return where all nodes are after the moves `u` [m], shape (n, 3)."""
         assert self._trial is not None
-        if not np.array_equal(u, self._at):
+        if not same(u, self._at):
             self._move(u)
             self._at[:] = np.nan
         return self._trial.positions
@@ -268,20 +274,11 @@ class SolidNodes:
 
     def _fit(self, field: FloatArray, out: FloatArray) -> None:
         """Write the unknowns' share of a linear field on the nodes, shape (n, 3), in the present pose."""
-        start, system = self._now(), self._system
-        first = 3 * system.reduction.free_count
-        out[:first] = field[self._free].ravel()
-        for b, nodes in enumerate(system.groups.rigid):
-            R, v = start.rotations[b], field[nodes]
-            r = start.positions[nodes] - start.centres[b]
-            arm, mean = r.mean(axis=0), v.mean(axis=0)
-            turning = (r - arm).T @ (v - mean)
-            moment = np.array(
-                [turning[1, 2] - turning[2, 1], turning[2, 0] - turning[0, 2], turning[0, 1] - turning[1, 0]]
-            )
-            spin = R @ (self._spreads[b] @ (R.T @ moment))
-            k = first + 6 * b
-            out[k : k + 3], out[k + 3 : k + 6] = mean - np.cross(spin, arm), spin
+        start = self._now()
+        group_kernels.fit(
+            field, start.positions, self._free, self._members, self._first, start.centres, start.rotations,
+            self._spreads, out,
+        )  # fmt: skip
 
     def give(self, out: FloatArray) -> None:
         """Write 1 / mass of each unknown [1/kg, 1/(kg m²)]; 0 of given ones."""
@@ -372,7 +369,7 @@ class SolidNodes:
 
     def _place(self, u: FloatArray) -> float:
         """Put the trial state where `u` brings it, its modes at rest; return the potential, infinite for none."""
-        if np.array_equal(u, self._at):
+        if same(u, self._at):
             return self._phi
         system, trial, elastic = self._system, self._trial, self._system.elastic
         assert trial is not None

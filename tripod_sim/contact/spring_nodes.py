@@ -45,7 +45,7 @@ class SpringNodes:
 
     Attributes:
         x, v: Positions [m] and velocities [m/s] of all nodes at the start of the stage, shape (n, 3).
-        base, width, held, bounded, given, looked_back: See `Nodes` and `Body`.
+        base, width, held, bounded, given, reach, looked_back: See `Nodes` and `Body`.
         weight: M/s² + a M/s of each node [N/m], shape (n,).
     """
 
@@ -62,6 +62,7 @@ class SpringNodes:
         self._system, self._drag, self._rayleigh, self._bound = system, drag, rayleigh, bound
         self.bounded = bound is not None
         self.unknowns, self._free = system.unknowns, body.free
+        self.reach = np.ones(self.unknowns)
         sides = body.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(
             -1, 2
         )  # a contact joins the corners of a triangle

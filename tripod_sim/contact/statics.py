@@ -41,7 +41,7 @@ class ContactStatics(ContactStepper):
         """
         super().__init__(world)
         self._tolerance, self._max_turn, self._reach, self._servos = tolerance, max_turn, reach, servos
-        self._unbalanced = np.inf
+        self._unbalanced, world.problem.balance = np.inf, tolerance
 
     def _load(self, state: State, joints: FloatArray, dt: float) -> None:
         turns = np.abs(joints - state.joints)

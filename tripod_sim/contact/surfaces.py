@@ -36,6 +36,11 @@ class Part:
     radius: float = 0.0
     self_contact: bool = False
 
+    @property
+    def reach(self) -> float:
+        """Largest distance of a point of it from the origin of its vertices [m]."""
+        return float(np.linalg.norm(self.vertices, axis=1).max(initial=0.0)) + self.radius
+
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:

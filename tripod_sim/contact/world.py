@@ -126,7 +126,7 @@ class World:
         n = int(first[-1])
         base, width = np.full(n, -1, dtype=np.int64), np.full(n, 3, dtype=np.int64)
         self._arm, at, bodies = np.zeros((n, 3)), 0, list[Body]()
-        self._node_range, self._rigid_ranges = slice(0, 0), list[slice]()
+        self._node_range = slice(0, 0)
         if nodes:
             self._node_range = slice(0, int(first[self.soft]))
             base[self._node_range], width[self._node_range] = nodes[0].base, nodes[0].width
@@ -135,11 +135,12 @@ class World:
         if rigid:
             for k, part in enumerate(rigid[1], self.soft):
                 own = slice(int(first[k]), int(first[k + 1]))
-                self._rigid_ranges.append(own)
                 base[own], width[own] = at + 6 * (k - self.soft), 6
+                rigid[0].reach.reshape(-1, 6)[k - self.soft, 3:] = part.reach
                 self._arm[own] = part.vertices
             bodies.append(rigid[0])
-        self._shape_arm = self._arm.copy()
+        self._shape_arm, self._end_arm = self._arm.copy(), np.empty_like(self._arm)
+        self._first = first[self.soft : self.soft + len(rigid[1]) + 1] if rigid else first[:1]
         self._free = kernels.Freedom(base, width, self._arm, self.surfaces.radius)
         self._yields = np.repeat(base[:, None] >= 0, 3, axis=1)
         if nodes:
@@ -186,22 +187,16 @@ class World:
         if self.nodes:
             self.nodes.place(self.positions[self._node_range], self._arm[self._node_range])
         if self.rigid:
-            for own, centre, R in zip(
-                self._rigid_ranges, self.rigid.centre, self.rigid.rotation, strict=True
-            ):
-                self._arm[own] = self._shape_arm[own] @ R.T
-                self.positions[own] = centre + self._arm[own]
+            self.rigid.place(self._first, self._shape_arm, self._arm, self.positions)
 
     def _ends_of(self, u: FloatArray) -> None:
         """Write where vertices are after the moves `u`."""
         self._ends[:] = self.positions
-        parts = self.problem.slices()
+        parts = self.problem.slices
         if self.nodes:
             self.nodes.ends(u[parts[0]], self._ends[self._node_range])
         if self.rigid:
-            centres, rotations = self.rigid.moved(u[parts[-1]])
-            for own, centre, R in zip(self._rigid_ranges, centres, rotations, strict=True):
-                self._ends[own] = centre + self._shape_arm[own] @ R.T
+            self.rigid.ends(u[parts[-1]], self._first, self._shape_arm, self._end_arm, self._ends)
 
     def forces(self) -> FloatArray:
         """Return what contacts pressed and pulled all surface vertices with in the last step [N], shape (n, 3)."""
@@ -239,7 +234,7 @@ class World:
         u, give = self._u, self._end_rate
         if self._move(stage, report, 0) < 1.0:
             return np.inf
-        for body, part in zip(self._bodies, self.problem.slices(), strict=True):
+        for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.give(give[part])
         moved = give > 0.0
         self._finish(u, bounce=False)
@@ -312,7 +307,7 @@ class World:
             return False
         if law.response == "penalty":
             return True
-        for body, part in zip(self._bodies, self.problem.slices(), strict=True):
+        for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.rate_at_start(self._start_rate[part])
             body.rate_at_end(u[part], self._end_rate[part])
         slowest = min(law.rest_speed, self.HIT * law.distance / h)
@@ -399,13 +394,13 @@ class World:
     def _finish(self, u: FloatArray, *, bounce: bool) -> None:
         """Move the bodies by `u` and give them their velocities, with restitution if hits may `bounce`."""
         kick = self._kick(u) if bounce and self.law.restitution > 0 and self.contacts.count else None
-        for body, part in zip(self._bodies, self.problem.slices(), strict=True):
+        for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.finish(u[part], None if kick is None else kick[part])
 
     def _kick(self, u: FloatArray) -> FloatArray:
         """Return what restitution adds to the velocities after the moves `u`."""
         before, after, give = self._start_rate, self._end_rate, np.zeros_like(u)
-        for body, part in zip(self._bodies, self.problem.slices(), strict=True):
+        for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.rate_at_start(before[part])
             body.rate_at_end(u[part], after[part])
             body.give(give[part])
