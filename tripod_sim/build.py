@@ -31,7 +31,7 @@ from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
-from tripod_sim.scene_checks import halves
+from tripod_sim.scene_checks import by_way, carried, halves
 from tripod_sim.scene_short import (
     ball_is_rigid,
     discs_of,
@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from tripod_sim.integrators.doubling import Doubling
     from tripod_sim.integrators.stage import ImplicitStage
     from tripod_sim.integrators.time_error import ErrorTransport
+    from tripod_sim.integrators.way_steps import WaySteps
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.robot.servo import ServoMotion
@@ -104,6 +105,7 @@ class Parts:
         ball: How the ball moves; None without one.
         errors: Carries the error of the time steps along; None where the scene does not ask for it.
         doubling: Finds that error by steps of half the length; None where nobody asks, or `errors` does.
+        chosen: Chooses the steps by what they err over their way, those of the ball among them; None: nothing does.
         rigid: The rigid bodies, which `mesh` shows behind the soft one; None without any.
         check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None: they do not.
         notes: What users should know of them, one sentence each.
@@ -122,6 +124,7 @@ class Parts:
     ball: "MazeBall | BodyBall | None" = None
     errors: "ErrorTransport | AutomaticSprings | None" = None
     doubling: "Doubling | None" = None
+    chosen: "WaySteps | None" = None
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
     notes: tuple[str, ...] = ()
@@ -135,10 +138,20 @@ def build(scene: Scene, progress: Callable[[float], None] | None = None) -> Part
 
     Raises SceneError.
     """
+    follows_way = by_way(scene)
+    if follows_way and scene.inertia and scene.inertia.scheme == "auto":
+        scheme = "bdf2" if halves(scene) else "tr_bdf2"  # hits make both restart; the former is cheaper there
+        scene = replace(scene, inertia=replace(scene.inertia, scheme=scheme))
     parts = _built(scene, progress)
     if ball_is_rigid(scene):
         parts = replace(parts, notes=(*parts.notes, RIGID_BALL))
-    if scene.time_error and scene.inertia and not parts.errors:
+    if follows_way and scene.time_error and scene.inertia:
+        from tripod_sim.integrators.way_steps import WaySteps
+
+        distance = scene.contact.contact_distance if scene.contact else 0.0
+        by_way_steps = WaySteps(parts, scene.time_error, scene.inertia.scheme, distance)
+        parts = replace(parts, stepper=by_way_steps, chosen=by_way_steps)
+    elif scene.time_error and scene.inertia and not parts.errors:
         from tripod_sim.integrators.doubling import Doubling
 
         twin = _built(replace(scene, dt=0.5 * scene.dt, time_error=None))
@@ -345,9 +358,11 @@ def implicit_steps(
     from tripod_sim.integrators.schemes import make_scheme
 
     assert scene.inertia
-    most, wanted = scene.solver.max_halvings, None if halves(scene) else scene.time_error
+    most, wanted = scene.solver.max_halvings, carried(scene)
     mixed = scene.inertia.scheme == "auto" and wanted is not None and wanted.steps == "auto"
     scheme = make_scheme("tr_bdf2" if mixed else scene.inertia.scheme, stage, most)
+    if by_way(scene):
+        stage.newton.keep_several()
     if not wanted:
         return scheme
     from tripod_sim.integrators.time_error import ErrorTransport

@@ -81,6 +81,8 @@ TABLE: dict[str, Effect] = {
             "integrators.auto_steps",
             "integrators.doubling",
             "integrators.factor_store",
+            "integrators.way_kernels",
+            "integrators.way_steps",
             "springs.automatic",
             "springs.automatic_kernels",
         ),

@@ -28,7 +28,7 @@ def carry(before: Simulation, after: Simulation) -> None:
     state = before.state
     if same_nodes(before, after):
         copy = state.copy()
-        copy.errors, copy.twin = after.state.errors, after.state.twin
+        copy.errors, copy.twin, copy.way = after.state.errors, after.state.twin, after.state.way
         after.restore((copy, before.torques.copy()))
         return
     if not np.array_equal(after.state.joints, state.joints) or after.state.velocities.any():

@@ -18,6 +18,7 @@ from tripod_sim.timeline import parse_timeline
 if TYPE_CHECKING:
     from tripod_sim.scene import Scene
     from tripod_sim.tables.bodies import Body
+    from tripod_sim.tables.method import TimeError
     from tripod_sim.tables.sets import Vector
 
 
@@ -304,13 +305,31 @@ def halves(scene: "Scene") -> bool:
     return explicit or scene.contact is not None or scene.strain_limit is not None
 
 
+def by_way(scene: "Scene") -> bool:
+    """Return whether steps are chosen by what they err over their way (see `integrators.way_steps`)."""
+    wanted = scene.time_error
+    if not (wanted and scene.inertia and wanted.steps == "auto"):
+        return False
+    return wanted.accuracy > 0 or (halves(scene) and scene.inertia.scheme not in EXPLICIT)
+
+
+def carried(scene: "Scene") -> "TimeError | None":
+    """Return what a scene asks of the error of the time steps where the scheme itself carries that along."""
+    return None if halves(scene) or by_way(scene) else scene.time_error
+
+
 def check_time_error(scene: "Scene") -> None:
     """Raise SceneError if the estimate of the error of the time steps lacks what it needs."""
     wanted = scene.time_error
     if not wanted:
         return
     chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.scheme == "auto"
-    explicit = springs_alone(scene) and chosen and not halves(scene)
+    if wanted.accuracy and wanted.steps == "fixed":
+        raise SceneError(
+            f"time_error.accuracy is {wanted.accuracy:g}, but steps of a fixed dt do not follow it; set dt = "
+            "'auto', or leave it out"
+        )
+    explicit = springs_alone(scene) and chosen and not (halves(scene) or by_way(scene))
     if wanted.estimate == "local" and wanted.steps == "fixed":
         raise SceneError(
             "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "

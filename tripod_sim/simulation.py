@@ -143,8 +143,7 @@ class Simulation:
             trial = self.state.ball.copy()  # compiles what moves it
             self._ball.load(self.state, trial)
             self._ball.follow(self.state, trial, scene.dt)
-        if parts.velocities is not None:
-            self.state.velocities[:] = parts.velocities
+        self._begin_motion(parts)
         self._rest = self._state_of_rest()
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
@@ -155,12 +154,20 @@ class Simulation:
         """Return the undeformed state; where bodies do not fit so, that of rest."""
         return (self._static if self.scene.platform else self._parts).system.start_state(joints)
 
+    def _begin_motion(self, parts: Parts) -> None:
+        """Give nodes the velocities of the start, where ways and errors begin."""
+        if parts.velocities is not None:
+            self.state.velocities[:] = parts.velocities
+        self._begin_errors(parts)
+
     def _begin_errors(self, parts: Parts) -> None:
         """Let the state remember what estimates of the error of the time steps ask for, if there are any."""
         if parts.errors:
             self.state.errors = parts.errors.start(self.state.velocities)
         if parts.doubling:
             self.state.twin = parts.doubling.start(self.state)
+        if parts.chosen:
+            self.state.way = parts.chosen.start(self.state)
 
     def _begin_mesh_error(self) -> "MeshError | None":
         """Return what tells the error of the mesh; None where the scene does not ask for it."""
@@ -285,7 +292,7 @@ class Simulation:
         goal = self.command if joints is None else self._checked(joints)
         begin = time.thread_time() if self._mesh_error else 0.0
         self.renew()
-        ball = self.state.ball
+        ball = None if self._parts.chosen else self.state.ball
         if self._ball and ball:
             self._ball.load(self.state, ball)
         if self._servos and self.state.servos:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_state import RigidState
     from tripod_sim.integrators.doubling import TwinState
     from tripod_sim.integrators.time_error import ErrorState
+    from tripod_sim.integrators.way_steps import WayState
     from tripod_sim.robot.servo import ServoState
 
 FloatArray = NDArray[np.float64]
@@ -35,6 +36,7 @@ class State:
         errors: Those of the time steps, estimated; None where nobody asks for them.
         rigid: Rigid bodies beside the soft one; None in a scene without any.
         twin: The same scene with steps of half the length; None where the error of the steps is not found so.
+        way: How far points have gone and what that erred; None where the steps do not follow that.
     """
 
     positions: FloatArray
@@ -50,6 +52,7 @@ class State:
     errors: "ErrorState | None" = None
     rigid: "RigidState | None" = None
     twin: "TwinState | None" = None
+    way: "WayState | None" = None
 
     def copy_to(self, other: "State") -> None:
         """Overwrite `other` with this state, without allocating."""
@@ -70,6 +73,8 @@ class State:
             self.rigid.copy_to(other.rigid)
         if self.twin and other.twin:
             self.twin.copy_to(other.twin)
+        if self.way and other.way:
+            self.way.copy_to(other.way)
 
     def copy(self) -> "State":
         """Return an independent copy."""
@@ -80,6 +85,7 @@ class State:
         errors = self.errors.copy() if self.errors else None
         rigid = self.rigid.copy() if self.rigid else None
         twin = self.twin.copy() if self.twin else None
+        way = self.way.copy() if self.way else None
         return State(
             x,
             v,
@@ -94,4 +100,5 @@ class State:
             errors,
             rigid,
             twin,
+            way,
         )

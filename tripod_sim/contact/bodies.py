@@ -37,6 +37,9 @@ class Body(Protocol):
     def recall(self) -> None:
         """Return to what `keep` remembered."""
 
+    def past(self) -> tuple[FloatArray, ...]:
+        """Return the arrays that the next stage may look back on."""
+
     def begin(self, stage: Stage) -> None:
         """Prepare a stage from the body's present state."""
 

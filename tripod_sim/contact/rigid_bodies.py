@@ -78,6 +78,10 @@ class RigidBodies:
         assert self._kept
         self.load(self._kept)
 
+    def past(self) -> tuple[FloatArray, ...]:
+        """Return what the next stage may look back on."""
+        return self._moved, self._memory.change, self._memory.rate
+
     def stop(self) -> None:
         """Take all velocities and spins."""
         self.velocity[:], self.spin[:] = 0.0, 0.0

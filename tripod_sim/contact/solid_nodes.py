@@ -157,6 +157,10 @@ class SolidNodes:
         state.copy_to(self._now())
         self._at[:] = np.nan
 
+    def past(self) -> tuple[FloatArray, ...]:
+        """Return what the next stage may look back on."""
+        return (self._memory.change, self._memory.rate) if self._memory else ()
+
     def stop(self) -> None:
         """Take all velocities."""
         self._now().velocities[:] = 0.0

@@ -145,6 +145,12 @@ class SpringNodes:
         assert self._kept
         self.x[:], self.v[:] = self._kept
 
+    def past(self) -> tuple[FloatArray, ...]:
+        """Return what the next stage may look back on."""
+        if not (past := self._past):
+            return ()
+        return past.change, past.length.change, past.length.rate, past.velocity.change, past.velocity.rate
+
     def stop(self) -> None:
         """Take all velocities."""
         self.v[:] = 0.0

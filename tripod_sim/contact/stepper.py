@@ -26,6 +26,14 @@ class ContactStepper:
         if self.world.nodes:
             self.world.nodes.forget()
 
+    def keep_history(self) -> None:
+        """Remember what the next step may look back on, for `recall_history`."""
+        self.world.keep_history()
+
+    def recall_history(self) -> None:
+        """Look back on that again: what has been done since is taken back."""
+        self.world.recall_history()
+
     def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
         """Advance `state` by `dt` [s], in place. Raises StepError and leaves it."""
         world = self.world

@@ -13,6 +13,7 @@ look back on. Parts of a step are steps of implicit Euler, too.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +27,7 @@ from tripod_sim.contact.response import Law, Outcome, Response
 from tripod_sim.contact.restitution_kernels import hits, restitute
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.integrators.looking_back import Stage, implicit_euler, stages
-from tripod_sim.mesh.solid_mesh import FloatArray
+from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_bodies import RigidBodies
@@ -126,9 +127,8 @@ class World:
         n = int(first[-1])
         base, width = np.full(n, -1, dtype=np.int64), np.full(n, 3, dtype=np.int64)
         self._arm, at, bodies = np.zeros((n, 3)), 0, list[Body]()
-        self._node_range = slice(0, 0)
+        self._node_range = slice(0, int(first[self.soft]))
         if nodes:
-            self._node_range = slice(0, int(first[self.soft]))
             base[self._node_range], width[self._node_range] = nodes[0].base, nodes[0].width
             at = nodes[0].unknowns
             bodies.append(nodes[0])
@@ -149,6 +149,7 @@ class World:
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
         self._bodies, self._scheme, self._before = bodies, scheme, 0.0
+        self._history: tuple[float, list[FloatArray]] = 0.0, []
         self._looks_back, self.solved = scheme in ("bdf2", "tr_bdf2"), True
         for body in bodies:
             body.looked_back = self._looks_back
@@ -181,6 +182,27 @@ class World:
     def forget(self) -> None:
         """Drop the forces and the factorisation kept from the last step, and what the next may look back on."""
         self.contacts.count, self._before, self.problem.serves = 0, 0.0, False
+
+    def owners(self) -> tuple[IndexArray, IndexArray]:
+        """Return the node and the rigid body of each surface vertex, -1 for none, both of shape (n,)."""
+        row, body = np.full((2, len(self.positions)), -1, dtype=np.int64)
+        if self.nodes:
+            row[self._node_range] = getattr(self.nodes, "nodes", np.arange(self._node_range.stop))
+        for k, own in enumerate(pairwise(self._first.tolist())):
+            body[slice(*own)] = k
+        return row, body
+
+    def keep_history(self) -> None:
+        """Remember what the next step may look back on, for `recall_history`."""
+        self._history = self._before, [a.copy() for body in self._bodies for a in body.past()]
+
+    def recall_history(self) -> None:
+        """Let the next step look back on what that of `keep_history` would have; forces stay a first guess."""
+        self._before, past = self._history
+        for array, kept in zip(
+            [a for body in self._bodies for a in body.past()], past, strict=self._before > 0.0
+        ):
+            array[:] = kept
 
     def _place(self) -> None:
         """Write `positions` of moving vertices, from nodes and rigid bodies."""

@@ -6,10 +6,10 @@ velocities jump, and x_h, x_h/2 the two positions, the exact one less x_h is [Ha
 
     (x_h/2 - x_h) / (1 - 2^-p).
 
-With `steps = "fixed"` the twin goes along from the start on, so that this is the whole error. With `steps = "auto"` it
-begins each part where the body is and takes it in one step; the body takes it in two and adds
-|x_h/2 - x_h| / (2^p - 1). A part that is taken back, and the twin's step, remember nothing of those before: BDF2 and
-TR-BDF2 begin anew there.
+With `steps = "fixed"` the twin goes along from the start on, so that this is the whole error. With `steps = "auto"`, of
+explicit schemes (`way_steps` has the others), it begins each part where the body is and takes it in one step; the body
+takes it in two and adds |x_h/2 - x_h| / (2^p - 1). A part that is taken back, and the twin's step, remember nothing of
+those before.
 """
 
 from dataclasses import dataclass, fields

@@ -11,7 +11,7 @@ from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
-from tripod_sim.scene_checks import halves
+from tripod_sim.scene_checks import carried
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
@@ -80,7 +80,7 @@ def _stepper(
         from tripod_sim.springs.implicit import StaticSprings  # noqa: PLC0415
 
         return StaticSprings(system, _options(scene, system)), None
-    scheme, wanted = scene.inertia.scheme, None if halves(scene) else scene.time_error
+    scheme, wanted = scene.inertia.scheme, carried(scene)
     if wanted and scheme == "auto" and wanted.steps == "auto":
         from tripod_sim.springs.automatic import AutomaticSprings  # noqa: PLC0415 - an effect that is absent
 

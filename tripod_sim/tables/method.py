@@ -41,6 +41,8 @@ class TimeError:
     Attributes:
         steps: `fixed`: every step has the length dt; `auto`: it is divided, as coarsely as `tolerance` allows. A scene
             file or override says `dt = "auto"` for short; dt stays the interval of commands and outputs.
+        accuracy: With `steps = "auto"`: share of the way gone that errors may add up to, such as 0.05, in any scene; 0:
+            parts may add `tolerance`.
         tolerance: Error that a part of a step may add to the position of any node [m].
         shortest: Length of a part that is accepted whatever its error [s].
         estimate: `global`: the error since the start is carried along and told; `local`: only what each part of a step
@@ -49,6 +51,7 @@ class TimeError:
     """
 
     steps: str = one_of("fixed", "auto", default="fixed")
+    accuracy: float = number(0.0, low=0.0, high=1.0)
     tolerance: float = number(1e-6, unit="m", above=0, high=1.0)
     shortest: float = number(1e-6, unit="s", low=1e-9, high=1.0)
     estimate: str = one_of("auto", "global", "local", default="auto")

@@ -1,0 +1,166 @@
+"""Steps that follow an asked accuracy where bodies touch (see `way_steps`)."""
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, Simulation, StepError, load_scene
+from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
+from tripod_sim.integrators import way_kernels as kernels
+
+BOXES = (
+    *("rigid.0.position=[0, 0, 0.055]", "rigid.1.position=[0.004, 0.002, 0.165]"),
+    *("rigid.2.position=[-0.004, 0.003, 0.28]", "dt=0.01"),
+)
+ROLLING = ("mesh.level=1", "motion=off", "solver.mode=newton")
+START = np.array([-1.4965, -1.4965, -1.4965, 0.035])
+TURN = np.array([0.1, 0.0, -0.1, 0.0])
+
+
+def made(scene: str, *words: str) -> Simulation:
+    return Simulation(load_scene(scene, words))
+
+
+def followed(simulation: Simulation, interval: float, count: int) -> tuple[np.ndarray, int, int]:
+    """Return positions at the ends of all intervals, and parts of steps made and taken back."""
+    rows, parts, rejected = [], 0, 0
+    for _ in range(count):
+        for _ in range(round(interval / simulation.scene.dt)):
+            report = simulation.step()
+            parts, rejected = parts + report.parts, rejected + report.rejected
+        rows.append(simulation.positions.copy())
+    return np.array(rows), parts, rejected
+
+
+def off(rows: np.ndarray, exact: np.ndarray) -> float:
+    """Return the largest error over the largest move."""
+    move = np.linalg.norm(exact - exact[0], axis=2).max()
+    return float(np.linalg.norm(rows - exact, axis=2).max() / move)
+
+
+def test_boxes_that_fall_on_each_other_keep_the_accuracy_in_few_parts() -> None:
+    exact, _, _ = followed(made("stack", *BOXES[:3], "dt=1.25e-4", "inertia.scheme=bdf2"), 0.01, 20)
+    coarse, _, _ = followed(made("stack", *BOXES, "inertia.scheme=bdf2"), 0.01, 20)
+    assert off(coarse, exact) > 0.05
+    made_parts = []
+    for accuracy in (0.05, 0.01):
+        simulation = made("stack", *BOXES, "dt=auto", f"time_error.accuracy={accuracy}")
+        rows, parts, rejected = followed(simulation, 0.01, 20)
+        assert off(rows, exact) < accuracy
+        assert 0 < rejected < parts
+        made_parts.append(parts)
+        told = simulation.report.time_error
+        assert 0 < told.largest < accuracy * np.linalg.norm(rows[-1] - rows[0], axis=1).max() * 2
+        assert told.node >= 0
+    assert made_parts[0] < made_parts[1] < 100
+
+
+def test_a_part_that_is_taken_back_takes_the_ball_along() -> None:
+    def path(*words: str) -> tuple[np.ndarray, int]:
+        simulation, rows, rejected = made("maze", *ROLLING, *words), [], 0
+        every = round(0.005 / simulation.scene.dt)
+        for k in range(30 * every):
+            share = min((k + 1) / (12 * every), 1.0)
+            rejected += simulation.step(START + share * TURN).rejected
+            if (k + 1) % every == 0:
+                rows.append(simulation.ball.position.copy())
+        return np.array(rows), rejected
+
+    exact, _ = path("inertia.scheme=tr_bdf2", "dt=3.125e-4")
+    found, rejected = path("dt=auto", "time_error.accuracy=0.02")
+    assert rejected > 3
+    move = np.linalg.norm(exact - exact[0], axis=1).max()
+    assert np.linalg.norm(found - exact, axis=1).max() < 0.05 * move
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [("bounce", ()), ("silicone_drop", ("mesh.level=1",)), ("drape", ("springs.damping=0.1",))],
+)
+def test_a_step_that_is_taken_back_leaves_what_the_next_looks_back_on(
+    scene: str, words: tuple[str, ...]
+) -> None:
+    def after(taken_back: str) -> np.ndarray:
+        simulation = made(scene, *words, "inertia.scheme=bdf2", "dt=0.004", "sleep=off")
+        if simulation.state.rigid:
+            simulation.state.rigid.spins[0] = 5.0, 1.0, 2.0
+        simulation.state.velocities[:, 0] = np.linspace(0.0, 0.2, len(simulation.state.velocities))
+        stepper = simulation._stepper
+        for _ in range(3):
+            simulation.step()
+        if taken_back:
+            stepper.keep_history()
+            state = simulation.state.copy()
+            stepper.step(simulation.state, simulation.command, 0.003)
+            state.copy_to(simulation.state)
+            getattr(stepper, taken_back)()
+        simulation.step()
+        return simulation.positions.copy()
+
+    straight = after("")
+    np.testing.assert_allclose(after("recall_history"), straight, rtol=0, atol=1e-9)
+    assert np.abs(after("forget") - straight).max() > 1e-7
+
+
+def test_where_nothing_is_spared_parts_may_add_their_share_and_a_little() -> None:
+    added, ways, far = np.array([1e-4, 0.0]), np.array([1e-3, 2e-3]), np.array([0.1, 0.2])
+    spent = np.array([1.0, 0.0])  # far more than 5 % of 0.2 m
+    ratio = kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0)
+    assert ratio == pytest.approx(1e-4 / (0.05 * 2e-3 + 0.01 * 0.05 * 0.2))
+    ratio = kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, 0 * spent, 0.4)
+    assert ratio == pytest.approx(1e-4 / (0.05 * 2e-3 + 0.25 * 0.05 * 0.4))
+    added[1] = np.nan
+    assert np.isnan(kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0))
+
+
+def test_errors_are_those_of_the_schemes() -> None:
+    h, g, free = 0.01, -9.81, np.array([True, False])
+    start, end, out = np.zeros((2, 2, 3)), np.zeros((2, 2, 3)), np.zeros((2, 2, 3))
+    a, a_end = np.full((2, 3), g), np.zeros((2, 3))
+    end[1] = h * g
+    end[0] = h * end[1]  # a step of implicit Euler in free fall
+    kernels.write_errors(h, 0.0, start, end, start[1], a, free, a_end, out)
+    np.testing.assert_allclose(out[0, 0], h * h * g / 2)
+    np.testing.assert_allclose(out[1], 0.0, atol=1e-15)
+    np.testing.assert_allclose(out[0, 1], 0.0)
+    end[0] = 0.5 * h * end[1]  # the exact one
+    kernels.write_errors(h, 1.0, start, end, np.full((2, 3), -h * g), a, free, a_end, out)
+    np.testing.assert_allclose(out, 0.0, atol=1e-15)
+    np.testing.assert_allclose(a_end, g)
+
+
+def test_what_is_pressed_does_not_err_along_the_normal() -> None:
+    errors = np.ones((2, 3, 3))
+    vertex, weight = np.array([[0, 2, 2, 2]]), np.array([[1.0, 0.0, 0.0, 0.0]])
+    row, body, first = np.array([0, -1, -1]), np.array([-1, 0, -1]), np.array([1, 3])
+    up, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
+    kernels.drop_normal(1, vertex, weight, up, none, row, body, first, errors)
+    np.testing.assert_array_equal(errors, 1.0)
+    kernels.drop_normal(1, vertex, weight, up, none + 1, row, body, first, errors)
+    np.testing.assert_array_equal(errors[:, 0], [[1, 1, 0]] * 2)
+    np.testing.assert_array_equal(errors[:, 1:], 1.0)
+    vertex[0, 0] = 1  # a corner of the rigid body, whose two rows follow
+    kernels.drop_normal(1, vertex, weight, up, none + 1, row, body, first, errors)
+    np.testing.assert_array_equal(errors[..., 2], 0.0)
+
+
+def test_a_step_that_fails_leaves_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation = made("bounce", "dt=0.01", "dt=auto", "time_error.accuracy=0.05", "time_error.shortest=0.005")
+    followed(simulation, 0.01, 5)
+
+    def fail(state: object, joints: object, dt: float) -> None:
+        raise StepError("no way")
+
+    monkeypatch.setattr(simulation._stepper.awake, "step", fail)
+    before = simulation.save()[0]
+    with pytest.raises(StepError, match="no way"):
+        simulation.step()
+    assert checkpoint_bytes(Checkpoint(0, simulation.state, simulation.torques)) == checkpoint_bytes(
+        Checkpoint(0, before, simulation.torques)
+    )
+
+
+def test_fixed_steps_follow_no_accuracy() -> None:
+    with pytest.raises(
+        SceneError, match=r"time_error.accuracy is 0.05, but steps of a fixed dt do not follow it"
+    ):
+        load_scene("bounce", ["time_error={accuracy=0.05}"])

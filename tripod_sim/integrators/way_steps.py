@@ -1,0 +1,306 @@
+"""Steps as long as an asked accuracy allows, whatever advances the body: with contact, bounds of strains, a ball.
+
+Where bodies hit each other no tangent carries errors along. What is known at the ends of any step, positions x and
+velocities v, tells by how much the step errs: the positions should be the integral of the velocities, and these that of
+the accelerations a, backward differences of v, and differ from that by the trapezoidal rule by
+
+    e = x' - x - h (v + v') / 2,    e_v = v' - v - h (a + a') / 2.
+
+For implicit Euler e is h² / 2 times the acceleration, its very defect; for schemes of second order h³ times a constant
+a little above that of their defect; and h / 2 times the jump of the velocity where something hits, which is how
+uncertain the hit's instant is [HairerNorsettWanner1993, chapter II.4]. What is pressed does not err along the normal:
+it ends where the surface is. An error of the velocity puts a point off later, in a vibration of w by e_v / w, so that
+
+    |e|² + |e_v|² / w²,    w² = |a' - a| / (h |v|),
+
+is what a part adds to a point's error. It costs nothing: no step is made twice but those that are taken back.
+
+With `accuracy` A the errors of each point may add up to A times S, as far as the furthest point of its kind has been
+from where it began (kinds: nodes and corners of rigid bodies; the effector's nodes). With ds its way, a part may add
+its own share and some of what the parts before have spared,
+
+    A ds + max(SPEND (A S + floor - sum so far), LEAST (A S + floor)).
+
+A motion without hits then gets equal errors per way, and a hit, whose error is h v / 2 however short the step, what the
+way to it has spared. The floor is A times the contact distance, or the tolerance where that is larger: what is finer
+nobody sees. Without an accuracy a part may add the tolerance.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tripod_sim.errors import StepError
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.time_error import TR_BDF2, TimeErrorReport
+from tripod_sim.integrators.way_kernels import (
+    drop_normal,
+    ratio_over_way,
+    write_corners,
+    write_errors,
+    write_lengths,
+)
+from tripod_sim.state import FloatArray, State
+from tripod_sim.tables.method import TimeError
+from tripod_sim.tables.motion import ORDER
+
+if TYPE_CHECKING:
+    from tripod_sim.build import Parts
+    from tripod_sim.contact.world import World
+
+SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
+"""Of the length that the errors allow; least and largest change from part to part."""
+
+SPEND = 0.25
+"""Share of what earlier parts have spared that a part may add."""
+
+LEAST = 0.01
+"""Share of the whole that a part may add where nothing is spared: what hits on and on or trembles needs no less."""
+
+SHARE = 0.7
+"""Of the accuracy that what is measured may add up to: it is of leading order, and hits make errors larger."""
+
+POWER = 2
+"""Power of the length with which errors over what is allowed are taken to grow."""
+
+FAST = 4 * abs(TR_BDF2)
+"""Defect of TR-BDF2 over e_v: differences as of BDF2 make that h³ / 4 times the third derivative, 9 / 8 of BDF2's."""
+
+ADDED_UP = ("iterations", "factorisations", "halvings", "linear_iterations")
+"""Of the reports of parts."""
+
+
+@dataclass(eq=False)
+class WayState:
+    """What the choice of the steps remembers. Points are what is shown, then the effector's nodes.
+
+    Attributes:
+        origin: Where points began [m], shape (n, 3).
+        velocities: Of points at the start of the last part [m/s], shape (n, 3).
+        accelerations: Of points at its end [m/s²], shape (n, 3).
+        added: Sum of what parts have added to their errors [m], shape (n,).
+        furthest: That a point of each kind has been from its origin [m], shape (2,).
+        length: Of the last part [s]; 0 before the first.
+        proposed: That of the next [s]; 0 before the first.
+    """
+
+    origin: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    added: FloatArray
+    furthest: FloatArray
+    length: float = 0.0
+    proposed: float = 0.0
+
+    def copy_to(self, other: "WayState") -> None:
+        """Overwrite `other` with this state, without allocating."""
+        for name in ("origin", "velocities", "accelerations", "added", "furthest"):
+            getattr(other, name)[:] = getattr(self, name)
+        other.length, other.proposed = self.length, self.proposed
+
+    def copy(self) -> "WayState":
+        """Return an independent copy."""
+        return WayState(
+            self.origin.copy(), self.velocities.copy(), self.accelerations.copy(), self.added.copy(),
+            self.furthest.copy(), self.length, self.proposed,
+        )  # fmt: skip
+
+
+class WaySteps:
+    """Divides the steps of a time integrator, the ball's among them.
+
+    Attributes:
+        awake: The time integrator.
+    """
+
+    def __init__(self, parts: "Parts", wanted: TimeError, scheme: str, distance: float) -> None:
+        """`wanted`: the scene's table; `scheme`: its own; `distance`: of contact [m], 0 without."""
+        self._order, self._fast = ORDER[scheme], FAST if scheme == "tr_bdf2" else 1.0
+        self.awake, self._ball, self._wanted = parts.stepper, parts.ball, wanted
+        groups, rigid = parts.system.groups, parts.rigid
+        corners = [s.vertices for s in rigid.shapes] if rigid else []
+        self._corners = np.concatenate([np.zeros((0, 3)), *corners])
+        self._body = np.repeat(np.arange(len(corners)), [len(c) for c in corners])
+        self._soft = len(parts.mesh.nodes) - len(self._corners)
+        self._disc = groups.rigid[0] if groups.rigid else np.zeros(0, dtype=np.int64)
+        shown = self._soft + len(self._corners)
+        count = shown + len(self._disc)
+        self._kinds = [slice(0, shown)] + ([slice(shown, count)] if len(self._disc) else [])
+        self._free = np.ones(count, dtype=bool)
+        self._free[: self._soft] = np.any(~groups.held(), axis=1)[: self._soft]
+        self._before, self._after = np.zeros((2, count, 3)), np.zeros((2, count, 3))
+        self._added, self._ways, self._far = np.zeros((3, count))
+        self._errors, self._a_end = np.zeros((2, count, 3)), np.zeros((count, 3))
+        self._first = self._soft + np.searchsorted(self._body, np.arange(len(corners) + 1))
+        self._world: World | None = getattr(self.awake, "world", None)
+        if self._world:
+            self._row, self._owner = self._world.owners()
+        self._remember = getattr(self.awake, "keep_history", lambda: None)
+        self._recall = getattr(self.awake, "recall_history", self.awake.forget)
+        self._accuracy = SHARE * wanted.accuracy
+        self._floor = max(wanted.tolerance, self._accuracy * distance)
+        self._origin: State | None = None
+        self._keep: State | None = None
+
+    def start(self, state: State) -> WayState:
+        """Return what is remembered at the start, `state`; the kernels compile here."""
+        self._read(state, self._before)
+        x, v = self._before.copy()
+        known = WayState(x, v, np.zeros_like(x), np.zeros(len(x)), np.zeros(2))
+        self._measure(known, 1.0, 1.0, StepReport())
+        self._ratio(known)
+        return known
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps."""
+        self.awake.forget()
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """Advance by `dt` [s], in place. Raises StepError and leaves `state`."""
+        known = state.way
+        assert known
+        if self._origin is None or self._keep is None or (self._origin.ball is None) != (state.ball is None):
+            self._origin, self._keep = state.copy(), state.copy()  # the ball comes after the first trial
+        state.copy_to(self._keep)
+        try:
+            return self._divided(state, known, joints, dt)
+        except StepError:
+            self._keep.copy_to(state)
+            self.forget()
+            raise
+
+    def _divided(self, state: State, known: WayState, joints: FloatArray, dt: float) -> StepReport:
+        """Take the step in parts as long as the errors allow."""
+        begin, start, total, origin = (
+            state.joints.copy(),
+            (state.time, state.step),
+            StepReport(),
+            self._origin,
+        )
+        length, done, worst, again, shortest = known.proposed or dt, 0.0, 0.0, False, self._wanted.shortest
+        assert origin
+        self._read(state, self._before)
+        h = 2 * dt
+        while done < dt:
+            if not h <= length < 2 * h:  # lengths that recur keep factorisations
+                h = length
+            pieces = max(1.0, np.ceil((dt - done) / h - 1e-9))
+            h = (dt - done) / pieces
+            state.copy_to(origin)
+            self._remember()
+            try:
+                report = self._part(state, begin + min(1.0, (done + h) / dt) * (joints - begin), h)
+                self._read(state, self._after)
+                self._measure(known, h, state.time, report)
+                ratio = self._ratio(known)
+                again_from = self._recall if report.parts == 1 else self.awake.forget
+            except StepError:
+                if h <= shortest:
+                    raise
+                ratio, again_from = np.inf, self.awake.forget
+            change = SAFETY * ratio ** (-1.0 / POWER) if ratio > 0 else GROW
+            if not ratio <= 1.0 and h > shortest * (1 + 1e-9):
+                origin.copy_to(state)
+                again_from()
+                total.rejected += 1
+                length, again = max(h * (max(change, SHRINK) if np.isfinite(ratio) else 0.5), shortest), True
+                continue
+            for name in ADDED_UP:
+                setattr(report, name, getattr(report, name) + getattr(total, name))
+            if report.contact and total.contact:
+                report.contact.smallest_gap = min(report.contact.smallest_gap, total.contact.smallest_gap)
+                report.contact.cut = max(report.contact.cut, total.contact.cut)
+            report.parts, report.rejected = total.parts + 1, total.rejected
+            total = report
+            self._note(known, h)
+            length = min(max(h * min(max(change, SHRINK), 1.0 if again else GROW), shortest), dt)
+            done, again, worst = dt if pieces == 1 else done + h, False, max(worst, float(self._added.max()))
+        known.proposed = length
+        state.time, state.step = start[0] + dt, start[1] + 1
+        total.time_error = self._report(known, worst)
+        return total
+
+    def _part(self, state: State, joints: FloatArray, h: float) -> StepReport:
+        """Advance over one part, with the ball."""
+        if self._ball and state.ball:
+            self._ball.load(state, state.ball)
+        report = self.awake.step(state, joints, h)
+        if self._ball and state.ball:
+            self._ball.follow(state, state.ball, h)
+        return report
+
+    def _ratio(self, known: WayState) -> float:
+        """Return what a part has added over what it may, at the worst point; NaN where a number is not finite."""
+        if not self._accuracy:
+            return float(self._added.max()) / self._wanted.tolerance
+        ratios = [
+            ratio_over_way(
+                self._accuracy, self._floor, SPEND, LEAST,
+                self._added[k], self._ways[k], self._far[k], known.added[k], furthest,
+            )
+            for k, furthest in zip(self._kinds, known.furthest, strict=False)
+        ]  # fmt: skip
+        return float(np.max(ratios))
+
+    def _report(self, known: WayState, worst: float) -> TimeErrorReport:
+        """Return what parts have added so far, where the steps follow an accuracy, and the most of one [m]."""
+        if not self._accuracy:
+            return TimeErrorReport(np.nan, np.nan, -1, worst)
+        shown, node = known.added[self._kinds[0]], int(known.added[self._kinds[0]].argmax())
+        disc = float(known.added[self._kinds[1]].max()) if len(self._disc) else np.nan
+        return TimeErrorReport(disc, float(shown[node]), node, worst)
+
+    def _read(self, state: State, out: FloatArray) -> None:
+        """Write positions [m] and velocities [m/s] of all points of interest to `out`, shape (2, n, 3)."""
+        for k, values in enumerate((state.positions, state.velocities)):
+            out[k, : self._soft] = values[: self._soft]
+            if len(self._disc):
+                out[k, self._kinds[1]] = values[self._disc]
+        if r := state.rigid:
+            write_corners(
+                self._soft,
+                self._corners,
+                self._body,
+                r.centres,
+                r.rotations,
+                r.velocities,
+                r.spins,
+                out[0],
+                out[1],
+            )
+
+    def _measure(self, known: WayState, h: float, time: float, report: StepReport) -> None:
+        """Write what a part of `h` [s], which ended `time` [s] after the start, added, and the ways that it made."""
+        begins = (
+            not known.length or (report.contact is not None and report.contact.restarted) or self._order == 1
+        )
+        write_errors(
+            h, 0.0 if begins else h / known.length, self._before, self._after, known.velocities, known.accelerations,
+            self._free, self._a_end, self._errors,
+        )  # fmt: skip
+        if not begins:
+            self._errors[1] *= self._fast
+        if not known.length:
+            self._errors[1] = 0.0
+        if self._world:
+            contacts = self._world.contacts
+            c = contacts.arrays
+            drop_normal(
+                contacts.count, c.vertex, c.weight, c.normal, c.pressure, self._row, self._owner, self._first,
+                self._errors,
+            )  # fmt: skip
+        write_lengths(
+            h, max(time, h), self._before, self._after, known.accelerations, self._a_end, self._errors, known.origin,
+            self._free, self._added, self._ways, self._far,
+        )  # fmt: skip
+
+    def _note(self, known: WayState, h: float) -> None:
+        """Let `known` follow a part of `h` [s]."""
+        known.velocities[:] = self._before[1]
+        known.accelerations[:] = self._a_end
+        known.added += self._added
+        known.length = h
+        for k, kind in enumerate(self._kinds):
+            known.furthest[k] = max(known.furthest[k], self._far[kind].max())
+        self._before, self._after = self._after, self._before
