@@ -8,7 +8,7 @@ noise e are taken as
 
     y = f(u) + c D + c' D' + r + e,    c ~ N(1, 1),  c' ~ N(0, 1),
 
-r being a polynomial of second degree in the commands (in time, of a motion), another for each number, with coefficients
+r being a polynomial of second degree in the commands (in time, where none moves), another for each number, with factors
 such that its root mean square is half that of D and D': what neither looks like [KennedyOHagan2001]. The error thus is
 one and the same from pose to pose, and no noise that many poses average away. Linearised about the fit, u, c, c' and r
 are found together: the data themselves say how much of D they need. Time steps have a D of their own.
@@ -31,6 +31,9 @@ from tripod_sim.handover import bent_like
 from tripod_sim.state import State
 
 FloatArray = NDArray[np.float64]
+
+STILL = 1e-9
+"""Range of commands that do not move [rad, m]."""
 
 ROWS = 30
 """Poses at which other meshes are solved; between them their changes are polynomials of second degree."""
@@ -113,7 +116,7 @@ class Shares:
         mesh, step: Each; `step` is None for poses, or where dt is chosen anyway.
         covariance: Of u with both moves added, by noise and what is unknown of both, shape (p, p).
         amounts: Of which these are made.
-        smooth: Polynomials in the commands; in time, of a motion.
+        smooth: Polynomials in the commands; in time, of a motion in which none moves.
     """
 
     mesh: Share
@@ -126,8 +129,9 @@ class Shares:
 def shares(problem: Problem, fit: Fit) -> Shares:
     """Return what mesh and steps make of what was fitted. Raises SceneError, StepError."""
     here = problem.at(fit.u)
-    along = problem.measured.times
-    rows_along = problem.measured.joints(here.told.scene) if along is None else along[:, None]
+    rows_along, times = problem.measured.joints(here.told.scene), problem.measured.times
+    if times is not None and not (np.ptp(rows_along, axis=0) > STILL).any():
+        rows_along = times[:, None]
     polynomials = Smooth.of(rows_along)
     smooth = polynomials.squares(rows_along)
     finer, rows = _change(refined(here.told), problem, fit, smooth)
