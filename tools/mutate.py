@@ -306,9 +306,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 sound.add(killer)
             known[mutant] = killer
             with asked.results.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({**asdict(mutant), "killed_by": killer}) + "\n")
+                file.write(row(mutant, killer))
             print(f"{mutant}: {f'killed by {killer}' if killer else 'SURVIVED'}", flush=True)
     return tell(chosen, known)
+
+
+def row(mutant: Mutant, killer: str | None) -> str:
+    """Return a line of a file of results."""
+    return json.dumps({**asdict(mutant), "killed_by": killer}) + "\n"
 
 
 def read_results(path: Path) -> dict[Mutant, str | None]:
