@@ -133,6 +133,29 @@ def test_angles_and_torques_are_two_forms_of_one_problem():
     assert result.active_limits == ()
 
 
+@pytest.mark.parametrize("torque", [False, True])
+def test_a_limit_is_named_as_soon_as_it_takes_something_away(torque):
+    """Limits that the best step would pass by a hundred thousandth of a radian, and by less than can be told."""
+    state = SpringRobot(slide=0.035).state(np.array([-1.3, -1.5, -1.6]))
+    task = PositionTask(state.equilibrium + np.array([0.0, 0.0, 0.01]))  # all turn up, and all torques grow
+    free = solve_ik(build_ik(state, [task]))
+    assert (free.command > state.angles).all()
+    after = state.torques + free.d_tau
+    assert (after < state.torques).all() and (state.torques < 0).all()
+    for cut, active in ((1e-2, True), (1e-5, True), (1e-10, False), (-1e-5, False)):
+        ends = np.array([-cut, 1.0, 1.0])
+        if torque:
+            name, limit = (
+                "servo_0 torque",
+                TorqueLimit(-after + np.linalg.norm(state.stiffness, axis=1) * ends),
+            )
+            result = solve_ik(build_ik(state, [task], [], [limit]))
+        else:
+            name, limit = "servo_0 angle max", AngleLimit(-2.1, free.command + ends)
+            result = solve_ik(build_ik(state, [task], [limit]))
+        assert result.active_limits == ((name,) if active else ()), cut
+
+
 def test_the_prediction_agrees_with_the_robot():
     robot = SpringRobot(slide=0.035)
     state = robot.state(WORKING)

@@ -5,6 +5,8 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.forces.foundation import Foundation
 
 STATIC = ["inertia=off", "damping=off", "mesh.level=1", "solver.tolerance=1e-8"]
 POSE = np.array([-0.7, -0.6, -0.8, 0.0])
@@ -70,6 +72,33 @@ def test_only_the_mesh_is_shown_and_the_mass_stays() -> None:
             moving.step(np.array([-0.02 * k, 0, 0, 0]))
         assert np.isfinite(moving.state.positions).all()
         assert np.isfinite(moving.state.velocities).all()
+
+
+@pytest.mark.parametrize("name", sorted(ELEMENTS))
+def test_the_energy_of_the_bedding_is_the_integral_of_the_slip_squared(name: str) -> None:
+    """A slip that a slanted cell carries exactly: linear in a tetrahedron, else of its highest power along edges."""
+    kind, kappa = ELEMENTS[name], 3e9
+    A, shift = (
+        np.array([[0.02, 0.003, 0.0], [0.001, 0.01, 0.002], [0.0, 0.001, 0.03]]),
+        np.array([0.1, 0.2, -0.1]),
+    )
+    nodes = kind.reference @ A.T + shift
+    power = 1 if kind.corners == 4 else 2 if kind.size > 8 else 1
+    x, y, z = kind.reference.T
+    slip = np.column_stack([x**power, 0.3 + y * (1 if kind.corners == 4 else z), z**power - x]) * 1e-4
+    if kind.corners == 4:  # integrals of 1, x, x² and xy over the tetrahedron of the three unit vectors
+        one, first, square, mixed = 1 / 6, 1 / 24, 1 / 60, 1 / 120
+        parts = square + (0.09 * one + 0.6 * first + square) + (2 * square - 2 * mixed)
+    else:  # over the cube [-1, 1]³; odd powers drop out
+        even = 8 / (2 * power + 1)
+        parts = even + (0.09 * 8 + 8 / 9) + (even + 8 / 3)
+    expected = 0.5 * kappa * abs(np.linalg.det(A)) * parts * 1e-8
+    n = kind.size
+    bedding = Foundation(kind, np.vstack([nodes, nodes]), np.arange(n)[None], n + np.arange(n)[None], kappa)
+    moved, g = np.vstack([nodes + slip, nodes]), np.zeros((2 * n, 3))
+    assert bedding.add_gradient(moved, g) == pytest.approx(expected, rel=1e-9)
+    assert np.vdot(g[:n], slip) == pytest.approx(2 * expected, rel=1e-9)  # the energy is a square
+    np.testing.assert_allclose(g[n:], -g[:n], rtol=0, atol=1e-12 * np.abs(g).max())
 
 
 @pytest.mark.parametrize("element", ["t4", "t10", "h8", "h8_mean", "h20", "h27"])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.linalg
+from numba import typeof
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.integrators.explicit import ExplicitSteps
@@ -50,6 +51,8 @@ def test_two_equal_materials_are_one(element: str, scheme: str) -> None:
     )
     found = [Simulation(whole), Simulation(scene_from_toml(text))]
     assert len(found[1]._system.elastic.terms) == 2  # type: ignore[union-attr]
+    one, two = (typeof(simulation._stepper._solids_of(simulation.state)) for simulation in found)
+    assert one == two, "nothing is compiled once more for a second material"
     for simulation in found:
         simulation.state.velocities[:] = np.cross([9.0, 6.0, 12.0], simulation.state.positions)
         simulation.state.velocities[:, 2] += 200.0 * simulation.state.positions[:, 0] ** 2

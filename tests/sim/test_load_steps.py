@@ -48,6 +48,7 @@ def test_the_step_reports_its_increments_and_the_next_has_none() -> None:
     first = parts.stepper.step(state, np.zeros(1), 0.0)
     assert first.increments > 5
     assert first.iterations == first.increments
+    assert first.factorisations >= first.increments  # one for each of them
     assert first.residual <= 1e-4
     second = parts.stepper.step(state, np.zeros(1), 0.0)
     assert second.increments == 0
@@ -88,3 +89,14 @@ def test_what_cannot_be_carried_stays_where_it_was(reach: float) -> None:
         assert report.increments > 0
     for name in ("positions", "modes", "centres", "rotations", "joints"):
         np.testing.assert_array_equal(getattr(state, name), getattr(before, name))
+
+
+def test_where_the_tangent_becomes_unstable_no_increment_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stable for the first increment, and never again: one increment, and all is rolled back as often as may be."""
+    system, state = flat()
+    factor, calls = system.factor, iter([True, True])
+    monkeypatch.setattr(system, "factor", lambda: factor() and next(calls, False))
+    before, steps = state.positions.copy(), LoadSteps(system, 1e-4)
+    report = steps.carry(state)
+    assert (report.carried, report.increments, report.halvings) == (False, 1, steps.HALVINGS + 1)
+    np.testing.assert_array_equal(state.positions, before)

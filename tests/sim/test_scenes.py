@@ -3,15 +3,15 @@
 import json
 import re
 import shlex
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from tests.scenes import SHARP
+from tripod_bringup import cli
 from tripod_sim import Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.tables.motion import Damping, Inertia
@@ -127,14 +127,8 @@ def tripod(command: str) -> str:
     """Run a line of the tutorial and return what it prints."""
     name, *arguments = shlex.split(command)
     assert name == "tripod"
-    done = subprocess.run(
-        [sys.executable, "-m", "tripod_bringup.cli", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        check=False,
-    )
-    assert done.returncode == 0, f"{command}\n{done.stderr}"
+    done = CliRunner().invoke(cli.app, arguments)
+    assert done.exit_code == 0, f"{command}\n{done.output}"
     return done.stdout
 
 

@@ -1,5 +1,8 @@
-"""`make test`: two halves at once, or one pytest with the user's arguments."""
+"""`make test`: two pytests that share all tests, or one with the user's arguments."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,15 +13,15 @@ GOOD, BAD = ["--version"], ["--no-such-option"]
 """What needs no tests to end well and badly."""
 
 
-@pytest.mark.parametrize(("halves", "code"), [([GOOD, GOOD], 0), ([GOOD, BAD], 4), ([BAD, GOOD], 4)])
-def test_both_halves_are_shown_one_after_the_other_and_a_failure_of_either_counts(
-    capfd: pytest.CaptureFixture[str], halves: list[list[str]], code: int
+@pytest.mark.parametrize(("orders", "code"), [([GOOD, GOOD], 0), ([GOOD, BAD], 4), ([BAD, GOOD], 4)])
+def test_both_are_shown_one_after_the_other_and_a_failure_of_either_counts(
+    capfd: pytest.CaptureFixture[str], orders: list[list[str]], code: int
 ) -> None:
-    assert run_tests.run_halves(halves) == code
+    assert run_tests.run_shared(orders) == code
     out, errors = capfd.readouterr()
-    first, second = out.split(f"\npytest {halves[1][0]}\n")
+    first, second = out.split(f"\npytest {orders[1][0]}\n")
     first += errors  # only that of the others is kept with their output
-    for said, words in ((first, halves[0]), (second, halves[1])):
+    for said, words in ((first, orders[0]), (second, orders[1])):
         assert f"pytest {pytest.__version__}" in said if words is GOOD else "unrecognized arguments" in said
 
 
@@ -40,27 +43,94 @@ def test_what_failed_beside_others_runs_once_more_and_counts_if_it_fails_again(
 ) -> None:
     (tmp_path / "test_good.py").write_text("def test_good():\n    pass\n")
     (tmp_path / "test_other.py").write_text(body.format(mark=str(tmp_path / "mark")))
-    halves = [["test_good.py"], ["test_other.py"]]
-    assert run_tests.run_halves(halves, tmp_path) == code
+    orders = [["test_good.py"], ["test_other.py"]]
+    assert run_tests.run_shared(orders, tmp_path) == code
     out, _ = capfd.readouterr()
     name = "test_second_time" if code == 0 else "test_never"
-    assert f"once more without it:\n  test_other.py::{name}\n" in out
+    assert f"once more without them:\n  test_other.py::{name}\n" in out
     assert out.count("1 passed") == 2 - code  # what was good is not run again
 
 
 @pytest.mark.parametrize(
     ("words", "processors", "expected"),
-    [([], 2, run_tests.HALVES), ([], 1, [[]]), (["-x", "tests/ik"], 4, [["-x", "tests/ik"]])],
+    [([], 2, run_tests.ORDERS), ([], 1, [[]]), (["-x", "tests/ik"], 4, [["-x", "tests/ik"]])],
 )
 def test_arguments_and_a_single_processor_mean_one_pytest(
     monkeypatch: pytest.MonkeyPatch, words: list[str], processors: int, expected: object
 ) -> None:
     monkeypatch.setattr(run_tests.os, "sched_getaffinity", lambda _: set(range(processors)))
-    monkeypatch.setattr(run_tests, "run_halves", lambda given: given)
+    monkeypatch.setattr(run_tests, "run_shared", lambda given: given)
     assert run_tests.main(words) == expected
 
 
-def test_the_halves_hold_every_directory_of_tests() -> None:
-    (sim,), (rest, without) = run_tests.HALVES
-    assert (rest, without) == ("tests", f"--ignore={sim}")
-    assert (run_tests.ROOT / sim).is_dir()
+COUNTED = """
+import pytest
+
+@pytest.fixture(scope="module")
+def one():
+    with open({log!r}, "a") as file:
+        file.write("made {name}\\n")
+    yield
+    with open({log!r}, "a") as file:
+        file.write("ended {name}\\n")
+
+@pytest.mark.parametrize("k", range(3))
+def test_it(one, k):
+    with open({log!r}, "a") as file:
+        file.write(f"{name} {{k}}\\n")
+    assert {name!r} != "c" or k != 1
+"""
+
+
+def test_each_file_is_run_once_by_one_of_those_who_share_it(tmp_path: Path) -> None:
+    """Fixtures of a file are made and ended once; a failure ends the one that met it with its code, not the others."""
+    log, taken = tmp_path / "log", tmp_path / "taken"
+    (tmp_path / "conftest.py").write_text("from tools.shared_tests import pytest_runtestloop\n")
+    for name in "abcd":
+        (tmp_path / f"test_{name}.py").write_text(COUNTED.format(log=str(log), name=name))
+    taken.mkdir()
+    (taken / "test_b.py").touch()  # another has it
+    environment = {**os.environ, "PYTHONPATH": str(run_tests.ROOT), run_tests.TAKEN: str(taken)}
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    codes = [
+        subprocess.run(
+            [*words, *order], check=False, cwd=tmp_path, env=environment, capture_output=True
+        ).returncode
+        for order in (
+            ["test_c.py", "test_b.py", "test_a.py"],
+            ["test_a.py", "test_b.py", "test_c.py", "test_d.py"],
+        )
+    ]
+    assert codes == [1, 0]
+    expected = [f"{name} {k}" for name in "cad" for k in range(3)]
+    for place, name in ((0, "c"), (5, "a"), (10, "d")):
+        expected.insert(place, f"made {name}")
+        expected.insert(place + 4, f"ended {name}")
+    assert log.read_text().splitlines() == expected
+
+
+def test_both_orders_hold_every_file_of_tests() -> None:
+    files = {
+        str(path.relative_to(run_tests.ROOT)) for path in (run_tests.ROOT / "tests").glob("**/test_*.py")
+    }
+    for order in run_tests.ORDERS:
+        held = {file for file in files if any(file == word or file.startswith(f"{word}/") for word in order)}
+        assert held == files
+        assert all((run_tests.ROOT / word).exists() for word in order)
+    assert [order[0] for order in run_tests.ORDERS] == ["tests/sim", "tests/bringup"]
+
+
+@pytest.mark.parametrize("given", [{}, {"PYTHONDONTWRITEBYTECODE": "1"}])
+def test_what_python_compiles_is_kept_for_the_processes_that_tests_start(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, given: dict[str, str]
+) -> None:
+    """In a directory of the tests where the user wants none beside the sources."""
+    monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+    monkeypatch.delenv("PYTHONPYCACHEPREFIX", raising=False)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    (tmp_path / "module.py").write_text("")
+    environment = run_tests.environment_of(tmp_path)
+    subprocess.run([sys.executable, "-c", "import module"], cwd=tmp_path, env=environment, check=True)
+    (found,) = tmp_path.glob("**/module.*.pyc")
+    assert (tmp_path / "bytecode" in found.parents) == bool(given)

@@ -225,13 +225,13 @@ class ExplicitSteps:
         return count, strain
 
     def _solids_of(self, state: State) -> Solids:
-        """Return the solids with the modes of `state`, as many as a power of two: few sizes are compiled."""
+        """Return the solids with the modes of `state`, as many as a power of two from 2 on: few sizes are compiled."""
         of = self._system.elastic.of
         found = [
             MovingSolid(arrays, of(state.modes, k), rates, rate_y)
             for (k, arrays), rates, rate_y in zip(self._solids, self._rates, self._rate_y, strict=True)
         ]
-        count = 1 << max(0, len(found) - 1).bit_length()
+        count = 1 << max(1, (len(found) - 1).bit_length())
         none = np.zeros((0, 0, 3))
         return (*found, *[MovingSolid(no_solid(), none, none, np.zeros((0, 0)))] * (count - len(found)))
 
