@@ -46,6 +46,7 @@ SCENES = {
     "sleeping solid": (*SOLID, "sleep={}"),
     "doubling springs": ("pendulum", "time_error={}"),
     "estimating robot": (*ROBOT, 'time_error={steps="auto"}'),
+    "stack by its way": ("stack", "dt=auto", "time_error.accuracy=0.05"),
     "bounded robot": (*ROBOT, "clamp.stiffness=1.4e10", "mesh_error={}"),
     "cloth alone": (*CLOTH, "obstacles=off", "contact.self_contact=true"),
 }
