@@ -221,6 +221,15 @@ def forces(
 
 
 @njit(cache=True, error_model="numpy")
+def spread(c: Contacts, count: int, out: Array) -> None:
+    """Add the contacts' forces to those of the vertices [N], shape (n, 3)."""
+    for k in range(count):
+        for m in range(4):
+            for i in range(3):
+                out[c.vertex[k, m], i] += c.weight[k, m] * (c.pressure[k] * c.normal[k, i] + c.friction[k, i])
+
+
+@njit(cache=True, error_model="numpy")
 def stiffen(c: Contacts, count: int, u: Array, deepest: float, factor: float) -> int:
     """Multiply rho of contacts deeper than `deepest` [m]; return how many there are."""
     found = 0

@@ -222,11 +222,8 @@ class World:
 
     def forces(self) -> FloatArray:
         """Return what contacts pressed and pulled all surface vertices with in the last step [N], shape (n, 3)."""
-        c, out = self.contacts.arrays, np.zeros_like(self.positions)
-        of = slice(0, self.contacts.count)
-        total = c.pressure[of, None] * c.normal[of] + c.friction[of]
-        for m in range(4):
-            np.add.at(out, c.vertex[of, m], c.weight[of, m, None] * total)
+        out = np.zeros_like(self.positions)
+        kernels.spread(self.contacts.arrays, self.contacts.count, out)
         return out
 
     def _drop_held(self) -> None:
