@@ -206,7 +206,7 @@ class StepProblem:
                 self._factor(u)
                 fresh = True
             p = self._solve(r)
-            slope, size = float(r @ p), self.size(p)
+            slope, size = float(r @ p), float(np.abs(p).max(initial=0.0))
             scale = 1.0
             while True:
                 np.multiply(p, -scale, out=trial)

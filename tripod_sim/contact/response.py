@@ -83,9 +83,6 @@ class Response:
     FEW, FIRST = 8, 0.05
     """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
 
-    PATIENCE = 10
-    """Rounds after which multipliers that hardly change are found more exactly."""
-
     THOROUGH = 4
     """How many times more solves a body takes whose strains are bounded, as stiffly as that is done."""
 
@@ -133,17 +130,13 @@ class Response:
         self._problem.prepare(u)
         kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.NORMAL, self.TANGENTIAL)
         outcome, aim, error = Outcome(), law.tolerance * law.distance, self.FIRST * law.distance
-        earlier = np.inf
         enough, most = (max(aim, error), min(self.ROUGH, law.max_solves)) if rough else (aim, law.max_solves)
         spent, most, few = 0, self._times * most, self._times * self.FEW
         while True:
             kernels.set_limits(c.arrays, c.count, law.friction)
             # no more exact than the multipliers are: Newton's last steps are wasted on a wrong potential
-            # where that falls slowly, what is left undone must not hide by how much it does
-            tolerance = (0.01 if outcome.rounds > self.PATIENCE and error > 0.8 * earlier else 0.1) * max(
-                aim, error
-            )
-            before, earlier = self._problem.effort.iterations, error
+            tolerance = 0.1 * max(aim, error)
+            before = self._problem.effort.iterations
             size = self._problem.descend(u, tolerance, few)
             spent += self._problem.effort.iterations - before
             gap, slip, outcome.smallest = self._forces(u)
