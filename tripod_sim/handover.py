@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from tripod_sim.errors import StepError
 from tripod_sim.mesh.solid_mesh import FloatArray
@@ -70,6 +69,8 @@ def bent_like(coarse: System, states: Sequence[State], fine: System, joints: Flo
         fine: Of what is returned.
         joints: Shape (k, s + 1).
     """
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator  # noqa: PLC0415 - slow, seldom needed
+
     places, own = coarse.rest, fine.rest
     moved = np.stack([state.positions - places for state in states], axis=1)
     found = LinearNDInterpolator(places, moved, rescale=True)(own)
