@@ -32,9 +32,6 @@ from tripod_sim.state import State
 
 FloatArray = NDArray[np.float64]
 
-STILL = 1e-9
-"""Range of commands that do not move [rad, m]."""
-
 ROWS = 30
 """Poses at which other meshes are solved; between them their changes are polynomials of second degree."""
 
@@ -130,9 +127,10 @@ def shares(problem: Problem, fit: Fit) -> Shares:
     """Return what mesh and steps make of what was fitted. Raises SceneError, StepError."""
     here = problem.at(fit.u)
     rows_along, times = problem.measured.joints(here.told.scene), problem.measured.times
-    if times is not None and not (np.ptp(rows_along, axis=0) > STILL).any():
-        rows_along = times[:, None]
     polynomials = Smooth.of(rows_along)
+    if times is not None and not len(polynomials.columns):  # nothing is commanded
+        rows_along = times[:, None]
+        polynomials = Smooth.of(rows_along)
     smooth = polynomials.squares(rows_along)
     finer, rows = _change(refined(here.told), problem, fit, smooth)
     mesh = [FACTOR * finer]
