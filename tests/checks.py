@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tripod_sim import Simulation, StepError
+from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
+
 FloatArray = NDArray[np.float64]
 
 
@@ -78,3 +81,20 @@ class Law:
         C = np.zeros((9, 9))
         self.module.tangent(np.ascontiguousarray(F), self.lam, self.mu, project, C)
         return C
+
+
+def assert_failing_leaves_the_state(
+    simulation: Simulation, stepper: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A step in which `stepper`, a part of what makes it, fails says so and leaves all of the state."""
+
+    def fail(state: object, joints: object, dt: float) -> None:
+        raise StepError("no way")
+
+    monkeypatch.setattr(stepper, "step", fail)
+    before = simulation.save()[0]
+    with pytest.raises(StepError, match="no way"):
+        simulation.step()
+    assert checkpoint_bytes(Checkpoint(0, simulation.state, simulation.torques)) == checkpoint_bytes(
+        Checkpoint(0, before, simulation.torques)
+    )

@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from tripod_sim import SceneError, Simulation, StepError, load_scene
+from tests.checks import assert_failing_leaves_the_state
+from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim.contact.stepper import ContactStepper
 
@@ -146,17 +147,7 @@ def test_a_step_that_fails_leaves_the_state(
     scene: str, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     simulation = moved(made(scene, *words), 0.1)
-
-    def fail(state: object, joints: object, dt: float) -> None:
-        raise StepError("no way")
-
-    monkeypatch.setattr(simulation._stepper._twin, "step", fail)
-    before = simulation.save()[0]
-    with pytest.raises(StepError, match="no way"):
-        simulation.step()
-    assert checkpoint_bytes(Checkpoint(0, simulation.state, simulation.torques)) == checkpoint_bytes(
-        Checkpoint(0, before, simulation.torques)
-    )
+    assert_failing_leaves_the_state(simulation, simulation._stepper._twin, monkeypatch)
 
 
 def test_a_sleeper_goes_on_knowing_what_touches() -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
+from tests.checks import assert_failing_leaves_the_state
+from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.integrators import way_kernels as kernels
 
 BOXES = (
@@ -146,17 +146,7 @@ def test_what_is_pressed_does_not_err_along_the_normal() -> None:
 def test_a_step_that_fails_leaves_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation = made("bounce", "dt=0.01", "dt=auto", "time_error.accuracy=0.05", "time_error.shortest=0.005")
     followed(simulation, 0.01, 5)
-
-    def fail(state: object, joints: object, dt: float) -> None:
-        raise StepError("no way")
-
-    monkeypatch.setattr(simulation._stepper.awake, "step", fail)
-    before = simulation.save()[0]
-    with pytest.raises(StepError, match="no way"):
-        simulation.step()
-    assert checkpoint_bytes(Checkpoint(0, simulation.state, simulation.torques)) == checkpoint_bytes(
-        Checkpoint(0, before, simulation.torques)
-    )
+    assert_failing_leaves_the_state(simulation, simulation._stepper.awake, monkeypatch)
 
 
 def test_fixed_steps_follow_no_accuracy() -> None:
