@@ -37,7 +37,8 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 FloatArray = NDArray[np.float64]
 
 REHEARSED = 0.01
-"""Motion of the servos that a rehearsal tries [rad]: more than at rest, so that equations are solved."""
+"""Motion of the servos that a rehearsal tries [rad]: more than at rest, so that equations are solved; and the share of
+a step's time up to which prescribed motions go when kernels compile: all of it would cost as much as the first step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +218,7 @@ class Simulation:
             self._stepper.step(self.state, self.state.joints.copy(), self.scene.dt)
             if len(self._system.groups.driven) or self._prescribed:
                 turned = self._goal(
-                    self.command + np.array([1e-4] * len(self.torques) + [0.0]), self.scene.dt
+                    self.command + np.array([1e-4] * len(self.torques) + [0.0]), REHEARSED * self.scene.dt
                 )
                 self._stepper.step(self.state, turned, self.scene.dt)
         except StepError:

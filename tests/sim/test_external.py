@@ -42,7 +42,11 @@ def test_a_ball_that_slides_ends_up_rolling_at_five_sevenths_of_its_speed() -> N
     assert external.rolling() == pytest.approx(1.0, abs=1e-4)
 
 
+def test_a_ball_presses_a_block_as_hertz_says() -> None:
+    assert external.hertz(2, 2.0, 15.0) == pytest.approx(1.0, abs=0.06)  # two cells along the contact's radius
+
+
 def test_in_a_pile_nothing_passes_and_hardly_any_energy_is_won() -> None:
-    found = external.pile(edge=3)
+    found = external.pile(27)
     assert found.gap > 0
     assert found.rise < 1e-4  # of the energy lost: what contact.tolerance leaves
