@@ -93,11 +93,14 @@ def _time_error(error: Mapping[str, Any]) -> str:
     if error["node"] < 0:
         most = error["worst_added"] * 1e3
         return f"a part of a step added at most {most:.3g} mm; that of the whole motion is not estimated"
-    nodes = f"node {error['node']} {error['largest'] * 1e3:.3g} mm, at worst {error['worst'] * 1e3:.3g} mm"
-    if math.isnan(error["effector"]):
-        return f"{nodes} (estimated)"
-    end, worst = error["effector"] * 1e3, error["worst_effector"] * 1e3
-    return f"effector {end:.3g} mm, at worst {worst:.3g} mm; {nodes} (estimated)"
+    told = {"effector": ("effector", "worst_effector"), f"node {error['node']}": ("largest", "worst")}
+    told["ball"] = ("ball", "worst_ball")
+    words = [
+        f"{name} {error[end] * 1e3:.3g} mm, at worst {error[worst] * 1e3:.3g} mm"
+        for name, (end, worst) in told.items()
+        if not math.isnan(error.get(end, math.nan))
+    ]
+    return "; ".join(words) + " (estimated)"
 
 
 def _millijoules(value: float) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,7 +149,8 @@ def build(scene: Scene, progress: Callable[[float], None] | None = None) -> Part
         from tripod_sim.integrators.way_steps import WaySteps
 
         distance = scene.contact.contact_distance if scene.contact else 0.0
-        by_way_steps = WaySteps(parts, scene.time_error, scene.inertia.scheme, distance)
+        in_maze = cast("MazeBall", parts.ball) if scene.maze and parts.ball else None
+        by_way_steps = WaySteps(parts, scene.time_error, scene.inertia.scheme, distance, in_maze)
         parts = replace(parts, stepper=by_way_steps, chosen=by_way_steps)
     elif scene.time_error and scene.inertia and not parts.errors:
         from tripod_sim.integrators.doubling import Doubling

@@ -62,13 +62,12 @@ def run(
         and that in words), stalled (servos that stand against their load at the end: servo, load and stall_torque
         [N m], short [rad]), figures (accuracy in words, effects with their stored costs, stability, as
         `tripod_sim.figures` has them), stalled_time (of each servo [s]), with the scene's `time_error` the estimate at
-        the end
-        (effector, largest, node, added) and at its worst (worst_effector, worst, worst_added) [m], NaN and node -1
-        for what is not estimated, with `mesh_error` that of the effector at the end (effector, its length distance) and
-        at its worst (worst) [m], NaN where there is no estimate, with a ball its position [m] and
-        event (words), with contact what it took in the last step (contacts, those pressed, force [N], rounds of the
-        response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m], cut) and with
-        rigid bodies their poses, markers (set, position and moved [m], force [N] and moment about the origin [N m] of
+        the end (effector, largest, node, added, ball) and at its worst (worst_effector, worst, worst_added,
+        worst_ball) [m], NaN and node -1 for what is not estimated, with `mesh_error` that of the effector at the end
+        (effector, its length distance) and at its worst (worst) [m], NaN where there is no estimate, with a ball its
+        position [m] and event (words), with contact what it took in the last step (contacts, those pressed, force [N],
+        rounds of the response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m],
+        cut) and with rigid bodies their poses, markers (set, position and moved [m], force [N] and moment about the origin [N m] of
         what holds or moves them, of a solid), notes on the scene if there are any, and step_ms, the wall time of a
         step [ms], median and 99th percentile.
 
@@ -97,7 +96,10 @@ def run(
     books = EnergyBooks(simulation.energies(), simulation.state.joints, simulation.torques)
     taken = array("d")
     totals = dict.fromkeys(("iterations", "parts", "rejected", "increments", "halvings"), 0)
-    worst, worst_mesh = dict.fromkeys(("worst_effector", "worst", "worst_added"), np.nan), {"worst": np.nan}
+    worst, worst_mesh = (
+        dict.fromkeys(("worst_effector", "worst", "worst_added", "worst_ball"), np.nan),
+        {"worst": np.nan},
+    )
     stalled_steps, unstable = [0] * len(simulation.torques), array("d")
     kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
@@ -179,7 +181,12 @@ def _unstable(times: Sequence[float], steps: int) -> list[str]:
 def _note_errors(report: StepReport, steps: dict[str, float], mesh: dict[str, float]) -> None:
     """Take up in the worst errors of steps and mesh what a step reports [m]."""
     if found := report.time_error:
-        for name, value in (("_effector", found.effector), ("", found.largest), ("_added", found.added)):
+        for name, value in (
+            ("_effector", found.effector),
+            ("", found.largest),
+            ("_added", found.added),
+            ("_ball", found.ball),
+        ):
             steps[f"worst{name}"] = float(np.fmax(steps[f"worst{name}"], value))
     if report.mesh_error:
         mesh["worst"] = float(np.fmax(mesh["worst"], report.mesh_error.distance))

@@ -30,6 +30,8 @@ def test_the_estimate_is_told_in_millimetres_with_its_worst() -> None:
     assert found["solved by"] == "40 Newton iterations, 23 parts of steps, 4 taken back"
     alone = rows(time_error=error | {"effector": math.nan, "worst_effector": math.nan})
     assert alone["time error"] == "node 7 0.02 mm, at worst 0.04 mm (estimated)"
+    ball = rows(time_error=error | {"ball": 1e-4, "worst_ball": 2e-4})
+    assert ball["time error"] == expected.replace(" (", "; ball 0.1 mm, at worst 0.2 mm (")
 
 
 def test_a_local_estimate_tells_what_a_part_added() -> None:

@@ -72,6 +72,26 @@ def test_a_part_that_is_taken_back_takes_the_ball_along() -> None:
     assert np.linalg.norm(found - exact, axis=1).max() < 0.05 * move
 
 
+def test_a_second_ball_tells_what_the_place_of_the_ball_hangs_on() -> None:
+    simulation, ways, apart = made("maze", *ROLLING, "dt=auto", "time_error.accuracy=0.04"), [], []
+    start = simulation.ball.position.copy()
+    for k in range(60):
+        report = simulation.step(START + min((k + 1) / 6, 1.0) * TURN)
+        ways.append(float(np.linalg.norm(simulation.ball.position - start)))
+        apart.append(report.time_error.ball)
+    assert max(ways) > 0.003
+    assert 0.1 * 0.04 * ways[20] < apart[20] < 0.04 * ways[20]  # rolling: some of the way is the plate's
+    last = simulation.ball.position.copy()
+    simulation.drop_ball()
+    assert simulation.step().time_error.ball < 6e-6 < 0.5 * max(apart)  # 0.04 g t² / 2
+    simulation.reset()
+    again = [simulation.step(START + min((k + 1) / 6, 1.0) * TURN).time_error.ball for k in range(60)]
+    assert again == apart
+    np.testing.assert_array_equal(simulation.ball.position, last)
+    fixed = made("maze", *ROLLING, "time_error.tolerance=1e-5", "dt=auto")
+    assert np.isnan(fixed.step().time_error.ball)
+
+
 @pytest.mark.parametrize(
     ("scene", "words"),
     [("bounce", ()), ("silicone_drop", ("mesh.level=1",)), ("drape", ("springs.damping=0.1",))],

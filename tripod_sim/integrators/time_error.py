@@ -53,12 +53,15 @@ class TimeErrorReport:
         node: That node; -1 where the estimate is local.
         added: Largest distance of a node that the worst part of this step added [m]; NaN where steps have a fixed
             length, which does not need it.
+        ball: How far the ball in a maze would be from where it is [m] were its gravity larger by the accuracy asked
+            for; NaN without either. Much more than the accuracy times its way: a wall decides where it is.
     """
 
     effector: float
     largest: float
     node: int
     added: float
+    ball: float = np.nan
 
 
 @dataclass(eq=False)

@@ -15,6 +15,11 @@ it ends where the surface is. An error of the velocity puts a point off later, i
 
 is what a part adds to a point's error. It costs nothing: no step is made twice but those that are taken back.
 
+A ball in a maze is led by the plate, whose error it takes up for good: a tilt that is off by a share puts it off by
+that share of its way, and a wall that it barely hits or misses by many times that. So a second ball goes along, in a
+gravity that is larger by A. How far it is from the first is what the ball's place is told to; where walls make that
+more than A of its way they decide where it is, and no promise holds for it.
+
 With `accuracy` A the errors of each point may add up to A times S, as far as the furthest point of its kind has been
 from where it began (kinds: nodes and corners of rigid bodies; the effector's nodes). With ds its way, a part may add
 its own share and some of what the parts before have spared,
@@ -46,8 +51,10 @@ from tripod_sim.tables.method import TimeError
 from tripod_sim.tables.motion import ORDER
 
 if TYPE_CHECKING:
+    from tripod_sim.ball.ball import BallState
     from tripod_sim.build import Parts
     from tripod_sim.contact.world import World
+    from tripod_sim.maze.play import MazeBall
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
 """Of the length that the errors allow; least and largest change from part to part."""
@@ -58,8 +65,14 @@ SPEND = 0.25
 LEAST = 0.01
 """Share of the whole that a part may add where nothing is spared: what hits on and on or trembles needs no less."""
 
+FINE = 0.005
+"""Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
+
 SHARE = 0.7
 """Of the accuracy that what is measured may add up to: it is of leading order, and hits make errors larger."""
+
+TILT = 0.6
+"""Of the accuracy that a plate keeps under a ball, whose way errs more than that of the plate."""
 
 POWER = 2
 """Power of the length with which errors over what is allowed are taken to grow."""
@@ -83,6 +96,7 @@ class WayState:
         furthest: That a point of each kind has been from its origin [m], shape (2,).
         length: Of the last part [s]; 0 before the first.
         proposed: That of the next [s]; 0 before the first.
+        second: The ball that goes along in a larger gravity; None without a maze, and before it begins.
     """
 
     origin: FloatArray
@@ -92,18 +106,23 @@ class WayState:
     furthest: FloatArray
     length: float = 0.0
     proposed: float = 0.0
+    second: "BallState | None" = None
 
     def copy_to(self, other: "WayState") -> None:
-        """Overwrite `other` with this state, without allocating."""
+        """Overwrite `other` with this state, without allocating but where a ball has begun."""
         for name in ("origin", "velocities", "accelerations", "added", "furthest"):
             getattr(other, name)[:] = getattr(self, name)
         other.length, other.proposed = self.length, self.proposed
+        if self.second and other.second:
+            self.second.copy_to(other.second)
+        else:
+            other.second = self.second.copy() if self.second else None
 
     def copy(self) -> "WayState":
         """Return an independent copy."""
         return WayState(
             self.origin.copy(), self.velocities.copy(), self.accelerations.copy(), self.added.copy(),
-            self.furthest.copy(), self.length, self.proposed,
+            self.furthest.copy(), self.length, self.proposed, self.second.copy() if self.second else None,
         )  # fmt: skip
 
 
@@ -114,8 +133,10 @@ class WaySteps:
         awake: The time integrator.
     """
 
-    def __init__(self, parts: "Parts", wanted: TimeError, scheme: str, distance: float) -> None:
-        """`wanted`: the scene's table; `scheme`: its own; `distance`: of contact [m], 0 without."""
+    def __init__(
+        self, parts: "Parts", wanted: TimeError, scheme: str, distance: float, maze: "MazeBall | None" = None
+    ) -> None:
+        """`wanted`: the scene's table; `scheme`: its own; `distance`: of contact [m], 0 without; `maze`: its ball."""
         self._order, self._fast = ORDER[scheme], FAST if scheme == "tr_bdf2" else 1.0
         self.awake, self._ball, self._wanted = parts.stepper, parts.ball, wanted
         groups, rigid = parts.system.groups, parts.rigid
@@ -138,8 +159,12 @@ class WaySteps:
             self._row, self._owner = self._world.owners()
         self._remember = getattr(self.awake, "keep_history", lambda: None)
         self._recall = getattr(self.awake, "recall_history", self.awake.forget)
-        self._accuracy = SHARE * wanted.accuracy
-        self._floor = max(wanted.tolerance, self._accuracy * distance)
+        self._accuracy = SHARE * wanted.accuracy * (TILT if maze else 1.0)
+        self._maze, self._second = (
+            maze,
+            maze.heavier(1 + wanted.accuracy) if maze and wanted.accuracy else None,
+        )
+        self._floor, self._distance = wanted.tolerance, distance
         self._origin: State | None = None
         self._keep: State | None = None
 
@@ -147,6 +172,8 @@ class WaySteps:
         """Return what is remembered at the start, `state`; the kernels compile here."""
         self._read(state, self._before)
         x, v = self._before.copy()
+        size = float(np.linalg.norm(np.ptp(x, axis=0)))
+        self._floor = max(self._floor, self._accuracy * max(self._distance, FINE * size))
         known = WayState(x, v, np.zeros_like(x), np.zeros(len(x)), np.zeros(2))
         self._measure(known, 1.0, 1.0, StepReport())
         self._ratio(known)
@@ -162,6 +189,8 @@ class WaySteps:
         assert known
         if self._origin is None or self._keep is None or (self._origin.ball is None) != (state.ball is None):
             self._origin, self._keep = state.copy(), state.copy()  # the ball comes after the first trial
+        if self._second and state.ball and not known.second:
+            known.second = state.ball.copy()
         state.copy_to(self._keep)
         try:
             return self._divided(state, known, joints, dt)
@@ -218,7 +247,10 @@ class WaySteps:
             done, again, worst = dt if pieces == 1 else done + h, False, max(worst, float(self._added.max()))
         known.proposed = length
         state.time, state.step = start[0] + dt, start[1] + 1
-        total.time_error = self._report(known, worst)
+        apart = np.nan
+        if known.second and state.ball:
+            apart = float(np.linalg.norm(known.second.position - state.ball.position))
+        total.time_error = self._report(known, worst, apart)
         return total
 
     def _part(self, state: State, joints: FloatArray, h: float) -> StepReport:
@@ -228,6 +260,8 @@ class WaySteps:
         report = self.awake.step(state, joints, h)
         if self._ball and state.ball:
             self._ball.follow(state, state.ball, h)
+            if self._maze and self._second and (second := state.way and state.way.second):
+                self._maze.lead(self._second, second, state.time, h)
         return report
 
     def _ratio(self, known: WayState) -> float:
@@ -243,13 +277,16 @@ class WaySteps:
         ]  # fmt: skip
         return float(np.max(ratios))
 
-    def _report(self, known: WayState, worst: float) -> TimeErrorReport:
-        """Return what parts have added so far, where the steps follow an accuracy, and the most of one [m]."""
+    def _report(self, known: WayState, worst: float, apart: float) -> TimeErrorReport:
+        """Return what parts have added so far, where the steps follow an accuracy, and the most of one [m].
+
+        apart: How far the two balls are from each other [m].
+        """
         if not self._accuracy:
             return TimeErrorReport(np.nan, np.nan, -1, worst)
         shown, node = known.added[self._kinds[0]], int(known.added[self._kinds[0]].argmax())
         disc = float(known.added[self._kinds[1]].max()) if len(self._disc) else np.nan
-        return TimeErrorReport(disc, float(shown[node]), node, worst)
+        return TimeErrorReport(disc, float(shown[node]), node, worst, apart)
 
     def _read(self, state: State, out: FloatArray) -> None:
         """Write positions [m] and velocities [m/s] of all points of interest to `out`, shape (2, n, 3)."""

@@ -46,7 +46,7 @@ class MazeBall:
             )
         self.plate = plate
         self.ball = BallOnPlate(description, plate.board.obstacles, gravity)
-        self._weight = description.mass * gravity
+        self._weight, self._gravity = description.mass * gravity, gravity
         self._loads, self._quasi_static = loads, quasi_static
         self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
         self._up = np.array([0.0, 0.0, plate.offset])
@@ -103,6 +103,14 @@ class MazeBall:
         share = min(1.0, dt / AVERAGE) if self._quasi_static else 1.0
         ball.wrench += share * (wrench - ball.wrench)
         self._note_goal(ball, motion, state.time)
+
+    def heavier(self, factor: float) -> BallOnPlate:
+        """Return what moves a second ball on the same plate, in a gravity that is larger by `factor`."""
+        return BallOnPlate(self.ball.description, self.ball.obstacles, factor * self._gravity)
+
+    def lead(self, mover: BallOnPlate, ball: BallState, time: float, dt: float) -> None:
+        """Move a second ball, which does not load the plate, over the step that the first followed, in place."""
+        mover.advance(ball, self._motion, time - dt, dt)
 
     def rest_load(
         self, state: State, ball: BallState, out: FloatArray
