@@ -67,9 +67,9 @@ def run(
         (effector, its length distance) and at its worst (worst) [m], NaN where there is no estimate, with a ball its
         position [m] and event (words), with contact what it took in the last step (contacts, those pressed, force [N],
         rounds of the response, its way, residual [m] of gaps and slips, smallest_gap beyond the contact distance [m],
-        cut) and with rigid bodies their poses, markers (set, position and moved [m], force [N] and moment about the origin [N m] of
-        what holds or moves them, of a solid), notes on the scene if there are any, and step_ms, the wall time of a
-        step [ms], median and 99th percentile.
+        cut) and with rigid bodies their poses, markers (set, position and moved [m], force [N] and moment about the
+        origin [N m] of what holds or moves them, of a solid), notes on the scene if there are any, and step_ms, the
+        wall time of a step [ms], median and 99th percentile.
 
     Raises:
         SceneError: anything wrong with the input.
