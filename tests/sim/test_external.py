@@ -43,7 +43,9 @@ def test_a_ball_that_slides_ends_up_rolling_at_five_sevenths_of_its_speed() -> N
 
 
 def test_a_ball_presses_a_block_as_hertz_says() -> None:
-    assert external.hertz(2, 2.0, 15.0) == pytest.approx(1.0, abs=0.06)  # two cells along the contact's radius
+    assert external.hertz(2, 2.0, 15.0) == pytest.approx(
+        1.0, abs=0.06
+    )  # two cells along the contact's radius
 
 
 def test_in_a_pile_nothing_passes_and_hardly_any_energy_is_won() -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from tests.checks import assert_failing_leaves_the_state
 from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim.integrators import way_kernels as kernels
 
 BOXES = (
@@ -88,6 +89,10 @@ def test_a_second_ball_tells_what_the_place_of_the_ball_hangs_on() -> None:
     again = [simulation.step(START + min((k + 1) / 6, 1.0) * TURN).time_error.ball for k in range(60)]
     assert again == apart
     np.testing.assert_array_equal(simulation.ball.position, last)
+    kept = checkpoint_bytes(Checkpoint(0, *simulation.save()))
+    other = made("maze", *ROLLING, "dt=auto", "time_error.accuracy=0.04")
+    read = read_checkpoint(kept, other)
+    np.testing.assert_array_equal(read.state.way.second.numbers, simulation.state.way.second.numbers)
     fixed = made("maze", *ROLLING, "time_error.tolerance=1e-5", "dt=auto")
     assert np.isnan(fixed.step().time_error.ball)
 

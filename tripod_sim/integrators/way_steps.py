@@ -27,8 +27,8 @@ its own share and some of what the parts before have spared,
     A ds + max(SPEND (A S + floor - sum so far), LEAST (A S + floor)).
 
 A motion without hits then gets equal errors per way, and a hit, whose error is h v / 2 however short the step, what the
-way to it has spared. The floor is A times the contact distance, or the tolerance where that is larger: what is finer
-nobody sees. Without an accuracy a part may add the tolerance.
+way to it has spared. The floor is A times the contact distance or FINE times the size of everything, or the tolerance
+where that is larger: what is finer nobody sees. Without an accuracy a part may add the tolerance.
 """
 
 from dataclasses import dataclass
@@ -109,14 +109,12 @@ class WayState:
     second: "BallState | None" = None
 
     def copy_to(self, other: "WayState") -> None:
-        """Overwrite `other` with this state, without allocating but where a ball has begun."""
+        """Overwrite `other` with this state, without allocating."""
         for name in ("origin", "velocities", "accelerations", "added", "furthest"):
             getattr(other, name)[:] = getattr(self, name)
         other.length, other.proposed = self.length, self.proposed
         if self.second and other.second:
             self.second.copy_to(other.second)
-        else:
-            other.second = self.second.copy() if self.second else None
 
     def copy(self) -> "WayState":
         """Return an independent copy."""
@@ -164,7 +162,8 @@ class WaySteps:
             maze,
             maze.heavier(1 + wanted.accuracy) if maze and wanted.accuracy else None,
         )
-        self._floor, self._distance = wanted.tolerance, distance
+        size = float(np.linalg.norm(np.ptp(parts.mesh.nodes, axis=0)))
+        self._floor = max(wanted.tolerance, self._accuracy * max(distance, FINE * size))
         self._origin: State | None = None
         self._keep: State | None = None
 
@@ -172,11 +171,10 @@ class WaySteps:
         """Return what is remembered at the start, `state`; the kernels compile here."""
         self._read(state, self._before)
         x, v = self._before.copy()
-        size = float(np.linalg.norm(np.ptp(x, axis=0)))
-        self._floor = max(self._floor, self._accuracy * max(self._distance, FINE * size))
         known = WayState(x, v, np.zeros_like(x), np.zeros(len(x)), np.zeros(2))
         self._measure(known, 1.0, 1.0, StepReport())
         self._ratio(known)
+        known.second = state.ball.copy() if self._second and state.ball else None
         return known
 
     def forget(self) -> None:
@@ -189,8 +187,6 @@ class WaySteps:
         assert known
         if self._origin is None or self._keep is None or (self._origin.ball is None) != (state.ball is None):
             self._origin, self._keep = state.copy(), state.copy()  # the ball comes after the first trial
-        if self._second and state.ball and not known.second:
-            known.second = state.ball.copy()
         state.copy_to(self._keep)
         try:
             return self._divided(state, known, joints, dt)
@@ -260,8 +256,8 @@ class WaySteps:
         report = self.awake.step(state, joints, h)
         if self._ball and state.ball:
             self._ball.follow(state, state.ball, h)
-            if self._maze and self._second and (second := state.way and state.way.second):
-                self._maze.lead(self._second, second, state.time, h)
+            if self._maze and self._second and state.way and state.way.second:
+                self._maze.lead(self._second, state.way.second, state.time, h)
         return report
 
     def _ratio(self, known: WayState) -> float:
