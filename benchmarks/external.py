@@ -387,7 +387,7 @@ set = "inside"
 """
 
 
-def hertz(cells: int = 8, growth: float = 1.4, size: float = 30.0) -> float:
+def hertz(cells: int = 6, growth: float = 1.5, size: float = 20.0) -> float:
     """Return the force of a ball on an elastic half-space over Hertz's, 4/3 E' sqrt(R) d^1.5, E' = E / (1 - nu²).
 
     A quarter of a block, `size` contact radii a wide and high, is pressed on the cap of a fixed ball, R = 100 a,
