@@ -158,10 +158,7 @@ class WaySteps:
         self._remember = getattr(self.awake, "keep_history", lambda: None)
         self._recall = getattr(self.awake, "recall_history", self.awake.forget)
         self._accuracy = SHARE * wanted.accuracy * (TILT if maze else 1.0)
-        self._maze, self._second = (
-            maze,
-            maze.heavier(1 + wanted.accuracy) if maze and wanted.accuracy else None,
-        )
+        self._lead = maze.second(1 + wanted.accuracy) if maze and wanted.accuracy else None
         size = float(np.linalg.norm(np.ptp(parts.mesh.nodes, axis=0)))
         self._floor = max(wanted.tolerance, self._accuracy * max(distance, FINE * size))
         self._origin: State | None = None
@@ -174,7 +171,7 @@ class WaySteps:
         known = WayState(x, v, np.zeros_like(x), np.zeros(len(x)), np.zeros(2))
         self._measure(known, 1.0, 1.0, StepReport())
         self._ratio(known)
-        known.second = state.ball.copy() if self._second and state.ball else None
+        known.second = state.ball.copy() if self._lead and state.ball else None
         return known
 
     def forget(self) -> None:
@@ -256,8 +253,8 @@ class WaySteps:
         report = self.awake.step(state, joints, h)
         if self._ball and state.ball:
             self._ball.follow(state, state.ball, h)
-            if self._maze and self._second and state.way and state.way.second:
-                self._maze.lead(self._second, state.way.second, state.time, h)
+            if self._lead and state.way and state.way.second:
+                self._lead(state.way.second, state.time, h)
         return report
 
     def _ratio(self, known: WayState) -> float:

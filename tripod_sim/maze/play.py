@@ -4,6 +4,8 @@ The ball is light against the plate, so that the delay of a step between its imp
 the ledger has what the delay makes of the energy.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,7 +48,7 @@ class MazeBall:
             )
         self.plate = plate
         self.ball = BallOnPlate(description, plate.board.obstacles, gravity)
-        self._weight, self._gravity = description.mass * gravity, gravity
+        self._weight = description.mass * gravity
         self._loads, self._quasi_static = loads, quasi_static
         self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
         self._up = np.array([0.0, 0.0, plate.offset])
@@ -104,13 +106,14 @@ class MazeBall:
         ball.wrench += share * (wrench - ball.wrench)
         self._note_goal(ball, motion, state.time)
 
-    def heavier(self, factor: float) -> BallOnPlate:
-        """Return what moves a second ball on the same plate, in a gravity that is larger by `factor`."""
-        return BallOnPlate(self.ball.description, self.ball.obstacles, factor * self._gravity)
+    def second(self, factor: float) -> Callable[[BallState, float, float], None]:
+        """Return what moves a second ball, in place, over the step of `dt` up to `time` [s] that the first followed.
 
-    def lead(self, mover: BallOnPlate, ball: BallState, time: float, dt: float) -> None:
-        """Move a second ball, which does not load the plate, over the step that the first followed, in place."""
-        mover.advance(ball, self._motion, time - dt, dt)
+        It does not load the plate; its gravity is larger by `factor`.
+        """
+        own = self.ball.description
+        mover = BallOnPlate(own, self.ball.obstacles, factor / own.mass * self._weight)
+        return lambda ball, time, dt: mover.advance(ball, self._motion, time - dt, dt)
 
     def rest_load(
         self, state: State, ball: BallState, out: FloatArray
