@@ -14,7 +14,7 @@ from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.schemes import make_scheme
+from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.materials.lame import lame_constants
@@ -134,7 +134,7 @@ def block(
     gravity, inertia = GravityForce(load, acceleration, nodes), Anchor(len(nodes))
     groups = Groups(len(nodes), fixed=np.array(held, dtype=np.int64))
     system = System(nodes, [solid], groups, gravity=gravity, inertia=inertia, damping=damping[1])
-    stepper = make_scheme(
+    stepper = ImplicitScheme(
         scheme, ImplicitStage(Newton(system, tolerance, 100), inertia, inert, damping[0]), 8
     )
     return Block(mesh, solid, inert, gravity, system.start_state(np.zeros(1)), stepper, dt)

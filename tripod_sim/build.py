@@ -356,12 +356,12 @@ def implicit_steps(
     rates: Callable[[FloatArray, FloatArray], None] | None,
 ) -> "Substeps":
     """Return the implicit time integrator of a scene; all but the scene and the stage are as for `ErrorTransport`."""
-    from tripod_sim.integrators.schemes import make_scheme
+    from tripod_sim.integrators.schemes import ImplicitScheme
 
     assert scene.inertia
     most, wanted = scene.solver.max_halvings, carried(scene)
     mixed = scene.inertia.scheme == "auto" and wanted is not None and wanted.steps == "auto"
-    scheme = make_scheme("tr_bdf2" if mixed else scene.inertia.scheme, stage, most)
+    scheme = ImplicitScheme("tr_bdf2" if mixed else scene.inertia.scheme, stage, most)
     if by_way(scene):
         stage.newton.keep_several()
     if not wanted:

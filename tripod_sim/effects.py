@@ -32,8 +32,6 @@ TABLE: dict[str, Effect] = {
         (
             "forces.anchor",
             "integrators.schemes",
-            "integrators.backward",
-            "integrators.tr_bdf2",
             "integrators.stage",
             "integrators.explicit",
             "integrators.explicit_kernels",

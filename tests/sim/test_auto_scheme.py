@@ -116,7 +116,7 @@ def test_both_schemes_take_turns_and_what_is_taken_back_leaves_no_trace(
     plain, recall = scheme._part, scheme.recall_history
 
     def part(state, joints, h):
-        euler = scheme._rate is None
+        euler = not scheme.looks_back
         report = plain(state, joints, h)
         tried.append((h, euler, joints.copy()))
         return report

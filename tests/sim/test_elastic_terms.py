@@ -14,7 +14,7 @@ from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.spring_force import SpringDampers, SpringForce
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.schemes import make_scheme
+from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.system import System
@@ -115,7 +115,7 @@ def test_a_chain_as_a_term_moves_as_in_the_loops_of_springs(scheme: str, damping
     system = System(
         body.nodes, terms, Groups(n, fixed=body.fixed), gravity=gravity, inertia=inertia, dampers=dampers
     )
-    stepper = make_scheme(scheme, ImplicitStage(Newton(system, 1e-6, 100), inertia, mass, 0.0), 8)
+    stepper = ImplicitScheme(scheme, ImplicitStage(Newton(system, 1e-6, 100), inertia, mass, 0.0), 8)
     state = system.start_state(np.zeros(1))
     for _ in range(40):
         parts.stepper.step(expected, np.zeros(1), 0.005)

@@ -18,7 +18,7 @@ from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.quasi_static import QuasiStatic
-from tripod_sim.integrators.schemes import make_scheme
+from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.system import System
@@ -53,7 +53,7 @@ def hang(element: str, law: str, scheme: str, rotation: Rotation, change: Change
     system = System(nodes, [solid], groups, gravity=gravity, inertia=inertia, damping=damping)
     newton = Newton(system, 1e-11, 200)
     stepper = (
-        make_scheme(scheme, ImplicitStage(newton, inertia, inert, 0.5), 8)
+        ImplicitScheme(scheme, ImplicitStage(newton, inertia, inert, 0.5), 8)
         if inertia
         else QuasiStatic(newton, 8, 0.1, 0.03)
     )

@@ -33,12 +33,12 @@ from numpy.typing import NDArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
+from tripod_sim.integrators.looking_back import G
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.system_kernels import same
 
 FloatArray = NDArray[np.float64]
 
-G = 2 - np.sqrt(2)
 TR_BDF2 = float((-3 * G**2 + 4 * G - 2) / (12 * (2 - G)))
 """Of TR-BDF2's defect, times h³ j: the sum of those of its stages."""
 
@@ -181,7 +181,6 @@ class ErrorTransport:
         self._differ(state, start, end, start, h, h)
         if state.known == 1:  # the first step: j is known after the second
             state.missing = h
-        self.keep_residual(0)
         factor = -(h**2) / 2
         if self.carried:
             state.before[:] = state.error
@@ -199,7 +198,6 @@ class ErrorTransport:
         """Carry `state` over a step of BDF2 with its `u` [m/s], `ratio` times as long as the step before."""
         a, b, c = (1 + 2 * ratio) / (1 + ratio), 1 + ratio, ratio**2 / (1 + ratio)
         self._differ(state, start, end, u, h, h / a)
-        self.keep_residual(0)
         factor = -(h**3) * (1 + ratio) / (6 * a * ratio)
         if self.carried:
             self._middle[:] = state.error
@@ -210,18 +208,16 @@ class ErrorTransport:
         self.order = 2
         self._measure_added(1, factor, h / a)
 
-    def tr_bdf2(
-        self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, g: float
-    ) -> None:
-        """Carry `state` over a step of TR-BDF2, whose first stage ends at `g` h and whose second has the `u` [m/s].
+    def tr_bdf2(self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float) -> None:
+        """Carry `state` over a step of TR-BDF2, whose second stage has the `u` [m/s].
 
-        The residuals of both have been kept.
+        The residuals of its stages have been kept, as of the other schemes.
         """
-        k, p = g * h / 2, 1 / (g * (2 - g))
+        k, p = G * h / 2, 1 / (G * (2 - G))
         self._differ(state, start, end, u, h, k)
-        first, second = -((g * h) ** 3) / 12, -((1 - g) ** 2) / (6 * (2 - g)) * h**3
+        first, second = -((G * h) ** 3) / 12, -((1 - G) ** 2) / (6 * (2 - G)) * h**3
         if self.carried:
-            middle, q = self._middle, (1 - g) ** 2 * p
+            middle, q = self._middle, (1 - G) ** 2 * p
             self._stage(state.error, 1.0, state.before, k, 1, first, k, self._left[0], middle)
             self._stage(middle, p, state.error, -q, 1, second, k, self._left[1], state.error)
             self._measure_rates(state, 1, second, k)
