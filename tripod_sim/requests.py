@@ -32,11 +32,6 @@ class Request:
     on: bool = False
     accuracy: str = ""
 
-    @property
-    def restarts(self) -> bool:
-        """Whether the simulation begins anew with other settings."""
-        return self.do in ("effect", "accuracy", "as_shipped")
-
 
 def request_of(text: str) -> Request:
     """Return the request that a message holds: JSON such as {"do": "reset"}, {"effect": "sleep", "on": true},

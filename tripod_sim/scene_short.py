@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.rotations import turned_by
 from tripod_sim.tables.bodies import Body, Rigid
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import NodeSet, Servo
@@ -197,11 +198,7 @@ HOME = (0.0, 0.0, 0.0, 1.0)
 
 def pose_of(body: Body) -> tuple[FloatArray, FloatArray]:
     """Return position [m] and rotation matrix of a body."""
-    if body.orientation == HOME:
-        return np.array(body.position), np.eye(3)
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import
-
-    return np.array(body.position), Rotation.from_quat(body.orientation).as_matrix()
+    return np.array(body.position), turned_by(body.orientation)
 
 
 def _round(field: str, table: Servos, body: Body) -> list[Arm]:

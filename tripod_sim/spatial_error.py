@@ -10,15 +10,14 @@ a bedding; quantities of the whole body then converge with p = 1 whatever the el
 says nothing about the law of the material, the clamp, or the time steps (`time_error`).
 """
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tripod_sim.errors import SceneError
-from tripod_sim.scene import Scene
+from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import joints_of, posed
 from tripod_sim.simulation import Simulation
 
@@ -26,19 +25,6 @@ FloatArray = NDArray[np.float64]
 
 ORDER = 1
 """p."""
-
-OF_MOTION = (
-    "inertia",
-    "damping",
-    "servo_dynamics",
-    "ball",
-    "sleep",
-    "time_error",
-    "contact",
-    "obstacles",
-    "rigid",
-)
-"""Effects that a static state has not, or that would not be the same on two meshes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +82,7 @@ def spatial_error(scene: Scene, joints: FloatArray | None = None) -> SpatialErro
         )
     if joints is not None:
         scene = _posed(scene, np.asarray(joints, dtype=float))
-    present = {f.name for f in fields(scene)}
-    empty: dict[str, Any] = {
-        name: () if name in ("obstacles", "rigid") else None for name in OF_MOTION if name in present
-    }
-    still: Scene = replace(scene, **empty)
+    still = at_rest(scene)
     halved = replace(still, mesh=replace(mesh, refine=mesh.refine + 1))
     coarse, fine = _settled(still), _settled(halved)
     share = 1 / (1 - 0.5**ORDER)

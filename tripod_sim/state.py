@@ -1,7 +1,7 @@
 """What changes each step, and nothing else."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,28 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(eq=False)
-class State:
+class Copied:
+    """What remembers arrays, numbers and others of its kind, and is copied with all of them."""
+
+    def copy_to(self, other: Self) -> None:
+        """Overwrite `other` with this, without allocating."""
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                getattr(other, name)[:] = value
+            elif isinstance(value, Copied):
+                value.copy_to(getattr(other, name))
+            else:
+                setattr(other, name, value)
+
+    def copy(self) -> Self:
+        """Return an independent copy."""
+        values = (getattr(self, name) for name in self.__dataclass_fields__)
+        return type(self)(*(value.copy() if hasattr(value, "copy") else value for value in values))
+
+
+@dataclass(eq=False)
+class State(Copied):
     """Configuration and velocity at one instant.
 
     Attributes:
@@ -55,7 +76,7 @@ class State:
     way: "WayState | None" = None
 
     def copy_to(self, other: "State") -> None:
-        """Overwrite `other` with this state, without allocating."""
+        """As for others, but written out: each step does it; a part that only one of them has stays as it is."""
         other.positions[:] = self.positions
         other.velocities[:] = self.velocities
         other.modes[:] = self.modes
@@ -75,30 +96,3 @@ class State:
             self.twin.copy_to(other.twin)
         if self.way and other.way:
             self.way.copy_to(other.way)
-
-    def copy(self) -> "State":
-        """Return an independent copy."""
-        arrays = (self.positions, self.velocities, self.modes, self.centres, self.rotations, self.joints)
-        x, v, modes, centres, rotations, joints = (a.copy() for a in arrays)
-        servos = self.servos.copy() if self.servos else None
-        ball = self.ball.copy() if self.ball else None
-        errors = self.errors.copy() if self.errors else None
-        rigid = self.rigid.copy() if self.rigid else None
-        twin = self.twin.copy() if self.twin else None
-        way = self.way.copy() if self.way else None
-        return State(
-            x,
-            v,
-            modes,
-            centres,
-            rotations,
-            joints,
-            self.time,
-            self.step,
-            servos,
-            ball,
-            errors,
-            rigid,
-            twin,
-            way,
-        )

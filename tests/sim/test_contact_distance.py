@@ -12,7 +12,6 @@ from tripod_sim.contact.distance_kernels import (
     point_segment,
     point_triangle,
     segment_segment,
-    sphere_triangle,
     triangle_normal,
 )
 
@@ -74,21 +73,6 @@ def test_point_segment_takes_ends_and_middle() -> None:
     assert point_segment(np.array([0.5, 3, 0]), a, b) == (0.25, 9.0)
     assert point_segment(np.array([5.0, 0, 4]), a, b) == (1.0, 25.0)
     assert point_segment(b, a, a) == (0.0, 4.0)
-
-
-def test_sphere_on_face_edge_and_vertex() -> None:
-    triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    normal = np.empty(3)
-    assert sphere_triangle(np.array([0.2, 0.2, -0.5]), 0.6, *triangle, normal) == pytest.approx(-0.1)
-    np.testing.assert_allclose(normal, [0, 0, -1])
-    assert sphere_triangle(np.array([0.5, -0.3, 0.4]), 0.25, *triangle, normal) == pytest.approx(0.25)
-    np.testing.assert_allclose(normal, [0, -0.6, 0.8])
-    assert sphere_triangle(np.array([-3.0, 0, 4]), 1.0, *triangle, normal) == pytest.approx(4.0)
-    np.testing.assert_allclose(normal, [-0.6, 0, 0.8])
-    assert sphere_triangle(np.array([0.2, 0.2, 0.0]), 0.6, *triangle, normal) == pytest.approx(-0.6)
-    np.testing.assert_allclose(normal, [0, 0, 1])  # the centre on the triangle: its normal
-    assert sphere_triangle(np.zeros(3), 0.1, *np.zeros((3, 3)), normal) == pytest.approx(-0.1)
-    assert np.linalg.norm(normal) == pytest.approx(1)
 
 
 @settings(max_examples=200, deadline=None)

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from tripod_sim.ball import plate_kernels as k
 from tripod_sim.ball.obstacles import Obstacles
+from tripod_sim.constraints.groups import rotation_vector
+from tripod_sim.state import Copied
 from tripod_sim.tables.robot import Ball
 
 FloatArray = NDArray[np.float64]
@@ -32,7 +34,7 @@ ABYSS = 0.5
 
 
 @dataclass(eq=False)
-class BallState:
+class BallState(Copied):
     """A ball at one instant.
 
     Attributes:
@@ -90,19 +92,12 @@ class BallState:
         return f"goal reached at {self.goal_time:.2f} s" if np.isfinite(self.goal_time) else ""
 
     def copy_to(self, other: "BallState") -> None:
-        """Overwrite `other`, without allocating."""
+        """As `State.copy_to`."""
         other.numbers[:], other.ledger[:], other.twist[:] = self.numbers, self.ledger, self.twist
         other.wrench[:], other.load_work = self.wrench, self.load_work
         if self.nodal is not None and other.nodal is not None:
             other.nodal[:] = self.nodal
         other.place, other.goal_time, other.lost_time = self.place, self.goal_time, self.lost_time
-
-    def copy(self) -> "BallState":
-        """Return an independent copy."""
-        copy = BallState(self.numbers.copy())
-        copy.nodal = None if self.nodal is None else self.nodal.copy()
-        self.copy_to(copy)
-        return copy
 
 
 @dataclass(frozen=True)
@@ -198,13 +193,3 @@ def account(state: BallState) -> Account:
     """Return the ledger of a ball by name."""
     work, loss, gain, shift, gap, impacts, stuck, hardest = state.ledger.tolist()
     return Account(work, loss, gain, shift, gap, int(impacts), int(stuck), hardest)
-
-
-def rotation_vector(matrix: FloatArray) -> FloatArray:
-    """Return the rotation vector [rad] of a matrix of a turn well below half a revolution, shape (3,)."""
-    m = matrix
-    axis = 0.5 * np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
-    sine = float(np.sqrt(axis @ axis))
-    if sine < 1e-12:
-        return axis
-    return axis * (np.arctan2(sine, 0.5 * (np.trace(m) - 1)) / sine)

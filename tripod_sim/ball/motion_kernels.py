@@ -3,7 +3,10 @@
 from math import cos, sin, sqrt
 from typing import Any
 
+import numpy as np
 from numba import njit
+
+from tripod_sim.constraints.rotation_kernels import turned
 
 Array = Any
 
@@ -39,31 +42,13 @@ def plate_at(plate: Array, s: float, dt: float, pose: Array) -> None:
     """
     a, b, c = s * s * (3 - 2 * s), s * (1 - s) * (1 - s), -s * s * (1 - s)
     da, db, dc = 6 * s * (1 - s), (1 - s) * (1 - 3 * s), s * (3 * s - 2)
-    square = 0.0
+    way = np.empty(3)
     for i in range(3):
         pose[0, i] = plate[0, i] + a * plate[1, i] + dt * (b * plate[3, i] + c * plate[4, i])
         pose[1, i] = da * plate[1, i] / dt + db * plate[3, i] + dc * plate[4, i]
-        turned = a * plate[2, i] + dt * (b * plate[5, i] + c * plate[6, i])
+        way[i] = a * plate[2, i] + dt * (b * plate[5, i] + c * plate[6, i])
         pose[2, i] = da * plate[2, i] / dt + db * plate[5, i] + dc * plate[6, i]
-        pose[3, i] = turned
-        square += turned * turned
-    angle = sqrt(square)
-    if angle == 0.0:
-        for i in range(3):
-            for j in range(3):
-                pose[3 + i, j] = plate[7 + i, j]
-        return
-    x, y, z = pose[3, 0] / angle, pose[3, 1] / angle, pose[3, 2] / angle
-    cosine, sine = cos(angle), sin(angle)
-    d = 1 - cosine
-    r00, r01, r02 = cosine + d * x * x, d * x * y - sine * z, d * x * z + sine * y
-    r10, r11, r12 = d * x * y + sine * z, cosine + d * y * y, d * y * z - sine * x
-    r20, r21, r22 = d * x * z - sine * y, d * y * z + sine * x, cosine + d * z * z
-    for j in range(3):
-        p, q, r = plate[7, j], plate[8, j], plate[9, j]
-        pose[3, j] = r00 * p + r01 * q + r02 * r
-        pose[4, j] = r10 * p + r11 * q + r12 * r
-        pose[5, j] = r20 * p + r21 * q + r22 * r
+    turned(way, plate[7:], pose[3:])
 
 
 @njit(cache=True, error_model="numpy")

@@ -16,7 +16,7 @@ from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
 from tripod_sim.mesh.suited import suited, width_note
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import field_of, soft_bodies
+from tripod_sim.scene_short import HOME, field_of, pose_of, soft_bodies
 from tripod_sim.tables.bodies import Body, Material, Mesh, Region
 
 if TYPE_CHECKING:
@@ -81,12 +81,10 @@ def _body(body: SoftBody, read: Callable[[Mesh], SolidMesh]) -> tuple[SoftBody, 
             body, notes = replace(body, solid=solid), (*width_note(table.mesh.source, solid.nodes), *notes)
     except SceneError as error:
         raise SceneError(f"{body.field}{error}") from None
-    if table.position == (0.0, 0.0, 0.0) and table.orientation == (0.0, 0.0, 0.0, 1.0):
+    if table.position == (0.0, 0.0, 0.0) and table.orientation == HOME:
         return body, notes
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import
-
-    turned = body.mesh.nodes @ Rotation.from_quat(table.orientation).as_matrix().T
-    return body.placed(turned + np.array(table.position)), notes
+    position, turn = pose_of(table)
+    return body.placed(body.mesh.nodes @ turn.T + position), notes
 
 
 def shown(assembly: Assembly) -> "tuple[SolidMesh | Assembly, AssemblySkin | None, tuple[int, ...]]":

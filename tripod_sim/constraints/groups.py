@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.constraints.rotation_kernels import write_rotation
+from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 
@@ -130,19 +130,24 @@ class Groups:
 def rotation_matrix(rotation: FloatArray) -> FloatArray:
     """Return the matrix of the rotation vector `rotation` [rad], shape (3, 3) (Rodrigues' formula)."""
     out = np.empty((3, 3))
-    write_rotation(*rotation.tolist(), out)
+    turned(rotation, np.eye(3), out)
     return out
 
 
 def rotation_vector(matrix: FloatArray) -> FloatArray:
     """Return the rotation vector [rad], shape (3,), of a rotation matrix; its length is at most pi."""
-    q = quaternion(matrix)
-    sine = float(np.linalg.norm(q[:3]))
-    return q[:3] * (2 * np.arctan2(sine, q[3]) / sine if sine > 1e-12 else 2.0)
+    x, y, z, w = _quaternion(matrix)
+    sine = math.hypot(x, y, z)
+    factor = 2 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
+    return np.array([factor * x, factor * y, factor * z])
 
 
 def quaternion(matrix: FloatArray) -> FloatArray:
     """Return the unit quaternion (x, y, z, w), w >= 0, of a rotation matrix [Shepperd1978]."""
+    return np.array(_quaternion(matrix))
+
+
+def _quaternion(matrix: FloatArray) -> list[float]:
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()  # numbers: nine are too few for arrays
     squares = 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz
     match squares.index(max(squares)):
@@ -155,4 +160,4 @@ def quaternion(matrix: FloatArray) -> FloatArray:
         case _:
             q = zy - yz, xz - zx, yx - xy, squares[3]
     norm = math.copysign(math.hypot(*q), q[3])
-    return np.array([value / norm for value in q])
+    return [value / norm for value in q]

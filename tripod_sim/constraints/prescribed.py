@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_sim.constraints.rotation_kernels import write_rotation
+from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.timeline import Timeline
 
 FloatArray = NDArray[np.float64]
@@ -35,9 +35,9 @@ class Motion:
 
     def places(self, time: float) -> FloatArray:
         """Return where the nodes stand at `time` [s], shape (k, 3) [m]."""
-        rotation = np.empty((3, 3))
-        write_rotation(*self.turn.at(time).tolist(), rotation)
-        return (self.rest - self.centre) @ rotation.T + (self.centre + self.move.at(time))
+        return (self.rest - self.centre) @ rotation_matrix(self.turn.at(time)).T + (
+            self.centre + self.move.at(time)
+        )
 
 
 class Prescribed:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tripod_sim.constraints.groups import Groups, Kind
-from tripod_sim.constraints.rotation_kernels import write_rotation
+from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.errors import SceneError
 
 Array = Any
@@ -375,19 +375,12 @@ def move_bodies(
         first: Of the bodies' unknowns.
         out_centres, out_rotations: The results; not the arrays that they are made of.
     """
-    turn = np.empty((3, 3))
+    turn = np.empty(3)
     for b in range(centres.shape[0]):
         k = first + 6 * b
         for i in range(3):
-            out_centres[b, i] = centres[b, i] + scale * solution[k + i]
-        write_rotation(scale * solution[k + 3], scale * solution[k + 4], scale * solution[k + 5], turn)
-        for i in range(3):
-            for j in range(3):
-                out_rotations[b, i, j] = (
-                    turn[i, 0] * rotations[b, 0, j]
-                    + turn[i, 1] * rotations[b, 1, j]
-                    + turn[i, 2] * rotations[b, 2, j]
-                )
+            out_centres[b, i], turn[i] = centres[b, i] + scale * solution[k + i], scale * solution[k + 3 + i]
+        turned(turn, rotations[b], out_rotations[b])
 
 
 @njit(cache=True, error_model="numpy")

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from tripod_sim.constraints.rotation_kernels import turned
+
 Array = Any
 
 
@@ -45,24 +47,6 @@ def cross(a: Array, b: Array, out: Array) -> None:
     """Write a x b."""
     c0, c1, c2 = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     out[0], out[1], out[2] = c0, c1, c2
-
-
-@njit(cache=True, error_model="numpy")
-def turned(rotation: Array, R: Array, out: Array) -> None:
-    """Write exp([rotation]x) R by Rodrigues' formula; `out` is not `R`."""
-    x, y, z = rotation[0], rotation[1], rotation[2]
-    square = x * x + y * y + z * z
-    if square < 1e-8:
-        s, d = 1 - square / 6, 0.5 - square / 24
-    else:
-        angle = math.sqrt(square)
-        s, d = math.sin(angle) / angle, (1 - math.cos(angle)) / square
-    for j in range(3):
-        a, b, c = R[0, j], R[1, j], R[2, j]
-        u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
-        out[0, j] = a + s * u + d * (y * w - z * v)
-        out[1, j] = b + s * v + d * (z * u - x * w)
-        out[2, j] = c + s * w + d * (x * v - y * u)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,4 +1,4 @@
-"""The matrix of a rotation vector, compiled."""
+"""Rotations by a rotation vector, compiled."""
 
 import math
 from typing import Any
@@ -9,16 +9,18 @@ Array = Any
 
 
 @njit(cache=True, error_model="numpy")
-def write_rotation(x: float, y: float, z: float, out: Array) -> None:
-    """Write exp([p]x), shape (3, 3), of the rotation vector p = (x, y, z) [rad] (Rodrigues' formula).
-
-    With a = |p| and n = p / a: cos(a) I + (1 - cos(a)) n n^T + sin(a) [n]x; the identity where a is 0.
-    """
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle > 0.0:
-        x, y, z = x / angle, y / angle, z / angle
-    c, s = math.cos(angle), math.sin(angle)
-    d = 1 - c
-    out[0, 0], out[0, 1], out[0, 2] = c + d * x * x, d * x * y - s * z, d * x * z + s * y
-    out[1, 0], out[1, 1], out[1, 2] = d * x * y + s * z, c + d * y * y, d * y * z - s * x
-    out[2, 0], out[2, 1], out[2, 2] = d * x * z - s * y, d * y * z + s * x, c + d * z * z
+def turned(rotation: Array, R: Array, out: Array) -> None:
+    """Write exp([p]x) R, shape (3, 3), p a rotation vector [rad], by Rodrigues' formula; `out` is not `R`."""
+    x, y, z = rotation[0], rotation[1], rotation[2]
+    square = x * x + y * y + z * z
+    if square < 1e-8:
+        s, d = 1 - square / 6, 0.5 - square / 24
+    else:
+        angle = math.sqrt(square)
+        s, d = math.sin(angle) / angle, (1 - math.cos(angle)) / square
+    for j in range(3):
+        a, b, c = R[0, j], R[1, j], R[2, j]
+        u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
+        out[0, j] = a + s * u + d * (y * w - z * v)
+        out[1, j] = b + s * v + d * (z * u - x * w)
+        out[2, j] = c + s * w + d * (x * v - y * u)

@@ -139,19 +139,3 @@ def overlaps(low: Array, high: Array, asked: Array, order: Array, nodes: Array, 
                 out[count, 0], out[count, 1] = q, s
             count += 1
     return count
-
-
-@njit(cache=True, error_model="numpy")
-def all_overlaps(low: Array, high: Array, other_low: Array, other_high: Array, own: bool, out: Array) -> int:
-    """The same by comparing all with all."""
-    count = 0
-    for q in range(low.shape[0]):
-        for s in range(q + 1 if own else 0, other_low.shape[0]):
-            apart = False
-            for i in range(3):
-                apart |= low[q, i] > other_high[s, i] or high[q, i] < other_low[s, i]
-            if not apart:
-                if count < out.shape[0]:
-                    out[count, 0], out[count, 1] = q, s
-                count += 1
-    return count

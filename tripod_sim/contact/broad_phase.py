@@ -26,27 +26,6 @@ class Boxes:
         kernels.swept_boxes(start, end, self.shapes, margin, self.low, self.high)
 
 
-class AllPairs:
-    """Compares all with all: the reference, in quadratic time."""
-
-    def __init__(self, boxes: Boxes) -> None:
-        self._boxes = boxes
-        self._out = np.zeros((64, 2), dtype=np.int64)
-
-    def update(self) -> None:
-        """Take over the boxes: there is nothing to prepare."""
-
-    def pairs(self, boxes: Boxes | None = None) -> IndexArray:
-        """Return (box, box of this collection) that overlap, shape (p, 2), a view; among its own without `boxes`."""
-        own, query = boxes is None, boxes or self._boxes
-        while True:
-            b = self._boxes
-            count = kernels.all_overlaps(query.low, query.high, b.low, b.high, own, self._out)
-            if count <= len(self._out):
-                return self._out[:count]
-            self._out = np.zeros((count + count // 2, 2), dtype=np.int64)
-
-
 class Tree:
     """A tree of boxes: its time grows with n log n and the pairs found."""
 

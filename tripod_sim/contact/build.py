@@ -9,7 +9,6 @@ import numpy as np
 from tripod_sim.build import Parts, reach_of
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.response import Law
-from tripod_sim.contact.rotations import turned_by
 from tripod_sim.contact.spring_nodes import SpringNodes
 from tripod_sim.contact.start import check_itself, check_start, lift
 from tripod_sim.contact.stepper import ContactStepper
@@ -18,6 +17,7 @@ from tripod_sim.contact.world import World
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.mesh.solid_mesh import FloatArray
+from tripod_sim.rotations import turned_by
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of, rigids_of
 from tripod_sim.springs.body import SpringBody
@@ -38,9 +38,7 @@ def obstacle_parts(scene: Scene) -> list[Part]:
                 f"obstacles.{i}.source is {obstacle.source!r}; allowed: the path of an OBJ or STL file"
             )
         surface = read_surface(Path(obstacle.source), obstacle.scale, f"obstacles.{i}.source")
-        vertices = surface.vertices
-        if obstacle.orientation != (0.0, 0.0, 0.0, 1.0):
-            vertices = vertices @ turned_by(obstacle.orientation).T
+        vertices = surface.vertices @ turned_by(obstacle.orientation).T
         parts.append(Part(vertices + np.array(obstacle.position), surface.triangles, fixed=True))
     return parts
 

@@ -144,24 +144,3 @@ def across(u0: float, u1: float, u2: float, out: Array) -> None:
     length = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     for i in range(3):
         out[i] /= length
-
-
-@njit(cache=True, error_model="numpy")
-def sphere_triangle(centre: Array, radius: float, a: Array, b: Array, c: Array, normal: Array) -> float:
-    """Return the gap [m] between a sphere and a triangle, negative by the depth where they overlap.
-
-    Args:
-        centre: Of the sphere [m], shape (3,).
-        radius: Of the sphere [m].
-        a, b, c: Corners of the triangle [m], each of shape (3,).
-        normal: Written: unit vector from the triangle's closest point to the centre; where the centre lies on the
-            triangle the triangle's normal, counter-clockwise.
-    """
-    wa, wb, wc, square = point_triangle(centre, a, b, c)
-    distance = np.sqrt(square)
-    if distance > 1e-12 * radius:
-        for i in range(3):
-            normal[i] = (centre[i] - wa * a[i] - wb * b[i] - wc * c[i]) / distance
-    else:
-        triangle_normal(a, b, c, normal)
-    return distance - radius

@@ -165,11 +165,6 @@ class Response:
         c.arrays.pressure[:count], c.arrays.friction[:count] = pressure, friction
         return None
 
-    def _harden(self, factor: float) -> None:
-        c = self._contacts
-        c.arrays.stiffness[: c.count] *= factor
-        self._problem.renew()
-
     def _penalty(self, u: FloatArray) -> Outcome:
         """The same without multipliers of pressure; friction is that of springs that slide where Coulomb's law says."""
         c, law = self._contacts, self.law

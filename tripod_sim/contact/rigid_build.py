@@ -8,8 +8,8 @@ import numpy as np
 from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
 from tripod_sim.contact.rigid_shapes import Shape, ball, box, solid_of
 from tripod_sim.contact.rigid_state import RigidState
-from tripod_sim.contact.rotations import turned_by
 from tripod_sim.mesh.read_surface import read_surface
+from tripod_sim.rotations import turned_by
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import rigids_of
 from tripod_sim.tables.bodies import Rigid

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from tripod_sim.constraints.rigid_kernels import spin as carried
-from tripod_sim.constraints.rigid_kernels import turned
+from tripod_sim.constraints.rotation_kernels import turned
 
 Array = Any
 

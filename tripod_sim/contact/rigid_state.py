@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.state import Copied
+
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(eq=False)
-class RigidState:
+class RigidState(Copied):
     """Poses and velocities of rigid bodies.
 
     Attributes:
@@ -23,14 +25,3 @@ class RigidState:
     rotations: FloatArray
     velocities: FloatArray
     spins: FloatArray
-
-    def copy_to(self, other: "RigidState") -> None:
-        """Overwrite `other` with this state, without allocating."""
-        for name in ("centres", "rotations", "velocities", "spins"):
-            getattr(other, name)[:] = getattr(self, name)
-
-    def copy(self) -> "RigidState":
-        """Return an independent copy."""
-        return RigidState(
-            self.centres.copy(), self.rotations.copy(), self.velocities.copy(), self.spins.copy()
-        )

@@ -21,7 +21,7 @@ from tripod_sim.errors import StepError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.integrators.time_error_kernels import furthest
-from tripod_sim.state import FloatArray, State
+from tripod_sim.state import Copied, FloatArray, State
 from tripod_sim.tables.method import TimeError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ ADDED_UP = ("iterations", "factorisations", "halvings", "linear_iterations")
 
 
 @dataclass(eq=False)
-class TwinState:
+class TwinState(Copied):
     """What the estimate remembers from step to step.
 
     Attributes:
@@ -49,16 +49,6 @@ class TwinState:
     last: State
     known: int = 0
     proposed: float = 0.0
-
-    def copy_to(self, other: "TwinState") -> None:
-        """Overwrite `other` with this state, without allocating."""
-        self.twin.copy_to(other.twin)
-        self.last.copy_to(other.last)
-        other.known, other.proposed = self.known, self.proposed
-
-    def copy(self) -> "TwinState":
-        """Return an independent copy."""
-        return TwinState(self.twin.copy(), self.last.copy(), self.known, self.proposed)
 
 
 class Doubling:

@@ -17,8 +17,8 @@ from tripod_sim.constraints.rigid_kernels import (
     read_bodies,
     rotation_rate,
     spin,
-    turned,
 )
+from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, Nets, Solids, begin, evaluate, power
 
 Array = Any

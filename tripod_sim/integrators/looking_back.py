@@ -19,9 +19,11 @@ forces of constraints, so nodes of rigid bodies need no rule of their own.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 G = float(2 - np.sqrt(2))
 """Share of a step of TR-BDF2 that its first stage takes; both have the same s, so that they share a factorisation."""
@@ -49,11 +51,13 @@ class Stage:
         return self.back == 0.0 and self.lead == 0.0
 
 
+@lru_cache
 def implicit_euler(h: float) -> Stage:
     """Return the one stage of a step of `h` [s]."""
     return Stage(h, h)
 
 
+@lru_cache
 def stages(scheme: str, h: float, before: float) -> tuple[Stage, ...]:
     """Return the stages of a step of `h` [s] of a second-order scheme, after one of `before` [s]."""
     if scheme == "tr_bdf2":
@@ -76,14 +80,24 @@ class Memory:
 
     def known(self, now: Any, stage: Stage, out: Any) -> None:
         """Write now + c change + r rate to `out`."""
-        out[:] = now
-        if stage.back:
-            out += stage.back * self.change
-        if stage.lead:
-            out += stage.lead * self.rate
+        _known(now, self.change, stage.back, self.rate, stage.lead, out)
 
     def note(self, before: Any, known: Any, after: Any, stage: Stage) -> None:
         """Remember a stage that began at `before` and, with what it knew, led to `after`."""
-        np.subtract(after, before, out=self.change)
-        np.subtract(after, known, out=self.rate)
-        self.rate /= stage.s
+        _note(before, known, after, stage.s, self.change, self.rate)
+
+
+@njit(cache=True, error_model="numpy")
+def _known(now: Any, change: Any, back: float, rate: Any, lead: float, out: Any) -> None:
+    """Write now + back change + lead rate, contiguous arrays of any one shape."""
+    x, dx, a, z = now.ravel(), change.ravel(), rate.ravel(), out.ravel()
+    for k in range(x.shape[0]):
+        z[k] = x[k] + back * dx[k] + lead * a[k]
+
+
+@njit(cache=True, error_model="numpy")
+def _note(before: Any, known: Any, after: Any, s: float, change: Any, rate: Any) -> None:
+    """Write after - before and (after - known) / s, contiguous arrays of any one shape."""
+    x, z, end, dx, a = before.ravel(), known.ravel(), after.ravel(), change.ravel(), rate.ravel()
+    for k in range(x.shape[0]):
+        dx[k], a[k] = end[k] - x[k], (end[k] - z[k]) / s

@@ -35,6 +35,7 @@ from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
 from tripod_sim.integrators.looking_back import G
 from tripod_sim.linear.solver import LinearError
+from tripod_sim.state import Copied
 from tripod_sim.system_kernels import same
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +66,7 @@ class TimeErrorReport:
 
 
 @dataclass(eq=False)
-class ErrorState:
+class ErrorState(Copied):
     """What the estimate remembers from step to step.
 
     Attributes:
@@ -91,20 +92,6 @@ class ErrorState:
     proposed: float = 0.0
     last: float = 1.0
     order: int = 0
-
-    def copy_to(self, other: "ErrorState") -> None:
-        """Overwrite `other` with this state, without allocating."""
-        for name in ("error", "before", "velocities", "accelerations"):
-            getattr(other, name)[:] = getattr(self, name)
-        for name in ("known", "length", "missing", "proposed", "last", "order"):
-            setattr(other, name, getattr(self, name))
-
-    def copy(self) -> "ErrorState":
-        """Return an independent copy."""
-        arrays = (self.error, self.before, self.velocities, self.accelerations)
-        error, before, velocities, accelerations = (a.copy() for a in arrays)
-        numbers = (self.known, self.length, self.missing, self.proposed, self.last, self.order)
-        return ErrorState(error, before, velocities, accelerations, *numbers)
 
 
 class ErrorTransport:

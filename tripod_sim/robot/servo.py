@@ -29,6 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_sim.state import Copied
 from tripod_sim.tables.robot import ServoDynamics
 
 FloatArray = NDArray[np.float64]
@@ -61,7 +62,7 @@ class Stall:
 
 
 @dataclass(eq=False)
-class ServoState:
+class ServoState(Copied):
     """What servos remember; their angles are joints of the `State`.
 
     Attributes:
@@ -75,15 +76,6 @@ class ServoState:
     pulse: FloatArray
     speed: FloatArray
     clock: float
-
-    def copy_to(self, other: "ServoState") -> None:
-        """Overwrite `other`, without allocating."""
-        other.command[:], other.pulse[:], other.speed[:] = self.command, self.pulse, self.speed
-        other.clock = self.clock
-
-    def copy(self) -> "ServoState":
-        """Return an independent copy."""
-        return ServoState(self.command.copy(), self.pulse.copy(), self.speed.copy(), self.clock)
 
 
 class ServoMotion:

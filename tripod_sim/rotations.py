@@ -1,8 +1,9 @@
 """Rotations as scenes write them."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tripod_sim.mesh.solid_mesh import FloatArray
+FloatArray = NDArray[np.float64]
 
 
 def turned_by(quaternion: tuple[float, float, float, float]) -> FloatArray:
