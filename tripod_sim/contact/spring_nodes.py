@@ -1,12 +1,12 @@
 """A body of springs among bodies in contact: the potential of an implicit stage in the moves of its free nodes."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.mesh.solid_mesh import FloatArray
-from tripod_sim.springs.linear_kernels import assemble
+from tripod_sim.springs.linear_kernels import Slots, assemble
 from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
@@ -25,12 +25,6 @@ class _SpringPast(NamedTuple):
     @classmethod
     def of(cls, nodes: int, springs: int) -> "_SpringPast":
         return cls(np.zeros((nodes, 3)), Memory((springs,)), Memory((nodes, 3)))
-
-
-class _Slots(NamedTuple):
-    data: Any
-    diagonal: Any
-    off: Any
 
 
 class SpringNodes:
@@ -67,7 +61,7 @@ class SpringNodes:
             -1, 2
         )  # a contact joins the corners of a triangle
         self.pattern, diagonal, off = system.pattern(sides)
-        self._slots = _Slots(self.pattern.data, diagonal, off)
+        self._slots = Slots(self.pattern.data, diagonal, off)
         self.base = np.where(system.number >= 0, 3 * system.number, -1)
         self.width, self.held = np.full(len(self.base), 3), np.repeat(self.base[:, None] < 0, 3, axis=1)
         self.given, self.looked_back = np.zeros(0, dtype=np.int64), False

@@ -81,7 +81,9 @@ def _implicit(stepper: Any, simulation: Simulation, report: StepReport, steps: i
         stepper.forget()
         return found
     found["Hessian assembly"] = renewals * _least(
-        lambda n: kernels.assemble(n, links.ends, work.blocks, work.weight, body.free, body.number, factor)
+        lambda n: kernels.assemble(
+            n, links.ends, work.blocks, work.weight, body.free, body.number, factor.slots
+        )
     )
     found["factorisation"] = renewals * _least(lambda n: kernels.factorise(n, factor))
     found["back-substitution"] = solves * _least(

@@ -30,7 +30,7 @@ class Ldl:
         """`pattern`: upper triangle, CSC; the caller writes new values into its `data` before each `factor`."""
         self._data, self._plan = pattern.data, analyse(pattern)
         self.entries, self.negative = int(self._plan.panel[-1]), -1
-        self._allocated = False
+        self._numbers: kernels.Numbers | None = None  # until needed: some only ask how many entries there are
 
     def sibling(self, data: FloatArray | None = None) -> "Ldl":
         """Return another solver of the same pattern and values, with a factor of its own and the same analysis.
@@ -40,27 +40,14 @@ class Ldl:
         other = copy(self)
         if data is not None:
             other._data = data
-        other.negative, other._allocated = -1, False
+        other.negative, other._numbers = -1, None
         return other
-
-    def _allocate(self) -> None:
-        """Allocate factor and scratch: not before they are needed, for whoever only asks how many entries there are."""
-        plan, n = self._plan, len(self._plan.order)
-        self._front, self._stack = np.zeros(plan.largest**2), np.zeros(plan.stack)
-        self._waiting = np.zeros(len(plan.parent), dtype=np.int64)
-        self._factors, self._inverse = np.zeros(self.entries), np.zeros(n)
-        self._y, self._x = np.zeros(n), np.zeros(plan.largest)
-        self._allocated = True
 
     def factor(self) -> bool:
         """Factor the present values; return False at a pivot that is zero or not finite."""
-        if not self._allocated:
-            self._allocate()
-        p = self._plan
-        self.negative = kernels.factor(
-            self._data, p.pivots, p.first_row, p.panel, p.parent, p.place, p.target, p.source, p.first_entry,
-            self._front, self._stack, self._waiting, self._factors, self._inverse,
-        )  # fmt: skip
+        if self._numbers is None:
+            self._numbers = kernels.numbers(self._plan, self._data)
+        self.negative = kernels.factor(self._plan, self._numbers)
         return self.negative >= 0
 
     def is_positive(self) -> bool:
@@ -69,26 +56,12 @@ class Ldl:
 
     def solve(self, b: FloatArray) -> FloatArray:
         """Return A^-1 b, shape (n,)."""
-        p, out = self._plan, np.empty(len(self._inverse))
-        kernels.solve(
-            b,
-            p.order,
-            p.pivots,
-            p.rows,
-            p.first_row,
-            p.panel,
-            self._factors,
-            self._inverse,
-            self._y,
-            self._x,
-            out,
-        )
+        out = np.empty(len(self._plan.order))
+        kernels.solve(b, self._plan, self._numbers, out)
         return out
 
     def solve_many(self, b: FloatArray) -> FloatArray:
         """Return A^-1 b for k right-hand sides, both of shape (n, k), contiguous: faster than one by one."""
-        p, out = self._plan, np.empty(b.shape)
-        kernels.solve_many(
-            b, p.order, p.pivots, p.rows, p.first_row, p.panel, self._factors, self._inverse, p.largest, out
-        )
+        out = np.empty(b.shape)
+        kernels.solve_many(b, self._plan, self._numbers, out)
         return out

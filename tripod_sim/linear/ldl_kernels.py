@@ -3,12 +3,41 @@
 Row k of a panel holds d_k L[j, k] for the rows j of its front, so that loops run over contiguous numbers.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_sim.linear.ldl_symbolic import Symbolic
+
 Array = Any
+
+
+class Numbers(NamedTuple):
+    """Of one factorisation, and scratch.
+
+    data: values of the upper triangle, CSC; factors: panels; inverse: 1 / D, (n,); front, stack, waiting: one front,
+    the remainders that wait, and the numbers of their fronts; y (n,), x: of the largest front.
+    """
+
+    data: Array
+    factors: Array
+    inverse: Array
+    front: Array
+    stack: Array
+    waiting: Array
+    y: Array
+    x: Array
+
+
+def numbers(plan: Symbolic, data: Array) -> Numbers:
+    """Return room for the factorisation of the matrix with a plan and the values `data`, which change."""
+    n, zeros = len(plan.order), np.zeros
+    waiting = zeros(len(plan.parent), dtype=np.int64)
+    return Numbers(
+        data, zeros(int(plan.panel[-1])), zeros(n), zeros(plan.largest**2), zeros(plan.stack), waiting, zeros(n),
+        zeros(plan.largest),
+    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
@@ -82,28 +111,14 @@ def _eliminate_two_rows(F: Array, size: int, i: int, pivots: int, inverse: Array
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def factor(
-    data: Array,
-    pivots: Array,
-    first_row: Array,
-    panel: Array,
-    parent: Array,
-    place: Array,
-    target: Array,
-    source: Array,
-    first_entry: Array,
-    F: Array,
-    stack: Array,
-    waiting: Array,
-    factors: Array,
-    inverse: Array,
-) -> int:
-    """Write `factors` (panels) and `inverse` (1 / D) of the matrix with the values `data`.
+def factor(p: Symbolic, A: Numbers) -> int:
+    """Write the panels and 1 / D of the matrix with the plan `p` and the values `A.data`.
 
-    Return the number of negative pivots, or -1 - k where pivot k is zero or not finite. Arguments from `pivots` to
-    `first_entry` are those of `Symbolic`; F, stack and waiting are scratch: one front, the remainders that wait, and
-    the numbers of their fronts.
+    Return the number of negative pivots, or -1 - k where pivot k is zero or not finite.
     """
+    pivots, first_row, parent, place = p.pivots, p.first_row, p.parent, p.place
+    target, source, first_entry, panel = p.target, p.source, p.first_entry, p.panel
+    data, F, stack, waiting, factors, inverse = A.data, A.front, A.stack, A.waiting, A.factors, A.inverse
     negative = count = top = 0
     for s in range(parent.shape[0]):
         begin = first_row[s]
@@ -153,20 +168,10 @@ def factor(
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def solve(
-    b: Array,
-    order: Array,
-    pivots: Array,
-    rows: Array,
-    first_row: Array,
-    panel: Array,
-    factors: Array,
-    inverse: Array,
-    y: Array,
-    x: Array,
-    out: Array,
-) -> None:
-    """Write A^-1 b to `out`, shape (n,); `y`, shape (n,), and `x`, of the largest front, are scratch."""
+def solve(b: Array, p: Symbolic, A: Numbers, out: Array) -> None:
+    """Write A^-1 b to `out`, shape (n,)."""
+    order, pivots, rows, first_row, panel = p.order, p.pivots, p.rows, p.first_row, p.panel
+    factors, inverse, y, x = A.factors, A.inverse, A.y, A.x
     n = b.shape[0]
     for k in range(n):
         y[k] = b[order[k]]
@@ -198,21 +203,12 @@ def solve(
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def solve_many(
-    b: Array,
-    order: Array,
-    pivots: Array,
-    rows: Array,
-    first_row: Array,
-    panel: Array,
-    factors: Array,
-    inverse: Array,
-    largest: int,
-    out: Array,
-) -> None:
+def solve_many(b: Array, p: Symbolic, A: Numbers, out: Array) -> None:
     """Write A^-1 b to `out`, both of shape (n, k): the factor is read once for all k columns."""
+    order, pivots, rows, first_row, panel = p.order, p.pivots, p.rows, p.first_row, p.panel
+    factors, inverse = A.factors, A.inverse
     n, k = b.shape
-    y, x = np.empty((n, k)), np.empty((largest, k))
+    y, x = np.empty((n, k)), np.empty((p.largest, k))
     for i in range(n):
         y[i] = b[order[i]]
     for s in range(first_row.shape[0] - 1):

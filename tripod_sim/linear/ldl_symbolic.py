@@ -4,7 +4,7 @@ A supernode is a run of pivots whose columns of L have (nearly) the same rows; i
 pivots are eliminated and whose remainder is added to the front of its parent in the elimination tree [DuffReid1983].
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import qdldl
@@ -20,8 +20,7 @@ WASTE = 0.25
 """Zeros that such a merged front may hold, as a share of its panel."""
 
 
-@dataclass(frozen=True, eq=False)
-class Symbolic:
+class Symbolic(NamedTuple):
     """The plan of a factorisation of one pattern, for f fronts.
 
     Attributes:

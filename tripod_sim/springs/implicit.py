@@ -3,15 +3,17 @@
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import NewtonReport
 from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.linear.ldl_kernels import numbers
 from tripod_sim.linear.ldl_symbolic import analyse
 from tripod_sim.springs import implicit_kernels as kernels
 from tripod_sim.springs.body import FloatArray
 from tripod_sim.springs.cg_kernels import sweep
-from tripod_sim.springs.linear_kernels import Factor
+from tripod_sim.springs.linear_kernels import Factor, Slots
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
 
@@ -47,7 +49,7 @@ class SpringSolver:
             rounding,
             damped,
         )
-        self.factor = _factor(system) if options.direct else _no_factor()
+        self.factor = _factor(system, direct=options.direct)
         scratch: list[Any] = [*np.zeros((6, n, 3)), *np.zeros((2, m, 6)), np.zeros(n), np.zeros(1)]
         ends, count = (body.ends[:0], 0) if options.direct else (body.ends, len(body.free))
         stage = [*np.zeros((2, n, 3)), np.zeros(m)]
@@ -78,22 +80,12 @@ class SpringSolver:
         return NewtonReport(int(solves), int(factorisations), residual, linear_iterations=int(iterations))
 
 
-def _factor(system: SpringSystem) -> Factor:
-    pattern, diagonal, off = system.pattern()
-    plan = analyse(pattern)
-    n = len(plan.order)
-    return Factor(
-        pattern.data, diagonal, off, plan.order, plan.pivots, plan.rows, plan.first_row, plan.panel, plan.parent,
-        plan.place, plan.target, plan.source, plan.first_entry, np.zeros(plan.largest**2), np.zeros(plan.stack),
-        np.zeros(len(plan.parent), dtype=np.int64), np.zeros(int(plan.panel[-1])), np.zeros(n), np.zeros(n),
-        np.zeros(plan.largest), np.zeros(n), np.zeros(n),
-    )  # fmt: skip
-
-
-def _no_factor() -> Factor:
-    number, index, indices = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3), dtype=np.int64)
-    kinds: list[Any] = [number, indices, indices, *[index] * 10, number, number, index, *[number] * 6]
-    return Factor(*kinds)
+def _factor(system: SpringSystem, *, direct: bool) -> Factor:
+    """Return room for factorisations; where none is made, for those of the smallest matrix there is."""
+    matrix, none = sparse.identity(1, format="csc"), np.zeros((0, 3), dtype=np.int64)
+    pattern, diagonal, off = system.pattern() if direct else (matrix, none, none)
+    plan, n = analyse(pattern), pattern.shape[0]
+    return Factor(Slots(pattern.data, diagonal, off), plan, numbers(plan, pattern.data), *np.zeros((2, n)))
 
 
 class StaticSprings:

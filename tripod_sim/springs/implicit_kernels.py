@@ -124,7 +124,7 @@ def renew(x: Array, s: float, project: bool, body: Problem, A: Factor, options: 
         work.weight[n] = body.mass[n] * (1.0 / s + body.drag) / s
     if not options.direct:
         return prepare(links.ends, blocks, work.weight, body.free, body.number, work.sweep)
-    assemble(links.ends, blocks, work.weight, body.free, body.number, A)
+    assemble(links.ends, blocks, work.weight, body.free, body.number, A.slots)
     return factorise(A) == 0
 
 

@@ -8,43 +8,35 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from tripod_sim.linear import ldl_kernels
+from tripod_sim.linear.ldl_symbolic import Symbolic
 
 Array = Any
 
 
-class Factor(NamedTuple):
-    """Pattern, plan and numbers of the direct solver; all empty where conjugate gradients solve.
+class Slots(NamedTuple):
+    """Where the numbers of a Hessian go.
 
     data: upper triangle, CSC; diagonal: where column c of a free node's block begins in it, (f, 3); off: the same for
-    each spring, -1 where an end is fixed, (m, 3); the others as in `Symbolic` and `Ldl`.
+    each spring, -1 where an end is fixed, (m, 3).
     """
 
     data: Array
     diagonal: Array
     off: Array
-    order: Array
-    pivots: Array
-    rows: Array
-    first_row: Array
-    panel: Array
-    parent: Array
-    place: Array
-    target: Array
-    source: Array
-    first_entry: Array
-    front: Array
-    stack: Array
-    waiting: Array
-    factors: Array
-    inverse: Array
-    y: Array
-    xs: Array
+
+
+class Factor(NamedTuple):
+    """The direct solver: places, plan and numbers, and vectors of its unknowns, shape (3 f,)."""
+
+    slots: Slots
+    plan: Symbolic
+    numbers: ldl_kernels.Numbers
     b: Array
     out: Array
 
 
 @njit(cache=True, error_model="numpy")
-def assemble(ends: Array, blocks: Array, weight: Array, free: Array, number: Array, A: Factor) -> None:
+def assemble(ends: Array, blocks: Array, weight: Array, free: Array, number: Array, A: Slots) -> None:
     """Write H into `A.data`. free: nodes of the unknowns, (f,); number: place of a node in `free`, -1 if fixed."""
     data, diagonal, off = A.data, A.diagonal, A.off
     data[:] = 0.0
@@ -78,11 +70,8 @@ def assemble(ends: Array, blocks: Array, weight: Array, free: Array, number: Arr
 
 @njit(cache=True, error_model="numpy")
 def factorise(A: Factor) -> int:
-    """Factor `A.data`; return the number of negative pivots, below zero where one vanishes or is not finite."""
-    return ldl_kernels.factor(
-        A.data, A.pivots, A.first_row, A.panel, A.parent, A.place, A.target, A.source, A.first_entry,
-        A.front, A.stack, A.waiting, A.factors, A.inverse,
-    )  # fmt: skip
+    """Factor the matrix; return the number of negative pivots, below zero where one vanishes or is not finite."""
+    return ldl_kernels.factor(A.plan, A.numbers)
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,9 +80,7 @@ def solve_direct(A: Factor, g: Array, free: Array, p: Array) -> None:
     for k in range(free.shape[0]):
         for i in range(3):
             A.b[3 * k + i] = g[free[k], i]
-    ldl_kernels.solve(
-        A.b, A.order, A.pivots, A.rows, A.first_row, A.panel, A.factors, A.inverse, A.y, A.xs, A.out
-    )
+    ldl_kernels.solve(A.b, A.plan, A.numbers, A.out)
     for k in range(free.shape[0]):
         for i in range(3):
             p[free[k], i] = -A.out[3 * k + i]
