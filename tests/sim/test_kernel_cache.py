@@ -1,4 +1,4 @@
-"""Compiled kernels go when a source that they were made of changes, and stay otherwise."""
+"""Compiled kernels go when a source that they were made of changes, and stay otherwise; they are made once."""
 
 import os
 import subprocess
@@ -6,9 +6,15 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba import typeof
 
+from tripod_sim.forces.spring_force import SpringDampers, SpringForce
+from tripod_sim.forces.strain_bound import StrainBound
 from tripod_sim.kernel_cache import remove_stale_kernels
+from tripod_sim.springs.body import SpringBody
+from tripod_sim.springs.system import SpringSystem
 
 SOURCES = {
     "laws.py": "",
@@ -83,3 +89,18 @@ def test_importing_the_simulator_removes_them(tmp_path: Path) -> None:
     (package / "__pycache__" / "kernels.stamp").unlink(missing_ok=True)
     subprocess.run([sys.executable, "-c", "import tripod_sim"], check=True, cwd=package.parent)
     assert not stale.exists()
+
+
+def test_kernels_are_compiled_once_for_all_springs() -> None:
+    """Arrays that may not be written, or lie otherwise in memory, are types of their own."""
+    body = SpringBody(
+        np.eye(3), np.array([[0, 1], [1, 2]]), np.ones(2), np.ones(2), np.ones(2), np.ones(3), np.array([0])
+    )
+    assert not body.stiffness.flags.writeable
+    links = [
+        SpringSystem(body, None).links,
+        SpringForce(body.ends.T.copy().T, body.rest_length, body.stiffness, slack=True, owner="net").links,
+        SpringDampers(body.ends, body.damping).links,
+        StrainBound(body.ends, body.rest_length, 0.1, np.ones(3)).links,
+    ]
+    assert len({typeof(of_one) for of_one in links}) == 1

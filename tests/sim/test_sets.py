@@ -5,6 +5,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from numba import typeof
 
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.run import run
@@ -144,6 +145,17 @@ def test_dead_mass_resists_at_every_node_of_its_faces(element: str, block: str) 
     assert weight.sum() == pytest.approx(-0.01 * 9.81)
     moment = np.cross(simulation.mesh.nodes, np.outer(weight, [0, 0, 1])).sum(axis=0)
     np.testing.assert_allclose(moment[:2], weight.sum() * np.array([0.005, -0.02]), rtol=1e-6)
+
+
+def test_explicit_kernels_are_compiled_once_with_and_without_rollers(block: str) -> None:
+    words = ("inertia.scheme=rk4", "damping=off", "material.mass=2e-3")
+    pull = 'prescribed=[{set="end", axes="x", move="0: 0,0,0; 0.2: 2e-4,0,0"}]'
+    frames = [
+        Simulation(load_scene(block, [*held, *words]))._stepper._frames  # type: ignore[attr-defined]
+        for held in ((ROLLERS, pull), (ALONG,))
+    ]
+    assert len(frames[0].held)
+    assert typeof(frames[0]) == typeof(frames[1])
 
 
 @pytest.mark.parametrize("scheme", [None, *SCHEMES])

@@ -6,7 +6,7 @@ import pytest
 from tests.checks import assert_derivative, assert_gradient, assert_symmetric, random_rotation
 from tripod_sim.errors import SceneError
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_kernels import Links, add_forces, add_gradient, add_products, tangents
+from tripod_sim.springs.spring_kernels import add_forces, add_gradient, add_products, links_of, tangents
 from tripod_sim.springs.system import SpringSystem
 
 
@@ -46,7 +46,7 @@ def test_gradient_and_tangent_are_derivatives_of_the_energy(slack: bool) -> None
 def test_the_damper_of_a_stage_is_a_potential_of_the_lengths() -> None:
     rng = np.random.default_rng(2)
     body = random_body(rng)
-    links = Links(body.ends, body.rest_length, body.stiffness, body.damping, False)
+    links = links_of(body.ends, body.rest_length, body.stiffness, body.damping, False)
     x = body.nodes + 0.1 * rng.standard_normal((10, 3))
     reference = body.rest_length * rng.uniform(0.8, 1.2, 20)
 
@@ -90,7 +90,7 @@ def test_projection_leaves_stretched_springs_and_makes_compressed_ones_harmless(
 def test_forces_of_springs_and_dampers_keep_momentum_and_turn_with_the_body() -> None:
     rng = np.random.default_rng(4)
     body = random_body(rng)
-    links = Links(body.ends, body.rest_length, body.stiffness, body.damping, False)
+    links = links_of(body.ends, body.rest_length, body.stiffness, body.damping, False)
     x, v = body.nodes, rng.standard_normal((10, 3))
 
     def force(x: np.ndarray, v: np.ndarray, rayleigh: float) -> np.ndarray:

@@ -60,6 +60,7 @@ def add_solid_rates(
         np.empty((9, 9)),
     )
     B, kappa, unbalanced = np.empty((3, count)), _modulus(law, lam, mu), 0.0
+    project = bool(0)  # `False` is a type of its own, for which the laws would be compiled once more
     for e in range(elements.shape[0]):
         for a in range(nodes):
             for i in range(3):
@@ -90,9 +91,9 @@ def add_solid_rates(
             Ge, w = G[e, q], weight[e, q]
             _two_sums(xe, ve, Ge, F, D)
             if mean:
-                _tangent_at_mean(law, F, shared, lam, mu, False, C)
+                _tangent_at_mean(law, F, shared, lam, mu, project, C)
             else:
-                _tangent(law, F, lam, mu, False, C)
+                _tangent(law, F, lam, mu, project, C)
             for i in range(3):
                 for j in range(3):
                     total = 0.0

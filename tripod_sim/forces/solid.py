@@ -49,7 +49,7 @@ class Solid:
         self._inverse = np.zeros((count, extra, extra))
         self._y = np.zeros((count, extra))
         self._C, self._CB = np.zeros((9, 9)), np.zeros((3, 3, 3 * columns))
-        self._K, self._work = np.zeros((3, columns, 3 * columns)), np.zeros((12, columns))
+        self._K, self._work = np.zeros((3, columns, 3 * columns)), np.zeros((6, columns))
 
     @property
     def has_modes(self) -> bool:

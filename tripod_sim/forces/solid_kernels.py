@@ -78,7 +78,7 @@ def solid_energy(
     work: Array,
 ) -> float:
     """Return the strain energy [J]; infinite as soon as a point has none."""
-    xe, F = work[:3], work[3:6, :3]
+    xe, F = work[:3], np.empty((3, 3))
     total, shared, kappa = 0.0, 0.0, _modulus(law, lam, mu)
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
@@ -118,8 +118,9 @@ def solid_gradient(
         The strain energy [J], infinite if a point has none (then `g` is not to be used), and |f_a|² [N²].
     """
     nodes, count = elements.shape[1], G.shape[3]
-    xe, F, P, f = work[:3], work[3:6, :3], work[6:9, :3], work[9:12]
-    slope, shared, kappa = np.empty((3, 3)), 0.0, _modulus(law, lam, mu)
+    xe, f = work[:3], work[3:6]
+    F, P, slope = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    shared, kappa = 0.0, _modulus(law, lam, mu)
     total = unbalanced = 0.0
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)
@@ -184,13 +185,13 @@ def solid_stiffness(
 
     Args:
         project: Lift the negative eigenvalues of the tangent of each point to (almost) zero.
-        C, CB, K, work: Scratch of shapes (9, 9), (3, 3, 3c), (3, c, 3c), (12, c).
+        C, CB, K, work: Scratch of shapes (9, 9), (3, 3, 3c), (3, c, 3c), (6, c).
 
     Returns:
         -1, or the first element whose K_aa is not positive definite.
     """
     nodes, count = elements.shape[1], G.shape[3]
-    xe, F, slope, B = work[:3], work[3:6, :3], work[6:9, :3], work[9:12]
+    xe, B, F, slope = work[:3], work[3:6], np.empty((3, 3)), np.empty((3, 3))
     shared, kappa = 0.0, _modulus(law, lam, mu)
     coupling = np.empty((3 * (count - nodes), 3 * nodes))
     for e in range(elements.shape[0]):
@@ -347,7 +348,7 @@ def smallest_volume_ratio(
     x: Array, modes: Array, elements: Array, G: Array, work: Array
 ) -> tuple[int, float]:
     """Return the element with the smallest det F at a point, and that determinant."""
-    xe, F = work[:3], work[3:6, :3]
+    xe, F = work[:3], np.empty((3, 3))
     worst, smallest = 0, np.inf
     for e in range(elements.shape[0]):
         _gather(e, x, modes, elements, xe)

@@ -5,7 +5,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from tripod_sim.forces.solid_kernels import add_element_products
-from tripod_sim.springs.spring_kernels import Links, add_gradient, elastic_energy, lengths, tangents
+from tripod_sim.springs.spring_kernels import (
+    Links,
+    add_gradient,
+    elastic_energy,
+    lengths,
+    links_of,
+    tangents,
+)
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -59,9 +66,7 @@ class SpringForce(SpringTangents):
             slack: Whether springs that are compressed carry no force.
             owner: Name of the body, for messages.
         """
-        super().__init__(
-            Links(np.ascontiguousarray(ends), rest_length, stiffness, np.zeros(len(ends)), slack)
-        )
+        super().__init__(links_of(ends, rest_length, stiffness, np.zeros(len(ends)), slack))
         self._owner, self.mode_residual_squared = owner, 0.0
 
     def rest_modes(self) -> FloatArray:
@@ -125,7 +130,7 @@ class SpringDampers(SpringTangents):
     def __init__(self, ends: IndexArray, damping: FloatArray) -> None:
         """`ends`: node indices, shape (m, 2); `damping`: c [N s/m], shape (m,)."""
         rest, stiffness = np.zeros((2, len(ends)))
-        super().__init__(Links(np.ascontiguousarray(ends), rest, stiffness, damping, False))
+        super().__init__(links_of(ends, rest, stiffness, damping, False))
         self.reference, self.rate = np.zeros(len(ends)), 0.0
 
     def lengths(self, x: FloatArray, out: FloatArray) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.forces.spring_force import SpringTangents
-from tripod_sim.springs.spring_kernels import Links, add_gradient, lengths
+from tripod_sim.springs.spring_kernels import add_gradient, lengths, links_of
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -54,7 +54,7 @@ class StrainBound(SpringTangents):
         self._bound = (1 - MARGIN) * self.longest
         self._heaviest = float(mass[ends].max(initial=0.0))
         self._length, self._s, self._raised = np.zeros(count), 0.0, 1.0
-        links = Links(np.ascontiguousarray(ends), self._bound.copy(), np.ones(count), np.zeros(count), True)
+        links = links_of(ends, self._bound, np.ones(count), np.zeros(count), True)
         super().__init__(links)
         self.pulled = False
 

@@ -355,7 +355,7 @@ def _frames(system: System) -> kernels.Frames:
     groups = system.groups
     moved = groups.prescribed.nodes if groups.prescribed else np.zeros(0, dtype=np.int64)
     whole = np.intersect1d(moved, groups.fixed)  # other fixed nodes have no mass to move by
-    held = np.concatenate([groups.pinned, np.argwhere(np.ones((len(whole), 3)))])
+    held = np.ascontiguousarray(np.concatenate([groups.pinned, np.argwhere(np.ones((len(whole), 3)))]))
     held[len(groups.pinned) :, 0] = whole[held[len(groups.pinned) :, 0]]
     return kernels.Frames._make(
         [nodes, frame, *swing, *np.zeros((2, s + 1)), held, *np.zeros((2, len(held)))]

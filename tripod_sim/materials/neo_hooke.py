@@ -83,7 +83,7 @@ def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
         svd3(F, U, s, V)
         first, second = np.empty(3), np.empty((3, 3))
         _stretch_derivatives(s, lam, mu, first, second)
-        tangent_from_stretches(U, s, V, first, second, True, 1e-6 * mu, C)
+        tangent_from_stretches(U, s, V, first, second, project, 1e-6 * mu, C)
         return
     J = determinant(F)
     bulk = lam + 2 * mu / 3

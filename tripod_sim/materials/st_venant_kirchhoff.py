@@ -65,7 +65,7 @@ def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
             for j in range(3):
                 second[i, j] = lam * s[i] * s[j]
             second[i, i] += direct + 2 * mu * s[i] ** 2
-        tangent_from_stretches(U, s, V, first, second, True, 1e-6 * mu, C)
+        tangent_from_stretches(U, s, V, first, second, project, 1e-6 * mu, C)
         return
     E, B = np.empty((3, 3)), np.empty((3, 3))  # B = F F^T
     trace = _green(F, E)

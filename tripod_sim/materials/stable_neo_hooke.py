@@ -62,7 +62,7 @@ def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
                 s[p] * s[q] * s[i] * s[q] + (J - a) * s[q]
             )
             second[p, i] = second[i, p]
-        tangent_from_stretches(U, s, V, first, second, True, 1e-6 * mu, C)
+        tangent_from_stretches(U, s, V, first, second, project, 1e-6 * mu, C)
         return
     I1, J = squared(F), determinant(F)
     H = np.empty((3, 3))

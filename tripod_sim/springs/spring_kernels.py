@@ -18,6 +18,12 @@ class Links(NamedTuple):
     slack: bool
 
 
+def links_of(ends: Array, rest: Array, stiffness: Array, damping: Array, slack: bool) -> Links:
+    """Return springs with arrays of their own: kernels are compiled anew for arrays that may not be written."""
+    e, r, k, c = (np.array(array, order="C") for array in (ends, rest, stiffness, damping))
+    return Links(e, r, k, c, bool(slack))
+
+
 SHORTEST = 1e-150
 """A spring shorter than this has no direction and no force [m]."""
 

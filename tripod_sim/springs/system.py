@@ -7,7 +7,14 @@ from scipy import sparse
 
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
-from tripod_sim.springs.spring_kernels import Links, add_gradient, elastic_energy, lengths, tangents
+from tripod_sim.springs.spring_kernels import (
+    Links,
+    add_gradient,
+    elastic_energy,
+    lengths,
+    links_of,
+    tangents,
+)
 from tripod_sim.state import State
 
 
@@ -51,7 +58,7 @@ class SpringSystem:
     def __init__(self, body: SpringBody, acceleration: tuple[float, float, float] | None) -> None:
         """`acceleration`: of gravity [m/s²]; None for none."""
         self.body = body
-        self.links = Links(body.ends, body.rest_length, body.stiffness, body.damping, bool(body.slack))
+        self.links = links_of(body.ends, body.rest_length, body.stiffness, body.damping, body.slack)
         self.dampers = Dampers(self.links) if body.damping.any() else None
         self.rest, self.force = body.nodes, np.zeros_like(body.nodes)
         if acceleration is not None:
