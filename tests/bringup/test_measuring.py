@@ -306,7 +306,7 @@ def test_what_must_not_be_believed_is_not_written(
         ({"scene": "pendulum"}, "scene 'pendulum' has 0 servos; the calibration is of 3"),
         ({"slide": 0.3}, "servos.slide is 0.3 m; allowed is 0 to 0.04 m"),
         ({"out": Path("/nowhere/x.toml")}, "there is no directory /nowhere"),
-        ({}, "it needs a terminal"),
+        ({"overrides": ["mesh.level=1"]}, "it needs a terminal"),
     ],
 )
 def test_what_is_wrong_is_told_in_a_line(
