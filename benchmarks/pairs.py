@@ -14,7 +14,7 @@ import argparse
 import re
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, fields
 from itertools import combinations
 from pathlib import Path
@@ -179,6 +179,11 @@ def closure(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in THINGS if name in found)
 
 
+def first_body(names: Collection[str]) -> str:
+    """Return the kind of the first body of a scene that has `names`."""
+    return next(name for name in KINDS if name in names)
+
+
 def clash(names: tuple[str, ...]) -> bool:
     """Return whether `names` has two things of which a scene has one."""
     kinds = [THINGS[name].one_of for name in names if THINGS[name].one_of]
@@ -195,7 +200,7 @@ class Checker:
     def overrides(self, kind: str, names: tuple[str, ...]) -> list[str]:
         """Return the words of a scene with the things `names` on a body of `kind`."""
         found = closure((kind, *names))
-        body = next(name for name in KINDS if name in found)
+        body = first_body(found)
         return [w for name in found for w in THINGS[name].on.get(body, THINGS[name].words)]
 
     def refused(self, kind: str, names: tuple[str, ...]) -> str:
@@ -229,10 +234,14 @@ class Checker:
 
 @dataclass
 class Found:
-    """What came out, for each kind of body and pair: the refusal, empty if it works; `broken`: neither."""
+    """What came out, for each kind of body and pair: the refusal, empty if it works; `broken`: neither.
+
+    `works`: all that scenes had which worked.
+    """
 
     refusals: dict[tuple[str, str, str], str] = field(default_factory=dict)
     broken: dict[tuple[str, ...], str] = field(default_factory=dict)
+    works: list[set[str]] = field(default_factory=list)
     builds: int = 0
 
 
@@ -264,6 +273,10 @@ def _look_at(checker: Checker, kind: str, found: Found, *, quick: bool) -> None:
         else:
             left[a, b] = None
     free = {frozenset(p) for p in left}
+    if quick:  # what a pair asks for may have been in a scene of another kind of body: it is the same scene
+        for p in [p for p in left if _within(closure((kind, *p)), found.works)]:
+            found.refusals[kind, *p] = ""
+            del left[p]
     while left:
         first = next(iter(left))
         names = first
@@ -273,12 +286,19 @@ def _look_at(checker: Checker, kind: str, found: Found, *, quick: bool) -> None:
         if (why or broken) and set(names) != set(first):
             names = first
             why, broken = checker.tried(kind, names)
+        if not (why or broken):
+            found.works.append({*closure((kind, *names))})
         done = [p for p in left if set(p) <= set(names)]
         for p in done if not (why or broken) else [first]:
             found.refusals[kind, *p] = why
             if broken:
                 found.broken[kind, *p] = broken
             del left[p]
+
+
+def _within(wanted: tuple[str, ...], scenes: list[set[str]]) -> bool:
+    """Return whether one of `scenes` has the same first body and all that is wanted."""
+    return any(first_body(scene) == first_body(wanted) and scene.issuperset(wanted) for scene in scenes)
 
 
 def _grown(

@@ -33,6 +33,23 @@ def test_few_scenes_find_what_one_for_each_pair_finds(monkeypatch: pytest.Monkey
     assert "damping needs inertia" in few.refusals["springs", "damping", "statics"]
 
 
+def test_a_pair_is_seen_on_its_own_kind_of_body_and_in_one_scene_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scenes: list[set[str]] = []
+
+    def tried(self: pairs.Checker, kind: str, names: tuple[str, ...]) -> tuple[str, str]:
+        scenes.append({*pairs.closure((kind, *names))})
+        return "", ""
+
+    monkeypatch.setattr(pairs.Checker, "tried", tried)
+    few = ("solid", "springs", "gravity", "damping", "h8")
+    monkeypatch.setattr(pairs, "THINGS", {name: pairs.THINGS[name] for name in few})
+    monkeypatch.setattr(pairs, "KINDS", ("solid", "springs"))
+    pairs.look(quick=True)
+    assert scenes == [{*few}, {"springs", "gravity", "damping"}]
+
+
 @pytest.mark.parametrize("fault", ["raises", "is not a number"])
 def test_a_pair_that_is_neither_refused_nor_works_is_told(
     fault: str, monkeypatch: pytest.MonkeyPatch
