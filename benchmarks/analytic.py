@@ -13,7 +13,7 @@ from scipy import linalg, optimize
 
 from benchmarks.blocks import block, brick, elastic, lumped
 from tripod_sim.forces.solid import Solid
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 FloatArray = NDArray[np.float64]
@@ -137,7 +137,7 @@ def distorted(element: str) -> SolidMesh:
     straight = brick("h8_modes", (np.arange(4.0),) * 3)
     noise = np.random.default_rng(5).uniform(-0.12, 0.12, straight.nodes.shape)
     mesh = SolidMesh(straight.nodes + noise, straight.elements)
-    return mesh if element == "h8_modes" else convert_hexahedra(mesh, element)
+    return mesh if element == "h8_modes" else convert(mesh, element)
 
 
 STRAIN = np.array([[1.3, 0.2, 0.0], [0.1, 0.9, 0.1], [0.0, 0.2, 1.1]])

@@ -18,7 +18,7 @@ from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.materials.lame import lame_constants
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -36,7 +36,7 @@ def brick(element: str, lines: Sequence[NDArray[Any]]) -> SolidMesh:
     cells = [n[p : a - 1 + p, q : b - 1 + q, r : c - 1 + r].ravel() for p, q, r in corners]
     mesh = SolidMesh(nodes, np.stack(cells, axis=1))
     if element != mesh.kind.name:
-        mesh = convert_hexahedra(mesh, element)
+        mesh = convert(mesh, element)
     check_mesh(mesh, "brick")
     return mesh
 

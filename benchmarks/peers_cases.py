@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.blocks import brick
 from tripod_sim import load_scene
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.robot.arms import servo_arms
@@ -145,7 +145,7 @@ class YMesh:
 
 def y_mesh(level: int) -> YMesh:
     """Return the Y-piece of linear tetrahedra at a mesh level of the suite's generator."""
-    mesh = convert_hexahedra(y_piece(LEVELS[level]), "t4")
+    mesh = convert(y_piece(LEVELS[level]), "t4")
     disc = effector_disc(mesh.nodes, Effector())
     arms = tuple((f.nodes, np.array(f.point), np.array(f.axis)) for f in servo_arms(mesh.nodes, Servos()))
     taken = np.concatenate([disc, *(nodes for nodes, _, _ in arms)])

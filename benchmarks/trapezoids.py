@@ -14,7 +14,7 @@ from benchmarks.analytic import HEIGHT, INERTIA, LENGTH, SHEAR, YOUNG, bar, tang
 from benchmarks.blocks import elastic
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.mesh.bending import deflection_share
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 TILTS = (0, 5, 10, 20, 31, 40)
@@ -35,7 +35,7 @@ def leaning(element: str, cells: int, tilt: float, thick: int = 1) -> SolidMesh:
     x[:, 0] += inner * np.where(column % 2, 1, -1) * x[:, 2] * math.tan(tilt)
     if ELEMENTS[element].size == 8:
         return SolidMesh(x, mesh.elements, ELEMENTS[element])
-    return convert_hexahedra(SolidMesh(x, mesh.elements, mesh.kind), element)
+    return convert(SolidMesh(x, mesh.elements, mesh.kind), element)
 
 
 def deflection(mesh: SolidMesh) -> float:

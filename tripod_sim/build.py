@@ -423,46 +423,34 @@ def _ball(
 
 def body_mesh(description: Mesh) -> SolidMesh:
     """Return the mesh that a scene describes. Raises SceneError."""
+    kind = ELEMENTS[description.element]
     if description.source == "y_piece":
         from tripod_sim.mesh.y_piece import LEVELS, YShape, divided, y_piece
 
-        kind, level = ELEMENTS[description.element], LEVELS[description.level]
+        level = divided(LEVELS[description.level], 2**description.refine)
         shape = YShape(legs=description.legs)
-        if description.refine:
-            level = divided(level, 2**description.refine)
-        if kind.corners == 8:
-            mesh = y_piece(level, shape, kind)
-        else:
-            from tripod_sim.mesh.convert import convert_hexahedra
-
-            mesh = convert_hexahedra(y_piece(level, shape), kind.name)
+        mesh = y_piece(level, shape, kind) if kind.corners == 8 else y_piece(level, shape)
     elif description.source == "block":
         from tripod_sim.mesh.block import block
 
         mesh = block(description.corners, description.cells)
-        if description.element != mesh.kind.name:
-            from tripod_sim.mesh.convert import convert_hexahedra
-
-            mesh = convert_hexahedra(mesh, description.element)
-        mesh = _refined(mesh, description.refine)
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid
 
-        mesh = read_solid(Path(description.source), description.scale, description.element)
-        mesh = _refined(mesh, description.refine)
+        mesh = read_solid(Path(description.source), description.scale, kind.name)
     else:
         raise SceneError(
             f"mesh.source is {description.source!r}; allowed: y_piece, block, or the path of a mesh file"
         )
-    check_mesh(mesh, f"mesh.source {description.source!r}")
-    return mesh
+    if mesh.kind is not kind:
+        from tripod_sim.mesh.convert import convert
 
-
-def _refined(mesh: SolidMesh, times: int) -> SolidMesh:
-    for _ in range(times):
+        mesh = convert(mesh, kind.name)
+    for _ in range(0 if description.source == "y_piece" else description.refine):
         from tripod_sim.mesh.refine import refine
 
         mesh = refine(mesh)
+    check_mesh(mesh, f"mesh.source {description.source!r}")
     return mesh
 
 

@@ -8,7 +8,7 @@ from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import Element, node_volumes, reference_gradients
 from tripod_sim.elements.hexahedron import CORNERS, H8_MODES
 from tripod_sim.forces.solid import Solid
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality
 
 
@@ -28,7 +28,7 @@ def block(kind: Element, cells: tuple[int, int, int] = (2, 2, 2), noise: float =
         [n[i + p, j + q, k + r] for p, q, r in steps] for i in range(a) for j in range(b) for k in range(c)
     ]
     mesh = SolidMesh(nodes, np.array(elements))
-    return mesh if kind is H8_MODES else convert_hexahedra(mesh, kind.name)
+    return mesh if kind is H8_MODES else convert(mesh, kind.name)
 
 
 def inside(kind: Element, count: int = 5) -> np.ndarray:
@@ -227,7 +227,7 @@ def tip_deflection(kind: Element) -> float:
     straight = block(H8_MODES, (10, 1, 1), noise=0.0)
     mesh = SolidMesh(straight.nodes * [length / 10, height, height], straight.elements)
     if kind is not H8_MODES:
-        mesh = convert_hexahedra(mesh, kind.name)
+        mesh = convert(mesh, kind.name)
     solid = Solid(mesh.nodes, np.array(mesh.elements), kind, "neo_hooke", 0.0, E / 2)
     solid.stiffness(np.array(mesh.nodes), solid.rest_modes(), project=False)
     n = len(mesh.nodes)

@@ -12,7 +12,7 @@ from tests.sim.beams import LENGTH, bar_scene, beam, sag
 from tripod_sim import Simulation, load_scene
 from tripod_sim.build import build
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.suited import suited
@@ -26,7 +26,7 @@ def cells(
     mesh = brick("h8", [np.linspace(0, n * s, n + 1) for n, s in zip(counts, size, strict=True)])
     x = np.array(mesh.nodes)
     x += bend * np.array(size) * np.sin(3 * (x / size)[:, [1, 2, 0]] + (x / size)[:, [2, 0, 1]])
-    return convert_hexahedra(SolidMesh(x, mesh.elements), "h20")
+    return convert(SolidMesh(x, mesh.elements), "h20")
 
 
 @pytest.mark.parametrize("size", [(1, 1, 1), (10, 1, 1), (1, 1, 0.1)])

@@ -11,7 +11,7 @@ from tripod_sim.elements.mean_dilatation import H8_MEAN
 from tripod_sim.forces.solid import Solid
 from tripod_sim.materials import dilatation, laws
 from tripod_sim.materials.lame import lame_constants
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 LAM, MU = 3.0, 0.7
@@ -140,7 +140,7 @@ def tip_deflection(kind: str, cells: tuple[int, int, int], poisson: float, law: 
     """Deflection of a cantilever of 10 x 1 x 1 under a load at its tip, over that of beam theory with shear."""
     young, length = 1000.0, 10.0
     straight = block(H8_MODES, cells, noise=0.0)
-    mesh = convert_hexahedra(
+    mesh = convert(
         SolidMesh(straight.nodes * [length / cells[0], 1 / cells[1], 1 / cells[2]], straight.elements), kind
     )
     lam, mu = lame_constants(young, poisson)

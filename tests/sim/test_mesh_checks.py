@@ -11,7 +11,7 @@ from tripod_sim.build import build
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh import solid_mesh
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh, element_quality
 from tripod_sim.mesh.topology import MOST_NEIGHBOURS, coincident, edge_uses, parts
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
@@ -120,11 +120,9 @@ def test_elements_that_touch_along_an_edge_only_are_refused_with_its_nodes() -> 
 
 @pytest.mark.parametrize("name", ELEMENTS)
 def test_every_element_knows_its_edges(name: str) -> None:
-    assert "the boundary is no surface at nodes" in refusal(
-        convert_hexahedra(bricks((0, 0, 0), (1, 1, 0)), name)
-    )
+    assert "the boundary is no surface at nodes" in refusal(convert(bricks((0, 0, 0), (1, 1, 0)), name))
     ring = [(x, y, 0) for x in range(3) for y in range(3) if (x, y) != (1, 1)]
-    check_mesh(convert_hexahedra(bricks(*ring), name), "ring")
+    check_mesh(convert(bricks(*ring), name), "ring")
 
 
 def test_a_face_of_three_elements_is_refused_with_its_nodes() -> None:
@@ -146,7 +144,7 @@ def test_a_face_of_three_elements_is_refused_with_its_nodes() -> None:
 def test_quality_does_not_depend_on_how_many_elements_are_kept_at_a_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    mesh = convert_hexahedra(y_piece(LEVELS[2]), "t10")
+    mesh = convert(y_piece(LEVELS[2]), "t10")
     whole = element_quality(mesh)
     assert whole.shape == (len(mesh.elements),)
     assert len(np.unique(whole.round(6))) > 3

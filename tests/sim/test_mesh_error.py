@@ -8,7 +8,7 @@ from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.forces.support import Support
 from tripod_sim.mesh.block import block
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh_error import Others, alone, finer, interpolation, richer, track
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.bodies import Mesh
@@ -254,7 +254,7 @@ def test_values_go_to_other_nodes_by_the_elements_they_lie_in() -> None:
 def test_values_go_to_other_nodes_by_tetrahedra_too(element: str) -> None:
     size = ((0, 0), (0.03, 0), (0.03, 0.02), (0, 0.02))
     mesh = block(tuple((x, y, z) for z in (0.0, 0.01) for x, y in size), (3, 2, 1))
-    mesh = convert_hexahedra(mesh, element)
+    mesh = convert(mesh, element)
     points = np.random.default_rng(3).uniform(0, 1, (50, 3)) * (0.03, 0.02, 0.01)
     nodes, weights = interpolation(mesh, points)
     slopes = np.array([[1.0, 2, 0], [0, 1, 3], [2, 0, 1]])

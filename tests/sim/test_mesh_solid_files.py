@@ -15,7 +15,7 @@ from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import CORNERS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh import fit, read
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.gid import read_gid
 from tripod_sim.mesh.read import read_solid
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality
@@ -51,7 +51,7 @@ def block(name: str, cells: tuple[int, int, int] = (2, 2, 2), noise: float = 0.1
     n = np.arange(len(nodes)).reshape(counts)
     steps = ((CORNERS + 1) // 2).astype(int)
     elements = [[n[tuple(np.add(c, s))] for s in steps] for c in np.ndindex(cells)]
-    return convert_hexahedra(SolidMesh(nodes, np.array(elements)), name)
+    return convert(SolidMesh(nodes, np.array(elements)), name)
 
 
 def rearranged(mesh: SolidMesh, middles: tuple[str, ...]) -> np.ndarray:
@@ -289,7 +289,7 @@ def test_a_wrong_gid_file_is_refused_by_line_and_reason(text: str, message: str,
 
 def test_a_gid_file_runs_as_a_scene(tmp_path: Path) -> None:
     """The tripod on tetrahedra from a file in millimetres is the tripod on the generator's tetrahedra."""
-    generated = convert_hexahedra(y_piece(LEVELS[1]), "t4")
+    generated = convert(y_piece(LEVELS[1]), "t4")
     path = write(tmp_path / "gid_piece.gidmsh", generated, 1e-3)
     parts = build(load_scene("tripod", [f"mesh.source={path}", "mesh.scale=0.001", "mesh.element=t4"]))
     np.testing.assert_array_equal(parts.mesh.elements, generated.elements)
@@ -301,7 +301,7 @@ def test_every_element_on_every_level_of_the_generator_is_valid(level: int) -> N
     hexahedra = y_piece(LEVELS[level])
     volume = node_volumes(hexahedra.kind, hexahedra.nodes[hexahedra.elements])[0].sum()
     for name, kind in ELEMENTS.items():
-        mesh = convert_hexahedra(hexahedra, name)
+        mesh = convert(hexahedra, name)
         assert mesh.kind is kind
         check_mesh(mesh, name)
         assert node_volumes(kind, mesh.nodes[mesh.elements])[0].sum() == pytest.approx(volume, rel=1e-12)

@@ -9,7 +9,7 @@ from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.refine import refine
 from tripod_sim.mesh.solid_mesh import check_mesh
 from tripod_sim.mesh.y_piece import LEVELS, divided, y_piece
@@ -21,7 +21,7 @@ SAG, ENERGY = -2.097e-3, 0.6959
 
 @pytest.mark.parametrize("name", ELEMENTS)
 def test_every_cell_becomes_eight_and_the_volume_stays(name: str) -> None:
-    mesh = convert_hexahedra(y_piece(LEVELS[1]), name)
+    mesh = convert(y_piece(LEVELS[1]), name)
     fine = refine(mesh)
     check_mesh(fine, "refined")
     assert len(fine.elements) == 8 * len(mesh.elements)

@@ -11,7 +11,7 @@ from benchmarks import accuracy_docs
 from tripod_bringup.study_plans import PLANS, plan
 from tripod_bringup.study_run import whole
 from tripod_sim.errors import StepError
-from tripod_sim.mesh.convert import convert_hexahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.study import task
 from tripod_sim.study.advice import advice
@@ -60,7 +60,7 @@ def test_a_reference_that_is_no_simulation_is_kept_when_a_study_is_resumed(name:
 def test_the_tips_of_the_silicone_are_the_same_points_on_every_mesh() -> None:
     for level in (1, 2, 4):
         for kind in ("h20", "t4"):
-            nodes = convert_hexahedra(y_piece(LEVELS[level]), kind).nodes
+            nodes = convert(y_piece(LEVELS[level]), kind).nodes
             for i, tip in enumerate(silicone.tip_nodes(nodes), start=1):
                 assert len(tip) == 4
                 azimuth = 2 * math.pi * i / 3

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from tripod_sim.materials import dilatation, laws
-from tripod_sim.materials.neo_hooke import determinant
+from tripod_sim.materials.spectral import determinant
 
 Array = Any
 

@@ -18,24 +18,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.materials.spectral import eigen3, svd3, tangent_from_stretches
+from tripod_sim.materials.spectral import cofactor, eigen3, svd3
 
 Array = Any
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _cofactor(X: Array, H: Array) -> float:
-    """Write the cofactor matrix H and return det X."""
-    H[0, 0] = X[1, 1] * X[2, 2] - X[1, 2] * X[2, 1]
-    H[0, 1] = X[1, 2] * X[2, 0] - X[1, 0] * X[2, 2]
-    H[0, 2] = X[1, 0] * X[2, 1] - X[1, 1] * X[2, 0]
-    H[1, 0] = X[2, 1] * X[0, 2] - X[2, 2] * X[0, 1]
-    H[1, 1] = X[2, 2] * X[0, 0] - X[2, 0] * X[0, 2]
-    H[1, 2] = X[2, 0] * X[0, 1] - X[2, 1] * X[0, 0]
-    H[2, 0] = X[0, 1] * X[1, 2] - X[0, 2] * X[1, 1]
-    H[2, 1] = X[0, 2] * X[1, 0] - X[0, 0] * X[1, 2]
-    H[2, 2] = X[0, 0] * X[1, 1] - X[0, 1] * X[1, 0]
-    return X[0, 0] * H[0, 0] + X[0, 1] * H[0, 1] + X[0, 2] * H[0, 2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -109,13 +94,16 @@ def stress(F: Array, lam: float, mu: float, P: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
-    """Write d²psi/dF², shape (9, 9), index 3 i + J; `project` lifts its negative eigenvalues to 1e-6 mu."""
+def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> bool:
+    """Write d²psi/dF², shape (9, 9), index 3 i + J; return False where F is too near singular for its quick rotation.
+
+    `project` lifts its negative eigenvalues to 1e-6 mu.
+    """
     R = np.empty((3, 3))
     if polar_rotation(F, R):
         _add_twists(F, R, lam, mu, project, C)
-    else:
-        spectral_tangent(F, lam, mu, project, C)
+        return True
+    return False
 
 
 @njit(cache=True, error_model="numpy")
@@ -135,7 +123,7 @@ def _add_twists(F: Array, R: Array, lam: float, mu: float, project: bool, C: Arr
     if project and _has_negative_twist(G, 2 * weight / (2 * mu - 1e-6 * mu)):
         _clamp_twists(G, weight, mu, H)
     else:
-        scale = weight / _cofactor(G, H)
+        scale = weight / cofactor(G, H)
         for i in range(3):
             for j in range(3):
                 H[i, j] *= scale
@@ -178,18 +166,3 @@ def _clamp_twists(G: Array, weight: float, mu: float, H: Array) -> None:
     for i in range(3):
         for j in range(3):
             H[i, j] = Q[i, 0] * h[0] * Q[j, 0] + Q[i, 1] * h[1] * Q[j, 1] + Q[i, 2] * h[2] * Q[j, 2]
-
-
-@njit(cache=True, error_model="numpy")
-def spectral_tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
-    """Write the tangent of any F, from its singular values."""
-    U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    svd3(F, U, s, V)
-    first, second = np.empty(3), np.empty((3, 3))
-    trace = lam * (s[0] + s[1] + s[2] - 3)
-    for i in range(3):
-        first[i] = 2 * mu * (s[i] - 1) + trace
-        for j in range(3):
-            second[i, j] = lam
-        second[i, i] += 2 * mu
-    tangent_from_stretches(U, s, V, first, second, project, 1e-6 * mu, C)

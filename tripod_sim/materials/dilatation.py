@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.materials.neo_hooke import cofactor, determinant, squared
-from tripod_sim.materials.spectral import svd3, tangent_from_stretches
+from tripod_sim.materials.spectral import cofactor, determinant, squared, svd3, tangent_from_stretches
 
 Array = Any
 
@@ -64,8 +63,7 @@ def volume_slope(law: int, F: Array, H: Array) -> float:
             for j in range(3):
                 H[i, j] = F[i, j]
         return 0.5 * (squared(F) - 3)
-    cofactor(F, H)
-    return determinant(F)
+    return cofactor(F, H)
 
 
 @njit(cache=True, error_model="numpy")
@@ -74,36 +72,67 @@ def tangent_at_mean(law: int, F: Array, mean: float, lam: float, mu: float, proj
 
     `project` lifts its negative eigenvalues to 1e-6 mu.
     """
+    _tangent(law, F, mean, False, lam, mu, project, C)
+
+
+@njit(cache=True, error_model="numpy")
+def spectral_tangent(law: int, F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
+    """Write d²psi/dF², shape (9, 9), index 3 i + J; `project` lifts its negative eigenvalues to 1e-6 mu."""
+    _tangent(law, F, 0.0, True, lam, mu, project, C)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _tangent(
+    law: int, F: Array, mean: float, own: bool, lam: float, mu: float, project: bool, C: Array
+) -> None:
+    """Write the tangent at the volume `mean`, or, with `own`, at that of F, which then changes with F."""
     U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     first, second = np.empty(3), np.empty((3, 3))
     svd3(F, U, s, V)
-    kappa = modulus(law, lam, mu)
-    _stretch_derivatives(law, s, kappa * (mean - _rest(law, kappa, mu)), mu, first, second)
+    kappa, v = modulus(law, lam, mu), _volume_of_stretches(law, s, first)
+    for i in range(3):
+        for j in range(3):
+            second[i, j] = kappa * first[i] * first[j] if own else 0.0
+    _add_derivatives(law, s, kappa * ((v if own else mean) - _rest(law, kappa, mu)), mu, first, second)
     tangent_from_stretches(U, s, V, first, second, project, 1e-6 * mu, C)
 
 
 @njit(cache=True, error_model="numpy")
-def _stretch_derivatives(law: int, s: Array, p: float, mu: float, first: Array, second: Array) -> None:
-    """Write the first and second derivatives of psi_0(s) + p v(s)."""
-    I1, J = s[0] ** 2 + s[1] ** 2 + s[2] ** 2, s[0] * s[1] * s[2]
+def _volume_of_stretches(law: int, s: Array, slope: Array) -> float:
+    """Write dv/ds and return v."""
+    if law == 1:
+        slope[:] = 1.0
+        return s[0] + s[1] + s[2]
+    if law == 3:
+        slope[:] = s
+        return 0.5 * (s[0] ** 2 + s[1] ** 2 + s[2] ** 2 - 3)
+    slope[0], slope[1], slope[2] = s[1] * s[2], s[2] * s[0], s[0] * s[1]
+    return s[0] * slope[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_derivatives(law: int, s: Array, p: float, mu: float, first: Array, second: Array) -> None:
+    """Make dv/ds the first derivatives of psi_0(s) + p v(s), and add the second ones."""
+    I1 = s[0] ** 2 + s[1] ** 2 + s[2] ** 2
+    a = mu * (s[0] * s[1] * s[2]) ** (-2 / 3) if law == 0 else 4 * mu / 3
+    b, c = a * (1 - 1 / (I1 + 1)), 2 * a / (I1 + 1) ** 2
     for i in range(3):
         k, n = (i + 1) % 3, (i + 2) % 3
+        first[i] *= p
+        mixed = 0.0
         if law == 0:
-            a = mu * J ** (-2 / 3)
-            first[i] = a * (s[i] - I1 / (3 * s[i])) + p * s[k] * s[n]
-            second[i, i] = a * (1 + 5 * I1 / (9 * s[i] ** 2) - 4 / 3)
-            second[i, k] = a * (2 * I1 / (9 * s[i] * s[k]) - 2 / 3 * (s[i] / s[k] + s[k] / s[i])) + p * s[n]
+            first[i] += a * (s[i] - I1 / (3 * s[i]))
+            second[i, i] += a * (1 + 5 * I1 / (9 * s[i] ** 2) - 4 / 3)
+            mixed = a * (2 * I1 / (9 * s[i] * s[k]) - 2 / 3 * (s[i] / s[k] + s[k] / s[i])) + p * s[n]
         elif law == 1:
-            first[i] = 2 * mu * (s[i] - 1) + p
-            second[i, i] = 2 * mu
-            second[i, k] = 0.0
+            first[i] += 2 * mu * (s[i] - 1)
+            second[i, i] += 2 * mu
         elif law == 2:
-            m = 4 * mu / 3
-            first[i] = m * (1 - 1 / (I1 + 1)) * s[i] + p * s[k] * s[n]
-            second[i, i] = m * (1 - 1 / (I1 + 1)) + 2 * m * s[i] ** 2 / (I1 + 1) ** 2
-            second[i, k] = 2 * m * s[i] * s[k] / (I1 + 1) ** 2 + p * s[n]
+            first[i] += b * s[i]
+            second[i, i] += b + c * s[i] ** 2
+            mixed = c * s[i] * s[k] + p * s[n]
         else:
-            first[i] = mu * (s[i] ** 2 - 1) * s[i] + p * s[i]
-            second[i, i] = mu * (3 * s[i] ** 2 - 1) + p
-            second[i, k] = 0.0
-        second[k, i] = second[i, k]
+            first[i] += mu * (s[i] ** 2 - 1) * s[i]
+            second[i, i] += mu * (3 * s[i] ** 2 - 1) + p
+        second[i, k] += mixed
+        second[k, i] += mixed

@@ -1,13 +1,14 @@
 """The laws by name, and their compiled functions behind one call each.
 
-A law is three functions of F: `energy`, `stress` (which also returns the energy) and `tangent`; see any of them.
+A law is three functions of F: `energy`, `stress` (which also returns the energy) and `tangent`; see any of them. What
+projects a tangent is common to all: `dilatation.spectral_tangent`.
 """
 
 from typing import Any, Final
 
 from numba import njit
 
-from tripod_sim.materials import corotational, neo_hooke, st_venant_kirchhoff, stable_neo_hooke
+from tripod_sim.materials import corotational, dilatation, neo_hooke, st_venant_kirchhoff, stable_neo_hooke
 
 Array = Any
 
@@ -32,6 +33,7 @@ _t0, _t1, _t2, _t3 = (
     stable_neo_hooke.tangent,
     st_venant_kirchhoff.tangent,
 )
+_spectral = dilatation.spectral_tangent
 
 
 @njit(cache=True, error_model="numpy")
@@ -56,12 +58,15 @@ def stress(law: int, F: Array, lam: float, mu: float, P: Array) -> float:
 
 @njit(cache=True, error_model="numpy")
 def tangent(law: int, F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
-    """Write d²psi/dF², shape (9, 9)."""
-    if law == 0:
-        _t0(F, lam, mu, project, C)
-    elif law == 1:
-        _t1(F, lam, mu, project, C)
+    """Write d²psi/dF², shape (9, 9), index 3 i + J; `project` lifts its negative eigenvalues to 1e-6 mu."""
+    if law == 1:
+        if not _t1(F, lam, mu, project, C):
+            _spectral(law, F, lam, mu, project, C)
+    elif project:
+        _spectral(law, F, lam, mu, project, C)
+    elif law == 0:
+        _t0(F, lam, mu, C)
     elif law == 2:
-        _t2(F, lam, mu, project, C)
+        _t2(F, lam, mu, C)
     else:
-        _t3(F, lam, mu, project, C)
+        _t3(F, lam, mu, C)

@@ -13,39 +13,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.materials.spectral import svd3, tangent_from_stretches
+from tripod_sim.materials.spectral import cofactor, determinant, squared
 
 Array = Any
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def determinant(F: Array) -> float:
-    """Return det F."""
-    return (
-        F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1])
-        - F[0, 1] * (F[1, 0] * F[2, 2] - F[1, 2] * F[2, 0])
-        + F[0, 2] * (F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0])
-    )
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def cofactor(F: Array, H: Array) -> None:
-    """Write the cofactor matrix H = J F^-T."""
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            c, d = (j + 1) % 3, (j + 2) % 3
-            H[i, j] = F[a, c] * F[b, d] - F[a, d] * F[b, c]
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def squared(F: Array) -> float:
-    """Return |F|² = tr(F^T F)."""
-    total = 0.0
-    for i in range(3):
-        for j in range(3):
-            total += F[i, j] * F[i, j]
-    return total
 
 
 @njit(cache=True, error_model="numpy")
@@ -76,21 +46,12 @@ def stress(F: Array, lam: float, mu: float, P: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
-    """Write d²psi/dF², shape (9, 9), index 3 i + J; `project` lifts its negative eigenvalues to 1e-6 mu. J > 0."""
-    if project:
-        U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-        svd3(F, U, s, V)
-        first, second = np.empty(3), np.empty((3, 3))
-        _stretch_derivatives(s, lam, mu, first, second)
-        tangent_from_stretches(U, s, V, first, second, project, 1e-6 * mu, C)
-        return
-    J = determinant(F)
-    bulk = lam + 2 * mu / 3
-    I1 = squared(F)
-    a = mu * J ** (-2 / 3)
+def tangent(F: Array, lam: float, mu: float, C: Array) -> None:
+    """Write d²psi/dF², shape (9, 9), index 3 i + J. J > 0."""
     B = np.empty((3, 3))  # F^-T
-    cofactor(F, B)
+    J, I1 = cofactor(F, B), squared(F)
+    bulk = lam + 2 * mu / 3
+    a = mu * J ** (-2 / 3)
     for i in range(3):
         for j in range(3):
             B[i, j] /= J
@@ -108,20 +69,3 @@ def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
                         + c4 * B[i, m] * B[k, j]
                     )
             C[r, r] += a
-
-
-@njit(cache=True, error_model="numpy")
-def _stretch_derivatives(s: Array, lam: float, mu: float, first: Array, second: Array) -> None:
-    """Write dpsi/ds and d²psi/ds² of psi(s) = mu/2 (J^(-2/3) |s|² - 3) + K/2 (J - 1)², J = s1 s2 s3 > 0."""
-    bulk = lam + 2 * mu / 3
-    J = s[0] * s[1] * s[2]
-    I1 = s[0] ** 2 + s[1] ** 2 + s[2] ** 2
-    a = mu * J ** (-2 / 3)
-    p = bulk * (J - 1) * J - a * I1 / 3
-    for i in range(3):
-        first[i] = a * s[i] + p / s[i]
-        for j in range(3):
-            second[i, j] = -2 * a / 3 * (s[i] / s[j] + s[j] / s[i]) + (
-                2 * a * I1 / 9 + bulk * (2 * J - 1) * J
-            ) / (s[i] * s[j])
-        second[i, i] += a - p / s[i] ** 2

@@ -14,6 +14,41 @@ from numba import njit
 Array = Any  # numba kernels take plain arrays
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def determinant(F: Array) -> float:
+    """Return det F."""
+    return (
+        F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1])
+        - F[0, 1] * (F[1, 0] * F[2, 2] - F[1, 2] * F[2, 0])
+        + F[0, 2] * (F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0])
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def cofactor(F: Array, H: Array) -> float:
+    """Write the cofactor matrix H = J F^-T and return J = det F."""
+    H[0, 0] = F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1]
+    H[0, 1] = F[1, 2] * F[2, 0] - F[1, 0] * F[2, 2]
+    H[0, 2] = F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0]
+    H[1, 0] = F[2, 1] * F[0, 2] - F[2, 2] * F[0, 1]
+    H[1, 1] = F[2, 2] * F[0, 0] - F[2, 0] * F[0, 2]
+    H[1, 2] = F[2, 0] * F[0, 1] - F[2, 1] * F[0, 0]
+    H[2, 0] = F[0, 1] * F[1, 2] - F[0, 2] * F[1, 1]
+    H[2, 1] = F[0, 2] * F[1, 0] - F[0, 0] * F[1, 2]
+    H[2, 2] = F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
+    return F[0, 0] * H[0, 0] + F[0, 1] * H[0, 1] + F[0, 2] * H[0, 2]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def squared(F: Array) -> float:
+    """Return |F|² = tr(F^T F)."""
+    total = 0.0
+    for i in range(3):
+        for j in range(3):
+            total += F[i, j] * F[i, j]
+    return total
+
+
 @njit(cache=True, error_model="numpy")
 def svd3(F: Array, U: Array, s: Array, V: Array) -> None:
     """Write F = U diag(s) V^T with rotations U and V (both of determinant +1); s[2] carries the sign of det F.

@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.materials.spectral import svd3, tangent_from_stretches
-
 Array = Any
 
 
@@ -52,21 +50,8 @@ def stress(F: Array, lam: float, mu: float, P: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
-    """Write d²psi/dF², shape (9, 9), index 3 i + J; `project` lifts its negative eigenvalues to 1e-6 mu."""
-    if project:
-        U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-        svd3(F, U, s, V)
-        first, second = np.empty(3), np.empty((3, 3))
-        trace = 0.5 * (s[0] ** 2 + s[1] ** 2 + s[2] ** 2 - 3)
-        for i in range(3):
-            direct = mu * (s[i] ** 2 - 1) + lam * trace
-            first[i] = s[i] * direct
-            for j in range(3):
-                second[i, j] = lam * s[i] * s[j]
-            second[i, i] += direct + 2 * mu * s[i] ** 2
-        tangent_from_stretches(U, s, V, first, second, project, 1e-6 * mu, C)
-        return
+def tangent(F: Array, lam: float, mu: float, C: Array) -> None:
+    """Write d²psi/dF², shape (9, 9), index 3 i + J."""
     E, B = np.empty((3, 3)), np.empty((3, 3))  # B = F F^T
     trace = _green(F, E)
     for i in range(3):

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from tripod_sim.materials.neo_hooke import cofactor, determinant, squared
-from tripod_sim.materials.spectral import svd3, tangent_from_stretches
+from tripod_sim.materials.spectral import cofactor, determinant, squared
 
 Array = Any
 
@@ -36,8 +35,7 @@ def energy(F: Array, lam: float, mu: float) -> float:
 def stress(F: Array, lam: float, mu: float, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]."""
     m, k, a = _constants(lam, mu)
-    I1, J = squared(F), determinant(F)
-    cofactor(F, P)
+    I1, J = squared(F), cofactor(F, P)
     c, d = m * (1 - 1 / (I1 + 1)), k * (J - a)
     for i in range(3):
         for j in range(3):
@@ -46,27 +44,11 @@ def stress(F: Array, lam: float, mu: float, P: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> None:
-    """Write d²psi/dF², shape (9, 9), index 3 i + J; `project` lifts its negative eigenvalues to 1e-6 mu."""
+def tangent(F: Array, lam: float, mu: float, C: Array) -> None:
+    """Write d²psi/dF², shape (9, 9), index 3 i + J."""
     m, k, a = _constants(lam, mu)
-    if project:
-        U, V, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-        svd3(F, U, s, V)
-        first, second = np.empty(3), np.empty((3, 3))
-        I1, J = s[0] ** 2 + s[1] ** 2 + s[2] ** 2, s[0] * s[1] * s[2]
-        for i in range(3):
-            p, q = (i + 1) % 3, (i + 2) % 3
-            first[i] = m * s[i] * (1 - 1 / (I1 + 1)) + k * (J - a) * s[p] * s[q]
-            second[i, i] = m * (1 - 1 / (I1 + 1)) + 2 * m * s[i] ** 2 / (I1 + 1) ** 2 + k * (s[p] * s[q]) ** 2
-            second[i, p] = 2 * m * s[i] * s[p] / (I1 + 1) ** 2 + k * (
-                s[p] * s[q] * s[i] * s[q] + (J - a) * s[q]
-            )
-            second[p, i] = second[i, p]
-        tangent_from_stretches(U, s, V, first, second, project, 1e-6 * mu, C)
-        return
-    I1, J = squared(F), determinant(F)
     H = np.empty((3, 3))
-    cofactor(F, H)
+    I1, J = squared(F), cofactor(F, H)
     c, e, d = m * (1 - 1 / (I1 + 1)), 2 * m / (I1 + 1) ** 2, k * (J - a)
     for i in range(3):
         for j in range(3):

@@ -1,5 +1,6 @@
 """From linear hexahedra or tetrahedra to other elements on the same cells."""
 
+from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
@@ -15,18 +16,19 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 
-def convert_hexahedra(mesh: SolidMesh, name: str) -> SolidMesh:
-    """Return a mesh of the element `name` on the cells of a mesh of eight-node hexahedra.
+def convert(mesh: SolidMesh, name: str) -> SolidMesh:
+    """Return a mesh of the element `name` on the cells of a mesh of eight-node hexahedra or four-node tetrahedra.
 
-    Tetrahedra: six to a cell (Kuhn's division along the diagonal from node 0 to node 6); neighbouring cells agree when
-    their local axes point alike across the shared face. Quadratic elements: nodes halfway, straight edges.
+    Tetrahedra on hexahedra: six to a cell (Kuhn's division along the diagonal from node 0 to node 6); neighbouring
+    cells agree when their local axes point alike across the shared face. Quadratic elements: nodes halfway, straight
+    edges.
 
     Raises:
-        SceneError: tetrahedra are asked for and local axes of neighbouring cells do not point alike.
+        SceneError: hexahedra are to be divided and local axes of neighbouring cells do not point alike.
     """
     kind = ELEMENTS[name]
     nodes, elements, groups = mesh.nodes, np.asarray(mesh.elements), dict(mesh.groups)
-    if kind.corners == 4:
+    if kind.corners == 4 < elements.shape[1]:
         elements = elements[:, _kuhn()].reshape(-1, 4)
         if len(SolidMesh(nodes, elements, ELEMENTS["t4"]).boundary) != 2 * len(mesh.boundary):
             raise SceneError(
@@ -42,15 +44,6 @@ def convert_hexahedra(mesh: SolidMesh, name: str) -> SolidMesh:
     return SolidMesh(nodes, elements, kind, groups)
 
 
-def convert_tetrahedra(mesh: SolidMesh, name: str) -> SolidMesh:
-    """Return a mesh of the element `name`, `t4` or `t10`, on the cells of a mesh of four-node tetrahedra."""
-    kind, nodes, elements = ELEMENTS[name], mesh.nodes, np.asarray(mesh.elements)
-    groups = dict(mesh.groups)
-    if kind.size == 10:
-        nodes, elements = _add_centres(nodes, elements, tetrahedron.EDGES, groups)
-    return SolidMesh(nodes, elements, kind, groups)
-
-
 def _kuhn() -> IndexArray:
     """Return the six tetrahedra of a cell as its node numbers, shape (6, 4), each right-handed."""
     number = {tuple(corner): i for i, corner in enumerate(((CORNERS + 1) // 2).astype(int).tolist())}
@@ -60,11 +53,15 @@ def _kuhn() -> IndexArray:
         for axis in order:
             corner[axis] = 1
             path.append(number[tuple(corner)])
-        a, b, c, d = (CORNERS[i] for i in path)
-        found.append(
-            path if np.linalg.det([b - a, c - a, d - a]) > 0 else [path[0], path[2], path[1], path[3]]
-        )
+        found.append(right_handed(path, CORNERS))
     return np.array(found)
+
+
+def right_handed(nodes: Sequence[int], places: FloatArray) -> list[int]:
+    """Return the four nodes of a tetrahedron in an order that makes its volume positive; `places`: by node, (n, 3)."""
+    a, b, c, d = nodes
+    legs = places[[b, c, d]] - places[a]
+    return [a, b, c, d] if np.linalg.det(legs) > 0 else [a, c, b, d]
 
 
 def _add_centres(

@@ -6,7 +6,7 @@ from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import Element
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.cells import FLAT, Cells, FloatArray, IndexArray
-from tripod_sim.mesh.convert import convert_hexahedra, convert_tetrahedra
+from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh, names_of
 
 LINEAR = {"hexahedron": "h8", "tetra": "t4"}
@@ -57,9 +57,7 @@ def fit_element(cells: Cells, element: str, scale: float, name: str) -> SolidMes
     kind = ELEMENTS[element if element in fitting else LINEAR[cell]]
     groups = {group: np.flatnonzero(np.isin(used, members)) for group, members in cells.groups.items()}
     mesh = SolidMesh(nodes, in_order(nodes, renumbered.reshape(elements.shape), kind), kind, groups)
-    if element in fitting:
-        return mesh
-    return convert_hexahedra(mesh, element) if cell == "hexahedron" else convert_tetrahedra(mesh, element)
+    return mesh if element in fitting else convert(mesh, element)
 
 
 def _makeable(kind: Element, cell: str) -> bool:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.hexahedron import CORNERS
-from tripod_sim.mesh.convert import convert_hexahedra, convert_tetrahedra
+from tripod_sim.mesh.convert import convert, right_handed
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 IndexArray = NDArray[np.int64]
@@ -24,22 +24,17 @@ def refine(mesh: SolidMesh) -> SolidMesh:
     used, corners = np.unique(np.asarray(mesh.elements)[:, : kind.corners], return_inverse=True)
     nodes, corners = mesh.nodes[used], corners.reshape(-1, kind.corners)
     groups = {name: np.flatnonzero(np.isin(used, group)) for name, group in mesh.groups.items()}
-    if kind.corners == 4:
-        fine = convert_tetrahedra(SolidMesh(nodes, corners, ELEMENTS["t4"], groups), "t10")
-        parts = np.array([_right_handed(p, ELEMENTS["t10"].reference) for p in AT_CORNERS + INSIDE])
-        cells = np.asarray(fine.elements)[:, parts].reshape(-1, 4)
-        divided = SolidMesh(fine.nodes, cells, ELEMENTS["t4"], fine.groups)
-        return convert_tetrahedra(divided, kind.name)
-    fine = convert_hexahedra(SolidMesh(nodes, corners, ELEMENTS["h8"], groups), "h27")
-    cells = np.asarray(fine.elements)[:, _octants()].reshape(-1, 8)
-    divided = SolidMesh(fine.nodes, cells, ELEMENTS["h8"], fine.groups)
-    return convert_hexahedra(divided, kind.name)
+    plain, full = ("t4", "t10") if kind.corners == 4 else ("h8", "h27")
+    fine = convert(SolidMesh(nodes, corners, ELEMENTS[plain], groups), full)
+    cells = np.asarray(fine.elements)[:, _tetrahedra() if kind.corners == 4 else _octants()]
+    return convert(
+        SolidMesh(fine.nodes, cells.reshape(-1, kind.corners), ELEMENTS[plain], fine.groups), kind.name
+    )
 
 
-def _right_handed(part: tuple[int, ...], places: NDArray[np.float64]) -> tuple[int, ...]:
-    """Return the nodes of a tetrahedron so that its volume is positive; `places`: of the nodes, shape (10, 3)."""
-    a, b, c, d = (places[i] for i in part)
-    return part if np.linalg.det([b - a, c - a, d - a]) > 0 else (part[0], part[2], part[1], part[3])
+def _tetrahedra() -> IndexArray:
+    """Return the eight parts of a ten-node tetrahedron as its node numbers, shape (8, 4)."""
+    return np.array([right_handed(part, ELEMENTS["t10"].reference) for part in AT_CORNERS + INSIDE])
 
 
 def _octants() -> IndexArray:
