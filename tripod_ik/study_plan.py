@@ -16,7 +16,7 @@ from tripod_ik.rotation import normal_of
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.scene import Scene
 from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Knob, Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
+from tripod_sim.study.plan import Knob, Plan, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured, repeated
 
 SCENE = "tripod"
@@ -78,14 +78,12 @@ def plan(*, quick: bool) -> Plan:
         scene=SCENE,
         module=__name__,
         version=1,
-        base={},
-        knobs=(
-            *knobs_of(default),  # of the model
+        others=(
             Knob("iterations", ITERATIONS, "linearisations at most, the first included"),
             Knob("accuracy", ACCURACY, "step below which the search ends [rad]"),
         ),
         default=default,
-        points=unique([Point(default, "the default"), *points]),
+        points=points_of(default, points),
         quantities=(
             Quantity("effector", "m", "pose that the robot takes, from the target, the worst of all targets"),
         ),
@@ -93,7 +91,6 @@ def plan(*, quick: bool) -> Plan:
         group="mesh.element",
         quick=quick,
         solves=True,
-        limit=300.0,
         note="The reference's own error is what a model misses whose mesh is the one before the robot's.",
     )
 

@@ -24,8 +24,8 @@ def make(
 ) -> Plan:  # fmt: skip
     default = {**DEFAULT, "pause": pause, "log": log}
     return Plan(
-        name="toy", title="Toy", scene="none", module="tests.bringup.toy_study", version=1, base={},
-        knobs=(Knob("dt", "dt", "step"), Knob("end", "end", "how it ends")), default=default,
+        name="toy", title="Toy", scene="none", module="tests.bringup.toy_study", version=1,
+        others=(Knob("end", "end", "how it ends"),), default=default,
         points=tuple(grid(default, end=ends, dt=steps)),
         quantities=(Quantity("x", "m", "a number", scale="largest"),),
         references=(Reference("reference", rungs, order=2.0, sizes=(2.0, 1.0)),),

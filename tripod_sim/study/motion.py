@@ -80,3 +80,8 @@ def motion(
     cpu = repeated(run)
     observed = {name: [row[name] for row in found] for name in found[0]}
     return Measured(observed, cpu, duration, simulation.unknowns)
+
+
+def nodes(simulation: Simulation) -> Watch:
+    """Watch the positions of all nodes."""
+    return lambda: {"nodes": simulation.positions.ravel().tolist()}

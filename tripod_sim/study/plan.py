@@ -62,11 +62,6 @@ KNOBS = {knob.field: knob for knob in _ALL}
 """Scene fields that studies vary."""
 
 
-def knobs_of(default: Settings) -> tuple[Knob, ...]:
-    """Return the knobs of the fields that have a value in `default`, in its order; other fields follow a knob."""
-    return tuple(KNOBS[field] for field in default if field in KNOBS)
-
-
 @dataclass(frozen=True)
 class Quantity:
     """What a user cares about.
@@ -97,6 +92,10 @@ class Quantity:
     def key(self) -> str:
         """Name of its rows among the observations."""
         return self.rows or self.name
+
+
+NODES = Quantity("nodes", "m", "positions of all nodes, root mean square, the worst instant", measure="rms")
+"""As `motion.nodes` observes them."""
 
 
 @dataclass(frozen=True)
@@ -140,18 +139,18 @@ class Plan:
 
     Attributes:
         name, title: Of the study.
-        scene: That it varies.
         module: Has the function `task`, which measures the settings of a point.
         version: Raised whenever the task changes, so that points measured before it are not taken for new ones.
-        base: Settings of all points.
-        knobs: What is varied.
         default: Values of the knobs in the shipped scene, or the nearest that the study can run.
         points: What is run.
         quantities: What is measured; the first is the error that the study is about.
         references: What they are held against.
         solves: Whether a point is a number of static solutions, not a motion.
-        group: Field by which a picture colours the points.
         quick: Whether it is the short form of the study.
+        scene: That it varies, if the study has another name.
+        base: Settings of all points.
+        others: What is varied besides those of `default` that `KNOBS` has.
+        group: Field by which a picture colours the points.
         order_knob: Field whose order of convergence is fitted; empty for none.
         order_quantity: Quantity of which it is fitted.
         limit: CPU or wall time after which a point is given up [s].
@@ -162,17 +161,17 @@ class Plan:
 
     name: str
     title: str
-    scene: str
     module: str
     version: int
-    base: Settings
-    knobs: tuple[Knob, ...]
     default: Settings
     points: tuple[Point, ...]
     quantities: tuple[Quantity, ...]
     references: tuple[Reference, ...]
-    group: str
     quick: bool
+    scene: str = ""
+    base: Settings = field(default_factory=dict)
+    others: tuple[Knob, ...] = ()
+    group: str = "inertia.scheme"
     solves: bool = False
     order_knob: str = ""
     order_quantity: str = ""
@@ -180,6 +179,11 @@ class Plan:
     note: str = ""
     given: Settings = field(default_factory=dict)
     draft: Settings = field(default_factory=dict)
+
+    @property
+    def knobs(self) -> tuple[Knob, ...]:
+        """What is varied, in the order of `default`."""
+        return (*(KNOBS[name] for name in self.default if name in KNOBS), *self.others)
 
     def full(self, settings: Settings) -> dict[str, Value]:
         """Return all that is set at a point, the base too."""
@@ -248,10 +252,10 @@ def grid(default: Settings, **values: Sequence[Value]) -> list[Point]:
     return [Point({**default, **dict(zip(fields, row, strict=True))}) for row in product(*values.values())]
 
 
-def unique(points: Sequence[Point]) -> tuple[Point, ...]:
-    """Return the points without repetitions; a label stays."""
+def points_of(default: Settings, points: Sequence[Point], label: str = "the default") -> tuple[Point, ...]:
+    """Return the default, of this label, and the points, without repetitions; a label stays."""
     found: dict[str, Point] = {}
-    for point in points:
+    for point in (Point(default, label), *points):
         key = json.dumps(dict(point.settings), sort_keys=True)
         if key not in found or (point.label and not found[key].label):
             found[key] = point

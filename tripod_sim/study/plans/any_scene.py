@@ -25,7 +25,7 @@ from tripod_sim.scene_short import effector_of, joints_of
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, Value, grid, knobs_of, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, Value, grid, points_of
 from tripod_sim.study.task import Measured
 from tripod_sim.tables.motion import EXPLICIT
 
@@ -136,7 +136,6 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         module=__name__,
         version=1,
         base=base,
-        knobs=knobs_of(default),
         default=default,
         points=_points(tries, default, finest, quick=quick),
         quantities=_quantities(made),
@@ -336,7 +335,7 @@ def _points(tries: _Tries, default: Settings, finest: Settings, *, quick: bool) 
         if not quick:
             points += grid(best, mesh__element=ELEMENTS.get(made.mesh.element, ()), dt=steps[1:3])
     kept = [p for p in points if tries.takes(p.settings)]
-    return unique([Point(default, "the scene as it is"), *kept])
+    return points_of(default, kept, "the scene as it is")
 
 
 def _check_moves(scene: Scene, *, moved: bool) -> None:

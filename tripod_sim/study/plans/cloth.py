@@ -2,7 +2,7 @@
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
+from tripod_sim.study.plan import NODES, Plan, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured
 
 SCENE = "cloth"
@@ -53,21 +53,15 @@ def plan(*, quick: bool) -> Plan:
     return Plan(
         name="cloth",
         title="The cloth of 20 x 20 nodes, hung at two corners, first second",
-        scene=SCENE,
         module=__name__,
         version=1,
-        base={},
-        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
-        points=unique([Point(DEFAULT, "the default"), *points]),
+        points=points_of(DEFAULT, points),
         quantities=(
-            Quantity(
-                "nodes", "m", "positions of all nodes, root mean square, the worst instant", measure="rms"
-            ),
+            NODES,
             Quantity("edge", "m", "the middle of the free edge, the worst instant"),
         ),
         references=(Reference("reference", quick_rungs if quick else rungs),),
-        group="inertia.scheme",
         quick=quick,
         order_knob="dt",
         order_quantity="nodes",

@@ -10,7 +10,7 @@ from tripod_sim.errors import StepError
 from tripod_sim.maze.play import MazeBall
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Observed, Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
+from tripod_sim.study.plan import Observed, Plan, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured, repeated
 
 FloatArray = NDArray[np.float64]
@@ -72,22 +72,17 @@ def plan(*, quick: bool) -> Plan:
     return Plan(
         name="maze",
         title="The ball in the maze, from the tilt of the plate to its first bounce",
-        scene=SCENE,
         module=__name__,
         version=1,
-        base={},
-        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
-        points=unique([Point(DEFAULT, "the default"), *points]),
+        points=points_of(DEFAULT, points),
         quantities=(
             Quantity("path", "m", "the ball's centre in the plate's frame until its first bounce"),
             Quantity("bounce", "s", "time of the first bounce", scale="largest"),
             Quantity("place", "m", "the ball's centre in world at the first bounce", scale="largest"),
         ),
         references=(Reference("reference", quick_rungs if quick else rungs),),
-        group="inertia.scheme",
         quick=quick,
-        limit=300.0,
     )
 
 

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from tripod_sim.simulation import Simulation
-from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
+from tripod_sim.study.motion import motion, nodes, scene_of
+from tripod_sim.study.plan import NODES, Plan, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured
 from tripod_sim.tables.bodies import Springs
 
@@ -58,23 +57,17 @@ def plan(*, quick: bool) -> Plan:
     return Plan(
         name="pendulum",
         title="The pendulum, ten nodes, first second of its swing",
-        scene=SCENE,
         module=__name__,
         version=1,
-        base={},
-        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
-        points=unique([Point(DEFAULT, "the default"), *points]),
+        points=points_of(DEFAULT, points),
         quantities=(
-            Quantity(
-                "nodes", "m", "positions of all nodes, root mean square, the worst instant", measure="rms"
-            ),
+            NODES,
             Quantity("end", "m", "position of the free end, the worst instant"),
             Quantity("amplitude", "m", "largest distance of the free end from its start", scale="largest"),
             Quantity("passage", "s", "when the free end is lowest", scale="largest"),
         ),
         references=(Reference("reference", rungs),),
-        group="inertia.scheme",
         quick=quick,
         order_knob="dt",
         order_quantity="nodes",
@@ -148,11 +141,7 @@ def task(settings: Settings) -> Measured:
         begin = time.thread_time()
         found = exact(scene.springs, scene.gravity.acceleration[2], float(settings[EXACT]), times)
         return Measured(_rows(found), [time.thread_time() - begin], DURATION)
-
-    def watch(simulation: Simulation) -> Watch:
-        return lambda: {"nodes": simulation.positions.ravel().tolist()}
-
-    measured = motion(scene_of(SCENE, settings), DURATION, INTERVAL, watch)
+    measured = motion(scene_of(SCENE, settings), DURATION, INTERVAL, nodes)
     rows = np.array(measured.observed["nodes"])
     measured.observed = _rows(rows.reshape(len(rows), -1, 3))
     return measured

@@ -4,7 +4,7 @@ import numpy as np
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
+from tripod_sim.study.plan import Plan, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured
 
 SCENE = "silicone"
@@ -64,13 +64,10 @@ def plan(*, quick: bool) -> Plan:
     return Plan(
         name="silicone",
         title="The silicone piece, one strip held, let go from flat",
-        scene=SCENE,
         module=__name__,
         version=1,
-        base={},
-        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
-        points=unique([Point(DEFAULT, "the default"), *points]),
+        points=points_of(DEFAULT, points),
         quantities=(
             Quantity("tips", "m", "ends of the two free strips, the worst instant"),
             Quantity("sag", "m", "the lower of them at the end of the motion", scale="largest"),

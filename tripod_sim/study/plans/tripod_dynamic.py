@@ -4,7 +4,7 @@ import numpy as np
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured
 
 SCENE = "tripod"
@@ -66,7 +66,6 @@ def quick_finest(_: Settings) -> tuple[Settings, ...]:
 
 def plan(*, quick: bool) -> Plan:
     """Return the study; `quick`: few points, against a coarser reference."""
-    shipped, draft = Point(DEFAULT, "the default"), Point(SHARP, "draft")
     if quick:
         newton = {**LINEAR, "solver.mode": "newton"}
         points = [
@@ -99,10 +98,9 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=3,
         base=BASE,
-        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
         draft=SHARP,
-        points=unique([shipped, draft, *points]),
+        points=points_of(DEFAULT, [Point(SHARP, "draft"), *points]),
         quantities=(
             Quantity(
                 "move", "m", "how far the effector has moved since the start", "finest mesh", scale="largest"
@@ -129,7 +127,6 @@ def plan(*, quick: bool) -> Plan:
         ),
         order_knob="dt",
         order_quantity="move, time alone",
-        group="inertia.scheme",
         quick=quick,
         limit=1500.0,
         note="With the compliant clamp, but for the draft, whose clamp is sharp. Errors of the pose, of its "

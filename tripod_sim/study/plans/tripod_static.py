@@ -6,7 +6,7 @@ import numpy as np
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, knobs_of, unique
+from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured, repeated
 
 SCENE = "tripod"
@@ -66,7 +66,6 @@ def plan(*, quick: bool) -> Plan:
         {**LINEAR, "mesh.element": "t4", "mesh.level": 5, "material.law": "corotational"},
         "sofa (coarse)",
     )
-    shipped = Point(DEFAULT, "the default")
     if quick:
         points = [
             *grid({**DEFAULT, "solver.max_turn": 0.3}, mesh__element=("h8_modes",), mesh__level=(1, 8)),
@@ -98,9 +97,8 @@ def plan(*, quick: bool) -> Plan:
         module=__name__,
         version=1,
         base=BASE,
-        knobs=knobs_of(DEFAULT),
         default=DEFAULT,
-        points=unique([shipped, sofa, *points]),
+        points=points_of(DEFAULT, [sofa, *points]),
         quantities=(
             Quantity("effector", "m", "position of the effector, the worst of all poses"),
             Quantity("torque", "N m", "torques of the servos", scale="largest"),
