@@ -21,6 +21,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.scene_short import joints_of
+from tripod_sim.study.front import front
 
 SETTINGS = ("mesh", "material", "clamp", "inertia", "dt", "solver", "ball")
 """Tables that may change under a scene that runs; what else it has stays."""
@@ -84,7 +85,9 @@ def ladder(
         rungs = [Rung(tuple(words), cost * found.calibration / product, None, ASKED)]
     else:
         raise SceneError(f"study {found.name} has no point with these settings")
-    for point in reversed(_front(found)):
+    stable = list(filter(stays_stable, found.points))
+    best = front([promised(found, p) for p in stable], [p.cpu for p in stable])
+    for point in (stable[i] for i in reversed(best)):
         if point.cpu * STEP > rungs[-1].cost or promised(found, point) > DRAFT:
             continue
         setting = tuple(f"{field}={literal(value)}" for field, value in point.settings.items())
@@ -119,15 +122,6 @@ def follows(scene: Scene, other: Scene) -> bool:
     if bool(scene.inertia) != bool(other.inertia):
         return False
     return joints_of(scene) is not None or not changed & set(SHAPE)
-
-
-def _front(study: StoredStudy) -> list[StoredPoint]:
-    """Return the points that nothing cheaper is as exact as, the cheapest first."""
-    front = list[StoredPoint]()
-    for point in sorted(filter(stays_stable, study.points), key=lambda p: (p.cpu, promised(study, p))):
-        if not front or promised(study, point) < promised(study, front[-1]):
-            front.append(point)
-    return front
 
 
 def _error(source: str, study: StoredStudy, point: StoredPoint, words: Sequence[str]) -> float | None:

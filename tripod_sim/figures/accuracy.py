@@ -17,6 +17,7 @@ from tripod_sim.accuracy.choice import (
 from tripod_sim.accuracy.stored import StoredStudy
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
+from tripod_sim.study.front import front
 
 WISHES = ("draft", "real-time", "5%", "1%", "reference")
 """What is offered, by the words of `--accuracy`."""
@@ -103,7 +104,7 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
         why_not="" if point else f"study {study.name} has no point with these settings",
         offers=tuple(_offer(wish, study, scene, scale) for wish in WISHES),
         dots=tuple(dots[:MOST_DOTS]),
-        front=tuple(_front(dots)),
+        front=tuple(dots[i] for i in front([error for _, error in dots], [seconds for seconds, _ in dots])),
         scaled=scale is not None,
     )
 
@@ -117,14 +118,6 @@ def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None) -> 
     dt = point.settings.get("dt", scene.dt)
     step = seconds * dt if seconds and isinstance(dt, float) and not study.solves else None
     return Offer(wish, settings_text(point), promised(study, point), seconds, step)
-
-
-def _front(dots: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    front: list[tuple[float, float]] = []
-    for seconds, error in dots:  # cheapest first
-        if not front or error < front[-1][1]:
-            front.append((seconds, error))
-    return front
 
 
 def accuracy_line(figures: AccuracyFigures) -> str:
