@@ -98,7 +98,6 @@ class JoinedMesh:
 
     Attributes:
         nodes: At the start [m], shape (n, 3): of the soft body, then vertices of the rigid ones.
-        elements: Of the soft body.
         surface: Triangles, shape (t, 3).
         topology_id: CRC-32 of the connectivity.
         soft: The soft body; None for none.
@@ -110,36 +109,27 @@ class JoinedMesh:
         solid = rigid.vertices(rigid.start)
         n = len(soft.nodes) if soft else 0
         self.nodes: FloatArray = np.concatenate([soft.nodes, solid]) if soft else solid
-        self.elements: IndexArray = soft.elements if soft else np.zeros((0, 3), dtype=np.int64)
         faces = rigid.triangles + n
         self.surface: IndexArray = np.concatenate([soft.surface, faces]) if soft else faces
         self.topology_id = zlib.crc32(
             faces.astype("<i8").tobytes(), soft.topology_id if soft else zlib.crc32(bytes([0]))
         )
 
+    @property
+    def elements(self) -> IndexArray:
+        """Of the soft body."""
+        return self.soft.elements if self.soft else np.zeros((0, 3), dtype=np.int64)
 
-class JoinedSkin:
-    """A skin of the soft body with the rigid bodies behind it.
 
-    Attributes:
-        nodes, surface, topology_id: As of `JoinedMesh`.
-    """
+class JoinedSkin(JoinedMesh):
+    """A skin of the soft body with the rigid bodies behind it."""
 
     def __init__(self, skin: Any, count: int, rigid: RigidSet) -> None:
         """`skin`: of the soft body, which has `count` nodes."""
-        self._skin, self._count = skin, count
-        both = JoinedMesh(_Shown(skin), rigid)
-        self.nodes, self.surface, self.topology_id = both.nodes, both.surface, both.topology_id
+        super().__init__(skin, rigid)
+        self._count = count
 
     def vertices(self, positions: FloatArray) -> FloatArray:
         """Return the vertices for positions of nodes and rigid vertices [m], a new array."""
         n = self._count
-        return np.concatenate([self._skin.vertices(positions[:n]), positions[n:]])
-
-
-class _Shown:
-    """A skin as a mesh without elements."""
-
-    def __init__(self, skin: Any) -> None:
-        self.nodes, self.surface, self.topology_id = skin.nodes, skin.surface, skin.topology_id
-        self.elements = np.zeros((0, 3), dtype=np.int64)
+        return np.concatenate([self.soft.vertices(positions[:n]), positions[n:]])
