@@ -336,16 +336,7 @@ class Simulation:
         total = StepReport()
         for _ in range(steps):
             report = self.step()
-            for name in (
-                "iterations",
-                "factorisations",
-                "parts",
-                "increments",
-                "halvings",
-                "rejected",
-                "linear_iterations",
-            ):
-                setattr(report, name, getattr(report, name) + getattr(total, name))
+            report.add(total)
             total = report
         self.report = total
         return total

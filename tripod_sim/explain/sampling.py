@@ -132,8 +132,7 @@ class Sampler:
         self._begin()
         for _ in range(self.count):
             self._step()
-            for name in ("iterations", "factorisations", "parts", "linear_iterations"):
-                setattr(total, name, getattr(total, name) + getattr(self.simulation.report, name))
+            total.add(self.simulation.report)
         return total
 
     def looped(self) -> float | None:

@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
 """Of the length that the tolerance allows; least and largest change from part to part."""
 
-ADDED_UP = ("iterations", "factorisations", "halvings", "linear_iterations")
-"""Of the reports of parts."""
-
 
 @dataclass(eq=False)
 class TwinState(Copied):
@@ -149,8 +146,7 @@ class Doubling:
                 length, again = max(h * max(change, SHRINK), self._wanted.shortest), True
                 continue
             for report in reports:
-                for name in ADDED_UP:
-                    setattr(report, name, getattr(report, name) + getattr(total, name))
+                report.add(total)
                 report.parts, report.rejected = total.parts, total.rejected
                 total = report
             total.parts += 1

@@ -20,9 +20,15 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 FloatArray = NDArray[np.float64]
 
 
+WORK = (
+    "iterations", "factorisations", "parts", "increments", "halvings", "rejected", "linear_iterations",
+)  # fmt: skip
+"""What adds up of the reports of steps."""
+
+
 @dataclass
 class StepReport:
-    """What one step took.
+    """What one step took, or several.
 
     Attributes:
         iterations: Linear solves, over all parts.
@@ -61,6 +67,11 @@ class StepReport:
     rejected: int = 0
     asleep: bool = False
     unstable: bool = False
+
+    def add(self, before: "StepReport") -> None:
+        """Add the work of the steps before; what else this says is of the last."""
+        for name in WORK:
+            setattr(self, name, getattr(self, name) + getattr(before, name))
 
     @property
     def instability(self) -> str:
