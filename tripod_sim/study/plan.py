@@ -147,7 +147,7 @@ class Plan:
         references: What they are held against.
         solves: Whether a point is a number of static solutions, not a motion.
         quick: Whether it is the short form of the study.
-        scene: That it varies, if the study has another name.
+        scene: That it varies; empty: that of the study's name.
         base: Settings of all points.
         others: What is varied besides those of `default` that `KNOBS` has.
         group: Field by which a picture colours the points.
@@ -179,6 +179,9 @@ class Plan:
     note: str = ""
     given: Settings = field(default_factory=dict)
     draft: Settings = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scene", self.scene or self.name)
 
     @property
     def knobs(self) -> tuple[Knob, ...]:

@@ -97,7 +97,7 @@ def assemble(plan: Plan, records: Mapping[str, Record], version: str) -> dict[st
         "format": FORMAT,
         "study": plan.name,
         "title": plan.title,
-        "scene": plan.scene or plan.name,
+        "scene": plan.scene,
         "note": plan.note,
         "quick": plan.quick,
         "group": plan.group,
