@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from tripod_sim.forces.solid_kernels import condense_forces, gather
 from tripod_sim.materials import dilatation, laws
 
 Array = Any
@@ -50,24 +51,14 @@ def add_solid_rates(
         elements, G, weight, law, lam, mu, mean, X, K_aa_inverse: As in `solid_kernels`.
         factor: b of stiffness damping [s].
     """
-    nodes, count = elements.shape[1], G.shape[3]
+    count = G.shape[3]
     xe, ve, f = np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
-    F, D, P, slope, C = (
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((9, 9)),
-    )
+    (F, D, P, slope), C = np.empty((4, 3, 3)), np.empty((9, 9))
     B, kappa, unbalanced = np.empty((3, count)), _modulus(law, lam, mu), 0.0
     project = bool(0)  # `False` is a type of its own, for which the laws would be compiled once more
     for e in range(elements.shape[0]):
-        for a in range(nodes):
-            for i in range(3):
-                xe[i, a], ve[i, a] = x[elements[e, a], i], v[elements[e, a], i]
-        for k in range(count - nodes):
-            for i in range(3):
-                xe[i, nodes + k], ve[i, nodes + k] = modes[e, k, i], rates[e, k, i]
+        gather(e, x, modes, elements, xe)
+        gather(e, v, rates, elements, ve)
         f[:] = 0.0
         shared = size = swelling = 0.0
         if mean:
@@ -108,20 +99,7 @@ def add_solid_rates(
             for i in range(3):
                 for a in range(count):
                     f[i, a] += kappa / size * swelling * B[i, a]
-        extra = 3 * (count - nodes)
-        for r in range(extra):
-            y[e, r] = 0.0
-        for c in range(extra):
-            fa = f[c % 3, nodes + c // 3]
-            unbalanced += fa * fa
-            for r in range(extra):
-                y[e, r] += K_aa_inverse[e, c, r] * fa
-            for a in range(nodes):
-                for i in range(3):
-                    f[i, a] -= X[e, c, 3 * a + i] * fa
-        for a in range(nodes):
-            for i in range(3):
-                g[elements[e, a], i] += factor * f[i, a]
+        unbalanced += condense_forces(e, f, elements, X, K_aa_inverse, factor, y, g)
     return unbalanced
 
 

@@ -33,7 +33,7 @@ _modulus = dilatation.modulus
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
-def _deformation(xe: Array, Ge: Array, F: Array) -> None:
+def deformation(xe: Array, Ge: Array, F: Array) -> None:
     """Write F = sum_a xe_a (x) G_a; the rest shape is part of the node positions."""
     for i in range(3):
         for j in range(3):
@@ -44,7 +44,8 @@ def _deformation(xe: Array, Ge: Array, F: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _gather(e: int, x: Array, modes: Array, elements: Array, xe: Array) -> None:
+def gather(e: int, x: Array, modes: Array, elements: Array, xe: Array) -> None:
+    """Write values of nodes `x` and modes of element e, shape (3, c)."""
     for a in range(elements.shape[1]):
         for i in range(3):
             xe[i, a] = x[elements[e, a], i]
@@ -53,12 +54,34 @@ def _gather(e: int, x: Array, modes: Array, elements: Array, xe: Array) -> None:
             xe[i, elements.shape[1] + k] = modes[e, k, i]
 
 
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
+def condense_forces(
+    e: int, f: Array, elements: Array, X: Array, K_aa_inverse: Array, factor: float, y: Array, g: Array
+) -> float:
+    """Add factor (f_u - X^T f_a) of one element to `g`, its f (3, c) being destroyed; write y; return |f_a|²."""
+    nodes, size, square = elements.shape[1], y.shape[1], 0.0
+    for r in range(size):
+        y[e, r] = 0.0
+    for c in range(size):
+        fa = f[c % 3, nodes + c // 3]
+        square += fa * fa
+        for r in range(size):
+            y[e, r] += K_aa_inverse[e, c, r] * fa
+        for a in range(nodes):
+            for i in range(3):
+                f[i, a] -= X[e, c, 3 * a + i] * fa
+    for a in range(nodes):
+        for i in range(3):
+            g[elements[e, a], i] += factor * f[i, a]
+    return square
+
+
 @njit(cache=True, error_model="numpy")
 def _mean_volume(xe: Array, G: Array, weight: Array, law: int, F: Array) -> float:
     """Return v* of one element, G (q, 3, c) and weight (q,) its own; F is scratch."""
     total = size = 0.0
     for q in range(G.shape[0]):
-        _deformation(xe, G[q], F)
+        deformation(xe, G[q], F)
         total += weight[q] * _volume(law, F)
         size += weight[q]
     return total / size
@@ -81,11 +104,11 @@ def solid_energy(
     xe, F = work[:3], np.empty((3, 3))
     total, shared, kappa = 0.0, 0.0, _modulus(law, lam, mu)
     for e in range(elements.shape[0]):
-        _gather(e, x, modes, elements, xe)
+        gather(e, x, modes, elements, xe)
         if mean:
             shared = _mean_volume(xe, G[e], weight[e], law, F)
         for q in range(G.shape[1]):
-            _deformation(xe, G[e, q], F)
+            deformation(xe, G[e, q], F)
             density = _energy(law, F, lam, mu)
             if mean:
                 density -= 0.5 * kappa * (_volume(law, F) - shared) ** 2
@@ -117,19 +140,19 @@ def solid_gradient(
     Returns:
         The strain energy [J], infinite if a point has none (then `g` is not to be used), and |f_a|² [N²].
     """
-    nodes, count = elements.shape[1], G.shape[3]
+    count = G.shape[3]
     xe, f = work[:3], work[3:6]
     F, P, slope = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     shared, kappa = 0.0, _modulus(law, lam, mu)
     total = unbalanced = 0.0
     for e in range(elements.shape[0]):
-        _gather(e, x, modes, elements, xe)
+        gather(e, x, modes, elements, xe)
         f[:] = 0.0
         if mean:
             shared = _mean_volume(xe, G[e], weight[e], law, F)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
-            _deformation(xe, Ge, F)
+            deformation(xe, Ge, F)
             density = _stress(law, F, lam, mu, P)
             if not np.isfinite(density):
                 return np.inf, np.inf
@@ -144,20 +167,7 @@ def solid_gradient(
                 p0, p1, p2 = w * P[i, 0], w * P[i, 1], w * P[i, 2]
                 for a in range(count):
                     f[i, a] += p0 * Ge[0, a] + p1 * Ge[1, a] + p2 * Ge[2, a]
-        size = 3 * (count - nodes)
-        for r in range(size):
-            y[e, r] = 0.0
-        for c in range(size):
-            fa = f[c % 3, nodes + c // 3]
-            unbalanced += fa * fa
-            for r in range(size):
-                y[e, r] += K_aa_inverse[e, c, r] * fa
-            for a in range(nodes):
-                for i in range(3):
-                    f[i, a] -= X[e, c, 3 * a + i] * fa
-        for a in range(nodes):
-            for i in range(3):
-                g[elements[e, a], i] += f[i, a]
+        unbalanced += condense_forces(e, f, elements, X, K_aa_inverse, 1.0, y, g)
     return total, unbalanced
 
 
@@ -195,14 +205,14 @@ def solid_stiffness(
     shared, kappa = 0.0, _modulus(law, lam, mu)
     coupling = np.empty((3 * (count - nodes), 3 * nodes))
     for e in range(elements.shape[0]):
-        _gather(e, x, modes, elements, xe)
+        gather(e, x, modes, elements, xe)
         K[:] = 0.0
         B[:] = 0.0
         if mean:
             shared = _mean_volume(xe, G[e], weight[e], law, F)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
-            _deformation(xe, Ge, F)
+            deformation(xe, Ge, F)
             if mean:
                 _tangent_at_mean(law, F, shared, lam, mu, project, C)
                 _volume_slope(law, F, slope)
@@ -351,9 +361,9 @@ def smallest_volume_ratio(
     xe, F = work[:3], np.empty((3, 3))
     worst, smallest = 0, np.inf
     for e in range(elements.shape[0]):
-        _gather(e, x, modes, elements, xe)
+        gather(e, x, modes, elements, xe)
         for q in range(G.shape[1]):
-            _deformation(xe, G[e, q], F)
+            deformation(xe, G[e, q], F)
             J = determinant(F)
             if not smallest <= J:
                 worst, smallest = e, J
