@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tripod_sim.constraints.groups import quaternion, rotation_vector
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.linear.solver import LinearError, solve_columns
+from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -220,7 +220,7 @@ def _answers(system: System, unknowns: IndexArray) -> FloatArray:
     right = np.zeros((reduction.unknowns, z + s + 1))
     right[unknowns, np.arange(z)] = 1.0
     right[:, z:-1], right[:, -1] = reduction.drive, system.residual
-    return solve_columns(system.linear, right)
+    return system.linear.solve_many(right)
 
 
 def _response(system: System, unknowns: IndexArray, answers: FloatArray) -> Response:

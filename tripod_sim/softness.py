@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from tripod_sim.linear.solver import LinearError, solve_columns
+from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
 
@@ -85,7 +85,7 @@ class SoftestMove:
         forces = np.zeros((reduction.unknowns, 6))
         forces[self._effector, np.arange(6)] = 1.0
         try:
-            answers = solve_columns(system.linear, np.hstack([forces, reduction.drive]))
+            answers = system.linear.solve_many(np.hstack([forces, reduction.drive]))
             stiffness, _ = self._stiffnesses(system, answers)
         except LinearError:
             return False

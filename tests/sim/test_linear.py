@@ -14,7 +14,7 @@ from tripod_sim.build import build
 from tripod_sim.linear import choice
 from tripod_sim.linear.cg import ConjugateGradients
 from tripod_sim.linear.ldl import Ldl
-from tripod_sim.linear.solver import LinearError, solve_columns
+from tripod_sim.linear.solver import LinearError
 
 EPS = np.finfo(float).eps
 NAMES = (
@@ -151,7 +151,7 @@ def test_every_solver_solves_the_tangent(name: str) -> None:
     assert solver.factor()
     assert solver.is_positive()
     exact, x = np.linalg.solve(A, b), solver.solve(b)
-    both = solve_columns(solver, np.stack([b, -2 * b], axis=1))
+    both = solver.solve_many(np.stack([b, -2 * b], axis=1))
     np.testing.assert_allclose(both, np.stack([x, -2 * x], axis=1), rtol=1e-9, atol=1e-9 * np.abs(x).max())
     # a relative residual t in the norm of M^-1 bounds the error by t times the condition number of M^-1 A
     M = np.zeros_like(A)

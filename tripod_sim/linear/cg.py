@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_sim.linear import cg_kernels as kernels
-from tripod_sim.linear.solver import LinearError, Pattern
+from tripod_sim.linear.solver import LinearError, LinearSolver, Pattern
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -18,7 +18,7 @@ MEANING = {
 }
 
 
-class ConjugateGradients:
+class ConjugateGradients(LinearSolver):
     """Solves A x = b of one pattern by iteration (see `LinearSolver`) [HestenesStiefel1952].
 
     The preconditioner M has A's diagonal blocks: 3 x 3 of nodes, 6 x 6 of rigid bodies. A solution is accepted at a

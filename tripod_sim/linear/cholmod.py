@@ -4,12 +4,12 @@ import numpy as np
 from cvxopt import cholmod, matrix, spmatrix
 from numpy.typing import NDArray
 
-from tripod_sim.linear.solver import Pattern
+from tripod_sim.linear.solver import LinearSolver, Pattern
 
 FloatArray = NDArray[np.float64]
 
 
-class Cholmod:
+class Cholmod(LinearSolver):
     """Factors positive definite matrices of one pattern as L L^T (see `LinearSolver`) [ChenEtAl2008]."""
 
     def __init__(self, pattern: Pattern) -> None:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from tripod_sim.linear import ldl_kernels as kernels
 from tripod_sim.linear.ldl_symbolic import analyse
-from tripod_sim.linear.solver import Pattern
+from tripod_sim.linear.solver import LinearSolver, Pattern
 
 FloatArray = NDArray[np.float64]
 
 
-class Ldl:
+class Ldl(LinearSolver):
     """Factors matrices of one pattern (see `LinearSolver`).
 
     Positive definiteness is read from the signs of D (Sylvester's law of inertia).
@@ -61,7 +61,7 @@ class Ldl:
         return out
 
     def solve_many(self, b: FloatArray) -> FloatArray:
-        """Return A^-1 b for k right-hand sides, both of shape (n, k), contiguous: faster than one by one."""
+        """As `LinearSolver.solve_many`, faster than one by one."""
         out = np.empty(b.shape)
         kernels.solve_many(b, self._plan, self._numbers, out)
         return out
