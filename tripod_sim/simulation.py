@@ -335,9 +335,7 @@ class Simulation:
             return self.report
         total = StepReport()
         for _ in range(steps):
-            report = self.step()
-            report.add(total)
-            total = report
+            total = self.step().after(total)
         self.report = total
         return total
 

@@ -27,6 +27,16 @@ def hanging(*words: str) -> Simulation:
     return Simulation(load_scene("cloth", [*HANGING, *words]))
 
 
+def test_many_steps_that_end_asleep_count_the_work_of_the_others_once() -> None:
+    words = ["sleep={}"]
+    one, many = Simulation(load_scene("stack", words)), Simulation(load_scene("stack", words))
+    work = [(r.iterations, r.parts) for r in (one.step() for _ in range(100))]
+    together = many.advance(100)
+    assert together.asleep
+    assert work[-1] == (0, 0)
+    assert (together.iterations, together.parts) == tuple(sum(column) for column in zip(*work, strict=True))
+
+
 def until_asleep(simulation: Simulation, most: int) -> int:
     """Step until the body is asleep; return the number of steps."""
     for k in range(most):
@@ -49,9 +59,11 @@ def test_a_body_at_rest_is_left_alone_until_something_changes() -> None:
         report = simulation.step()
         assert report.asleep
         assert (report.iterations, report.factorisations, report.parts) == (0, 0, 0)
+    together = simulation.advance(5)
+    assert (together.asleep, together.iterations, together.parts) == (True, 0, 0)
     assert simulation.positions.tobytes() == still
-    assert simulation.state.step == step + 5
-    assert simulation.state.time == pytest.approx((step + 5) * simulation.scene.dt)
+    assert simulation.state.step == step + 10
+    assert simulation.state.time == pytest.approx((step + 10) * simulation.scene.dt)
     simulation.state.velocities[7, 2] = 0.1  # a push
     assert not simulation.step().asleep
     assert simulation.report.iterations > 0

@@ -132,7 +132,7 @@ class Sampler:
         self._begin()
         for _ in range(self.count):
             self._step()
-            total.add(self.simulation.report)
+            total = self.simulation.report.after(total)
         return total
 
     def looped(self) -> float | None:

@@ -146,9 +146,8 @@ class Doubling:
                 length, again = max(h * max(change, SHRINK), self._wanted.shortest), True
                 continue
             for report in reports:
-                report.add(total)
-                report.parts, report.rejected = total.parts, total.rejected
-                total = report
+                whole, total = total, report.after(total)
+                total.parts, total.rejected = whole.parts, whole.rejected
             total.parts += 1
             change = SAFETY * ratio ** (-1.0 / (order + 1)) if ratio > 0 else GROW
             length = min(max(h * min(max(change, SHRINK), 1.0 if again else GROW), self._wanted.shortest), dt)

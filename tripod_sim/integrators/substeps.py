@@ -1,7 +1,7 @@
 """Advancing in parts: a part that fails is rolled back and halved."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,10 +68,9 @@ class StepReport:
     asleep: bool = False
     unstable: bool = False
 
-    def add(self, before: "StepReport") -> None:
-        """Add the work of the steps before; what else this says is of the last."""
-        for name in WORK:
-            setattr(self, name, getattr(self, name) + getattr(before, name))
+    def after(self, before: "StepReport") -> "StepReport":
+        """Return this report, which a stepper may keep, with the work of the steps before."""
+        return replace(self, **{name: getattr(self, name) + getattr(before, name) for name in WORK})
 
     @property
     def instability(self) -> str:
