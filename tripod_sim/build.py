@@ -150,7 +150,8 @@ def build(scene: Scene, progress: Callable[[float], None] | None = None) -> Part
 
         distance = scene.contact.contact_distance if scene.contact else 0.0
         in_maze = cast("MazeBall", parts.ball) if scene.maze and parts.ball else None
-        by_way_steps = WaySteps(parts, scene.time_error, scene.inertia.scheme, distance, in_maze)
+        solid = any(body.springs is None for body in soft_bodies(scene))
+        by_way_steps = WaySteps(parts, scene.time_error, scene.inertia.scheme, distance, in_maze, solid=solid)
         parts = replace(parts, stepper=by_way_steps, chosen=by_way_steps)
     elif scene.time_error and scene.inertia and not parts.errors:
         from tripod_sim.integrators.doubling import Doubling

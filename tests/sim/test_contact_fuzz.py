@@ -117,7 +117,7 @@ def test_ball_is_found_wherever_it_is_near_even_with_its_centre_on_a_feature() -
 def test_ball_whose_centre_lies_on_the_plate_is_parted_slowly() -> None:
     world = ball_on(plate(), Law(distance=DISTANCE), [0.0, 0.0, 0.0])  # on the diagonal edge, too
     highest = 0.0
-    for _ in range(100):
+    for _ in range(200):
         report = world.step(0.01)
         assert world.rigid
         assert np.isfinite(world.positions_now()).all()

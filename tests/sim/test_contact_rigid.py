@@ -80,6 +80,21 @@ def test_ball_does_not_bounce_for_ever(response: str) -> None:
     assert 0.05 < world.rigid.centre[0, 2] < 0.0511
 
 
+@pytest.mark.parametrize("h", [1e-4, 1e-3, 1e-2])
+def test_what_has_sunk_in_comes_out_slowly_however_short_the_step(h: float) -> None:
+    """Else half of the contact distance in 0.1 ms would be 5 m/s."""
+    world = ball_on(plate(), Law(distance=1e-3), [0.0, 0.0, 0.0505])
+    highest, fastest = 0.0, 0.0
+    for _ in range(round(0.05 / h)):
+        world.step(h)
+        assert world.rigid
+        highest = max(highest, float(world.rigid.centre[0, 2]))
+        fastest = max(fastest, float(world.rigid.velocity[0, 2]))
+    assert 0 < fastest <= 0.0501
+    assert highest < 0.0512
+    assert world.rigid.centre[0, 2] == pytest.approx(0.051, abs=2e-4)
+
+
 @pytest.mark.parametrize("response", MODES)
 def test_stack_of_three_rests(response: str) -> None:
     centres = [[0.002 * k, 0.001 * k, 0.051 + 0.101 * k] for k in range(3)]

@@ -67,6 +67,31 @@ def test_a_tumbling_top_in_free_flight_has_the_order_of_the_scheme_and_keeps_its
     assert max(lost for _, _, lost in found) < 1e-10
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_where_free_moves_show_a_hit_the_step_is_solved_once(scheme: str) -> None:
+    distance, height, h = 1e-3, 0.1, 0.01
+    world = World(
+        Law(distance=distance), 3e-3, scheme, obstacles=[plate()],
+        rigid=(RigidBodies(np.ones(1), 1e-3 * np.eye(3)[None], np.array([[0, 0, 0.05 + distance + height]]),
+                           np.array([0, 0, -G])), [box([0.1, 0.1, 0.1])]),
+    )  # fmt: skip
+    fall = np.sqrt(2 * height / G)
+    before = int(fall / h)
+    for k in range(before):
+        report = world.step(h)
+        assert report.restarted == (k == 0)
+        assert not np.isfinite(report.meets)
+    assert world.rigid
+    gap, speed = world.rigid.centre[0, 2] - 0.05 - distance, -world.rigid.velocity[0, 2]
+    report = world.step(h)
+    assert report.restarted
+    assert report.passes == report.parts == 1
+    assert report.meets == pytest.approx(gap / (h * speed + h * h * G), rel=1e-9)
+    assert (before + report.meets) * h == pytest.approx(fall, abs=0.1 * h)
+    again = [world.step(h).restarted for _ in range(5)]  # what was left of the gap is made up in the first
+    assert again == [True, True, False, False, False]
+
+
 @pytest.mark.parametrize("scheme", ["implicit_euler", *SCHEMES])
 def test_a_rod_that_tumbles_fast_gains_no_energy(scheme: str) -> None:
     """It turns by 0.2 rad a step, about its length the most: the force of its spin taken as it begins would explode."""

@@ -7,6 +7,8 @@ from tests.checks import assert_failing_leaves_the_state
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim.integrators import way_kernels as kernels
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.state import State
 
 BOXES = (
     *("rigid.0.position=[0, 0, 0.055]", "rigid.1.position=[0.004, 0.002, 0.165]"),
@@ -97,6 +99,48 @@ def test_a_second_ball_tells_what_the_place_of_the_ball_hangs_on() -> None:
     assert np.isnan(fixed.step().time_error.ball)
 
 
+@pytest.mark.parametrize(("ratio", "given"), [(4.0, 0.25), (1.5, 0.9), (30.0, 0.0)])
+def test_the_length_of_a_part_with_a_hit_follows_its_linear_law(ratio: float, given: float) -> None:
+    stepper = made("bounce", "dt=auto", "time_error.accuracy=0.01")._stepper
+    stepper._given = given
+    x = stepper._after_hit(ratio)
+    assert ratio * x == pytest.approx(0.9 * (given * x + 1 - given))
+    stepper._given = 0.0
+    assert stepper._after_hit(1.01) == 0.5
+
+
+def test_where_an_accuracy_is_asked_for_contact_forces_may_take_longer() -> None:
+    words = ("dt=auto", "contact.max_solves=20")
+    assert made("bounce", *words, "time_error.accuracy=0.01")._stepper.awake.world.law.max_solves == 200
+    assert made("bounce", *words, "time_error.tolerance=1e-4")._stepper.awake.world.law.max_solves == 20
+
+
+def test_a_part_goes_up_to_a_hit_that_adds_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ball that flies on a plate, which brakes it: how soon decides how far it comes."""
+    simulation = made("bounce", "contact.restitution=0", "dt=0.02", "dt=auto", "time_error.accuracy=0.001")
+    simulation.state.rigid.velocities[0, 0] = 2.0
+    parts, awake = list[tuple[float, float, float]](), simulation._stepper.awake
+    step = awake.step
+
+    def noted(state: State, joints: np.ndarray, h: float) -> StepReport:
+        report = step(state, joints, h)
+        parts.append((state.time - h, h, report.contact.meets))
+        return report
+
+    monkeypatch.setattr(awake, "step", noted)
+    followed(simulation, 0.02, 17)
+    begin, length, meets = np.array(parts).T
+    first = int(np.flatnonzero(np.isfinite(meets))[0])
+    hit = begin[first] + meets[first] * length[first]
+    assert hit == pytest.approx(np.sqrt(2 * 0.5 / 9.81), abs=0.05 * length[first])
+    assert begin[first + 1] == begin[first]
+    assert length[first + 1] == pytest.approx(0.98 * meets[first] * length[first])
+    assert not np.isfinite(meets[first + 1])
+    assert begin[first + 2] == pytest.approx(begin[first] + length[first + 1])
+    assert np.isfinite(meets[first + 2 :]).any()
+    assert length[first + 2] < 0.5 * length[first]
+
+
 @pytest.mark.parametrize(
     ("scene", "words"),
     [("bounce", ()), ("silicone_drop", ("mesh.level=1",)), ("drape", ("springs.damping=0.1",))],
@@ -129,12 +173,37 @@ def test_a_step_that_is_taken_back_leaves_what_the_next_looks_back_on(
 def test_where_nothing_is_spared_parts_may_add_their_share_and_a_little() -> None:
     added, ways, far = np.array([1e-4, 0.0]), np.array([1e-3, 2e-3]), np.array([0.1, 0.2])
     spent = np.array([1.0, 0.0])  # far more than 5 % of 0.2 m
-    ratio = kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0)
-    assert ratio == pytest.approx(1e-4 / (0.05 * 2e-3 + 0.01 * 0.05 * 0.2))
-    ratio = kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, 0 * spent, 0.4)
-    assert ratio == pytest.approx(1e-4 / (0.05 * 2e-3 + 0.25 * 0.05 * 0.4))
+    share, little, much = 0.05 * 2e-3, 0.01 * 0.05 * 0.2, 0.25 * 0.05 * 0.4
+    found = kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0)
+    assert found == pytest.approx((1e-4 / (share + little), share / (share + little)))
+    found = kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, 0 * spent, 0.4)
+    assert found == pytest.approx((1e-4 / (share + much), share / (share + much)))
     added[1] = np.nan
-    assert np.isnan(kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0))
+    assert np.isnan(kernels.ratio_over_way(0.05, 0.0, 0.25, 0.01, added, ways, far, spent, 0.0)[0])
+
+
+@pytest.mark.parametrize(("w", "phase"), [(1.0, 0.0), (1e5, 0.0), (1e5, np.pi), (10.0, np.pi)])
+def test_errors_of_velocities_add_up_as_those_of_vibrations(w: float, phase: float) -> None:
+    """Parts of 10 ms with errors d e_x and their opposite: within 1 / w they add up, else their squares do."""
+    h, speed, d, count = 0.01, 1.0, 1e-6, 40
+    start, end, ends = np.zeros((2, 1, 3)), np.zeros((2, 1, 3)), np.zeros((1, 5))
+    start[1, 0, 1] = end[1, 0, 1] = speed
+    a, jerk = np.zeros((1, 3)), np.array([[0.0, 0.0, w * w * h * speed]])
+    sums, free, out, vector, square = np.zeros((1, 5)), np.ones(1, dtype=bool), np.zeros((3, 1)), 0.0, 0.0
+    for k in range(count):
+        errors = np.zeros((2, 1, 3))
+        errors[0, 0, 2], errors[1, 0, 0] = 1e-7, d * w * np.cos(k * phase)
+        kernels.write_lengths(h, 1.0, start, end, a, jerk, errors, start[0], free, sums, ends, *out)
+        now = d * np.cos(k * phase)
+        square += now * now + 2 * np.exp(-w * h) * vector * now
+        vector = np.exp(-w * h) * vector + now
+        grew = 1e-7 + max(np.sqrt(ends[0, 1]) - np.sqrt(sums[0, 1]), 0.0)
+        assert out[0, 0] == pytest.approx(grew, rel=1e-9)
+        sums[:] = ends
+    assert sums[0, 0] == pytest.approx(count * 1e-7)
+    assert np.sqrt(sums[0, 1]) == pytest.approx(np.sqrt(square), rel=1e-6)
+    if phase == 0.0:
+        assert np.sqrt(sums[0, 1]) == pytest.approx(d * (count if w == 1.0 else np.sqrt(count)), rel=0.1)
 
 
 def test_errors_are_those_of_the_schemes() -> None:

@@ -28,6 +28,10 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet
     from tripod_sim.springs.skin import ChainSkin
 
+PATIENCE = 10
+"""How many times `contact.max_solves` a step may take where an accuracy is asked for: what is wrong with forces that
+are not found is in no estimate."""
+
 
 def obstacle_parts(scene: Scene) -> list[Part]:
     """Return the surfaces of the obstacles of `scene`. Raises SceneError, naming file and line."""
@@ -79,9 +83,10 @@ def contact_stepper(
     scene: Scene, contact: Contact, soft: tuple[Nodes, list[Part]] | None, rigid: "RigidSet | None" = None
 ) -> ContactStepper:
     """Return what advances soft bodies and rigid ones, as far as there are any, among the obstacles of `scene`."""
+    exact = PATIENCE if scene.time_error and scene.time_error.accuracy else 1
     law = Law(
         contact.response, contact.friction, contact.restitution, contact.rest_speed, contact.contact_distance,
-        contact.tolerance, max_solves=contact.max_solves,
+        contact.tolerance, max_solves=exact * contact.max_solves,
     )  # fmt: skip
     bodies = (rigid.bodies(), rigid.parts) if rigid else None
     world = World(

@@ -1,4 +1,4 @@
-"""Hits, and restitution: impulses on the masses after a step."""
+"""Hits, before and after a step, and restitution: impulses on the masses after it."""
 
 from typing import Any
 
@@ -106,3 +106,26 @@ def hits(c: Contacts, count: int, before: Array, after: Array, slowest: float) -
             if speed > slowest:
                 return True
     return False
+
+
+@njit(cache=True, error_model="numpy")
+def meets(c: Contacts, count: int, before: Array, moves: Array, slowest: float) -> float:
+    """Return the share of `moves` after which sides that approach first touch; infinite where none do.
+
+    Args:
+        c, count: Contacts.
+        before: Velocities of unknowns [m/s, rad/s], shape (u,).
+        moves: Of unknowns, shape (u,).
+        slowest: What approaches no faster does not count [m/s].
+    """
+    first = np.inf
+    for k in range(count):
+        n = c.normal[k]
+        d0, d1, d2 = relative(c.base, c.lump, c.moment, c.width, k, moves)
+        along = n[0] * d0 + n[1] * d1 + n[2] * d2
+        if c.gap[k] + along >= 0.0:
+            continue
+        d0, d1, d2 = relative(c.base, c.lump, c.moment, c.width, k, before)
+        if n[0] * d0 + n[1] * d1 + n[2] * d2 < -slowest:
+            first = min(first, max(c.gap[k], 0.0) / max(-along, 1e-300))
+    return first

@@ -8,8 +8,9 @@
    cut short before the hit.
 
 A hit is a jump of the velocity, over which no scheme may look back: bodies would bounce off by what it remembers. So a
-step of BDF2 or TR-BDF2 in which something hits is made anew by implicit Euler, as is the next one, which has nothing to
-look back on. Parts of a step are steps of implicit Euler, too.
+step of BDF2 or TR-BDF2 in which something hits is one of implicit Euler, as is the next one, which has nothing to look
+back on. Where moves without forces show the hit, the scheme's own stages are not even tried. Parts of a step are steps
+of implicit Euler, too.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from tripod_sim.contact.contact_set import ContactSet, inherit
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Outcome, Response
-from tripod_sim.contact.restitution_kernels import hits, restitute
+from tripod_sim.contact.restitution_kernels import hits, meets, restitute
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.integrators.looking_back import Stage, implicit_euler, stages
 from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
@@ -55,6 +56,8 @@ class ContactReport:
         parts: Parts that the step was divided into.
         restarted: Whether the step was one of implicit Euler although the scheme is another: something hit, or the next
             to last step did not end smoothly.
+        meets: Share of the step after which bodies that move on without forces hit; infinite where they do not, and
+            where the step was not one of implicit Euler.
         way: To the forces, of the last response: `compliance` (few contacts), `multipliers` on all unknowns, `penalty`.
     """
 
@@ -69,6 +72,7 @@ class ContactReport:
     cut: float = 0.0
     parts: int = 0
     restarted: bool = False
+    meets: float = np.inf
     way: str = ""
 
 
@@ -88,8 +92,9 @@ class World:
 
     MOST_PASSES, MOST_HALVINGS, MOST_RAISES = 8, 6, 4
 
-    PART_SPEED = 0.5
-    """At which bodies that begin too close are parted [m/s]."""
+    PART_SPEED, SOFT_PART_SPEED = 0.05, 0.5
+    """At which bodies that begin too close are parted [m/s]: they keep it, so it is hardly a bounce. It is more with
+    penalty, under which they sink in to be pressed at all."""
 
     YIELDS = 1e-6
     """Square of the cosine between the normal and what a vertex may do, above which it yields to pressure."""
@@ -166,13 +171,16 @@ class World:
         self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
         self.detector.warm_up(self.positions)
         self.response.warm_up()
-        none = np.zeros_like(self._u)
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Compile what is needed only when something hits, so that the first hit is no slower than others."""
+        c, law, none = self.contacts.arrays, self.law, np.zeros_like(self._u)
         if law.restitution > 0:
-            restitute(
-                self.contacts.arrays, 0, none, none, none, law.restitution, law.rest_speed, 0, self._impulse
-            )
+            restitute(c, 0, none, none, none, law.restitution, law.rest_speed, 0, self._impulse)
         if self._looks_back:
-            hits(self.contacts.arrays, 0, none, none, 0.0)
+            hits(c, 0, none, none, 0.0)
+            meets(c, 0, none, none, 0.0)
 
     def positions_now(self) -> FloatArray:
         """Return where all surface vertices are now [m], shape (n, 3): a view that the next step overwrites."""
@@ -251,6 +259,7 @@ class World:
     def creep(self, stage: Stage, report: ContactReport) -> float:
         """Make a stage from rest to rest; return what it leaves to inertia [N], infinite where it cannot be made."""
         u, give = self._u, self._end_rate
+        self._begin(stage, stage.s)
         if self._move(stage, report, 0) < 1.0:
             return np.inf
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
@@ -276,7 +285,7 @@ class World:
         for body in self._bodies:
             body.keep()
         for stage in stages(self._scheme, h, self._before):
-            if self._move(stage, report, 0) < 1.0 or self._hits(u, h):
+            if self._begin(stage, h) < 1.0 or self._move(stage, report, 0) < 1.0 or self._hits(u, h):
                 for body in self._bodies:
                     body.recall()
                 return False
@@ -286,8 +295,10 @@ class World:
 
     def _advance(self, h: float, report: ContactReport, depth: int) -> bool:
         """Advance by implicit Euler, halved where needed; return whether the scheme may look back on that."""
-        u = self._u
-        share = self._move(implicit_euler(h), report, depth)
+        u, stage = self._u, implicit_euler(h)
+        met = self._begin(stage, h)
+        report.meets = report.meets if depth else met
+        share = self._move(stage, report, depth)
         if share < 1.0 and depth < self.MOST_HALVINGS:
             self._advance(h / 2, report, depth + 1)
             self._advance(h / 2, report, depth + 1)
@@ -300,14 +311,36 @@ class World:
         self._finish(u, bounce=True)
         return smooth
 
-    def _move(self, stage: Stage, report: ContactReport, depth: int) -> float:
-        """Write the moves of a stage to `_u`; return 1, or the share until which nothing is passed, -1 for none."""
-        u = self._u
+    def _begin(self, stage: Stage, h: float) -> float:
+        """Write the moves of a stage without forces to `_u`, and what they touch to `contacts`.
+
+        Return the share of them after which something hits that a scheme may not look back on in a step of `h` [s];
+        infinite for none, and where no scheme looks back.
+        """
+        u, c = self._u, self.contacts
         self._place()
         self.problem.begin(stage, u)
         self._detect(u)
+        self._prepare(stage)
+        if not (self._looks_back and c.count):
+            return np.inf
+        for body, part in zip(self._bodies, self.problem.slices, strict=True):
+            body.rate_at_start(self._start_rate[part])
+        return float(meets(c.arrays, c.count, self._start_rate, u, self._slowest(h)))
+
+    def _prepare(self, stage: Stage) -> None:
+        """Write what the contacts of a stage are made of."""
+        c = self.contacts
+        if self.some_held:
+            self._drop_held()
+        speed = self.SOFT_PART_SPEED if self.law.response == "penalty" else self.PART_SPEED
+        kernels.prepare(c.arrays, c.count, self.positions, self._free, speed * max(stage.length, stage.s))
+        self.problem.renew()
+
+    def _move(self, stage: Stage, report: ContactReport, depth: int) -> float:
+        """Let forces change the moves; return 1, or the share until which nothing is passed, -1 for none."""
         try:
-            return self._respond(u, max(stage.length, stage.s), report, depth)
+            return self._respond(self._u, stage, report, depth)
         except DescentError:
             if depth >= self.MOST_HALVINGS:
                 raise
@@ -329,9 +362,13 @@ class World:
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.rate_at_start(self._start_rate[part])
             body.rate_at_end(u[part], self._end_rate[part])
+        return bool(hits(c.arrays, c.count, self._start_rate, self._end_rate, self._slowest(h)))
+
+    def _slowest(self, h: float) -> float:
+        """Return the speed [m/s] above which what meets in a step of `h` [s] hits."""
+        law = self.law
         slowest = min(law.rest_speed, self.HIT * law.distance / h)
-        slowest = max(slowest, self.NOISE * law.tolerance * law.distance / h)
-        return bool(hits(c.arrays, c.count, self._start_rate, self._end_rate, slowest))
+        return max(slowest, self.NOISE * law.tolerance * law.distance / h)
 
     def _detect(self, u: FloatArray) -> None:
         """Fill `contacts` for a step that without forces makes the moves `u`."""
@@ -347,15 +384,12 @@ class World:
             self.detector.met(self.positions, self._ends, c, share=1.0)
         inherit(kept.arrays, kept.count, c.arrays, c.count)
 
-    def _respond(self, u: FloatArray, h: float, report: ContactReport, depth: int) -> float:
+    def _respond(self, u: FloatArray, stage: Stage, report: ContactReport, depth: int) -> float:
         """Move `u` to the end of the step; return 1, or the fraction of the moves until which nothing is passed."""
         c, share, rough = self.contacts, 0.0, True
         for number in range(self.MOST_PASSES):
-            if share < 1.0:
-                if self.some_held:
-                    self._drop_held()
-                kernels.prepare(c.arrays, c.count, self.positions, self._free, self.PART_SPEED * h)
-                self.problem.renew()
+            if number and share < 1.0:
+                self._prepare(stage)
             outcome = self._solve(u, report, rough=rough)
             self._ends_of(u)
             before = c.count

@@ -83,15 +83,18 @@ def drop_normal(
 @njit(cache=True, error_model="numpy")
 def write_lengths(
     h: float, longest: float, start: Array, end: Array, a_start: Array, a_end: Array, errors: Array, origin: Array,
-    free: Array, added: Array, ways: Array, far: Array,
+    free: Array, sums: Array, ends: Array, added: Array, ways: Array, far: Array,
 ) -> None:  # fmt: skip
-    """Write how far `errors` put each point off to `added`, its way to `ways`, its distance from `origin` to `far`.
+    """Write what `errors` add to each point's error to `added`, its way to `ways`, its distance from `origin` to `far`.
 
     An error of the velocity puts a point off by as much over w, w² = |da/dt| / |v|, at least 1 / longest, as in a
-    vibration of that frequency.
+    vibration of that frequency. Each row of `sums` becomes that of `ends`, shape (n, 5): the sum of |errors of
+    positions|, the square of what errors of velocities have come to, and the last of these, which those within 1 / w go
+    along with.
     """
     for n in range(len(free)):
-        error, fast, jerk, speed, way, off = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        error, fast, with_last, jerk, speed, way, off = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        ends[n], added[n] = sums[n], 0.0
         if free[n]:
             for i in range(3):
                 error += errors[0, n, i] ** 2
@@ -100,28 +103,38 @@ def write_lengths(
                 speed += (0.5 * (start[1, n, i] + end[1, n, i])) ** 2
                 way += (end[0, n, i] - start[0, n, i]) ** 2
                 off += (end[0, n, i] - origin[n, i]) ** 2
-            if fast > 0.0:
-                rate = max(np.sqrt(jerk) / h / max(np.sqrt(speed), 1e-12), longest**-2)
-                error += fast / rate
-        added[n], ways[n], far[n] = np.sqrt(error), np.sqrt(way), np.sqrt(off)
+            rate = np.sqrt(max(np.sqrt(jerk) / h / max(np.sqrt(speed), 1e-12), longest**-2))
+            fade = np.exp(-rate * h)
+            for i in range(3):
+                with_last += fade * sums[n, 2 + i] * errors[1, n, i] / rate
+                ends[n, 2 + i] = fade * sums[n, 2 + i] + errors[1, n, i] / rate
+            ends[n, 0] += np.sqrt(error)
+            ends[n, 1] = max(sums[n, 1] + fast / rate**2 + 2 * with_last, 0.0)
+            added[n] = ends[n, 0] - sums[n, 0] + max(np.sqrt(ends[n, 1]) - np.sqrt(sums[n, 1]), 0.0)
+        ways[n], far[n] = np.sqrt(way), np.sqrt(off)
 
 
 @njit(cache=True, error_model="numpy")
 def ratio_over_way(
     accuracy: float, floor: float, spend: float, least: float, added: Array, ways: Array, far: Array, before: Array,
     furthest: float,
-) -> float:  # fmt: skip
-    """Return the largest of what points have `added` over what they may; NaN where a number is not finite.
+) -> tuple[float, float]:  # fmt: skip
+    """Return the largest of what points have `added` over what they may, and which part of this their way gives them.
+
+    The first is NaN where a number is not finite.
 
     before: Errors of parts before; furthest: that a point has been from its origin then [m]. Arrays have the shape (n,)
     and are of points of one kind.
     """
-    share, total, worst = accuracy * ways.max(), accuracy * max(furthest, far.max()) + floor, 0.0
+    share, total = accuracy * ways.max(), accuracy * max(furthest, far.max()) + floor
+    worst, given = 0.0, 0.0
     for n in range(len(added)):
         if added[n] == 0.0:
             continue
-        ratio = added[n] / (share + max(spend * (total - before[n]), least * total))
+        may = share + max(spend * (total - before[n]), least * total)
+        ratio = added[n] / may
         if np.isnan(ratio):
-            return ratio
-        worst = max(worst, ratio)
-    return worst
+            return ratio, 0.0
+        if ratio > worst:
+            worst, given = ratio, share / may
+    return worst, given

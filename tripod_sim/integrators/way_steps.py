@@ -9,11 +9,14 @@ the accelerations a, backward differences of v, and differ from that by the trap
 For implicit Euler e is h² / 2 times the acceleration, its very defect; for schemes of second order h³ times a constant
 a little above that of their defect; and h / 2 times the jump of the velocity where something hits, which is how
 uncertain the hit's instant is [HairerNorsettWanner1993, chapter II.4]. What is pressed does not err along the normal:
-it ends where the surface is. An error of the velocity puts a point off later, in a vibration of w by e_v / w, so that
+it ends where the surface is. An error of the velocity puts a point off later, in a vibration by
 
-    |e|² + |e_v|² / w²,    w² = |a' - a| / (h |v|),
+    d = e_v / w,    w² = |a' - a| / (h |v|).
 
-is what a part adds to a point's error. It costs nothing: no step is made twice but those that are taken back.
+Errors of positions add up to the sum of |e|. Those of velocities go with vibrations of all phases, so their squares add
+up, but for what came within 1 / w before, which they go along with: D² grows by |d|² + 2 d . r, r = exp(-w h) (d + r)
+of the part before. What a part adds to a point's error is what it lets the sum of |e| and D grow by. It costs nothing:
+no step is made twice but those that are taken back.
 
 A ball in a maze is led by the plate, whose error it takes up for good: a tilt that is off by a share puts it off by
 that share of its way, and a wall that it barely hits or misses by many times that. So a second ball goes along, in a
@@ -27,11 +30,12 @@ its own share and some of what the parts before have spared,
     A ds + max(SPEND (A S + floor - sum so far), LEAST (A S + floor)).
 
 A motion without hits then gets equal errors per way, and a hit, whose error is h v / 2 however short the step, what the
-way to it has spared. The floor is A times the contact distance or FINE times the size of everything, or the tolerance
-where that is larger: what is finer nobody sees. Without an accuracy a part may add the tolerance.
+way to it has spared. Where that is too much, a part goes up to the hit, whose instant is known from how bodies move on
+without forces, and a short one over it. The floor is A times the contact distance or FINE times the size of everything,
+or the tolerance where that is larger: what is finer nobody sees. Without an accuracy a part may add the tolerance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,11 +72,9 @@ LEAST = 0.01
 FINE = 0.005
 """Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
 
-SHARE = 0.7
-"""Of the accuracy that what is measured may add up to: it is of leading order, and hits make errors larger."""
-
-TILT = 0.6
-"""Of the accuracy that a plate keeps under a ball, whose way errs more than that of the plate."""
+SHARE, SOLID_SHARE = 0.7, 0.5
+"""Of the accuracy that what is measured may add up to: it is of leading order, and hits make errors larger; those of a
+solid more, as it turns and topples on, and those of a ball that its plate leads."""
 
 POWER = 2
 """Power of the length with which errors over what is allowed are taken to grow."""
@@ -80,8 +82,14 @@ POWER = 2
 FAST = 4 * abs(TR_BDF2)
 """Defect of TR-BDF2 over e_v: differences as of BDF2 make that h³ / 4 times the third derivative, 9 / 8 of BDF2's."""
 
-ADDED_UP = ("iterations", "factorisations", "halvings", "linear_iterations")
-"""Of the reports of parts."""
+KEEP = 1.4
+"""By which a length must have grown before it is changed: lengths that recur keep factorisations."""
+
+BEFORE = 0.98
+"""Of the way to a hit: what a part goes that is to end before it."""
+
+FIELDS = ("origin", "velocities", "accelerations", "sums", "added", "furthest")
+"""Arrays of `WayState`."""
 
 
 @dataclass(eq=False)
@@ -92,7 +100,8 @@ class WayState:
         origin: Where points began [m], shape (n, 3).
         velocities: Of points at the start of the last part [m/s], shape (n, 3).
         accelerations: Of points at its end [m/s²], shape (n, 3).
-        added: Sum of what parts have added to their errors [m], shape (n,).
+        sums: Of the errors of all parts (see `way_kernels.write_lengths`), shape (n, 5).
+        added: Sum of what parts have added to the errors of points [m], shape (n,).
         furthest: That a point of each kind has been from its origin [m], shape (2,).
         length: Of the last part [s]; 0 before the first.
         proposed: That of the next [s]; 0 before the first.
@@ -102,6 +111,7 @@ class WayState:
     origin: FloatArray
     velocities: FloatArray
     accelerations: FloatArray
+    sums: FloatArray
     added: FloatArray
     furthest: FloatArray
     length: float = 0.0
@@ -110,7 +120,7 @@ class WayState:
 
     def copy_to(self, other: "WayState") -> None:
         """Overwrite `other` with this state, without allocating."""
-        for name in ("origin", "velocities", "accelerations", "added", "furthest"):
+        for name in FIELDS:
             getattr(other, name)[:] = getattr(self, name)
         other.length, other.proposed = self.length, self.proposed
         if self.second and other.second:
@@ -118,10 +128,9 @@ class WayState:
 
     def copy(self) -> "WayState":
         """Return an independent copy."""
-        return WayState(
-            self.origin.copy(), self.velocities.copy(), self.accelerations.copy(), self.added.copy(),
-            self.furthest.copy(), self.length, self.proposed, self.second.copy() if self.second else None,
-        )  # fmt: skip
+        arrays = {name: getattr(self, name).copy() for name in FIELDS}
+        second = self.second.copy() if self.second else None
+        return WayState(**arrays, length=self.length, proposed=self.proposed, second=second)
 
 
 class WaySteps:
@@ -132,9 +141,25 @@ class WaySteps:
     """
 
     def __init__(
-        self, parts: "Parts", wanted: TimeError, scheme: str, distance: float, maze: "MazeBall | None" = None
+        self,
+        parts: "Parts",
+        wanted: TimeError,
+        scheme: str,
+        distance: float,
+        maze: "MazeBall | None" = None,
+        *,
+        solid: bool = False,
     ) -> None:
-        """`wanted`: the scene's table; `scheme`: its own; `distance`: of contact [m], 0 without; `maze`: its ball."""
+        """Divide the steps of `parts.stepper`.
+
+        Args:
+            parts: Of the simulation.
+            wanted: The scene's table.
+            scheme: Its time integrator.
+            distance: Of contact [m], 0 without.
+            maze: The ball in a maze, if there is one.
+            solid: Whether a body is a solid.
+        """
         self._order, self._fast = ORDER[scheme], FAST if scheme == "tr_bdf2" else 1.0
         self.awake, self._ball, self._wanted = parts.stepper, parts.ball, wanted
         groups, rigid = parts.system.groups, parts.rigid
@@ -150,6 +175,7 @@ class WaySteps:
         self._free[: self._soft] = np.any(~groups.held(), axis=1)[: self._soft]
         self._before, self._after = np.zeros((2, count, 3)), np.zeros((2, count, 3))
         self._added, self._ways, self._far = np.zeros((3, count))
+        self._sums, self._given = np.zeros((count, 5)), 0.0
         self._errors, self._a_end = np.zeros((2, count, 3)), np.zeros((count, 3))
         self._first = self._soft + np.searchsorted(self._body, np.arange(len(corners) + 1))
         self._world: World | None = getattr(self.awake, "world", None)
@@ -157,7 +183,7 @@ class WaySteps:
             self._row, self._owner = self._world.owners()
         self._remember = getattr(self.awake, "keep_history", lambda: None)
         self._recall = getattr(self.awake, "recall_history", self.awake.forget)
-        self._accuracy = SHARE * wanted.accuracy * (TILT if maze else 1.0)
+        self._accuracy = (SOLID_SHARE if solid else SHARE) * wanted.accuracy
         self._lead = maze.second(1 + wanted.accuracy) if maze and wanted.accuracy else None
         size = float(np.linalg.norm(np.ptp(parts.mesh.nodes, axis=0)))
         self._floor = max(wanted.tolerance, self._accuracy * max(distance, FINE * size))
@@ -168,7 +194,7 @@ class WaySteps:
         """Return what is remembered at the start, `state`; the kernels compile here."""
         self._read(state, self._before)
         x, v = self._before.copy()
-        known = WayState(x, v, np.zeros_like(x), np.zeros(len(x)), np.zeros(2))
+        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 5)), np.zeros(len(x)), np.zeros(2))
         self._measure(known, 1.0, 1.0, StepReport())
         self._ratio(known)
         known.second = state.ball.copy() if self._lead and state.ball else None
@@ -203,12 +229,15 @@ class WaySteps:
         length, done, worst, again, shortest = known.proposed or dt, 0.0, 0.0, False, self._wanted.shortest
         assert origin
         self._read(state, self._before)
-        h = 2 * dt
+        h, flight = 2 * dt, 0.0
         while done < dt:
-            if not h <= length < 2 * h:  # lengths that recur keep factorisations
-                h = length
-            pieces = max(1.0, np.ceil((dt - done) / h - 1e-9))
-            h = (dt - done) / pieces
+            if flight:
+                h, pieces = flight, 2.0
+            else:
+                if not h <= length < KEEP * h:
+                    h = length
+                pieces = max(1.0, np.ceil((dt - done) / h - 1e-9))
+                h = (dt - done) / pieces
             state.copy_to(origin)
             self._remember()
             try:
@@ -226,18 +255,18 @@ class WaySteps:
                 origin.copy_to(state)
                 again_from()
                 total.rejected += 1
-                length, again = max(h * (max(change, SHRINK) if np.isfinite(ratio) else 0.5), shortest), True
+                hit = report.contact.meets if np.isfinite(ratio) and report.contact else np.inf
+                change = self._after_hit(ratio) if np.isfinite(hit) else max(change, SHRINK)
+                length = max(h * (change if np.isfinite(ratio) else 0.5), shortest)
+                flight = BEFORE * hit * h if length < BEFORE * hit * h < h else 0.0
+                again = True
                 continue
-            for name in ADDED_UP:
-                setattr(report, name, getattr(report, name) + getattr(total, name))
-            if report.contact and total.contact:
-                report.contact.smallest_gap = min(report.contact.smallest_gap, total.contact.smallest_gap)
-                report.contact.cut = max(report.contact.cut, total.contact.cut)
-            report.parts, report.rejected = total.parts + 1, total.rejected
-            total = report
+            total = _joined(report, total)
             self._note(known, h)
-            length = min(max(h * min(max(change, SHRINK), 1.0 if again else GROW), shortest), dt)
-            done, again, worst = dt if pieces == 1 else done + h, False, max(worst, float(self._added.max()))
+            if not flight:
+                length = min(max(h * min(max(change, SHRINK), 1.0 if again else GROW), shortest), dt)
+            again = bool(flight)
+            done, flight, worst = dt if pieces == 1 else done + h, 0.0, max(worst, float(self._added.max()))
         known.proposed = length
         state.time, state.step = start[0] + dt, start[1] + 1
         apart = np.nan
@@ -268,7 +297,16 @@ class WaySteps:
             )
             for k, furthest in zip(self._kinds, known.furthest, strict=False)
         ]  # fmt: skip
-        return float(np.max(ratios))
+        worst, self._given = max(ratios, key=lambda r: np.inf if np.isnan(r[0]) else r[0])
+        return worst
+
+    def _after_hit(self, ratio: float) -> float:
+        """Return the length over that of a part in which a hit added `ratio` times what it may: x of at most a half.
+
+        What the hit adds is as that length, and so is the share g of what it may that its way gives: x r = g x + 1 - g.
+        """
+        given = self._given
+        return float(min(SAFETY * (1 - given) / max(ratio - SAFETY * given, 1e-9), 0.5))
 
     def _report(self, known: WayState, worst: float, apart: float) -> TimeErrorReport:
         """Return what parts have added so far, where the steps follow an accuracy, and the most of one [m].
@@ -322,15 +360,25 @@ class WaySteps:
             )  # fmt: skip
         write_lengths(
             h, max(time, h), self._before, self._after, known.accelerations, self._a_end, self._errors, known.origin,
-            self._free, self._added, self._ways, self._far,
+            self._free, known.sums, self._sums, self._added, self._ways, self._far,
         )  # fmt: skip
 
     def _note(self, known: WayState, h: float) -> None:
         """Let `known` follow a part of `h` [s]."""
         known.velocities[:] = self._before[1]
         known.accelerations[:] = self._a_end
+        known.sums[:] = self._sums
         known.added += self._added
         known.length = h
         for k, kind in enumerate(self._kinds):
             known.furthest[k] = max(known.furthest[k], self._far[kind].max())
         self._before, self._after = self._after, self._before
+
+
+def _joined(report: StepReport, earlier: StepReport) -> StepReport:
+    """Return the report of a part as that of all parts until its end, with that of the `earlier` ones."""
+    contact, before = report.contact, earlier.contact
+    if contact and before:
+        contact.smallest_gap = min(contact.smallest_gap, before.smallest_gap)
+        contact.cut = max(contact.cut, before.cut)
+    return replace(report.after(earlier), parts=earlier.parts + 1, rejected=earlier.rejected)
