@@ -10,6 +10,9 @@ from tripod_sim.contact.response_kernels import relative
 
 Array = Any
 
+HELD = 0.999
+"""Share of its limit below which friction holds."""
+
 
 @njit(cache=True, error_model="numpy")
 def restitute(
@@ -83,28 +86,36 @@ def restitute(
 
 
 @njit(cache=True, error_model="numpy")
-def hits(c: Contacts, count: int, before: Array, after: Array, slowest: float) -> bool:
+def hits(
+    c: Contacts, count: int, before: Array, after: Array, slowest: float, creep: float, mu: float
+) -> bool:
     """Return whether sides that press meet or part faster than `slowest` [m/s] before or after a stage.
 
-    Or move so in the direction in which friction pushes: then it has stopped them within the stage.
+    Or slip faster than `creep` in the direction in which friction pushes, or after the stage where it holds or they
+    slipped the other way before: then it has stopped them within the stage.
 
     Args:
-        c, count: Contacts.
+        c, count: Contacts, with their friction and its limits at the end of the stage.
         before, after: Velocities of unknowns [m/s, rad/s], shape (u,).
-        slowest: See above.
+        slowest, creep: See above.
+        mu: Coulomb's coefficient.
     """
     for k in range(count):
         f, n = c.friction[k], c.normal[k]
         if not c.pressure[k] > 0.0:
             continue
         size = np.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-        for v in (before, after):
-            d0, d1, d2 = relative(c.base, c.lump, c.moment, c.width, k, v)
-            speed = abs(n[0] * d0 + n[1] * d1 + n[2] * d2)
-            if size > 0.0:
-                speed = max(speed, (f[0] * d0 + f[1] * d1 + f[2] * d2) / size)
-            if speed > slowest:
-                return True
+        b0, b1, b2 = relative(c.base, c.lump, c.moment, c.width, k, before)
+        a0, a1, a2 = relative(c.base, c.lump, c.moment, c.width, k, after)
+        first, last = n[0] * b0 + n[1] * b1 + n[2] * b2, n[0] * a0 + n[1] * a1 + n[2] * a2
+        if max(abs(first), abs(last)) > slowest:
+            return True
+        if max(f[0] * b0 + f[1] * b1 + f[2] * b2, f[0] * a0 + f[1] * a1 + f[2] * a2) > creep * size:
+            return True
+        slip = a0 * a0 + a1 * a1 + a2 * a2 - last * last
+        stops = size < HELD * mu * c.pressure[k] or a0 * b0 + a1 * b1 + a2 * b2 - last * first < 0.0 < size
+        if stops and slip > creep * creep:
+            return True
     return False
 
 

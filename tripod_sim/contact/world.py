@@ -99,9 +99,10 @@ class World:
     YIELDS = 1e-6
     """Square of the cosine between the normal and what a vertex may do, above which it yields to pressure."""
 
-    HIT, NOISE = 0.05, 4.0
+    HIT, SLOW, NOISE, CREEP = 0.05, 0.1, 4.0, 7.0
     """Way within a step, in contact distances, by which what touches may approach without hitting, unless that is
-    faster than `rest_speed`; the least such way, in tolerances."""
+    faster than this share of `rest_speed`; the least such way, and that by which it may slip where friction has stopped
+    it, in tolerances."""
 
     def __init__(
         self,
@@ -179,7 +180,7 @@ class World:
         if law.restitution > 0:
             restitute(c, 0, none, none, none, law.restitution, law.rest_speed, 0, self._impulse)
         if self._looks_back:
-            hits(c, 0, none, none, 0.0)
+            hits(c, 0, none, none, 0.0, 0.0, 0.0)
             meets(c, 0, none, none, 0.0)
 
     def positions_now(self) -> FloatArray:
@@ -362,12 +363,14 @@ class World:
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.rate_at_start(self._start_rate[part])
             body.rate_at_end(u[part], self._end_rate[part])
-        return bool(hits(c.arrays, c.count, self._start_rate, self._end_rate, self._slowest(h)))
+        slowest = self._slowest(h)
+        creep = min(self.CREEP * law.tolerance * law.distance / h, slowest)
+        return bool(hits(c.arrays, c.count, self._start_rate, self._end_rate, slowest, creep, law.friction))
 
     def _slowest(self, h: float) -> float:
         """Return the speed [m/s] above which what meets in a step of `h` [s] hits."""
         law = self.law
-        slowest = min(law.rest_speed, self.HIT * law.distance / h)
+        slowest = min(self.SLOW * law.rest_speed, self.HIT * law.distance / h)
         return max(slowest, self.NOISE * law.tolerance * law.distance / h)
 
     def _detect(self, u: FloatArray) -> None:

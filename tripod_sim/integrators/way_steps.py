@@ -72,7 +72,7 @@ LEAST = 0.01
 FINE = 0.005
 """Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
 
-SHARE, SOLID_SHARE = 0.7, 0.5
+SHARE, SOLID_SHARE = 0.7, 0.42
 """Of the accuracy that what is measured may add up to: it is of leading order, and hits make errors larger; those of a
 solid more, as it turns and topples on, and those of a ball that its plate leads."""
 
