@@ -387,7 +387,6 @@ def test_the_silicone_that_falls_on_a_cube_rests_and_presses_with_its_weight(
         "mesh.level=1",
         "obstacles.0.position=[0,0,-0.03]",
         "damping.mass=5",
-        "contact.tolerance=1e-4",  # as coarse as the forces are, they may lack balance
         f"contact.response={response}",
     ]
     simulation = Simulation(load_scene("silicone_drop", [*words, f"inertia.scheme={scheme}"]))

@@ -87,17 +87,18 @@ def restitute(
 
 @njit(cache=True, error_model="numpy")
 def hits(
-    c: Contacts, count: int, before: Array, after: Array, slowest: float, creep: float, mu: float
+    c: Contacts, count: int, before: Array, after: Array, slowest: float, slow: float, creep: float, mu: float
 ) -> bool:
     """Return whether sides that press meet or part faster than `slowest` [m/s] before or after a stage.
 
-    Or slip faster than `creep` in the direction in which friction pushes, or after the stage where it holds or they
-    slipped the other way before: then it has stopped them within the stage.
+    Or slip so in the direction in which friction pushes: then it has stopped them within the stage. Of rigid bodies,
+    which go on by what a scheme remembers, `slow` and `creep` are the limits, and they may not slip after the stage
+    where friction holds, nor the other way than before.
 
     Args:
         c, count: Contacts, with their friction and its limits at the end of the stage.
         before, after: Velocities of unknowns [m/s, rad/s], shape (u,).
-        slowest, creep: See above.
+        slowest, slow, creep: See above.
         mu: Coulomb's coefficient.
     """
     for k in range(count):
@@ -108,13 +109,17 @@ def hits(
         b0, b1, b2 = relative(c.base, c.lump, c.moment, c.width, k, before)
         a0, a1, a2 = relative(c.base, c.lump, c.moment, c.width, k, after)
         first, last = n[0] * b0 + n[1] * b1 + n[2] * b2, n[0] * a0 + n[1] * a1 + n[2] * a2
-        if max(abs(first), abs(last)) > slowest:
+        rigid = False
+        for m in range(4):
+            rigid |= c.width[k, m] == 6
+        if max(abs(first), abs(last)) > (slow if rigid else slowest):
             return True
-        if max(f[0] * b0 + f[1] * b1 + f[2] * b2, f[0] * a0 + f[1] * a1 + f[2] * a2) > creep * size:
+        pushed = max(f[0] * b0 + f[1] * b1 + f[2] * b2, f[0] * a0 + f[1] * a1 + f[2] * a2)
+        if pushed > (creep if rigid else slowest) * size:
             return True
         slip = a0 * a0 + a1 * a1 + a2 * a2 - last * last
         stops = size < HELD * mu * c.pressure[k] or a0 * b0 + a1 * b1 + a2 * b2 - last * first < 0.0 < size
-        if stops and slip > creep * creep:
+        if rigid and stops and slip > creep * creep:
             return True
     return False
 

@@ -101,8 +101,8 @@ class World:
 
     HIT, SLOW, NOISE, CREEP = 0.05, 0.1, 4.0, 7.0
     """Way within a step, in contact distances, by which what touches may approach without hitting, unless that is
-    faster than this share of `rest_speed`; the least such way, and that by which it may slip where friction has stopped
-    it, in tolerances."""
+    faster than `rest_speed`, of rigid bodies than this share of it; the least such way, and that by which a rigid body
+    may slip where friction has stopped it, in tolerances."""
 
     def __init__(
         self,
@@ -180,7 +180,7 @@ class World:
         if law.restitution > 0:
             restitute(c, 0, none, none, none, law.restitution, law.rest_speed, 0, self._impulse)
         if self._looks_back:
-            hits(c, 0, none, none, 0.0, 0.0, 0.0)
+            hits(c, 0, none, none, 0.0, 0.0, 0.0, 0.0)
             meets(c, 0, none, none, 0.0)
 
     def positions_now(self) -> FloatArray:
@@ -363,14 +363,16 @@ class World:
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.rate_at_start(self._start_rate[part])
             body.rate_at_end(u[part], self._end_rate[part])
-        slowest = self._slowest(h)
-        creep = min(self.CREEP * law.tolerance * law.distance / h, slowest)
-        return bool(hits(c.arrays, c.count, self._start_rate, self._end_rate, slowest, creep, law.friction))
+        slowest, least = self._slowest(h), law.tolerance * law.distance / h
+        slow = min(slowest, max(self.SLOW * law.rest_speed, self.NOISE * least))
+        creep = min(slow, self.CREEP * least)
+        rates = self._start_rate, self._end_rate
+        return bool(hits(c.arrays, c.count, *rates, slowest, slow, creep, law.friction))
 
     def _slowest(self, h: float) -> float:
         """Return the speed [m/s] above which what meets in a step of `h` [s] hits."""
         law = self.law
-        slowest = min(self.SLOW * law.rest_speed, self.HIT * law.distance / h)
+        slowest = min(law.rest_speed, self.HIT * law.distance / h)
         return max(slowest, self.NOISE * law.tolerance * law.distance / h)
 
     def _detect(self, u: FloatArray) -> None:
