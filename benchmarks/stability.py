@@ -30,7 +30,6 @@ from tripod_sim.robot.disc import effector_disc  # noqa: E402
 FloatArray = NDArray[np.float64]
 
 ELEMENTS = ("t4", "t10", "h8", "h8_modes", "h8_mean", "h20", "h20_full", "h27")
-QUADRATIC = ("t10", "h20", "h20_full", "h27")
 SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")
 FLAT, WORKING = (0.0, 0.0, 0.0, 0.0), (-1.5, -1.5, -1.5, 0.035)
 STILL = 1e-6
@@ -147,12 +146,11 @@ def tripod(case: Case, element: str, scheme: str) -> Subject:
     )
 
 
-def soft_block(name: str, element: str, scheme: str, *, few: bool = False) -> Subject:
+def soft_block(name: str, element: str, scheme: str) -> Subject:
     """Return a block that is let go and hangs from one end.
 
     The soft block has 24x4x4 nodes at 0.1 m, 7 kg, E 50 kPa, nu 0.2: it falls until it hangs almost straight down. The
-    flat slivers are a layer of elements a thousand times flatter than wide, across a shorter block of E 2 kPa. `few`
-    gives quadratic elements of the soft block twice the length, and so about as many nodes as linear ones have.
+    flat slivers are a layer of elements a thousand times flatter than wide, across a shorter block of E 2 kPa.
     """
     young = 5e4
     if name == "flat slivers":
@@ -160,11 +158,7 @@ def soft_block(name: str, element: str, scheme: str, *, few: bool = False) -> Su
         x = np.array([0.0, 0.1, 0.2, 0.2001, 0.3, 0.4])
         mesh, mass = brick(element, (x, np.arange(4) * 0.1, np.arange(4) * 0.1)), 1.2
     else:
-        counts = (12, 3, 3) if few and element in QUADRATIC else (24, 4, 4)
-        mesh, mass = (
-            brick(element, [np.linspace(0, d, n) for d, n in zip((2.3, 0.3, 0.3), counts, strict=True)]),
-            7.0,
-        )
+        mesh, mass = brick(element, tuple(0.1 * np.arange(n) for n in (24, 4, 4))), 7.0
     held = np.flatnonzero(mesh.nodes[:, 0] < 1e-9)
     if "rotated" in name:
         c, s = np.cos(np.pi / 18), np.sin(np.pi / 18)
@@ -185,16 +179,16 @@ def soft_block(name: str, element: str, scheme: str, *, few: bool = False) -> Su
     )
 
 
-def make(name: str, element: str, scheme: str, *, few: bool = False) -> Subject:
-    """Return the subject of one cell of the matrix; `few`: see `soft_block`."""
+def make(name: str, element: str, scheme: str) -> Subject:
+    """Return the subject of one cell of the matrix."""
     if name in TRIPOD:
         return tripod(TRIPOD[name], element, scheme)
-    return soft_block(name, element, scheme, few=few)
+    return soft_block(name, element, scheme)
 
 
-def run(name: str, element: str, scheme: str, *, few: bool = False) -> Outcome:
-    """Run one cell of the matrix; `few`: see `soft_block`."""
-    subject = make(name, element, scheme, few=few)
+def run(name: str, element: str, scheme: str) -> Outcome:
+    """Run one cell of the matrix."""
+    subject = make(name, element, scheme)
     inverted = subject.volume_ratio()[1]
     totals, taken, failure = [], [], ""
     halvings = iterations = factorisations = 0
