@@ -96,7 +96,7 @@ def hits(
     where friction holds, nor the other way than before.
 
     Args:
-        c, count: Contacts, with their friction and its limits at the end of the stage.
+        c, count: Contacts, with their forces at the end of the stage.
         before, after: Velocities of unknowns [m/s, rad/s], shape (u,).
         slowest, slow, creep: See above.
         mu: Coulomb's coefficient.

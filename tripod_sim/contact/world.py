@@ -323,7 +323,7 @@ class World:
         self.problem.begin(stage, u)
         self._detect(u)
         self._prepare(stage)
-        if not (self._looks_back and c.count):
+        if not self._looks_back:
             return np.inf
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.rate_at_start(self._start_rate[part])
@@ -348,7 +348,7 @@ class World:
             return -1.0
 
     def _hits(self, u: FloatArray, h: float) -> bool:
-        """Return whether a scheme may not look back on the moves `u` in a step of `h` [s].
+        """Return whether a scheme may not look back on the moves `u` in a step of `h` [s], of a stage that was begun.
 
         Something hits; or the forces are not found; or a bound of strains pulls, or a spring of penalty presses, which
         have no damping but that of implicit Euler.
@@ -361,7 +361,6 @@ class World:
         if law.response == "penalty":
             return True
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
-            body.rate_at_start(self._start_rate[part])
             body.rate_at_end(u[part], self._end_rate[part])
         slowest, least = self._slowest(h), law.tolerance * law.distance / h
         slow = min(slowest, max(self.SLOW * law.rest_speed, self.NOISE * least))
