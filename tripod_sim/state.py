@@ -22,15 +22,15 @@ class Copied:
     """What remembers arrays, numbers and others of its kind, and is copied with all of them."""
 
     def copy_to(self, other: Self) -> None:
-        """Overwrite `other` with this, without allocating."""
+        """Overwrite `other` with this, without allocating; a part that only one of them has stays as it is."""
         for name in self.__dataclass_fields__:
-            value = getattr(self, name)
+            value, old = getattr(self, name), getattr(other, name)
             if isinstance(value, np.ndarray):
-                getattr(other, name)[:] = value
-            elif isinstance(value, Copied):
-                value.copy_to(getattr(other, name))
-            else:
+                old[:] = value
+            elif not isinstance(value, Copied) and not isinstance(old, Copied):
                 setattr(other, name, value)
+            elif value and old:
+                value.copy_to(old)
 
     def copy(self) -> Self:
         """Return an independent copy."""
@@ -76,7 +76,7 @@ class State(Copied):
     way: "WayState | None" = None
 
     def copy_to(self, other: "State") -> None:
-        """As for others, but written out: each step does it; a part that only one of them has stays as it is."""
+        """As for others, but written out: each step does it."""
         other.positions[:] = self.positions
         other.velocities[:] = self.velocities
         other.modes[:] = self.modes

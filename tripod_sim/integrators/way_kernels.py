@@ -88,9 +88,8 @@ def write_lengths(
     """Write what `errors` add to each point's error to `added`, its way to `ways`, its distance from `origin` to `far`.
 
     An error of the velocity puts a point off by as much over w, w² = |da/dt| / |v|, at least 1 / longest, as in a
-    vibration of that frequency. Each row of `sums` becomes that of `ends`, shape (n, 5): the sum of |errors of
-    positions|, the square of what errors of velocities have come to, and the last of these, which those within 1 / w go
-    along with.
+    vibration of that frequency. Each row of `sums` becomes that of `ends`, shape (n, 4): the square of what
+    errors of velocities have come to, and the last of these, which those within 1 / w go along with.
     """
     for n in range(len(free)):
         error, fast, with_last, jerk, speed, way, off = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -106,11 +105,10 @@ def write_lengths(
             rate = np.sqrt(max(np.sqrt(jerk) / h / max(np.sqrt(speed), 1e-12), longest**-2))
             fade = np.exp(-rate * h)
             for i in range(3):
-                with_last += fade * sums[n, 2 + i] * errors[1, n, i] / rate
-                ends[n, 2 + i] = fade * sums[n, 2 + i] + errors[1, n, i] / rate
-            ends[n, 0] += np.sqrt(error)
-            ends[n, 1] = max(sums[n, 1] + fast / rate**2 + 2 * with_last, 0.0)
-            added[n] = ends[n, 0] - sums[n, 0] + max(np.sqrt(ends[n, 1]) - np.sqrt(sums[n, 1]), 0.0)
+                with_last += fade * sums[n, 1 + i] * errors[1, n, i] / rate
+                ends[n, 1 + i] = fade * sums[n, 1 + i] + errors[1, n, i] / rate
+            ends[n, 0] = max(sums[n, 0] + fast / rate**2 + 2 * with_last, 0.0)
+            added[n] = np.sqrt(error) + max(np.sqrt(ends[n, 0]) - np.sqrt(sums[n, 0]), 0.0)
         ways[n], far[n] = np.sqrt(way), np.sqrt(off)
 
 

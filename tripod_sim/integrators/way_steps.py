@@ -50,7 +50,7 @@ from tripod_sim.integrators.way_kernels import (
     write_errors,
     write_lengths,
 )
-from tripod_sim.state import FloatArray, State
+from tripod_sim.state import Copied, FloatArray, State
 from tripod_sim.tables.method import TimeError
 from tripod_sim.tables.motion import ORDER
 
@@ -88,19 +88,16 @@ KEEP = 1.4
 BEFORE = 0.98
 """Of the way to a hit: what a part goes that is to end before it."""
 
-FIELDS = ("origin", "velocities", "accelerations", "sums", "added", "furthest")
-"""Arrays of `WayState`."""
-
 
 @dataclass(eq=False)
-class WayState:
+class WayState(Copied):
     """What the choice of the steps remembers. Points are what is shown, then the effector's nodes.
 
     Attributes:
         origin: Where points began [m], shape (n, 3).
         velocities: Of points at the start of the last part [m/s], shape (n, 3).
         accelerations: Of points at its end [m/s²], shape (n, 3).
-        sums: Of the errors of all parts (see `way_kernels.write_lengths`), shape (n, 5).
+        sums: Of the errors of all parts (see `way_kernels.write_lengths`), shape (n, 4).
         added: Sum of what parts have added to the errors of points [m], shape (n,).
         furthest: That a point of each kind has been from its origin [m], shape (2,).
         length: Of the last part [s]; 0 before the first.
@@ -117,20 +114,6 @@ class WayState:
     length: float = 0.0
     proposed: float = 0.0
     second: "BallState | None" = None
-
-    def copy_to(self, other: "WayState") -> None:
-        """Overwrite `other` with this state, without allocating."""
-        for name in FIELDS:
-            getattr(other, name)[:] = getattr(self, name)
-        other.length, other.proposed = self.length, self.proposed
-        if self.second and other.second:
-            self.second.copy_to(other.second)
-
-    def copy(self) -> "WayState":
-        """Return an independent copy."""
-        arrays = {name: getattr(self, name).copy() for name in FIELDS}
-        second = self.second.copy() if self.second else None
-        return WayState(**arrays, length=self.length, proposed=self.proposed, second=second)
 
 
 class WaySteps:
@@ -175,7 +158,7 @@ class WaySteps:
         self._free[: self._soft] = np.any(~groups.held(), axis=1)[: self._soft]
         self._before, self._after = np.zeros((2, count, 3)), np.zeros((2, count, 3))
         self._added, self._ways, self._far = np.zeros((3, count))
-        self._sums, self._given = np.zeros((count, 5)), 0.0
+        self._sums = np.zeros((count, 4))
         self._errors, self._a_end = np.zeros((2, count, 3)), np.zeros((count, 3))
         self._first = self._soft + np.searchsorted(self._body, np.arange(len(corners) + 1))
         self._world: World | None = getattr(self.awake, "world", None)
@@ -194,7 +177,7 @@ class WaySteps:
         """Return what is remembered at the start, `state`; the kernels compile here."""
         self._read(state, self._before)
         x, v = self._before.copy()
-        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 5)), np.zeros(len(x)), np.zeros(2))
+        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2))
         self._measure(known, 1.0, 1.0, StepReport())
         self._ratio(known)
         known.second = state.ball.copy() if self._lead and state.ball else None
@@ -244,19 +227,19 @@ class WaySteps:
                 report = self._part(state, begin + min(1.0, (done + h) / dt) * (joints - begin), h)
                 self._read(state, self._after)
                 self._measure(known, h, state.time, report)
-                ratio = self._ratio(known)
+                ratio, given = self._ratio(known)
                 again_from = self._recall if report.parts == 1 else self.awake.forget
             except StepError:
                 if h <= shortest:
                     raise
-                ratio, again_from = np.inf, self.awake.forget
+                ratio, given, again_from = np.inf, 0.0, self.awake.forget
             change = SAFETY * ratio ** (-1.0 / POWER) if ratio > 0 else GROW
             if not ratio <= 1.0 and h > shortest * (1 + 1e-9):
                 origin.copy_to(state)
                 again_from()
                 total.rejected += 1
                 hit = report.contact.meets if np.isfinite(ratio) and report.contact else np.inf
-                change = self._after_hit(ratio) if np.isfinite(hit) else max(change, SHRINK)
+                change = after_hit(ratio, given) if np.isfinite(hit) else max(change, SHRINK)
                 length = max(h * (change if np.isfinite(ratio) else 0.5), shortest)
                 flight = BEFORE * hit * h if length < BEFORE * hit * h < h else 0.0
                 again = True
@@ -286,10 +269,13 @@ class WaySteps:
                 self._lead(state.way.second, state.time, h)
         return report
 
-    def _ratio(self, known: WayState) -> float:
-        """Return what a part has added over what it may, at the worst point; NaN where a number is not finite."""
+    def _ratio(self, known: WayState) -> tuple[float, float]:
+        """Return what a part has added over what it may, and which part of this its way gives, at the worst point.
+
+        The first is NaN where a number is not finite.
+        """
         if not self._accuracy:
-            return float(self._added.max()) / self._wanted.tolerance
+            return float(self._added.max()) / self._wanted.tolerance, 0.0
         ratios = [
             ratio_over_way(
                 self._accuracy, self._floor, SPEND, LEAST,
@@ -297,16 +283,7 @@ class WaySteps:
             )
             for k, furthest in zip(self._kinds, known.furthest, strict=False)
         ]  # fmt: skip
-        worst, self._given = max(ratios, key=lambda r: np.inf if np.isnan(r[0]) else r[0])
-        return worst
-
-    def _after_hit(self, ratio: float) -> float:
-        """Return the length over that of a part in which a hit added `ratio` times what it may: x of at most a half.
-
-        What the hit adds is as that length, and so is the share g of what it may that its way gives: x r = g x + 1 - g.
-        """
-        given = self._given
-        return float(min(SAFETY * (1 - given) / max(ratio - SAFETY * given, 1e-9), 0.5))
+        return max(ratios, key=lambda r: np.inf if np.isnan(r[0]) else r[0])
 
     def _report(self, known: WayState, worst: float, apart: float) -> TimeErrorReport:
         """Return what parts have added so far, where the steps follow an accuracy, and the most of one [m].
@@ -373,6 +350,14 @@ class WaySteps:
         for k, kind in enumerate(self._kinds):
             known.furthest[k] = max(known.furthest[k], self._far[kind].max())
         self._before, self._after = self._after, self._before
+
+
+def after_hit(ratio: float, given: float) -> float:
+    """Return the length over that of a part in which a hit added `ratio` times what it may: x of at most a half.
+
+    What the hit adds is as that length, and so is the share g of what it may that its way gives: x r = g x + 1 - g.
+    """
+    return float(min(SAFETY * (1 - given) / max(ratio - SAFETY * given, 1e-9), 0.5))
 
 
 def _joined(report: StepReport, earlier: StepReport) -> StepReport:
