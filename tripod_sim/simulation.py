@@ -400,8 +400,8 @@ class Simulation:
             raise SceneError(f"scene {self.scene.name!r} has no ball")
         self._ball.start(self.state).copy_to(self.state.ball)
         self._ball.load(self.state, self.state.ball)
-        if self.state.way and self.state.way.second:
-            self.state.ball.copy_to(self.state.way.second)
+        if self._parts.chosen:
+            self._parts.chosen.ball_starts(self.state)
 
     def rehearse(self) -> None:
         """Take every way once that steps take, so that nothing is left to compile, and return to the start state."""

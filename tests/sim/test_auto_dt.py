@@ -5,7 +5,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.integrators import auto_steps
+from tripod_sim.integrators import newton
 from tripod_sim.integrators.auto_steps import AutoSteps
 from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.substeps import Substeps
@@ -72,7 +72,7 @@ def test_the_error_falls_with_the_tolerance(scheme: str) -> None:
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_parts_nest_and_rejected_ones_leave_no_trace(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same lengths without the rejected parts between give the same motion, history included."""
-    monkeypatch.setattr(auto_steps, "UNSOLVED", 0.0)
+    monkeypatch.setattr(newton, "UNSOLVED", 0.0)
     words = ("dt=0.01", "dt=auto", "time_error={tolerance=2e-5, estimate='global'}", "solver.tolerance=1e-9")
     simulation = tripod(scheme, *words)
     tried, worst = lengths(simulation, monkeypatch), 0.0
@@ -113,8 +113,8 @@ def test_solves_end_where_they_are_exact_enough_for_the_step(
     """They take fewer iterations, and their ends shift the motion by half of what its steps do at most."""
     exact, found, iterations = motion(tripod("tr_bdf2", "dt=1.25e-4"), 6, 1.25e-4), [], []
     simulation = tripod(scheme, "dt=0.01", "dt=auto", f"time_error.tolerance={tolerance}")
-    for share in (0.0, auto_steps.UNSOLVED):
-        monkeypatch.setattr(auto_steps, "UNSOLVED", share)
+    for share in (0.0, newton.UNSOLVED):
+        monkeypatch.setattr(newton, "UNSOLVED", share)
         simulation.reset()
         iterations.append(0)
         positions = []
@@ -135,14 +135,14 @@ def test_the_shorter_a_part_the_better_it_is_solved(monkeypatch: pytest.MonkeyPa
     plain = stepper._scheme._part
 
     def part(state, joints, h):
-        left[round(0.02 / h)] = stepper._newton.near
+        left[round(0.02 / h)] = stepper.newton.near
         return plain(state, joints, h)
 
     monkeypatch.setattr(stepper._scheme, "_part", part)
     simulation.step(turned(0.02))
     assert len(left) > 2
     for parts, near in left.items():
-        assert near == pytest.approx(auto_steps.UNSOLVED * 1e-5 * min(1.0, 2 / parts))
+        assert near == pytest.approx(newton.UNSOLVED * 1e-5 * min(1.0, 2 / parts))
 
 
 def test_the_same_bits_after_reset_and_restore() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
-from tripod_sim.integrators import auto_steps
+from tripod_sim.integrators import newton
 from tripod_sim.integrators.auto_steps import AutoSteps
 from tripod_sim.scene_file import scene_to_toml
 
@@ -72,7 +72,7 @@ def test_with_a_fixed_dt_it_is_implicit_euler_to_the_bit(name: str) -> None:
 def test_where_the_tolerance_allows_an_interval_is_one_step_of_implicit_euler(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(auto_steps, "UNSOLVED", 0.0)
+    monkeypatch.setattr(newton, "UNSOLVED", 0.0)
     auto, fixed = tripod("dt=auto", "time_error.tolerance=1.0"), tripod("inertia.scheme=implicit_euler")
     for k in range(6):
         report, other = auto.step(turned(0.01 * (k + 1))), fixed.step(turned(0.01 * (k + 1)))
@@ -108,7 +108,7 @@ def test_the_error_falls_with_the_tolerance_and_no_part_adds_more() -> None:
 def test_both_schemes_take_turns_and_what_is_taken_back_leaves_no_trace(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(auto_steps, "UNSOLVED", 0.0)
+    monkeypatch.setattr(newton, "UNSOLVED", 0.0)
     simulation = tripod("dt=auto", "time_error.tolerance=6e-5", "solver.tolerance=1e-9")
     stepper, tried = simulation._stepper, []
     assert isinstance(stepper, AutoSteps)

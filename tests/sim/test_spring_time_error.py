@@ -246,7 +246,7 @@ def test_conjugate_gradients_estimate_what_a_factorisation_does(scheme: str, ste
 @pytest.mark.parametrize("steps", ["fixed", "auto"])
 def test_a_step_that_cannot_be_saved_leaves_the_state(steps: str) -> None:
     broken = pendulum("inertia.scheme=bdf2", f"time_error.steps={steps}", "solver.max_halvings=2")
-    solver = broken._stepper._newton.solver
+    solver = broken._stepper.newton.solver
     solver.options = solver.options._replace(tolerance=1e-30, max_iterations=1)
     solver.problem = solver.problem._replace(rounding=-1.0)
     before = broken.positions.copy()

@@ -6,9 +6,12 @@ import pytest
 from tests.checks import assert_failing_leaves_the_state
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
+from tripod_sim.constraints.groups import rotation_matrix
+from tripod_sim.integrators import newton
 from tripod_sim.integrators import way_kernels as kernels
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.integrators.way_steps import after_hit
+from tripod_sim.maze.play import MazeBall
 from tripod_sim.state import State
 
 BOXES = (
@@ -87,7 +90,7 @@ def test_a_second_ball_tells_what_the_place_of_the_ball_hangs_on() -> None:
     assert 0.1 * 0.04 * ways[20] < apart[20] < 0.04 * ways[20]  # rolling: some of the way is the plate's
     last = simulation.ball.position.copy()
     simulation.drop_ball()
-    assert simulation.step().time_error.ball < 6e-6 < 0.5 * max(apart)  # 0.04 g t² / 2
+    assert simulation.step().time_error.ball < 6e-6 < 0.5 * max(apart)  # its plate starts where the other is
     simulation.reset()
     again = [simulation.step(START + min((k + 1) / 6, 1.0) * TURN).time_error.ball for k in range(60)]
     assert again == apart
@@ -98,6 +101,53 @@ def test_a_second_ball_tells_what_the_place_of_the_ball_hangs_on() -> None:
     np.testing.assert_array_equal(read.state.way.second.numbers, simulation.state.way.second.numbers)
     fixed = made("maze", *ROLLING, "time_error.tolerance=1e-5", "dt=auto")
     assert np.isnan(fixed.step().time_error.ball)
+
+
+def test_the_plate_of_the_second_ball_goes_and_turns_further() -> None:
+    simulation = made("maze", *ROLLING, "dt=auto", "time_error.accuracy=0.04")
+    simulation.step()
+    play, ball = simulation._ball, simulation.state.ball
+    assert isinstance(play, MazeBall) and ball
+    own, place, lead = play._motion, play.place(simulation.state), play.second(0.5)
+    start = ball.position.copy()
+    own.centre[:], own.rotation[:] = place[0], place[1:]
+    own.centre[1, 2] += 1e-4
+    own.twist[0] = [0, 0, 2e-2]
+    lifted = ball.copy()
+    lifted.twist[:], lifted.velocity[:] = 1.5 * own.twist, 1.5 * own.twist[0]
+    lead(lifted, place, 0.005, 0.005)
+    np.testing.assert_allclose(lifted.position - start, [0, 0, 1.5e-4], atol=1e-12)
+    own.centre[:], own.rotation[:], own.twist[:] = (
+        place[0],
+        rotation_matrix(np.array([0.1, 0, 0])) @ place[1:],
+        0.0,
+    )
+    tilt = rotation_matrix(np.array([0.15, 0, 0]))
+    rolling = ball.copy()
+    rolling.numbers[3:9], rolling.twist[:], rolling.position[:] = (
+        0.0,
+        0.0,
+        place[0] + tilt @ (start - place[0]),
+    )
+    before = rolling.position.copy()
+    for k in range(4):
+        lead(rolling, place, 0.005 * (k + 1), 0.005)
+    way = float(np.linalg.norm(rolling.position - before))
+    assert way == pytest.approx(5 / 7 * 9.81 * np.sin(0.15) * 0.02**2 / 2, rel=0.03)
+
+
+def test_with_an_accuracy_solves_end_where_they_are_exact_enough_for_it() -> None:
+    words, counts, ends = ("maze", *ROLLING, "dt=auto", "time_error.accuracy=0.05"), list[int](), []
+    for share in (0.0, newton.UNSOLVED):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(newton, "UNSOLVED", share)
+            simulation = made(*words)
+            reports = [simulation.step(START + min((k + 1) / 6, 1.0) * TURN) for k in range(20)]
+        counts.append(sum(r.iterations for r in reports))
+        ends.append(simulation.state.positions.copy())
+    assert counts[1] < 0.9 * counts[0]
+    move = np.linalg.norm(ends[0] - made(*words).state.positions, axis=1).max()
+    assert 0 < np.linalg.norm(ends[1] - ends[0], axis=1).max() < 0.01 * move
 
 
 @pytest.mark.parametrize(("ratio", "given"), [(4.0, 0.25), (1.5, 0.9), (30.0, 0.0)])

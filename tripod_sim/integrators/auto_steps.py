@@ -45,11 +45,6 @@ SPARE = 0.3
 CALM = 0.3
 """Part of that below which its steps become longer."""
 
-UNSOLVED, SWING = 0.01, 0.01
-"""By what part of the error that a step may add its end may miss the solution of its equations, where the step takes
-SWING [s] or longer. That is a velocity, too, of as much over h, which moves a body by 1 / w of its slowest mode times
-that (5 ms for the Tripod at work): shorter steps are solved as much better."""
-
 CHEAPER = 1.2
 """Implicit Euler takes over where it gets so many times further with the same work."""
 
@@ -173,7 +168,7 @@ class AutoSteps(Substeps):
         self._scheme.keep_history()
         if fresh:
             self._scheme._drop_history()
-        self._newton.near = UNSOLVED * limit * min(1.0, h / SWING)
+        self.newton.allow(limit, h)
         return self._scheme._part(state, goal, h)
 
     def _take_back(self, state: State) -> None:

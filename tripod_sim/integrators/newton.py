@@ -24,6 +24,12 @@ if TYPE_CHECKING:  # only steps of changing length need it
 FloatArray = NDArray[np.float64]
 
 
+UNSOLVED, SWING = 0.01, 0.01
+"""By what part of the error that a step may add its end may miss the solution of its equations, where the step takes
+SWING [s] or longer. That is a velocity, too, of as much over h, which moves a body by 1 / w of its slowest mode times
+that (5 ms for the Tripod at work): shorter steps are solved as much better."""
+
+
 class NewtonError(RuntimeError):
     """No solution was found; the message says why and where."""
 
@@ -98,6 +104,13 @@ class Newton:
         from tripod_sim.integrators.factor_store import FactorStore  # noqa: PLC0415 - steps of changing length
 
         self.store = FactorStore(self.system)
+
+    def allow(self, error: float, length: float) -> None:
+        """End solves of steps of `length` [s] where an `error` [m] that these may add makes an exact one worth nothing.
+
+        Needs `keep_several`.
+        """
+        self.near = UNSOLVED * error * min(1.0, length / SWING)
 
     def renews(self, keep: float) -> bool:
         """Return whether the next solve, of the time step `keep` [s], would begin with a factorisation."""

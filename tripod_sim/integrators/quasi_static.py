@@ -32,22 +32,22 @@ class QuasiStatic(Substeps):
         self._load = LoadSteps(newton.system, newton.tolerance)
 
     def _largest_part(self, move: FloatArray) -> float:
-        s = len(self._newton.system.groups.driven)
+        s = len(self.newton.system.groups.driven)
         turn = max(float(np.abs(move[:s]).max(initial=0.0)), abs(float(move[s])) / self._reach)
         return 1.0 / max(1, int(np.ceil(turn / self._max_turn)))
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
         load = self._load.carry(state)
-        report = self._newton.solve(state, joints)
+        report = self.newton.solve(state, joints)
         report.iterations += load.increments
         report.factorisations += load.increments
         report.increments, report.halvings = load.increments, load.halvings
-        report.unstable = self._watch and self._newton.indefinite and not self._is_stable(state)
+        report.unstable = self._watch and self.newton.indefinite and not self._is_stable(state)
         return report
 
     def _is_stable(self, state: State) -> bool:
         """Return whether the tangent is positive definite at `state`, as it is."""
-        system = self._newton.system
+        system = self.newton.system
         system.assemble(state, project=False)
         system.evaluate(state)
         return system.factor()

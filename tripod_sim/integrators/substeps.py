@@ -87,12 +87,13 @@ class Substeps(ABC):
     """Advances a state by steps, whole or in parts. A scheme says in `_part` how it advances over one part.
 
     Attributes:
+        newton: Solves.
         errors: Carries the error of the time steps along; None where nobody asks for it.
     """
 
     def __init__(self, newton: Newton, max_halvings: int) -> None:
         """`max_halvings`: the smallest part is 2^-max_halvings of the largest."""
-        self._newton, self._max_halvings = newton, max_halvings
+        self.newton, self._max_halvings = newton, max_halvings
         self._backup: State | None = None
         self.errors: ErrorTransport | None = None
         self._bound = newton.system.bound
@@ -107,7 +108,7 @@ class Substeps(ABC):
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
-        self._newton.forget()
+        self.newton.forget()
         self._drop_history()
 
     def keep_history(self) -> None:  # noqa: B027

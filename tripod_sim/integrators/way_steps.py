@@ -19,9 +19,10 @@ of the part before. What a part adds to a point's error is what it lets the sum 
 no step is made twice but those that are taken back.
 
 A ball in a maze is led by the plate, whose error it takes up for good: a tilt that is off by a share puts it off by
-that share of its way, and a wall that it barely hits or misses by many times that. So a second ball goes along, in a
-gravity that is larger by A. How far it is from the first is what the ball's place is told to; where walls make that
-more than A of its way they decide where it is, and no promise holds for it.
+that share of its way, a wall that moves faster by a share sends it off that much faster, and one that it barely hits or
+misses puts it off by many times that. So a second ball goes along, on a plate that goes and turns further than its own
+by as much as that may err. How far it is from the first is what the ball's place is told to; where walls make that more
+than A of its way they decide where it is, and no promise holds for it.
 
 With `accuracy` A the errors of each point may add up to A times S, as far as the furthest point of its kind has been
 from where it began (kinds: nodes and corners of rigid bodies; the effector's nodes). With ds its way, a part may add
@@ -41,6 +42,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_sim.errors import StepError
+from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.integrators.time_error import TR_BDF2, TimeErrorReport
 from tripod_sim.integrators.way_kernels import (
@@ -102,7 +104,8 @@ class WayState(Copied):
         furthest: That a point of each kind has been from its origin [m], shape (2,).
         length: Of the last part [s]; 0 before the first.
         proposed: That of the next [s]; 0 before the first.
-        second: The ball that goes along in a larger gravity; None without a maze, and before it begins.
+        plate: Where that of a maze was at first [m] and its rotation, a matrix, shape (4, 3); shape (0, 3) without.
+        second: The ball on a plate that goes further; None without a maze, and before it begins.
     """
 
     origin: FloatArray
@@ -111,6 +114,7 @@ class WayState(Copied):
     sums: FloatArray
     added: FloatArray
     furthest: FloatArray
+    plate: FloatArray
     length: float = 0.0
     proposed: float = 0.0
     second: "BallState | None" = None
@@ -166,8 +170,13 @@ class WaySteps:
             self._row, self._owner = self._world.owners()
         self._remember = getattr(self.awake, "keep_history", lambda: None)
         self._recall = getattr(self.awake, "recall_history", self.awake.forget)
+        newton = getattr(self.awake, "newton", None)
+        self._newton = newton if isinstance(newton, Newton) and wanted.accuracy else None
+        if self._newton:
+            self._newton.keep_several()
         self._accuracy = (SOLID_SHARE if solid else SHARE) * wanted.accuracy
-        self._lead = maze.second(1 + wanted.accuracy) if maze and wanted.accuracy else None
+        self._maze = maze if wanted.accuracy else None
+        self._lead = maze.second(SHARE * wanted.accuracy) if maze and wanted.accuracy else None
         size = float(np.linalg.norm(np.ptp(parts.mesh.nodes, axis=0)))
         self._floor = max(wanted.tolerance, self._accuracy * max(distance, FINE * size))
         self._origin: State | None = None
@@ -177,11 +186,20 @@ class WaySteps:
         """Return what is remembered at the start, `state`; the kernels compile here."""
         self._read(state, self._before)
         x, v = self._before.copy()
-        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2))
+        plate = self._maze.place(state) if self._maze else np.zeros((0, 3))
+        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2), plate)
         self._measure(known, 1.0, 1.0, StepReport())
         self._ratio(known)
-        known.second = state.ball.copy() if self._lead and state.ball else None
+        if self._maze and state.ball:
+            known.second = state.ball.copy()
         return known
+
+    def ball_starts(self, state: State) -> None:
+        """Let the second ball start with that of `state`, on a plate that is where the first one's is."""
+        known = state.way
+        if self._maze and state.ball and known and known.second:
+            state.ball.copy_to(known.second)
+            known.plate[:] = self._maze.place(state)
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps."""
@@ -262,11 +280,13 @@ class WaySteps:
         """Advance over one part, with the ball."""
         if self._ball and state.ball:
             self._ball.load(state, state.ball)
+        if self._newton and state.way:
+            self._newton.allow(self._accuracy * float(state.way.furthest.max()) + self._floor, h)
         report = self.awake.step(state, joints, h)
         if self._ball and state.ball:
             self._ball.follow(state, state.ball, h)
             if self._lead and state.way and state.way.second:
-                self._lead(state.way.second, state.time, h)
+                self._lead(state.way.second, state.way.plate, state.time, h)
         return report
 
     def _ratio(self, known: WayState) -> tuple[float, float]:

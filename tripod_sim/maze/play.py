@@ -13,9 +13,11 @@ from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion
 from tripod_sim.ball.obstacle_kernels import MISSES, sweep
 from tripod_sim.ball.plate_kernels import SKIN
 from tripod_sim.ball.rest import carried
+from tripod_sim.constraints.groups import rotation_matrix, rotation_vector
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.maze.plate import Plate
+from tripod_sim.rotations import axial, skew
 from tripod_sim.state import State
 from tripod_sim.tables.robot import Ball
 
@@ -48,7 +50,7 @@ class MazeBall:
             )
         self.plate = plate
         self.ball = BallOnPlate(description, plate.board.obstacles, gravity)
-        self._weight = description.mass * gravity
+        self._gravity, self._weight = gravity, description.mass * gravity
         self._loads, self._quasi_static = loads, quasi_static
         self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
         self._up = np.array([0.0, 0.0, plate.offset])
@@ -87,9 +89,8 @@ class MazeBall:
         x[:] = state.positions[nodes]
         arms = x - state.centres[0]
         force, moment = ball.wrench
-        inertia = np.eye(3) * np.vdot(arms, arms) - arms.T @ arms
-        turn = np.linalg.solve(inertia, moment)
-        self._loads.force[nodes] = force / len(nodes) + np.cross(turn, arms)
+        turn = np.linalg.solve(_inertia(arms), moment)
+        self._loads.force[nodes] = force / len(nodes) + arms @ skew(turn).T
 
     def follow(self, state: State, ball: BallState, dt: float) -> None:
         """Move `ball` over the step that ended at `state`, in place."""
@@ -101,19 +102,34 @@ class MazeBall:
         self.ball.advance(ball, motion, state.time - dt, dt)
         force, moment = self.ball.reaction / dt
         arm = motion.centre[0] - state.centres[0]
-        wrench = np.array([force, moment + np.cross(arm, force)])
+        wrench = np.array([force, moment + skew(arm) @ force])
         share = min(1.0, dt / AVERAGE) if self._quasi_static else 1.0
         ball.wrench += share * (wrench - ball.wrench)
         self._note_goal(ball, motion, state.time)
 
-    def second(self, factor: float) -> Callable[[BallState, float, float], None]:
+    def place(self, state: State) -> FloatArray:
+        """Return centre [m] and rotation, a matrix, of the plate, shape (4, 3)."""
+        rotation = state.rotations[0]
+        return np.vstack([state.centres[0] + rotation @ self._up, rotation])
+
+    def second(self, share: float) -> Callable[[BallState, FloatArray, float, float], None]:
         """Return what moves a second ball, in place, over the step of `dt` up to `time` [s] that the first followed.
 
-        It does not load the plate; its gravity is larger by `factor`.
+        Its plate has gone further from where it was at first, `place`, by `share`, in way and turn; it is not loaded.
         """
-        own = self.ball.description
-        mover = BallOnPlate(own, self.ball.obstacles, factor / own.mass * self._weight)
-        return lambda ball, time, dt: mover.advance(ball, self._motion, time - dt, dt)
+        mover, own = BallOnPlate(self.ball.description, self.ball.obstacles, self._gravity), self._motion
+        motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
+
+        def lead(ball: BallState, place: FloatArray, time: float, dt: float) -> None:
+            motion.centre[:] = own.centre + share * (own.centre - place[0])
+            for k, rotation in enumerate(own.rotation):
+                motion.rotation[k] = (
+                    rotation_matrix(share * rotation_vector(rotation @ place[1:].T)) @ rotation
+                )
+            motion.twist[:] = (1 + share) * own.twist
+            mover.advance(ball, motion, time - dt, dt)
+
+        return lead
 
     def rest_load(
         self, state: State, ball: BallState, out: FloatArray
@@ -139,9 +155,9 @@ class MazeBall:
         x = state.positions[nodes]
         v = (x - self._before) / dt if self._quasi_static else state.velocities[nodes]
         arms, centre = x - state.centres[0], v.mean(axis=0)
-        inertia = np.eye(3) * np.vdot(arms, arms) - arms.T @ arms
-        spin = np.linalg.solve(inertia, np.cross(arms, v - centre).sum(axis=0))
-        return np.array([centre + np.cross(spin, self._motion.rotation[1] @ self._up), spin])
+        moments = arms.T @ (v - centre)  # their antisymmetric part is the sum of arm x velocity
+        spin = np.asarray(np.linalg.solve(_inertia(arms), axial(moments)), dtype=np.float64)
+        return np.array([centre + skew(spin) @ self._motion.rotation[1] @ self._up, spin])
 
     def _note_goal(self, ball: BallState, motion: PlateMotion, time: float) -> None:
         x, y, radius = self.plate.board.goal
@@ -155,3 +171,8 @@ class MazeBall:
         """Return the ball's centre in the plate's frame [m], shape (3,)."""
         rotation = state.rotations[0]
         return np.asarray(rotation.T @ (ball.position - state.centres[0]) - self._up)
+
+
+def _inertia(arms: FloatArray) -> FloatArray:
+    """Return the inertia of points of unit mass about the origin of their `arms`, shape (n, 3)."""
+    return np.asarray(np.eye(3) * np.vdot(arms, arms) - arms.T @ arms)
