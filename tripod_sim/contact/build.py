@@ -32,6 +32,10 @@ PATIENCE = 10
 """How many times `contact.max_solves` a step may take where an accuracy is asked for: what is wrong with forces that
 are not found is in no estimate."""
 
+EXACT, POWER, ROUGH = 0.01, 1.5, 0.03
+"""Accuracy for which `contact.tolerance` is meant, power of it that it goes with, and largest there is: what is left of
+forces moves bodies by as much in each part, and there are about A^-1/2 of these."""
+
 
 def obstacle_parts(scene: Scene) -> list[Part]:
     """Return the surfaces of the obstacles of `scene`. Raises SceneError, naming file and line."""
@@ -83,10 +87,13 @@ def contact_stepper(
     scene: Scene, contact: Contact, soft: tuple[Nodes, list[Part]] | None, rigid: "RigidSet | None" = None
 ) -> ContactStepper:
     """Return what advances soft bodies and rigid ones, as far as there are any, among the obstacles of `scene`."""
-    exact = PATIENCE if scene.time_error and scene.time_error.accuracy else 1
+    tolerance, most = contact.tolerance, contact.max_solves
+    if scene.time_error and scene.time_error.accuracy:
+        rougher = tolerance * (scene.time_error.accuracy / EXACT) ** POWER
+        tolerance, most = min(rougher, max(tolerance, ROUGH)), PATIENCE * most
     law = Law(
         contact.response, contact.friction, contact.restitution, contact.rest_speed, contact.contact_distance,
-        contact.tolerance, max_solves=exact * contact.max_solves,
+        tolerance, max_solves=most,
     )  # fmt: skip
     bodies = (rigid.bodies(), rigid.parts) if rigid else None
     world = World(
