@@ -163,6 +163,19 @@ def test_where_an_accuracy_is_asked_for_contact_forces_may_take_longer() -> None
     assert made("bounce", *words, "time_error.tolerance=1e-4")._stepper.awake.world.law.max_solves == 20
 
 
+@pytest.mark.parametrize(
+    ("accuracy", "asked", "found"),
+    [(0.01, 1e-3, 1e-3), (0.04, 1e-3, 8e-3), (0.0025, 1e-3, 1.25e-4), (0.5, 1e-3, 0.03), (0.5, 0.05, 0.05)],
+)
+def test_contact_forces_are_found_as_exactly_as_an_accuracy_is_worth(
+    accuracy: float, asked: float, found: float
+) -> None:
+    words = ("dt=auto", f"contact.tolerance={asked}")
+    law = made("bounce", *words, f"time_error.accuracy={accuracy}")._stepper.awake.world.law
+    assert law.tolerance == pytest.approx(found)
+    assert made("bounce", *words, "time_error.tolerance=1e-4")._stepper.awake.world.law.tolerance == asked
+
+
 def test_a_part_goes_up_to_a_hit_that_adds_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ball that flies on a plate, which brakes it: how soon decides how far it comes."""
     simulation = made("bounce", "contact.restitution=0", "dt=0.02", "dt=auto", "time_error.accuracy=0.001")
