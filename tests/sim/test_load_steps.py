@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
-from tripod_sim.build import build
+from tripod_sim.build import build, reach_of
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.state import State
@@ -100,3 +100,14 @@ def test_where_the_tangent_becomes_unstable_no_increment_is_made(monkeypatch: py
     report = steps.carry(state)
     assert (report.carried, report.increments, report.halvings) == (False, 1, steps.HALVINGS + 1)
     np.testing.assert_array_equal(state.positions, before)
+
+
+@pytest.mark.parametrize(("turn", "slide"), [(0.12, 0.0), (0.0, 0.008), (0.05, 0.012)])
+def test_servos_move_in_increments_and_the_slide_counts_as_a_turn_of_an_arm(
+    turn: float, slide: float
+) -> None:
+    scene = load_scene("tripod", ["mesh.level=1", "inertia=off", "damping=off", "solver.max_turn=0.05"])
+    simulation = Simulation(scene)
+    goal = simulation.command + np.array([turn, 0.0, 0.0, slide])
+    parts = max(turn, slide / reach_of(scene)) / 0.05
+    assert simulation.step(goal).parts == int(np.ceil(parts - 1e-9))

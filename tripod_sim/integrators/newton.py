@@ -142,7 +142,9 @@ class Newton:
         """
         if self._trial is None:
             self._trial = state.copy()
-            self._trial.errors = None  # no part of a trial
+            self._trial.errors = self._trial.way = self._trial.ball = self._trial.servos = (
+                None  # no part of a trial
+            )
         trial, report = self._trial, NewtonReport()
         state.copy_to(trial)
         self._dx[:] = 0.0
