@@ -74,9 +74,10 @@ LEAST = 0.01
 FINE = 0.005
 """Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
 
-SHARE, SOLID_SHARE, FINER = 0.85, 0.6, 0.25
-"""Of the accuracy A that what is measured may add up to at A = 0.1, without and with a solid, and power of A that goes
-with it: what is measured is of leading order, and hits, which make errors larger, take the more of a finer accuracy."""
+SHARE, SOLID_SHARE, FINER = 0.85, 0.6, 0.35
+"""Of the accuracy A that what is measured may add up to at A = 0.1, without and with a solid in contact, and power of A
+that goes with it: what is measured is of leading order, and hits, which make errors larger, take the more of a finer
+accuracy."""
 
 POWER = 2
 """Power of the length with which errors over what is allowed are taken to grow."""
@@ -85,8 +86,8 @@ FAST = 4 * abs(TR_BDF2)
 """Defect of TR-BDF2 over e_v: differences as of BDF2 make that h³ / 4 times the third derivative, 9 / 8 of BDF2's."""
 
 LEAD = 0.75
-"""How much further than its own the plate of the second ball goes, in parts of A: more than it errs, and less than what
-counts as decided by walls."""
+"""How much further than its own the plate of the second ball goes, in parts of A: about what that may err, less than
+what counts as decided by walls."""
 
 KEEP = 1.4
 """By which a length must have grown before it is changed: lengths that recur keep factorisations."""
@@ -178,7 +179,7 @@ class WaySteps:
         self._newton = newton if isinstance(newton, Newton) and wanted.accuracy else None
         if self._newton:
             self._newton.keep_several()
-        share = (SOLID_SHARE if solid else SHARE) * (wanted.accuracy / 0.1) ** FINER
+        share = (SOLID_SHARE if solid and self._world else SHARE) * (wanted.accuracy / 0.1) ** FINER
         self._accuracy = min(share, 1.0) * wanted.accuracy
         self._maze = maze if wanted.accuracy else None
         self._lead = maze.second(LEAD * wanted.accuracy) if maze and wanted.accuracy else None
