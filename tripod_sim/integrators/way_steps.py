@@ -74,7 +74,7 @@ LEAST = 0.01
 FINE = 0.005
 """Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
 
-SHARE, SOLID_SHARE, FINER = 0.85, 0.6, 0.35
+SHARE, SOLID_SHARE, FINER = 0.85, 0.6, 0.3
 """Of the accuracy A that what is measured may add up to at A = 0.1, without and with a solid in contact, and power of A
 that goes with it: what is measured is of leading order, and hits, which make errors larger, take the more of a finer
 accuracy."""
