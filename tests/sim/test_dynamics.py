@@ -109,3 +109,35 @@ def test_reset_returns_the_same_bits_and_the_same_motion() -> None:
         assert simulation.state.step == 0
     assert ends[0] == ends[1]
     assert ends[0][: len(start)] != start
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_the_residual_of_a_step_is_the_gradient_of_its_potential(held: bool) -> None:
+    """Inertia and damping, of each moment or held: line searches go by the one, Newton's method by the other."""
+    simulation = Simulation(load_scene("silicone", ["mesh.level=1", "mesh.element=h8_mean", "servos=off"]))
+    system, state, rng = simulation.system, simulation.state.copy(), np.random.default_rng(3)
+    shape = state.positions.shape
+    assert system.inertia and system.damping
+    system.inertia.weight[:] = rng.uniform(1.0, 9.0, len(system.inertia.weight))
+    system.inertia.point[:] = state.positions + rng.normal(scale=1e-3, size=shape)
+    system.damping.factor = 0.7
+    system.damping.start[:], system.damping.elastic[:] = state.positions, rng.normal(scale=1e-2, size=shape)
+    assert system.assemble(state, project=True) < 0
+    if held:
+        system.damping.hold()
+    state.positions[:] += rng.normal(scale=2e-4, size=shape)
+    direction, fine = rng.normal(size=shape), 1e-8
+    system.evaluate(state)
+    gradient = system.gradient.copy()
+    ends = []
+    for side in (1, -1):
+        moved = state.copy()
+        moved.positions[:] += side * fine * direction
+        ends.append(system.evaluate(moved))
+    assert (ends[0] - ends[1]) / (2 * fine) == pytest.approx(float(np.vdot(gradient, direction)), rel=1e-5)
+    push = state.positions - system.damping.start
+    system.damping.factor = 0.0
+    system.evaluate(state)
+    damping, stiff = gradient - system.gradient, np.zeros(shape)
+    system.damping._damped.add_products(system.damping.matrices, push, 0.7, stiff)
+    assert np.allclose(damping, stiff, rtol=1e-9, atol=1e-12) is held
