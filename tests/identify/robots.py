@@ -1,4 +1,4 @@
-"""Scenes and data that these tests share: a beam of rubber, and the Tripod on its coarsest mesh."""
+"""Scenes and data that these tests share: a beam of rubber, and the Tripod with linear elements."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -51,7 +51,7 @@ def beam(text: str = BEAM) -> Scene:
 
 
 def tripod(*words: str) -> Scene:
-    return load_scene("tripod", ["mesh.level=1", *words])
+    return load_scene("tripod", ["mesh.element=h8_modes", *words])
 
 
 def commands(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -123,7 +123,7 @@ def test_the_command_tells_and_writes(
     from tripod_bringup.score_command import score_command
 
     path = write_csv(tmp_path / "poses.csv", seen)
-    more = {"overrides": ["mesh.level=1"], "points": [], "renames": [], "poses": False}
+    more = {"overrides": ["mesh.element=h8_modes"], "points": [], "renames": [], "poses": False}
     out = {"report": tmp_path / "s.html", "plot": tmp_path / "s.png"}
     assert score_command("tripod", path, align="none", as_json=True, quiet=True, **more, **out) == 0
     found = json.loads(capsys.readouterr().out)
