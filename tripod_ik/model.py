@@ -26,6 +26,10 @@ Saved = tuple[tuple[State, FloatArray], LinearState | None, Image]
 TOLERANCE = 1e-7
 """Unbalanced force [N] of the model's equilibria: with 10 mm/N that is a nanometre."""
 
+ITERATIONS = 60
+"""Linear solves after which one for an equilibrium is given up, and the move halved. One that would go on has met a
+tangent that is not positive definite: there an end of the equilibria is near."""
+
 SAME = 1e-6
 """Positions of the effector that differ by less [m] belong to one equilibrium; two are millimetres apart."""
 
@@ -116,7 +120,10 @@ class StaticModel:
                 )
         if not 0 <= slide <= joints.slide_max:
             raise IkError(f"slide is {slide:g} m; allowed is 0 to {joints.slide_max:g} m")
-        solver = replace(scene.solver, tolerance=min(TOLERANCE, scene.solver.tolerance))
+        s = scene.solver
+        solver = replace(
+            s, tolerance=min(TOLERANCE, s.tolerance), max_iterations=min(ITERATIONS, s.max_iterations)
+        )
         self.simulation = Simulation(replace(at_rest(scene), solver=solver))
         self.slide = slide
         self._state: LinearState | None = None
