@@ -16,11 +16,13 @@ covariance lacks H Ω + Ω H - H Ω H, which is computed of the Ω found so far 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 BELOW = 2.0
 """Times sqrt(log10(n) / n): a correlation that is less is none."""
@@ -64,7 +66,7 @@ class Together:
             columns: A that was fitted, shape (k, m, q), zero where it does not count.
             inverse: M, shape (q, q).
         """
-        kinds = [_Kind(errors[:, kind], use[:, kind], columns[:, kind]) for kind in (~angle, angle)]
+        kinds = [_Kind(errors[:, own], use[:, own], columns[:, own], inverse) for own in (~angle, angle)]
         spectra = [kind.spectrum(0.0) for kind in kinds]
         if all(found is None for found in spectra):
             return cls(None, angle)
@@ -73,12 +75,11 @@ class Together:
         for _ in range(GIVEN_BACK):
             answers = [kind.answer(s) for kind, s in zip(kinds, whole, strict=True)]
             middle = np.sum(
-                [np.einsum("kjp,kjq->pq", kind.columns, y) for kind, y in zip(kinds, answers, strict=True)],
-                axis=0,
+                [_rows(kind.columns).T @ _rows(y) for kind, y in zip(kinds, answers, strict=True)], axis=0
             )
             for i, (kind, answer) in enumerate(zip(kinds, answers, strict=True)):
                 if spectra[i] is not None:
-                    found = kind.spectrum(kind.taken(answer, inverse, middle))
+                    found = kind.spectrum(kind.taken(answer, middle))
                     whole[i] = even if found is None else found
         return cls(np.array(whole), angle)
 
@@ -88,11 +89,11 @@ class Together:
         found = np.zeros((q, q))
         if self.spectra is None:
             return found
-        size = _length(len(columns))
+        size, waves = _length(len(columns)), _wave(columns)
         twice = np.full(size // 2 + 1, 2.0)  # each frequency stands for its negative, too
         twice[[0, -1]] = 1.0
         for j, turned in enumerate(self.angle):
-            wave = np.fft.rfft(columns[:, j], size, axis=0)
+            wave = waves[:, j]
             weighted = wave * (twice * (self.spectra[int(turned)] - 1.0) / size)[:, None]
             found += (wave.conj().T @ weighted).real
         return found
@@ -118,10 +119,16 @@ def _mean(spectrum: FloatArray) -> float:
 class _Kind:
     """Residuals of all places, or of all rotations."""
 
-    def __init__(self, errors: FloatArray, use: NDArray[np.bool_], columns: FloatArray) -> None:
+    def __init__(
+        self, errors: FloatArray, use: NDArray[np.bool_], columns: FloatArray, inverse: FloatArray
+    ) -> None:
         self.columns, self.use, self.count = columns, use, int(use.sum())
-        self._sums = _lagged(np.where(use, errors, 0.0)[..., None])
-        self._pairs = np.maximum(_lagged(use.astype(np.float64)[..., None]).round(), 1.0)
+        self._wave = _wave(columns)
+        self._taken = _rows(self._wave) @ inverse  # the spectrum of A M
+        rows = len(use)
+        wave, known = (_wave(np.where(use, x, 0.0)) for x in (errors, 1.0))
+        self._sums = _lagged(np.abs(wave) ** 2, rows)
+        self._pairs = np.maximum(_lagged(np.abs(known) ** 2, rows).round(), 1.0)
 
     def spectrum(self, taken: FloatArray | float) -> FloatArray | None:
         """Return the spectrum, its mean one; None where no error has to do with another; `taken` as below."""
@@ -146,19 +153,26 @@ class _Kind:
 
     def answer(self, spectrum: FloatArray) -> FloatArray:
         """Return R A of the columns, shape (k, m, q)."""
-        size = _length(len(self.use))
-        wave = np.fft.rfft(self.columns, size, axis=0) * spectrum[:, None, None]
-        return np.where(self.use[..., None], np.fft.irfft(wave, size, axis=0)[: len(self.use)], 0.0)
+        wave = self._wave * spectrum[:, None, None]
+        whole = np.fft.irfft(wave, _length(len(self.use)), axis=0)
+        return np.where(self.use[..., None], whole[: len(self.use)], 0.0)
 
-    def taken(self, answer: FloatArray, inverse: FloatArray, middle: FloatArray) -> FloatArray:
+    def taken(self, answer: FloatArray, middle: FloatArray) -> FloatArray:
         """Return the sums of H R + R H - H R H over all pairs of each lag, A^T R A being `middle`."""
-        own = self.columns @ inverse
-        return _lagged(own, answer) + _lagged(answer, own) - _lagged(own @ middle, own)
+        other = 2.0 * _rows(_wave(answer)) - self._taken @ middle
+        return _lagged((self._taken.conj() * other).real.reshape(len(self._wave), -1), len(self.use))
 
 
-def _lagged(left: FloatArray, right: FloatArray | None = None) -> FloatArray:
-    """Return the sums of products of rows that are so many apart, shape (k,), of tables of shape (k, m, q)."""
-    rows, size = len(left), _length(len(left))
-    wave = np.fft.rfft(left, size, axis=0)
-    other = wave if right is None else np.fft.rfft(right, size, axis=0)
-    return np.asarray(np.fft.irfft((wave.conj() * other).sum(axis=(1, 2)), size)[:rows])
+def _wave(table: FloatArray) -> ComplexArray:
+    """Return the spectra of the columns of a table with k rows, filled up with zeros: f rows."""
+    return np.fft.rfft(table, _length(len(table)), axis=0)
+
+
+def _lagged(products: FloatArray, rows: int) -> FloatArray:
+    """Return the sums of products of rows that are so many apart, shape (k,), by those of spectra, shape (f, n)."""
+    return np.asarray(np.fft.irfft(products.sum(axis=1), _length(rows))[:rows])
+
+
+def _rows(table: Any) -> Any:
+    """Return a table of shape (k, m, q) as one of shape (k m, q)."""
+    return table.reshape(-1, table.shape[2])
