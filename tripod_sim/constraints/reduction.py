@@ -24,6 +24,7 @@ from scipy import sparse
 from tripod_sim.constraints.groups import Groups, Kind
 from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.errors import SceneError
+from tripod_sim.linear.keys import distinct
 
 Array = Any
 FloatArray = NDArray[np.float64]
@@ -93,10 +94,9 @@ class Reduction:
             wanted.append((block[..., None] & (np.arange(6) < 3)) | bordered[..., None])
             starts.append((col * n + row)[wanted[-1]])
         own = [np.arange(6 * b + first, 6 * b + first + 6) for b in range(self.bodies)]
-        keys = np.concatenate(
-            [*[s + k for s in starts for k in range(3)], *[c * n + b for b in own for c in b]]
-        )
-        keys = np.unique(keys[keys % n <= keys // n])
+        starts_of_bodies = [(b[:, None] * n + b[::3]).ravel() for b in own]
+        keys = (distinct(np.concatenate([*starts, *starts_of_bodies]))[:, None] + np.arange(3)).ravel()
+        keys = keys[keys % n <= keys // n]
         indptr = np.searchsorted(keys, np.arange(n + 1) * n)
         pattern = sparse.csc_matrix((np.ones(len(keys)), keys % n, indptr), shape=(n, n))
 

@@ -7,6 +7,7 @@ from scipy import sparse
 
 from tripod_sim.contact import hessian_kernels as kernels
 from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.linear.keys import distinct
 from tripod_sim.linear.ldl import Ldl
 from tripod_sim.mesh.solid_mesh import FloatArray
 
@@ -62,9 +63,9 @@ class JointHessian:
         """Make the pattern anew: that of the bodies, and places for all `contacts`."""
         n, found = self.bodies.shape[0], np.empty((16 * contacts.count * 4, 2), dtype=np.int64)
         found = found[: kernels.pairs(contacts.arrays, contacts.count, found)]
-        blocks = np.unique(found[:, 1] * n + found[:, 0])
+        blocks = distinct(found[:, 1] * n + found[:, 0])
         three = (np.arange(3)[:, None] * n + np.arange(3)).ravel()
-        keys = np.union1d(self._keys, (blocks[:, None] + three).ravel())
+        keys = distinct(np.concatenate([self._keys, (blocks[:, None] + three).ravel()]))
         keys = keys[keys % n <= keys // n]
         indptr = np.searchsorted(keys, np.arange(n + 1) * n)
         self._whole = sparse.csc_matrix((np.zeros(len(keys)), keys % n, indptr), shape=(n, n))

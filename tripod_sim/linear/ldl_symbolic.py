@@ -11,6 +11,8 @@ import qdldl
 from numpy.typing import NDArray
 from scipy import sparse
 
+from tripod_sim.linear.keys import distinct
+
 IndexArray = NDArray[np.int64]
 
 WIDE = 24
@@ -111,7 +113,7 @@ def _minimum_degree(pattern: sparse.csc_matrix) -> tuple[IndexArray, list[IndexA
     """
     n = pattern.shape[0]
     columns = np.repeat(np.arange(n), np.diff(pattern.indptr))
-    keys = np.unique(columns // 3 * n + pattern.indices // 3)
+    keys = distinct(columns // 3 * n + pattern.indices // 3)
     step = 3 if n % 3 == 0 and pattern.nnz == 9 * len(keys) - n else 1
     size = n // step
     if step == 1:
