@@ -32,7 +32,7 @@ def follow(
     wrong: float = 0.0,
     young: float = 275e3,
     seconds: float = 3.0,
-    words: tuple[str, ...] = ("mesh.level=1",),
+    words: tuple[str, ...] = ("mesh.element=h8_modes", "mesh.level=1"),
 ) -> np.ndarray:
     """Ask for a tilt after 0.1 s; return the error of the tilt at each command [rad].
 
@@ -88,14 +88,14 @@ draw({"open loop": follow(None), "with the sensor": follow(ModelError(time=0.4))
 points = {"open loop": [], "with the sensor": []}
 for words in (
     ("mesh.element=t4", "mesh.level=5"),
-    ("mesh.level=1",),
-    ("mesh.level=2",),
+    ("mesh.element=h8_modes", "mesh.level=1"),
+    ("mesh.element=h8_modes", "mesh.level=2"),
     ("mesh.element=h20", "mesh.level=1"),
 ):
     for name, series in points.items():
         correction = ModelError(time=0.4) if name == "with the sensor" else None
         seconds, errors = timed(lambda c=correction, w=words: follow(c, words=w))
-        label = words[0].partition("=")[2] if len(words) == 2 else f"h8 {words[0].partition('=')[2]}"
+        label = " ".join(word.partition("=")[2] for word in words)
         series.append((label, seconds, np.degrees(errors[-1])))
 cost(points, "error of the tilt after 3 s [degrees]")
 plt.show()
