@@ -140,10 +140,11 @@ def test_goals_on_another_sheet_are_met_soon(between):
     assert ends[2][1].activity is Activity.CLOSEST
 
 
-def test_the_closest_pose_is_that_of_a_search_everywhere(flat, finder):
+def test_the_closest_pose_is_that_of_a_search_everywhere(finder):
     """More of them are in benchmarks/ik_circles.py."""
-    home, limits = flat.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
-    flood = Flood(flat, -2.1, 0.6, limits, spacing=0.2, within=0.011)
+    model = Flood.model(load_scene(SHARP), 0.0, np.zeros(3))
+    home, limits = model.state().equilibrium.copy(), Limits(torque=SETTINGS.torque_max, firmness=SOFTEST)
+    flood = Flood(model, -2.1, 0.6, limits, spacing=0.2, within=0.011)
     assert len(flood.poses) > 50  # a flood that does not leave the flat piece finds nothing closer
     for goal in (at(0), at(35, 0.012), at(-120, 0.008)):
         solution = finder.closest([PositionTask(home + goal)], np.zeros(3)).solution
