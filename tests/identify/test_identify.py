@@ -116,7 +116,7 @@ def test_wrong_rows_do_not_move_the_modulus() -> None:
 def test_five_in_a_hundred_wrong_poses_do_not_move_the_modulus_of_a_robot() -> None:
     """Of which zeros and slide are not known either; all that is wrong lies to one side, which is worst."""
     disc = NodeSet("disc", axis=(0.0, 0.0, 1.0), radius=0.0075)
-    scene = tripod("servos.slide=0.02", "mesh.element=h20")  # with linear elements this weight snaps it
+    scene = tripod("servos.slide=0.02", "mesh.level=1")  # this weight snaps it on the scene's own, so coarse
     scene = replace(
         scene, set=(disc,), load=(Load("disc", mass=0.1, share="even"),)
     )  # its weight tells the modulus
