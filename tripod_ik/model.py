@@ -26,9 +26,9 @@ Saved = tuple[tuple[State, FloatArray], LinearState | None, Image]
 TOLERANCE = 1e-7
 """Unbalanced force [N] of the model's equilibria: with 10 mm/N that is a nanometre."""
 
-ITERATIONS = 60
-"""Linear solves after which one for an equilibrium is given up, and the move halved. One that would go on has met a
-tangent that is not positive definite: there an end of the equilibria is near."""
+ITERATIONS = 100
+"""Linear solves after which one for an equilibrium is given up, and the move halved. With slack strips some take 60 to
+100; most that would go on find none near, and go on for hundreds in every part of the move."""
 
 SAME = 1e-6
 """Positions of the effector that differ by less [m] belong to one equilibrium; two are millimetres apart."""
