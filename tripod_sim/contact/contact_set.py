@@ -23,7 +23,7 @@ class Contacts(NamedTuple):
     key: what touches what, the same from step to step, (c,); pressure: normal force [N], (c,);
     friction: tangential force on A [N], (c, 3); limit: largest friction [N] of the present iteration, (c,);
     stiffness: rho of normal and tangential direction [N/m], (c, 2); gain: how much penalty
-    has stiffened, (c,); gap: at the start of the step [m], (c,);
+    has stiffened, (c,); gap: at the start of the step [m], (c,); drift: t_0 of `response_kernels` [m], (c, 3);
     base: first unknown of each row block, -1 for none, (c, 4); lump: its weight, (c, 4);
     moment: sum of w r of the vertices of a rigid body [m], (c, 4, 3); width: 3 (node) or 6 (rigid body), (c, 4).
     """
@@ -39,6 +39,7 @@ class Contacts(NamedTuple):
     stiffness: Array
     gain: Array
     gap: Array
+    drift: Array
     base: Array
     lump: Array
     moment: Array
@@ -51,7 +52,7 @@ def allocate(capacity: int) -> Contacts:
     return Contacts(
         np.zeros((c, 4), dtype=np.int64), np.zeros((c, 4)), np.zeros((c, 3)), np.zeros(c),
         np.zeros(c, dtype=np.int64), np.zeros(c), np.zeros((c, 3)), np.zeros(c), np.zeros((c, 2)),
-        np.ones(c), np.zeros(c),
+        np.ones(c), np.zeros(c), np.zeros((c, 3)),
         np.full((c, 4), -1, dtype=np.int64), np.zeros((c, 4)), np.zeros((c, 4, 3)), np.zeros((c, 4), dtype=np.int64),
     )  # fmt: skip
 

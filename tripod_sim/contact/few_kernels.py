@@ -66,6 +66,7 @@ def choose(
         out.gap[j], out.pressure[j] = c.gap[k], c.pressure[k]
         for i in range(3):
             out.normal[j, i], out.friction[j, i] = c.normal[k, i], c.friction[k, i]
+            out.drift[j, i] = c.drift[k, i]
         for m in range(4):
             out.base[j, m], out.lump[j, m], out.width[j, m] = c.base[k, m], c.lump[k, m], c.width[k, m]
             for i in range(3):

@@ -22,9 +22,9 @@ def curvature(c: Contacts, k: int, d: tuple[float, float, float], H: Array) -> N
     tangential, share = 0.0, 0.0
     t0 = t1 = t2 = 0.0
     if limit > 0.0:
-        t0 = c.friction[k, 0] - sigma * (d0 - along * n[0])
-        t1 = c.friction[k, 1] - sigma * (d1 - along * n[1])
-        t2 = c.friction[k, 2] - sigma * (d2 - along * n[2])
+        t0 = c.friction[k, 0] - sigma * (d0 - along * n[0] - c.drift[k, 0])
+        t1 = c.friction[k, 1] - sigma * (d1 - along * n[1] - c.drift[k, 1])
+        t2 = c.friction[k, 2] - sigma * (d2 - along * n[2] - c.drift[k, 2])
         size = np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
         tangential = sigma
         if size > limit:

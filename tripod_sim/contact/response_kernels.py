@@ -1,12 +1,14 @@
 """Loops of the response: the contact terms of a step's potential, in the step's unknowns u.
 
-With the relative move d = J u of the two sides over the step, gap g = g_0 + n . d and slip t = d - (n . d) n, the
+With the relative move d = J u of the two sides over the step, gap g = g_0 + n . d and slip t = d - (n . d) n - t_0, the
 augmented Lagrangian of a contact of pressure p and friction f (multipliers, fixed while u is sought) is
 
     P(u) = max(0, p - rho g)² / (2 rho) + H(f - sigma t) / sigma,
 
 H(s) = s² / 2 for |s| <= c, else c |s| - c² / 2: its derivative is the friction that Coulomb's disc of radius c allows.
-Both are convex and once differentiable. Penalty is the same with p = 0.
+Both are convex and once differentiable. Penalty is the same with p = 0. Coulomb's friction is against the velocity at
+the end, v' = (x' - z) / s (see `looking_back`): t_0, the tangential part of the move z - x, is the slip of what ends
+without any. It is zero but where a scheme looks back on slip.
 """
 
 from typing import Any, NamedTuple
@@ -65,6 +67,18 @@ def prepare(c: Contacts, count: int, x: Array, free: Freedom, most: float) -> No
                 for i in range(3):  # a ball is touched not at its centre
                     c.moment[k, at, i] += w * free.arm[v, i] - abs(w) * free.radius[v] * c.normal[k, i]
         c.gap[k] = max(gap, -most)
+        c.drift[k] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def set_drift(c: Contacts, count: int, way: Array) -> None:
+    """Write t_0 of each contact; `way`: z - x, the moves of the unknowns at whose ends nothing has a velocity."""
+    for k in range(count):
+        d = relative(c.base, c.lump, c.moment, c.width, k, way)
+        n = c.normal[k]
+        along = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+        for i in range(3):
+            c.drift[k, i] = d[i] - along * n[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -138,6 +152,7 @@ def add_gradient(c: Contacts, count: int, u: Array, out: Array, state: Array) ->
     """Add the gradient of sum of P to `out` [N, N m], write each contact's state and return the sum of P [J]."""
     base, lump, moment, width, normal = c.base, c.lump, c.moment, c.width, c.normal
     pressure, friction, limits, stiffness, gaps = c.pressure, c.friction, c.limit, c.stiffness, c.gap
+    drift = c.drift
     total = 0.0
     for k in range(count):
         state[k] = OPEN
@@ -154,9 +169,9 @@ def add_gradient(c: Contacts, count: int, u: Array, out: Array, state: Array) ->
             total += 0.5 * s * s / rho
             f0, f1, f2 = s * n0, s * n1, s * n2
         if limit > 0.0:
-            t0 = friction[k, 0] - sigma * (d0 - along * n0)
-            t1 = friction[k, 1] - sigma * (d1 - along * n1)
-            t2 = friction[k, 2] - sigma * (d2 - along * n2)
+            t0 = friction[k, 0] - sigma * (d0 - along * n0 - drift[k, 0])
+            t1 = friction[k, 1] - sigma * (d1 - along * n1 - drift[k, 1])
+            t2 = friction[k, 2] - sigma * (d2 - along * n2 - drift[k, 2])
             size = np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
             share = 1.0
             if size <= limit:
@@ -208,7 +223,7 @@ def forces(
         size = 0.0
         d = (d0, d1, d2)
         for i in range(3):
-            friction[k, i] = c.friction[k, i] - sigma * (d[i] - along * n[i])
+            friction[k, i] = c.friction[k, i] - sigma * (d[i] - along * n[i] - c.drift[k, i])
             size += friction[k, i] ** 2
         size = np.sqrt(size)
         share = limit / size if size > limit else 1.0

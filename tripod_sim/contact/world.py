@@ -169,7 +169,7 @@ class World:
         held = np.asarray(~self._yields.any(axis=1))
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, held)
         self._impulse = np.zeros(64)
-        self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
+        self._start_rate, self._end_rate, self._unmoved = np.zeros((3, len(self._u)))
         self.detector.warm_up(self.positions)
         self.response.warm_up()
         self._warm_up()
@@ -182,6 +182,7 @@ class World:
         if self._looks_back:
             hits(c, 0, none, none, 0.0, 0.0, 0.0, 0.0)
             meets(c, 0, none, none, 0.0)
+            kernels.set_drift(c, 0, none)
 
     def positions_now(self) -> FloatArray:
         """Return where all surface vertices are now [m], shape (n, 3): a view that the next step overwrites."""
@@ -322,6 +323,10 @@ class World:
         self._place()
         self.problem.begin(stage, u)
         self._detect(u)
+        if not stage.begins:
+            for body, part in zip(self._bodies, self.problem.slices, strict=True):
+                body.rate_at_end(u[part], self._end_rate[part])
+            np.subtract(u, stage.s * self._end_rate, out=self._unmoved)
         self._prepare(stage)
         if not self._looks_back:
             return np.inf
@@ -336,6 +341,8 @@ class World:
             self._drop_held()
         speed = self.SOFT_PART_SPEED if self.law.response == "penalty" else self.PART_SPEED
         kernels.prepare(c.arrays, c.count, self.positions, self._free, speed * max(stage.length, stage.s))
+        if not stage.begins:
+            kernels.set_drift(c.arrays, c.count, self._unmoved)
         self.problem.renew()
 
     def _move(self, stage: Stage, report: ContactReport, depth: int) -> float:

@@ -85,8 +85,8 @@ POWER = 2
 FAST = 4 * abs(TR_BDF2)
 """Defect of TR-BDF2 over e_v: differences as of BDF2 make that h³ / 4 times the third derivative, 9 / 8 of BDF2's."""
 
-LEAD = 0.75
-"""How much further than its own the plate of the second ball goes, in parts of A: about what that may err, less than
+LEAD = 0.95
+"""How much further than its own the plate of the second ball goes, in parts of A: at least what that may err, less than
 what counts as decided by walls."""
 
 KEEP = 1.4
