@@ -346,24 +346,25 @@ def cost(row: dict[str, Any], accuracy: float) -> tuple[float, str]:
 def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the table of the page."""
     lines = [
-        "| scene | accuracy | cases | kept [%] | chaotic | of these kept | worst error | cost, median | cost, 90 % | "
+        "| scene | accuracy | cases | kept [%] | chaotic | of these kept | worst error | cost, sum | median | 90 % | "
         "at most 1.5 [%] |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for scene in SCENES:
-        own = [r for r in rows if r["scene"] == scene]
+    for scene in [*SCENES, "all"]:
+        own = [r for r in rows if scene in (r["scene"], "all")]
         for a in ACCURACIES if own else ():
             judged = [kept(r, a) for r in own]
-            costs = np.array([c for r in own if np.isfinite(c := cost(r, a)[0])])
+            known = [(r["auto"][str(a)]["seconds"], c) for r in own if np.isfinite(c := cost(r, a)[0])]
+            seconds, costs = np.array(known).reshape(-1, 2).T
             errors = [
                 r["auto"][str(a)].get("error", np.inf) for r, (c, _) in zip(own, judged, strict=True) if not c
             ]
             chaos = [ok for c, ok in judged if c]
             worst = f"{100 * max(errors):.2g} %" if errors else ""
             spread = (
-                f"{np.median(costs):.2f} | {np.quantile(costs, 0.9):.2f} | {100 * np.mean(costs <= 1.5):.0f}"
+                f"{seconds.sum() / (seconds / costs).sum():.2f} | {np.median(costs):.2f} | {np.quantile(costs, 0.9):.2f} | {100 * np.mean(costs <= 1.5):.0f}"
                 if len(costs)
-                else " | | "
+                else " | | | "
             )
             lines.append(
                 f"| {scene} | {100 * a:g} % | {len(own)} | {100 * np.mean([ok for _, ok in judged]):.0f} | "
