@@ -362,7 +362,8 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
             chaos = [ok for c, ok in judged if c]
             worst = f"{100 * max(errors):.2g} %" if errors else ""
             spread = (
-                f"{seconds.sum() / (seconds / costs).sum():.2f} | {np.median(costs):.2f} | {np.quantile(costs, 0.9):.2f} | {100 * np.mean(costs <= 1.5):.0f}"
+                f"{seconds.sum() / (seconds / costs).sum():.2f} | {np.median(costs):.2f} | "
+                f"{np.quantile(costs, 0.9):.2f} | {100 * np.mean(costs <= 1.5):.0f}"
                 if len(costs)
                 else " | | | "
             )
