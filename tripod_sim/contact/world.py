@@ -169,7 +169,7 @@ class World:
         held = np.asarray(~self._yields.any(axis=1))
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, held)
         self._impulse = np.zeros(64)
-        self._start_rate, self._end_rate, self._unmoved = np.zeros((3, len(self._u)))
+        self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
         self.detector.warm_up(self.positions)
         self.response.warm_up()
         self._warm_up()
@@ -323,10 +323,6 @@ class World:
         self._place()
         self.problem.begin(stage, u)
         self._detect(u)
-        if not stage.begins:
-            for body, part in zip(self._bodies, self.problem.slices, strict=True):
-                body.rate_at_end(u[part], self._end_rate[part])
-            np.subtract(u, stage.s * self._end_rate, out=self._unmoved)
         self._prepare(stage)
         if not self._looks_back:
             return np.inf
@@ -341,8 +337,8 @@ class World:
             self._drop_held()
         speed = self.SOFT_PART_SPEED if self.law.response == "penalty" else self.PART_SPEED
         kernels.prepare(c.arrays, c.count, self.positions, self._free, speed * max(stage.length, stage.s))
-        if not stage.begins:
-            kernels.set_drift(c.arrays, c.count, self._unmoved)
+        if c.count and not stage.begins:
+            kernels.set_drift(c.arrays, c.count, self._u - stage.s * self._rates_at_end(self._u))
         self.problem.renew()
 
     def _move(self, stage: Stage, report: ContactReport, depth: int) -> float:
@@ -367,13 +363,18 @@ class World:
             return False
         if law.response == "penalty":
             return True
-        for body, part in zip(self._bodies, self.problem.slices, strict=True):
-            body.rate_at_end(u[part], self._end_rate[part])
+        self._rates_at_end(u)
         slowest, least = self._slowest(h), law.tolerance * law.distance / h
         slow = min(slowest, max(self.SLOW * law.rest_speed, self.NOISE * least))
         creep = min(slow, self.CREEP * least)
         rates = self._start_rate, self._end_rate
         return bool(hits(c.arrays, c.count, *rates, slowest, slow, creep, law.friction))
+
+    def _rates_at_end(self, u: FloatArray) -> FloatArray:
+        """Write the velocities of the unknowns after the moves `u` to `_end_rate`, and return it."""
+        for body, part in zip(self._bodies, self.problem.slices, strict=True):
+            body.rate_at_end(u[part], self._end_rate[part])
+        return self._end_rate
 
     def _slowest(self, h: float) -> float:
         """Return the speed [m/s] above which what meets in a step of `h` [s] hits."""
