@@ -368,7 +368,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
                 else " | | | "
             )
             lines.append(
-                f"| {scene} | {100 * a:g} % | {len(own)} | {100 * np.mean([ok for _, ok in judged]):.0f} | "
+                f"| {scene} | {100 * a:g} % | {len(own)} | {100 * np.mean([ok for _, ok in judged]):.3g} | "
                 f"{len(chaos)} | {sum(chaos)} | {worst} | {spread} |"
             )
     return lines
