@@ -288,8 +288,10 @@ def test_overrides_of_the_user_win_and_are_named(study: Path) -> None:
     assert choice.outside == ("dt=0.004", "gravity.acceleration=[0, 0, -3]")
     told = "outside the study, which promises nothing then: dt=0.004; gravity.acceleration=[0, 0, -3]"
     assert choice.sentence.endswith(told)
-    inside = choose("pendulum", "3%", ["dt=0.002", "duration=9.0"], study=study, speed=same_speed)
-    assert inside.outside == ()
+    free = ["dt=0.002", "duration=9.0", "time_error={}"]
+    assert choose("pendulum", "3%", free, study=study, speed=same_speed).outside == ()
+    chosen = choose("pendulum", "3%", ["dt=auto"], study=study, speed=same_speed)
+    assert chosen.outside == ("dt=auto",)
 
 
 def test_what_the_study_shares_and_the_scene_lacks_is_named(tmp_path: Path) -> None:

@@ -141,6 +141,9 @@ def test_a_studied_scene_tells_where_it_is_on_the_front_and_what_others_cost() -
     ("scene", "overrides", "why"),
     [
         ("tripod", ("dt=0.0031",), "study tripod_dynamic has no point with these settings"),
+        ("tripod", ("dt=auto",), "study tripod_dynamic has not seen time_error as here"),
+        ("tripod", ("material.young=1e5", "maze={}"), "has not seen material.young, maze as here"),
+        ("cloth", ("springs.nodes=40",), "study cloth has not seen springs.nodes as here"),
         ("stack", (), "there is no study of scene 'stack'"),
     ],
 )
@@ -148,6 +151,16 @@ def test_what_was_not_studied_is_not_known(scene: str, overrides: tuple[str, ...
     figures = accuracy_figures(scene, load_scene(scene, overrides), 0.04)
     assert figures.here is None
     assert why in accuracy_line(figures)
+
+
+def test_a_scene_that_a_study_has_not_seen_is_promised_nothing() -> None:
+    offers = accuracy_figures("tripod", load_scene("tripod", ["material.young=1e5"]), 0.04).offers
+    assert all(offer.settings and offer.error is None for offer in offers)
+
+
+def test_start_motion_and_what_only_tells_leave_the_accuracy_as_it_is() -> None:
+    free = ["duration=9", "servos.angles=[0.1, 0, 0]", "motion=off", "time_error={}", "mesh_error={}"]
+    assert accuracy_figures("tripod", load_scene("tripod", free)).here is not None
 
 
 def test_an_accuracy_that_nothing_reaches_says_so() -> None:

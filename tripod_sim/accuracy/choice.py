@@ -9,7 +9,7 @@ docs/accuracy_promise.md).
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,10 @@ WORDS = ("draft", "real-time", "reference")
 INSIDE = ("servos.angles", "servos.slide", "duration", "name", "description", "motion.servo", "motion.slide")
 """Fields that are free: what is promised is promised for any start, any motion and any length of a run."""
 
-BUDGET = re.compile(r"budget (?:(\d{1,4}(?:\.\d{1,9})?) ?%|(\d{1,6}(?:\.\d{1,9})?) ?(us|ms|s))", re.ASCII)
+FREE = ("motion", "mesh_error")
+"""Tables that are free: the motion, and an estimate that leaves it as it is."""
+
+BUDGET = re.compile(r"budget (?:(\d{1,6}(?:\.\d{1,9})?) ?%|(\d{1,6}(?:\.\d{1,9})?) ?(us|ms|s))", re.ASCII)
 UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0}
 
 PERCENT = re.compile(r"(\d{1,3}(?:\.\d{1,9})?|\.\d{1,9}) ?%", re.ASCII)
@@ -301,18 +304,43 @@ def outside(
     made = load_scene(scene, [*picked, *overrides])
     for k, word in enumerate(overrides):
         field = word.partition("=")[0].strip()
-        if field in INSIDE or (field in study.base and holds(made, field, study.base[field])):
+        if field in study.base and holds(made, field, study.base[field]):
             continue
         try:
             other = load_scene(scene, [*picked, *overrides[:k], *overrides[k + 1 :]])
         except SceneError:  # the scene needs it
             other = None
-        if other != made:
+        if other is None or differing(other, made):
             found.append(word)
     for field, value in study.base.items():
         if field not in INSIDE and field not in named and not holds(made, field, value):
             found.append(f"the study has {field}={literal(value)}")
     return tuple(found)
+
+
+def unseen(scene: str, study: StoredStudy, made: Scene) -> tuple[str, ...]:
+    """Return the fields in which a scene differs from the one that a study varied, those left out that it varied."""
+    base = [f"{field}={literal(value)}" for field, value in study.base.items() if field not in INSIDE]
+    varied = {field for point in study.points for field in point.settings}
+    return tuple(
+        field
+        for field in differing(load_scene(scene, base), made)
+        if not {field, field.partition(".")[0]} & varied
+    )
+
+
+def differing(made: Scene, other: Scene) -> list[str]:
+    """Return the fields in which two scenes differ, those left out that are free."""
+    found = []
+    for name in (f.name for f in fields(Scene) if f.name not in FREE):
+        a, b = getattr(made, name), getattr(other, name)
+        if name == "time_error" and "auto" not in (a and a.steps, b and b.steps):
+            continue  # it tells, and leaves the motion as it is
+        if is_dataclass(a) and is_dataclass(b):
+            found += [f"{name}.{f.name}" for f in fields(a) if getattr(a, f.name) != getattr(b, f.name)]
+        elif a != b:
+            found.append(name)
+    return [field for field in found if field not in INSIDE]
 
 
 def holds(made: Scene, field: str, value: Value) -> bool:

@@ -13,6 +13,7 @@ from tripod_sim.accuracy.choice import (
     quantities,
     settings_text,
     shipped,
+    unseen,
 )
 from tripod_sim.accuracy.stored import StoredStudy
 from tripod_sim.errors import SceneError
@@ -33,7 +34,7 @@ class Offer:
     Attributes:
         wish: As `--accuracy` takes it.
         settings: Of the point that serves it; empty where none does.
-        error: To expect, relative; None where there is none.
+        error: To expect, relative; None where there is none, or of a scene that the study has not seen.
         seconds: Of this machine for a simulated second, or a solve [s]; None where this machine's speed is not known.
         step: Of this machine for a step [s]; None likewise, and of solves.
         why_not: Why there is none, in one sentence; empty where there is.
@@ -55,7 +56,8 @@ class AccuracyFigures:
         study: Its name; empty where there is none.
         quantity: What errors are of.
         solves: Whether costs are of static solves, not of simulated seconds.
-        here: Error to expect of the scene as it is, in any motion; None where its settings are not in the study.
+        here: Error to expect of the scene as it is, in any motion; None where its settings are not in the study, or
+            anything else is not as the study had it.
         own: That in the study's own motion, what its reference may err included; None likewise.
         here_seconds: Of this machine, as the study has it [s]; None where that or the machine's speed is not known.
         why_not: Why `here` is not known, in one sentence; empty where it is.
@@ -92,7 +94,11 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
         return AccuracyFigures(why_not=str(error).removeprefix("--accuracy: "))
     scale = speed / study.calibration if speed and study.calibration else None
     factor = scale or 1.0
-    point = point_of(study, scene)
+    strange = unseen(source, study, scene)
+    point = None if strange else point_of(study, scene)
+    why_not = f"study {study.name} has not seen {', '.join(strange)} as here" if strange else ""
+    if not strange and not point:
+        why_not = f"study {study.name} has no point with these settings"
     dots = sorted((p.cpu * factor, promised(study, p)) for p in study.points)
     return AccuracyFigures(
         study=study.name,
@@ -101,15 +107,15 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
         here=promised(study, point) if point else None,
         own=max((point.bound, *(bound for _, bound in point.others))) if point else None,
         here_seconds=point.cpu * scale if point and scale else None,
-        why_not="" if point else f"study {study.name} has no point with these settings",
-        offers=tuple(_offer(wish, study, scene, scale) for wish in WISHES),
+        why_not=why_not,
+        offers=tuple(_offer(wish, study, scene, scale, seen=not strange) for wish in WISHES),
         dots=tuple(dots[:MOST_DOTS]),
         front=tuple(dots[i] for i in front([error for _, error in dots], [seconds for seconds, _ in dots])),
         scaled=scale is not None,
     )
 
 
-def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None) -> Offer:
+def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None, *, seen: bool) -> Offer:
     try:
         point = pick(study, asked(wish), scale)
     except SceneError as error:
@@ -117,7 +123,7 @@ def _offer(wish: str, study: StoredStudy, scene: Scene, scale: float | None) -> 
     seconds = point.cpu * scale if scale else None
     dt = point.settings.get("dt", scene.dt)
     step = seconds * dt if seconds and isinstance(dt, float) and not study.solves else None
-    return Offer(wish, settings_text(point), promised(study, point), seconds, step)
+    return Offer(wish, settings_text(point), promised(study, point) if seen else None, seconds, step)
 
 
 def accuracy_line(figures: AccuracyFigures) -> str:

@@ -52,7 +52,8 @@ function offered(offer, figures) {
   choose.disabled = Boolean(offer.why_not);
   if (offer.why_not) return row([choose, "none", "", ""]);
   const times = offer.seconds && !figures.solves ? Number((1 / offer.seconds).toPrecision(2)) : "not known";
-  return row([choose, percent(offer.error), offer.step ? milli(offer.step) : "not known", String(times)]);
+  const error = offer.error === null ? "not known" : percent(offer.error);
+  return row([choose, error, offer.step ? milli(offer.step) : "not known", String(times)]);
 }
 
 function row(cells, tag = "td") {
