@@ -91,6 +91,8 @@ def run_scene(
                 return _complain(broken, FAILED)
             if choice:
                 result["accuracy"] = asdict(choice)
+                if study and "figures" in result:  # of a study that the scene does not come with
+                    result["figures"]["accuracy"] = choice.told
             if files := [path for path in (out, *written) if path and path.exists()]:
                 result["written"] = [{"file": str(path), "bytes": path.stat().st_size} for path in files]
             return _tell(result, as_json=as_json, quiet=quiet)

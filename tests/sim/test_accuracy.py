@@ -478,10 +478,12 @@ def test_run_takes_the_setting_and_says_so(study: Path) -> None:
     assert done.exit_code == 0, done.stderr
     assert "accuracy 5%: dt=0.002, inertia.scheme=bdf2" in done.stderr
     assert "10 steps of 2 ms" in done.stdout
+    assert "% (study pendulum) of: " in done.stdout
     done = CliRunner().invoke(app, [*words, "--set", "dt=0.004", "--json"])
     result = json.loads(done.stdout)
     assert result["dt"] == 0.004
     assert result["accuracy"]["outside"] == ["dt=0.004"]
+    assert result["figures"]["accuracy"] == "not known: study pendulum has not seen dt=0.004"
     assert result["accuracy"]["settings"]["dt"] == 0.002
 
 

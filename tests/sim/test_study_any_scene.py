@@ -8,6 +8,7 @@ import pytest
 
 from tripod_sim import SceneError, load_scene
 from tripod_sim.accuracy.choice import choose
+from tripod_sim.study.advice import advice
 from tripod_sim.study.plan import Plan
 from tripod_sim.study.plans.any_scene import Subject, plan, task
 from tripod_sim.study.result import assemble
@@ -142,3 +143,45 @@ def test_scenes_of_bodies_with_names_are_studied() -> None:
     assert rows.shape[1] > 100
     assert np.abs(rows[-1] - rows[0]).max() > 1e-5
     assert {p.settings["inertia.scheme"] for p in study.points} >= {"implicit_euler", "tr_bdf2"}
+
+
+def test_a_study_of_a_static_scene_is_picked_from(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        STRIP.format(name="still").replace("[inertia]", '[[load]]\nset = "all"\nforce = [0, 0, -0.01]')
+    )
+    made_of = made(plan(Subject(str(path)), quick=True))
+    found = tmp_path / "study.json"
+    found.write_text(json.dumps(made_of))
+    assert not choose(str(path), "reference", study=found, speed=lambda: 0.04).outside
+    with pytest.raises(SceneError, match="it is of static solves, and the scene moves"):
+        choose(str(path), "reference", ["inertia={}"], study=found, speed=lambda: 0.04)
+
+
+def test_where_nothing_moves_there_are_no_errors_and_a_way_out_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(STRIP.format(name="still").replace("[gravity]", "").partition("[[fixed]]")[0])
+    result = made(plan(Subject(str(path)), quick=True))
+    assert result["front"] == []
+    assert result["reference"]["message"].startswith(
+        "nothing that is looked at moves (body): let gravity, a load"
+    )  # type: ignore[index]
+
+
+def test_a_motion_that_no_steps_can_tell_is_called_so() -> None:
+    result = made(plan(Subject("stack", duration=0.1), quick=True))
+    result["reference"] |= {"own_error": 0.43}  # type: ignore[operator]
+    assert "may err by 43 %, as where a motion is chaotic or leads nowhere: shorten it" in advice(result)[-1]
+
+
+def test_where_no_mesh_is_finer_the_errors_say_that_they_are_without_it(tmp_path: Path) -> None:
+    words = "; without what the mesh errs"
+    coarse = plan(Subject("tripod", duration=0.5), quick=True)
+    assert coarse.note.startswith("A finer mesh would take longer")
+    assert coarse.quantities[0].what.endswith(words)
+    bodies = plan(Subject("finger", duration=0.05), quick=True)
+    assert bodies.note.startswith("Meshes of [[body]] are not refined")
+    assert bodies.quantities[0].what.endswith(words)
+    fine = plan(Subject(strip(tmp_path)), quick=True)
+    assert fine.note == ""
+    assert words not in fine.quantities[0].what

@@ -90,6 +90,13 @@ class Choice:
     outside: tuple[str, ...]
     sentence: str
 
+    @property
+    def told(self) -> str:
+        """What error to expect, for people."""
+        if self.outside:
+            return f"not known: study {self.study} has not seen {'; '.join(self.outside)}"
+        return f"expect an error below {percent(self.error)} (study {self.study}) of: {self.quantity}"
+
 
 def asked(accuracy: str) -> float | str | Budget:
     """Return the largest relative error that `accuracy` asks for, one of `WORDS`, or a budget. Raises SceneError.
@@ -149,7 +156,7 @@ def choose(
     made = load_scene(scene, overrides)
     found = read_study(study) if study else shipped(made, scene)
     if study:
-        check_fits(found, made)
+        check_fits(found, made, scene)
     here = speed()
     scale = here / found.calibration if here and found.calibration else None
     point = pick(found, wish, scale, made.dt)
@@ -287,12 +294,18 @@ def shipped(made: Scene, scene: str) -> StoredStudy:
     )
 
 
-def check_fits(study: StoredStudy, made: Scene) -> None:
-    """Raise SceneError if a study that the user named is not of this scene."""
+def check_fits(study: StoredStudy, made: Scene, scene: str) -> None:
+    """Raise SceneError if a study that the user named is not of this scene, `made` from the one of this name."""
     if study.scene != made.name:
         raise SceneError(f"--study: it is of scene {study.scene!r}, not of {made.name!r}")
-    if study.solves == (made.inertia is not None):
-        kind = "static solves, and the scene moves" if study.solves else "a motion, and the scene is static"
+    given = [value for field, value in study.base.items() if field.partition(".")[0] == "inertia"]
+    moved = given != ["off"] if given else load_scene(scene).inertia is not None
+    if (moved and not study.solves) != (made.inertia is not None):
+        kind = (
+            "a motion, and the scene is static"
+            if made.inertia is None
+            else "static solves, and the scene moves"
+        )
         raise SceneError(f"--study: it is of {kind}")
 
 

@@ -77,7 +77,7 @@ def ladder(
     if why := rigid(made):
         raise SceneError(f"its settings cannot change while it runs: {why}")
     found = read_study(study) if study else shipped(made, source)
-    check_fits(found, made)
+    check_fits(found, made, source)
     here = point_of(found, made)
     if here:
         rungs = [Rung(tuple(words), here.cpu, _error(source, found, here, words), ASKED)]

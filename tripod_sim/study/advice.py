@@ -22,6 +22,12 @@ def advice(result: Mapping[str, Any]) -> list[str]:
         parts.append(f"no setting is surely within {_percent(missing[0])}")
     first = "; ".join(parts)
     sentences = [f"Cheapest {first}." if named else f"{first[:1].upper()}{first[1:]}."]
+    own = (result.get("reference") or {}).get("own_error")
+    if own and own > max(LEVELS.values()):
+        sentences.append(
+            f"The reference itself may err by {100 * own:.2g} %, as where a motion is chaotic or leads nowhere: "
+            "shorten it (--duration), or name by [[marker]] what can be told."
+        )
     if text := knob_that_pays(result):
         sentences.append(text)
     return sentences

@@ -45,6 +45,8 @@ from tripod_sim.study.plan import Plan, Point, Quantity, Settings
 
 FORMAT = 1
 
+DRIVE = "let gravity, a load, a servo or a velocity move it, or name by [[marker]] what moves"
+
 Record = Mapping[str, Any]
 """Of a point: see `task.outcome`."""
 
@@ -72,6 +74,8 @@ class _Standards:
                 if bad
                 else standard(quantity, reference, [np.array(r["observed"][quantity.key]) for r in records])
             )
+            if quantity == self._plan.quantities[0] and not getattr(self._made[name], "scale", 1.0):
+                self._made[name] = f"nothing that is looked at moves ({quantity.name}): {DRIVE}"
         return self._made[name]
 
 

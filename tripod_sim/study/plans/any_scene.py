@@ -53,6 +53,10 @@ LIMIT = 2400.0
 """Wall time after which a point is given up, on a machine with other things to do, too [s]."""
 
 MESHES = "A finer mesh would take longer than a study may: what the mesh errs is not in these figures."
+BODIES = "Meshes of [[body]] are not refined: what they err is not in these figures."
+
+LEFT_OUT = "; without what the mesh errs"
+"""What errors are of, then: whoever picks a setting by them reads that, too."""
 
 SOLVE, GROWTH, TOUCHING = 1.2e-6, 1.35, 10.0
 """About the time of a step with TR-BDF2 and Newton's method [s]: SOLVE times the unknowns to this power; with contact
@@ -128,7 +132,8 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         INTERVAL: interval,
         SAMPLES: samples,
     }
-    finest = rungs[-1]
+    note = _left_out(made, default, rungs[-1])
+    quantities = _quantities(made, LEFT_OUT if note else "")
     return Plan(
         name=UNSAFE.sub("_", made.name)[:60] + ("" if len(base) == 1 else f"_{_digest(base)}"),
         title=f"{made.name}: {made.description or 'a scene of its own'}",
@@ -137,15 +142,15 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         version=1,
         base=base,
         default=default,
-        points=_points(tries, default, finest, quick=quick),
-        quantities=_quantities(made),
+        points=_points(tries, default, rungs[-1], quick=quick),
+        quantities=quantities,
         references=(Reference("reference", lambda _: rungs),),
         group="inertia.scheme" if "inertia.scheme" in default else next(iter(default)),
         quick=quick,
         order_knob="dt" if made.inertia and not quick else "",
-        order_quantity=_quantities(made)[0].name,
+        order_quantity=quantities[0].name,
         limit=LIMIT,
-        note=MESHES if made.mesh and finest["mesh.refine"] == default["mesh.refine"] else "",
+        note=note,
         given=given,
     )  # fmt: skip
 
@@ -178,23 +183,30 @@ def task(settings: Settings) -> Measured:
 # what is looked at ----------------------------------------------------------------------------------------------------
 
 
-def _quantities(scene: Scene) -> tuple[Quantity, ...]:
-    """Return what is compared, what matters most first."""
+def _quantities(scene: Scene, left_out: str = "") -> tuple[Quantity, ...]:
+    """Return what is compared, what matters most first; `left_out`: words on errors of the soft body."""
     found = [
-        Quantity(f"marker {m.set}", "m", f"mean position of the set {m.set!r}, the worst instant")
+        Quantity(f"marker {m.set}", "m", f"mean position of the set {m.set!r}, the worst instant{left_out}")
         for m in scene.marker
     ]
     if effector_of(scene):
-        found.append(Quantity("effector", "m", "position of the effector, the worst instant"))
+        found.append(Quantity("effector", "m", f"position of the effector, the worst instant{left_out}"))
     if scene.ball:
-        found.append(Quantity("ball", "m", "position of the ball, the worst instant"))
+        found.append(Quantity("ball", "m", f"position of the ball, the worst instant{left_out}"))
     if _soft(scene):
-        what = "positions of the body's nodes, root mean square, the worst instant"
+        what = f"positions of the body's nodes, root mean square, the worst instant{left_out}"
         found.append(Quantity("body", "m", what, measure="rms"))
     if scene.rigid:
         what = "positions of the rigid bodies, root mean square, the worst instant"
         found.append(Quantity("rigid", "m", what, measure="rms"))
     return tuple(found)
+
+
+def _left_out(scene: Scene, default: Settings, finest: Settings) -> str:
+    """Return why what meshes err is not in the figures; empty where it is."""
+    if any(body.mesh for body in scene.body):
+        return BODIES
+    return MESHES if scene.mesh and finest["mesh.refine"] == default["mesh.refine"] else ""
 
 
 def _seen(simulation: Simulation, probes: NDArray[np.int64]) -> dict[str, list[float]]:
