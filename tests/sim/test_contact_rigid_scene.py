@@ -92,6 +92,24 @@ def test_the_stack_rests_and_carries_its_weight(response: str) -> None:
     assert report.contact.force == pytest.approx(0.3 * G * (3 + 2 + 1), rel=1e-3)
 
 
+@pytest.mark.parametrize("scheme", ["implicit_euler", "bdf2", "tr_bdf2"])
+def test_what_the_fall_of_a_pressed_box_would_hide_is_met_and_does_not_bounce(scheme: str) -> None:
+    """Without forces the lower box falls along, so that the upper one would not come near it within the step."""
+    h, speed = 6e-3, 0.6
+    free = speed * h + (1.0 if scheme == "implicit_euler" else 0.5) * G * h**2
+    words = [f"dt={h}", f"inertia.scheme={scheme}", f"rigid.1.position=[0, 0, {0.152 + free - 1e-4}]"]
+    simulation = Simulation(load_scene("stack", [*words, "rigid.2.position=[0, 0, 1.0]"]))
+    rigid = simulation.state.rigid
+    assert rigid
+    rigid.velocities[1, 2] = -speed
+    least = []
+    for _ in range(4):
+        simulation.step()
+        least.append(float(rigid.centres[1, 2]) - 0.152)
+    assert min(least) > -1e-6
+    assert abs(rigid.velocities[1, 2]) < 1e-4
+
+
 def test_energies_and_shown_vertices_follow_the_bodies() -> None:
     """In free flight: kinetic energy and weight's potential as by hand, vertices as far from the centre as ever."""
     words = [

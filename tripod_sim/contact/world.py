@@ -1,7 +1,7 @@
 """Bodies that touch: one step of an implicit scheme with contact, stage by stage.
 
-1. Contacts: what is nearer than the alarm distance and, in fast steps, what would come nearer than the contact
-   distance without forces.
+1. Contacts: what is nearer than the alarm distance and, in fast steps, what would come that near without forces: what
+   forces hold comes less far than it would, and is met then by what only seemed to miss it.
 2. Response: the minimum of the step's potential with these contacts, roughly at first.
 3. Continuous detection over the moves found: what comes too close on the way is added and the response repeated, so
    that nothing passes through anything, at last to its tolerance. Where that does not end the step is halved, at last
@@ -393,7 +393,7 @@ class World:
         self.detector.near(self.positions, c, kept)
         self._ends_of(u)
         if float(np.abs(self._ends - self.positions).max(initial=0.0)) > self._slow:
-            self.detector.met(self.positions, self._ends, c, share=1.0)
+            self.detector.met(self.positions, self._ends, c, share=self.detector.alarm / self.law.distance)
         inherit(kept.arrays, kept.count, c.arrays, c.count)
 
     def _respond(self, u: FloatArray, stage: Stage, report: ContactReport, depth: int) -> float:

@@ -227,12 +227,7 @@ class WaySteps:
 
     def _divided(self, state: State, known: WayState, joints: FloatArray, dt: float) -> StepReport:
         """Take the step in parts as long as the errors allow."""
-        begin, start, total, origin = (
-            state.joints.copy(),
-            (state.time, state.step),
-            StepReport(),
-            self._origin,
-        )
+        begin, start, total, origin = state.joints.copy(), (state.time, state.step), StepReport(), self._keep
         length, done, worst, again, shortest = known.proposed or dt, 0.0, 0.0, False, self._wanted.shortest
         assert origin
         self._read(state, self._before)
@@ -245,7 +240,6 @@ class WaySteps:
                     h = length
                 pieces = max(1.0, np.ceil((dt - done) / h - 1e-9))
                 h = (dt - done) / pieces
-            state.copy_to(origin)
             self._remember()
             try:
                 report = self._part(state, begin + min(1.0, (done + h) / dt) * (joints - begin), h)
@@ -268,12 +262,14 @@ class WaySteps:
                 flight = BEFORE * hit * h if length < BEFORE * hit * h < h else 0.0
                 again = True
                 continue
-            total = _joined(report, total)
+            total = _joined(report, total) if done else replace(report, parts=1, rejected=total.rejected)
             self._note(known, h)
             if not flight:
                 length = min(max(h * min(max(change, SHRINK), 1.0 if again else GROW), shortest), dt)
             again = bool(flight)
             done, flight, worst = dt if pieces == 1 else done + h, 0.0, max(worst, float(self._added.max()))
+            if done < dt:
+                origin = self._saved(state)
         known.proposed = length
         state.time, state.step = start[0] + dt, start[1] + 1
         apart = np.nan
@@ -281,6 +277,12 @@ class WaySteps:
             apart = float(np.linalg.norm(known.second.position - state.ball.position))
         total.time_error = self._report(known, worst, apart)
         return total
+
+    def _saved(self, state: State) -> State:
+        """Return a copy of `state`, which the next overwrites."""
+        assert self._origin
+        state.copy_to(self._origin)
+        return self._origin
 
     def _part(self, state: State, joints: FloatArray, h: float) -> StepReport:
         """Advance over one part, with the ball."""
