@@ -6,6 +6,10 @@ the motion that the simulator found, and CalculiX's own reactions tell whether t
 nothing holds the disc, so their resultant is zero. What is left of it, times the compliance of the disc, is how far
 CalculiX's disc would stand from ours. (Its *RIGID BODY leaves the rotation of the loads out of its tangent and stops
 converging at some 20 degrees of the servos.) CalculiX reads N, mm, tonne and MPa.
+
+The compliant clamp is k int |x - p|^2 / 2 dV over the clamped elements, p where the arm has a point. With the integrals
+M_ab of the shape functions' products that is, for CalculiX, springs along each axis: of k M_ab from node a to the arm's
+place of b, and of -k M_ab from a to b.
 """
 
 import math
@@ -21,6 +25,8 @@ from numpy.typing import NDArray
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.elements.element import node_volumes
+from tripod_sim.elements.hexahedron import gauss
+from tripod_sim.elements.tetrahedron import T10
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.robot.disc import effector_disc
 from tripod_sim.scene import Scene
@@ -36,8 +42,12 @@ CASES = {
     "L2": ((-math.pi / 4,) * 3 + (0.0,), 20),
     "L3": ((-math.pi / 4, 0.0, 0.0, 0.0), 20),
     "L4": ((-1.4965,) * 3 + (0.035,), 40),
+    "L5": ((-1.1965, -1.4965, -1.4965, 0.035), 40),
 }
 """Joints [rad, rad, rad, m] at the end, and the straight increments in which both codes go there."""
+
+STIFFNESS = {"L5": 1.4e10}
+"""Of the compliant clamp [N/m^4]; the other cases have the ideal one."""
 
 PACKAGE = "CalculiX is missing: install the Debian or Ubuntu package calculix-ccx"
 
@@ -53,10 +63,14 @@ def installed() -> bool:
     return shutil.which("ccx") is not None
 
 
-def scene(element: str, level: int) -> Scene:
-    """Return the Tripod in statics with the solver's tolerance far below the differences that are compared."""
+def scene(element: str, level: int, stiffness: float = 0.0) -> Scene:
+    """Return the Tripod in statics with the solver's tolerance far below the differences that are compared.
+
+    `stiffness` is that of a compliant clamp [N/m^4]; 0 is the ideal one.
+    """
+    clamp = [f"clamp={{stiffness={stiffness!r}}}"] if stiffness else []
     overrides = ["inertia=off", "damping=off", f"mesh.element={element}", f"mesh.level={level}"]
-    return load_scene(SHARP, [*overrides, "solver.tolerance=1e-7"])
+    return load_scene(SHARP, [*overrides, *clamp, "solver.tolerance=1e-7"])
 
 
 def path(case: str) -> FloatArray:
@@ -115,11 +129,11 @@ def ours(case: str, element: str, level: int) -> tuple[Simulation, FloatArray, l
     """Return the simulation at the end of a load case, the displacements of its nodes at the start and after each
     increment [m], shape (increments + 1, n, 3), and the compliance of the disc with locked servos at the same moments.
     """
-    simulation = Simulation(scene(element, level))
+    simulation = Simulation(scene(element, level, STIFFNESS.get(case, 0.0)))
     found, soft = [], []
     for joints in [np.zeros(4), *path(case)]:
         simulation.step(joints)
-        found.append(simulation.state.positions - simulation.mesh.nodes)
+        found.append(simulation.positions - simulation.mesh.nodes)
         w = simulation.compliance().w
         soft.append(w[:6, :6] - w[:6, 6:] @ np.linalg.solve(w[6:, 6:], w[6:, :6]))
     return simulation, np.array(found), soft
@@ -128,13 +142,48 @@ def ours(case: str, element: str, level: int) -> tuple[Simulation, FloatArray, l
 def clamped(simulation: Simulation, joints: FloatArray) -> tuple[IndexArray, FloatArray]:
     """Return the nodes of the arms and their displacements [m] at `joints`, from the rotation about each axis."""
     nodes, moves = [], []
-    for frame, angle in zip(simulation.driven_frames, joints[:-1], strict=True):
+    mesh = simulation.scene.mesh
+    assert mesh
+    frames = Simulation(
+        scene(mesh.element, mesh.level)
+    ).driven_frames  # with a compliant clamp they drive no node
+    for frame, angle in zip(frames, joints[:-1], strict=True):
         arm = simulation.mesh.nodes[frame.nodes] - frame.point
         along = np.outer(arm @ frame.axis, frame.axis)
         turned = along + math.cos(angle) * (arm - along) + math.sin(angle) * np.cross(frame.axis, arm)
         nodes.append(frame.nodes)
         moves.append(turned - arm + joints[-1] * frame.inward)
     return np.concatenate(nodes), np.concatenate(moves)
+
+
+def bedding(simulation: Simulation, nodes: IndexArray) -> FloatArray:
+    """Return the stiffness of the compliant clamp between the clamped nodes [N/m], shape (k, k), along each axis."""
+    mesh, clamp = simulation.mesh, simulation.scene.clamp
+    assert clamp
+    held = mesh.elements[np.isin(mesh.elements, nodes).all(axis=1)]
+    points, weights = gauss(3) if mesh.kind.corners == 8 else (T10.points, T10.weights)
+    volumes = np.abs(np.linalg.det(mesh.kind.jacobians(mesh.nodes[held], points))) * weights
+    values = mesh.kind.functions(points)
+    place = np.full(len(mesh.nodes), -1)
+    place[nodes] = np.arange(len(nodes))
+    found, rows = np.zeros((len(nodes), len(nodes))), place[held]
+    shares = clamp.stiffness * np.einsum("eq,qa,qb->eab", volumes, values, values)
+    np.add.at(found, (rows[:, :, None], rows[:, None, :]), shares)
+    return found
+
+
+def springs(nodes: IndexArray, places: IndexArray, stiffness: FloatArray, first: int) -> list[str]:
+    """Return the springs between nodes and `places` of the arms, numbered from `first` on, as CalculiX reads them."""
+    k, lines = stiffness / MM, list[str]()
+    rows = [(nodes[a] + 1, places[b], k[a, b]) for a, b in zip(*np.nonzero(k), strict=True)]
+    rows += [(nodes[a] + 1, nodes[b] + 1, -k[a, b]) for a, b in zip(*np.nonzero(np.triu(k, 1)), strict=True)]
+    for i, (one, other, value) in enumerate(rows):
+        for axis in (1, 2, 3):
+            name = f"S{i}A{axis}"
+            lines += [f"*ELEMENT, TYPE=SPRING2, ELSET={name}", f"{first}, {one}, {other}"]
+            lines += [f"*SPRING, ELSET={name}", f"{axis}, {axis}", f"{value:.12e}"]
+            first += 1
+    return lines
 
 
 def write_input(simulation: Simulation, case: str, discs: FloatArray, file: Path) -> None:
@@ -163,13 +212,24 @@ def write_input(simulation: Simulation, case: str, discs: FloatArray, file: Path
     lines.append(f"{mu / 2 / 1e6:.12e}, {2 / (lam + 2 * mu / 3) * 1e6:.12e}")
     lines += ["*DENSITY", f"{s.material.mass / volume * 1e-12:.12e}"]
     lines += ["*SOLID SECTION, ELSET=BODY, MATERIAL=SILICONE"]
+    if s.clamp:
+        soft = clamped(simulation, np.zeros(4))[0]
+        places = len(mesh.nodes) + 1 + np.arange(len(soft))
+        lines.append("*NODE")
+        lines += [
+            f"{i}, " + ", ".join(f"{c:.12e}" for c in MM * mesh.nodes[n])
+            for i, n in zip(places, soft, strict=True)
+        ]
+        lines += springs(soft, places, bedding(simulation, soft), len(mesh.elements) + 1)
     for k, joints in enumerate([np.zeros(4), *path(case)]):
         lines += ["*STEP, NLGEOM, INC=100", "*STATIC", "1., 1."]
         if k == 0:
             lines += ["*CONTROLS, PARAMETERS=FIELD", "1e-7, 1e-6, , , 1e-7"]
             lines += ["*DLOAD", f"BODY, GRAV, {MM * size:.12e}, " + ", ".join(f"{c:.12e}" for c in g / size)]
-        lines.append("*BOUNDARY")
         nodes, moves = clamped(simulation, joints)
+        if s.clamp:
+            nodes = places - 1
+        lines.append("*BOUNDARY")
         held, moves = np.concatenate([nodes, disc]), np.concatenate([moves, discs[k]])
         for n, move in zip(held + 1, MM * moves, strict=True):
             lines += [f"{n}, {i}, {i}, {value:.12e}" for i, value in enumerate(move, 1)]

@@ -77,7 +77,15 @@ needs_calculix = pytest.mark.skipif(not calculix.installed(), reason=calculix.PA
 @needs_calculix
 @pytest.mark.parametrize(
     ("case", "element"),
-    [("L1", "t4"), ("L1", "t10"), ("L1", "h20"), ("L1", "h20_full"), ("L2", "t4"), ("L4", "t4")],
+    [
+        ("L1", "t4"),
+        ("L1", "t10"),
+        ("L1", "h20"),
+        ("L1", "h20_full"),
+        ("L2", "t4"),
+        ("L4", "t4"),
+        ("L5", "t4"),
+    ],
 )
 def test_calculix_agrees(case: str, element: str, tmp_path: Path) -> None:
     found = calculix.agreement(case, element, 1, tmp_path)
@@ -93,6 +101,13 @@ def test_calculix_would_disagree_with_another_law(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(calculix, "lame_constants", lambda young, poisson: lame(young * 1.01, poisson))
     found = calculix.agreement("L1", "h20", 1, tmp_path)
     assert found.disc > 1e-3
+
+
+@needs_calculix
+def test_calculix_would_disagree_with_another_clamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stiffness = calculix.bedding
+    monkeypatch.setattr(calculix, "bedding", lambda *given: 1.1 * stiffness(*given))
+    assert calculix.agreement("L5", "t4", 1, tmp_path).nodes > 1e-3
 
 
 def lame(young: float, poisson: float) -> tuple[float, float]:
