@@ -1,6 +1,6 @@
 """`--accuracy`, `--budget` and `--study`, options of the commands that load a scene."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -47,8 +47,17 @@ def wished(accuracy: str | None, budget: str | None) -> str | None:
     return f"budget {budget.strip()}"
 
 
-def chosen(scene: str, accuracy: str | None, overrides: Sequence[str], study: Path | None) -> "Choice | None":
-    """Return the setting that the options ask for; None without `--accuracy`. Raises SceneError."""
+def chosen(
+    scene: str,
+    accuracy: str | None,
+    overrides: Sequence[str],
+    study: Path | None,
+    chooser: "Callable[..., Choice] | None" = None,
+) -> "Choice | None":
+    """Return the setting that the options ask for; None without `--accuracy`. Raises SceneError.
+
+    `chooser` is what chooses; None: `tripod_sim.accuracy.choice.choose`.
+    """
     from tripod_sim.errors import SceneError  # noqa: PLC0415 - not needed for the help
 
     if accuracy is None:
@@ -59,4 +68,4 @@ def chosen(scene: str, accuracy: str | None, overrides: Sequence[str], study: Pa
         return None
     from tripod_sim.accuracy.choice import choose  # noqa: PLC0415
 
-    return choose(scene, accuracy, overrides, study=study)
+    return (chooser or choose)(scene, accuracy, overrides, study=study)

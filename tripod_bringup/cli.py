@@ -276,16 +276,18 @@ def sim(
     *,
     set_: Overrides = None,
     accuracy: Accuracy = None,
+    budget: Budget = None,
     study: Study = None,
     servo: ServoScript = None,
     slide: SlideScript = None,
     subnet: Subnet = False,
 ) -> None:
     """Run the simulator as a ROS node."""
+    from tripod_bringup.accuracy_option import wished  # noqa: PLC0415
     from tripod_bringup.up_command import sim_companion, sim_words  # noqa: PLC0415
 
     try:
-        words = sim_words(values or [], set_ or [], accuracy, study)
+        words = sim_words(values or [], set_ or [], wished(accuracy, budget), study)
         beside = sim_companion(words, servo, slide)
     except ValueError as error:
         print(f"tripod sim: {error}", file=sys.stderr)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from tripod_bringup.accuracy_option import Accuracy, Budget, Study
 from tripod_bringup.node_command import NODES, NodeCommand, run_node_command
 from tripod_bringup.options import Json, Overrides, Quiet, SceneArgument, SceneName, Subnet, examples, metres
 
@@ -110,10 +111,16 @@ def ik(
             "--scene is then what its --out wrote.",
         ),
     ] = None,
+    accuracy: Accuracy = None,
+    budget: Budget = None,
+    study: Study = None,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object (with --target).")] = False,
     subnet: Subnet = False,
 ) -> None:
     """Run the node, or solve once; the help is `IK_HELP`."""
+    if target is None and (accuracy or budget or study):
+        print("tripod ik: --accuracy, --budget and --study need --target", file=sys.stderr)
+        raise typer.Exit(2)
     if target is None:
         raise typer.Exit(run_node_command("ik", values or [], subnet=subnet, ros=context.obj))
     if values:
@@ -138,6 +145,9 @@ def ik(
             box=box,
             any_branch=any_branch,
             posterior=posterior,
+            accuracy=accuracy,
+            budget=budget,
+            study=study,
             as_json=json,
         )
     )

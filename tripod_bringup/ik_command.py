@@ -4,6 +4,8 @@ import json
 import math
 import sys
 from collections.abc import Mapping
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,10 +48,15 @@ def solve_command(
     box: str | None,
     any_branch: bool,
     posterior: Path | None,
+    accuracy: str | None,
+    budget: str | None,
+    study: Path | None,
     as_json: bool,
 ) -> int:
     """Solve, print and return the exit code: 0 reached, 1 not reached, 2 bad arguments."""
+    from tripod_bringup.accuracy_option import chosen, wished  # noqa: PLC0415 - not needed for the help
     from tripod_identify.errors import DataError  # noqa: PLC0415 - not needed for the help
+    from tripod_ik.accuracy import choose_model  # noqa: PLC0415
     from tripod_ik.errors import IkError  # noqa: PLC0415
     from tripod_ik.once import solve_once  # noqa: PLC0415
     from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
@@ -60,6 +67,11 @@ def solve_command(
         if goal not in {str(g) for g in Goal}:
             raise IkError(f"--goal is {goal!r}; allowed: {', '.join(Goal)}")
         corners = numbers("--box", box, 6, "m") if box is not None else None
+        choose = partial(choose_model, goal=Goal(goal), slide=slide)
+        if choice := chosen(scene, wished(accuracy, budget), overrides, study, choose):
+            overrides = list(choice.overrides)
+            if not as_json:
+                print(choice.sentence, file=sys.stderr)
         description = load_scene(scene, overrides)
         result = solve_once(
             description,
@@ -76,6 +88,8 @@ def solve_command(
         )
         if posterior is not None:
             result |= expected_error(description, posterior, result, slide)
+        if choice:
+            result["accuracy"] = asdict(choice)
     except (IkError, SceneError, DataError) as error:
         print("tripod ik: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS

@@ -51,6 +51,7 @@ NODES: Final[Mapping[str, NodeInfo]] = {
             "tripod ik goal:=orientation feedback:=imu",
             "tripod ik feedback:=pose observe_load:=true",
             'tripod ik --target "0.005 0 -0.006"',
+            'tripod ik --target "0.005 0 -0.006" --accuracy 1%',
             'tripod ik --target "0 0 0.005" --goal orientation --tilt "0.2 -0.1" --json',
             'tripod ik --target "0 0 -0.004" --scene robot.toml --slide 0.023 --posterior robot.json',
         ),

@@ -157,6 +157,23 @@ def choose(
     found = read_study(study) if study else shipped(made, scene)
     if study:
         check_fits(found, made, scene)
+    return chosen_from(scene, made, found, accuracy, wish, overrides, speed)
+
+
+def chosen_from(
+    scene: str,
+    made: Scene,
+    found: StoredStudy,
+    accuracy: str,
+    wish: float | str | Budget,
+    overrides: Sequence[str],
+    speed: Callable[[], float | None],
+    beside: Sequence[str] = (),
+) -> Choice:
+    """Return the choice from a study that fits the scene, `made` with the overrides of the user. Raises SceneError.
+
+    `beside` is what else the user asks for that the study knows nothing of.
+    """
     here = speed()
     scale = here / found.calibration if here and found.calibration else None
     point = pick(found, wish, scale, made.dt)
@@ -164,7 +181,7 @@ def choose(
     words = (*picked, *overrides)
     load_scene(scene, words)  # a study that does not fit the scene is told here
     seconds = point.cpu * scale if scale else None
-    strange = outside(scene, found, picked, overrides)
+    strange = (*outside(scene, found, picked, overrides), *beside)
     return Choice(
         accuracy, found.name, words, dict(point.settings), promised(found, point), quantities(found), seconds, strange,
         _sentence(accuracy, found, changes(load_scene(scene), point), expected(found, point), seconds, strange),
