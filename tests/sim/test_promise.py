@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import accuracy_promise, promise_branches, promise_cases
+from benchmarks import accuracy_promise, budgets, promise_branches, promise_cases
 from benchmarks.accuracy_promise import ROOT, Runner, error_of, errors_of, measure, reference_of, rungs_of
 from benchmarks.promise_cases import KINDS, Case
 from benchmarks.promise_table import HEADS, MARK, rows_of, written
 from tripod_sim import Simulation, StepError, load_scene
 from tripod_sim.accuracy.choice import asked, margins, pick
-from tripod_sim.accuracy.stored import read_study
+from tripod_sim.accuracy.stored import read_study, stored_studies
 from tripod_sim.study.plans.tripod_dynamic import SLIDE
 
 STUDIES = ROOT / "tripod_sim" / "studies"
@@ -233,3 +233,10 @@ def test_a_pose_with_a_second_equilibrium_is_told_from_one_without() -> None:
     assert least < more < 1.1 * least
     made = promise_branches.made(picked, case, simulation.command)
     assert np.linalg.norm(made.state.centres[0] - np.array([low, high]), axis=1).min() < 1e-5, "one of both"
+
+
+def test_what_a_budget_picks_is_as_exact_as_any_setting_that_takes_no_longer() -> None:
+    studies = [found for found in map(read_study, stored_studies()) if not found.solves]
+    assert len(studies) >= 6
+    for study in studies:
+        assert all(1.0 <= budgets.ratio(study, share) <= 1.3 for share in budgets.budgets(study)), study.name

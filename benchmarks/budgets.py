@@ -1,0 +1,76 @@
+"""How much more exact than what `--budget` picks any setting is that takes no longer.
+
+    python benchmarks/budgets.py            # prints the table
+    python benchmarks/budgets.py --write    # into docs/accuracy_promise.md
+
+For each studied motion six budgets of CPU time for a simulated second, evenly spaced in their logarithm from the
+cheapest setting that `--budget` may pick to the dearest; against all settings of the study, those included whose steps
+would not stay stable on another body. `--budget` takes the largest error of all that a study promises, with a margin:
+where that is of two quantities it may differ. Errors and times are the study's.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
+
+import numpy as np
+
+from benchmarks.doc_parts import write_part
+from tripod_sim.accuracy.choice import Budget, pick, stays_stable
+from tripod_sim.accuracy.stored import StoredStudy, read_study, stored_studies
+
+COUNT = 6
+"""Of budgets."""
+
+
+def budgets(study: StoredStudy) -> list[float]:
+    """Return CPU times of a simulated second on the study's machine [s]."""
+    costs = [p.cpu for p in study.points if stays_stable(p)]
+    return np.geomspace(min(costs), max(costs), COUNT).tolist()
+
+
+def ratio(study: StoredStudy, budget: float) -> float:
+    """Return the error of what is picked for a budget over the least of all settings that take no longer."""
+    picked = pick(study, Budget("budget", share=budget * (1 + 1e-9)), 1.0)
+    least = min(p.error for p in study.points if p.cpu <= budget * (1 + 1e-9))
+    return picked.error / least
+
+
+def table() -> list[str]:
+    """Return the table."""
+    lines = [
+        "| study | settings | budgets [CPU s per simulated second] | error over the least, by budget | worst |"
+    ]
+    lines.append("|---" * 5 + "|")
+    for study in map(read_study, stored_studies()):
+        if study.solves:
+            continue
+        shares = budgets(study)
+        found = [ratio(study, share) for share in shares]
+        words = (
+            f"{shares[0]:.2g} to {shares[-1]:.2g}",
+            ", ".join(f"{v:.2f}" for v in found),
+            f"{max(found):.2f}",
+        )
+        lines.append(f"| {study.name} | {len(study.points)} | {' | '.join(words)} |")
+    return lines
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--write", action="store_true", help="into docs/accuracy_promise.md")
+    options = parser.parse_args(arguments)
+    lines = table()
+    print(*lines, sep="\n")
+    if options.write:
+        write_part("accuracy_promise.md", "budgets", [*lines, "", "`python benchmarks/budgets.py --write`."])
+
+
+if __name__ == "__main__":
+    main()
