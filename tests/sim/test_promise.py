@@ -13,7 +13,7 @@ from benchmarks.accuracy_promise import ROOT, Runner, error_of, errors_of, measu
 from benchmarks.promise_cases import KINDS, Case
 from benchmarks.promise_table import HEADS, MARK, rows_of, written
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.accuracy.choice import asked, margins, pick
+from tripod_sim.accuracy.choice import asked, margins, pick, settings_text
 from tripod_sim.accuracy.stored import read_study, stored_studies
 from tripod_sim.study.plans.tripod_dynamic import SLIDE
 
@@ -151,7 +151,10 @@ def test_the_document_is_of_these_margins() -> None:
             factors, allowed = (
                 [float(x) for x in made[name].split(" and ")] for name in ("factor", "margin")
             )
-            assert allowed == list(margins(read_study(STUDIES / f"{made['study']}.json")))
+            study = read_study(STUDIES / f"{made['study']}.json")
+            picked = pick(study, asked(made["asked"]), None)
+            assert made["setting"] == settings_text(picked), "of another setting than is taken"
+            assert allowed == list(margins(study))
             assert all(factor <= most for factor, most in zip(factors, allowed, strict=True))
             assert int(made["cases"]) >= 200
             assert float(made["under the asked [%]"]) >= 95
