@@ -54,12 +54,13 @@ def panels(series: dict[str, Series]) -> list[tuple[str, str, list[Curve]]]:
             ],
         ),
         (
-            "errors: of inverse kinematics; of the time steps dashed",
+            "errors: of inverse kinematics; of the time steps dashed, of the mesh dash-dotted",
             "mm",
             [
                 ("ik/status", "error", "-", MILLIMETRES),
                 ("ik/status", "residual", ":", MILLIMETRES),
                 ("sim/status", "effector_time_error", "--", MILLIMETRES),
+                ("sim/status", "effector_mesh_error", "-.", MILLIMETRES),
             ],
         ),
     ]
@@ -102,7 +103,7 @@ def _panel(axes: Any, series: dict[str, Series], curves: list[Curve]) -> None:
     for topic, field, style, factor in curves:
         one = series[topic]
         values = one.values[field]
-        if field.endswith("time_error"):
+        if field.endswith(("time_error", "mesh_error")):
             values = np.where(values < 0, np.nan, values)  # not estimated
         last = field.rpartition(".")[2]
         colour = COLOURS["xyz".index(last) if last in "xyz" else int(last[-1]) if last[-1].isdigit() else 0]

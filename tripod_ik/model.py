@@ -3,6 +3,7 @@
 Pure: no ROS. It stands in where no simulator is in the graph, and answers the command line.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -98,6 +99,7 @@ class StaticModel:
     Attributes:
         simulation: Of the scene without what moves by itself: inertia, damping, servo dynamics, ball, other bodies.
         slide: Inward shift of the servo bodies [m].
+        scene: What it was built from.
     """
 
     def __init__(self, scene: Scene, slide: float = WORKING_SLIDE, angles: FloatArray | None = None) -> None:
@@ -125,7 +127,7 @@ class StaticModel:
             s, tolerance=min(TOLERANCE, s.tolerance), max_iterations=min(ITERATIONS, s.max_iterations)
         )
         self.simulation = Simulation(replace(at_rest(scene), solver=solver))
-        self.slide = slide
+        self.slide, self.scene = slide, scene
         self._state: LinearState | None = None
         self._image = images(count, mirrored=False)[0]
         start, end = self.simulation.command, np.append(wanted, slide)
@@ -215,6 +217,10 @@ class StaticModel:
         if self._state is None:
             self._state = self._image.state(linear_state(self.simulation.compliance()))
         return self._state
+
+    def shown(self, vector: Sequence[float]) -> FloatArray:
+        """Return a vector of what is simulated, shape (3,), as the pose has it, which may be an image of that."""
+        return np.asarray(self._image.matrix @ vector)
 
     @property
     def home(self) -> FloatArray:

@@ -284,7 +284,8 @@ class IkNode(Node):
             return
         if state is not None:
             self._guide.stand(self._slide, time.monotonic())
-            self._on_state(state, time.monotonic())
+            told = self._own.mesh_error
+            self._on_state(state, time.monotonic(), told.distance if told else math.nan)
 
     def _on_compliance(self, message: Any) -> None:
         now = time.monotonic()
@@ -298,7 +299,7 @@ class IkNode(Node):
             return
         self._guide.stand(message.slide, now)
         if not self._joins(state.angles, now):
-            self._on_state(state, now)
+            self._on_state(state, now, message.effector_mesh_error)
 
     def _joins(self, simulated: FloatArray, now: float) -> bool:
         """Return whether the simulated servos are still on their way to the robot's, and send them there."""
@@ -313,7 +314,8 @@ class IkNode(Node):
         self._rest_again(Activity.STALE, JOINING, now)
         return True
 
-    def _on_state(self, state: LinearState, now: float) -> None:
+    def _on_state(self, state: LinearState, now: float, mesh_error: float) -> None:
+        """Command what follows from `state`, in which the mesh errs by `mesh_error` [m]; NaN or -1: not known."""
         if now - self._received > self._stale_after:
             self._tracker.start()
         over = min(now - self._received, LONGEST_DT)
@@ -335,7 +337,7 @@ class IkNode(Node):
             self.get_logger().error(
                 f"not solved: {step.result.status}; the last command holds", throttle_duration_sec=THROTTLE
             )
-        self._publish_step(state, step, duration)
+        self._publish_step(state, step, duration, mesh_error)
 
     def _on_timer(self) -> None:
         now = time.monotonic()
@@ -376,7 +378,9 @@ class IkNode(Node):
 
     # --- what goes out ---
 
-    def _publish_step(self, state: LinearState, step: TrackerStep, duration: float) -> None:
+    def _publish_step(
+        self, state: LinearState, step: TrackerStep, duration: float, mesh_error: float
+    ) -> None:
         result = step.result
         status = IkStatus()
         status.target = point(step.target)
@@ -384,6 +388,7 @@ class IkNode(Node):
         status.error = step.error
         status.residual = result.residual
         status.tilt_error, status.tilt_residual = step.tilt_error, step.tilt_residual
+        status.effector_mesh_error = mesh_error if mesh_error >= 0 else -1.0
         status.command = array("d", result.command if result.ok else ())
         status.active_limits = list(result.active_limits)
         status.iterations = result.iterations
@@ -453,6 +458,8 @@ class IkNode(Node):
                 values["push along x and y [N]"] = " ".join(f"{v:.3g}" for v in load.push)
         if self._expected:
             values |= self._expected.values()
+        if self._own_in_use and self._own.mesh_error and self._own.mesh_error.reason:
+            values["mesh error [m]"] = f"not told: {self._own.mesh_error.reason}"
         return levels.get(self._activity, Level.OK), self._message or self._activity.name.lower(), values
 
 

@@ -13,6 +13,7 @@ from tripod_ik.errors import IkError
 from tripod_ik.inverse import PASSED, InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.merit import hard_limits_passed
+from tripod_ik.mesh_error import mesh_of
 from tripod_ik.model import StaticModel
 from tripod_ik.pathfinder import Pathfinder
 from tripod_ik.rotation import normal_of, roll_pitch
@@ -21,7 +22,6 @@ from tripod_ik.snap import SNAP
 from tripod_ik.target import TargetBox
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
 from tripod_sim.tables.fields import other_unit
@@ -123,7 +123,7 @@ def solve_once(
         "roll": found[0],
         "pitch": found[1],
         "error": solution.residual,
-        **_mesh_error(scene, model, state.angles),
+        **_mesh_error(model, state.angles),
         "residuals": dict(solution.residuals),
         "active_limits": list(solution.active_limits),
         "kkt": solution.kkt,
@@ -133,17 +133,13 @@ def solve_once(
     }
 
 
-def _mesh_error(scene: Scene, model: StaticModel, angles: FloatArray) -> dict[str, Any]:
+def _mesh_error(model: StaticModel, angles: FloatArray) -> dict[str, Any]:
     """Return the error of the mesh at the effector at `angles` [m], where the scene asks for it; NaN if not known."""
-    simulation = model.simulation
-    if not (scene.mesh_error and isinstance(simulation.mesh, SolidMesh)):
+    if not (mesh := mesh_of(model)):
         return {}
-    from tripod_sim.build import build  # noqa: PLC0415 - an effect that is absent
-    from tripod_sim.mesh_error import MeshError  # noqa: PLC0415
-
     model.move(angles)
-    found = MeshError(simulation.scene, simulation.mesh, build(simulation.scene)).start(simulation.state)
-    return {"mesh_error": {"effector": list(found.effector), "distance": found.distance}}
+    found = mesh.error(model.simulation.state)
+    return {"mesh_error": {"effector": model.shown(found.effector).tolist(), "distance": found.distance}}
 
 
 def _check_near(target: FloatArray, model: StaticModel) -> None:

@@ -10,6 +10,7 @@ from tripod_ik.state import LinearState
 from tripod_sim.errors import SceneError, StepError
 
 if TYPE_CHECKING:
+    from tripod_ik.mesh_error import LiveMeshError
     from tripod_ik.model import StaticModel
 
 FAR = 0.2
@@ -22,6 +23,7 @@ class OwnModel:
 
     Attributes:
         failure: Why there is no model; empty while there may be one.
+        mesh_error: What tells the error of its mesh; None where its scene does not ask for that.
     """
 
     def __init__(self, build: Callable[[FloatArray], "StaticModel"]) -> None:
@@ -30,6 +32,7 @@ class OwnModel:
         self._model: StaticModel | None = None
         self._thread: threading.Thread | None = None
         self.failure = ""
+        self.mesh_error: LiveMeshError | None = None
 
     @property
     def busy(self) -> bool:
@@ -49,14 +52,19 @@ class OwnModel:
             self._thread.start()
             return None
         try:
-            return self._model.move(angles)
+            state = self._model.move(angles)
         except (SceneError, StepError) as error:
             raise IkError(f"own model: {error}") from None
+        if self.mesh_error:
+            self.mesh_error.look(self._model.simulation.state)
+        return state
 
     def _go(self, angles: FloatArray) -> None:
         try:
             if self._model is None:
-                self._model = self._build(angles)
+                model = self._build(angles)
+                self.mesh_error = _error_of(model)
+                self._model = model
             else:
                 self._model.move(angles)
         except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
@@ -64,6 +72,18 @@ class OwnModel:
             self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
 
     def close(self) -> None:
-        """Wait for the thread, for a short while."""
+        """Wait for the threads, for a short while."""
         if self._thread is not None:
             self._thread.join(2.0)
+        if self.mesh_error:
+            self.mesh_error.close()
+
+
+def _error_of(model: "StaticModel") -> "LiveMeshError | None":
+    """Return what tells the error of a model's mesh; None where its scene does not ask for that."""
+    if not (table := model.scene.mesh_error):
+        return None
+    from tripod_ik.mesh_error import LiveMeshError, mesh_of  # noqa: PLC0415 - an effect that is absent
+
+    mesh = mesh_of(model)
+    return LiveMeshError(mesh, table.share) if mesh else None

@@ -13,8 +13,10 @@ from tripod_msgs.msg import BodyState, Compliance
 
 from tripod_graph.names import SLIDE, WORLD, servo_names
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
+from tripod_sim.figures.errors import mesh_error
 from tripod_sim.journal import HEAD
 from tripod_sim.maze.board_mesh import BoardMesh
+from tripod_sim.notices import known
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Pose, Skin
 
@@ -99,7 +101,7 @@ def compliance_message(snapshot: Snapshot) -> Compliance | None:
         header=header(snapshot.stamp), joint_names=list(servo_names(len(c.angles))), angles=flat(c.angles),
         torques=flat(c.torques), effector=pose_message(Pose(c.position, c.quaternion)),
         equilibrium_offset=c.equilibrium_offset, w=flat(c.w), slide=c.slide, firmness=soft.firmness if soft else 1.0,
-        firmness_slope=flat(soft.slope) if soft else [],
+        firmness_slope=flat(soft.slope) if soft else [], effector_mesh_error=known(mesh_error(snapshot.report)),
     )  # fmt: skip
 
 

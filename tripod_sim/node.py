@@ -39,6 +39,7 @@ from tripod_graph.trajectory import Command, obey
 from tripod_graph.turns import short
 from tripod_sim import messages, realtime
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.figures.errors import effector_error, mesh_error
 from tripod_sim.keep_up import PERIOD as LOOK_PERIOD
 from tripod_sim.keep_up import KeepUp, Settings
 from tripod_sim.notices import known, notices, stalls
@@ -529,6 +530,7 @@ class SimNode(Node):
             step_time_p99=speed.p99, newton_iterations=report.iterations, halvings=report.halvings, parts=report.parts,
             time_error=known(error.largest if error else None),
             effector_time_error=known(error.effector if error else None),
+            effector_mesh_error=known(mesh_error(report)), effector_error=known(effector_error(report)),
             residual=report.residual, kinetic_energy=energies.kinetic, strain_energy=energies.strain,
             gravity_energy=energies.gravity, missed_periods=speed.missed, rejected_commands=self._refused,
             last_rejection=self._last_refusal, authority=authority_message(self._authority),

@@ -65,6 +65,7 @@ class IkFields(Protocol):
     state: int
     message: str
     error: float
+    effector_mesh_error: float
     active_limits: Sequence[str]
     solver_status: str
 
@@ -125,6 +126,8 @@ def _known(value: float) -> float | None:
 def ik_line(status: IkFields) -> Line:
     """Return the line for a fresh status of the inverse kinematics."""
     off, limits = f"{1e3 * status.error:.2f} mm off", ", ".join(status.active_limits)
+    if status.effector_mesh_error >= 0:
+        off += f", mesh {1e3 * status.effector_mesh_error:.2g} mm (estimated)"
     texts = {
         0: (Light.OFF, "idle"),
         1: (Light.GOOD, f"following, {off}"),

@@ -65,6 +65,21 @@ def test_it_begins_at_rest_and_follows_a_target(graph):
     assert any(s.residual < 0.9 * s.error for s in sim.states if s.error > 1e-4)
 
 
+def test_an_answer_tells_the_error_of_the_mesh_that_its_state_came_with(graph):
+    graph.start()
+    sim = graph.sim
+    sim.say_mode(ControlMode.IK)
+    assert graph.wait_state(IkStatus.TRACKING).effector_mesh_error == -1.0
+
+    def spoil(message):
+        message.effector_mesh_error = 9e-5
+
+    sim.spoil = spoil
+    graph.wait(lambda: sim.states[-1].effector_mesh_error == 9e-5)
+    sim.spoil = lambda message: None
+    graph.wait(lambda: sim.states[-1].effector_mesh_error == -1.0)
+
+
 def test_commands_keep_to_the_speed_that_is_set(graph):
     graph.start(angle_speed=0.2)
     sim = graph.sim

@@ -7,7 +7,12 @@ pytest.importorskip("tripod_msgs")
 from tripod_msgs.msg import IkStatus
 
 from tests.ik.ik_graph import WORKING, start_alone
+from tests.scenes import SHARP
 from tripod_graph import names
+from tripod_ik.once import solve_once
+from tripod_sim import load_scene
+from tripod_sim.mesh_error import NEAR
+from tripod_sim.scene_file import scene_to_toml
 
 pytestmark = pytest.mark.ros
 
@@ -23,10 +28,26 @@ def test_without_a_simulator_in_the_graph_it_runs_the_model_itself(graph):
     sim.say_target((start.x + 0.004, start.y - 0.002, start.z + 0.002))
     graph.wait(lambda: sim.states[-1].message == "" and sim.states[-1].error < 1e-6)
     assert sim.states[-1].effector.x == pytest.approx(start.x + 0.004, abs=1e-6)
+    assert {s.effector_mesh_error for s in sim.states} == {-1.0}
     assert np.ptp(sim.angles) > 0.1
     sim.diagnostics.clear()
     (report,) = graph.wait(lambda: sim.diagnostics and sim.diagnostics[-1].status)
     assert {pair.key: pair.value for pair in report.values}["model"] == "own"
+
+
+def test_an_answer_tells_the_error_of_the_mesh_where_the_scene_asks_for_it_as_tripod_ik_does(graph, tmp_path):
+    scene = load_scene(SHARP, ["mesh.level=1", "clamp.stiffness=1.4e10", "mesh_error={}"])
+    path = tmp_path / "scene.toml"
+    path.write_text(scene_to_toml(scene), encoding="utf-8")
+    start_alone(graph, scene=str(path))
+    sim = graph.sim
+    first = graph.wait(lambda: next((s for s in sim.states if s.effector_mesh_error > 0), None))
+    target = [0.004, -0.002, -0.006]
+    wanted = solve_once(scene, target, slide=0.035)["mesh_error"]["distance"]
+    assert first.effector_mesh_error > wanted + 20 * NEAR  # of the pose in which it began
+    sim.say_target(target)
+    graph.wait(lambda: sim.states[-1].message == "" and sim.states[-1].error < 1e-6)
+    graph.wait(lambda: abs(sim.states[-1].effector_mesh_error - wanted) < NEAR)
 
 
 def test_its_own_model_needs_to_know_where_the_robot_is(graph):

@@ -76,6 +76,17 @@ def test_the_flood_ends_at_folds():
     assert not (result.table[:, :3] == 0.2).all(axis=1).any()
 
 
+def test_the_error_of_the_mesh_is_that_of_the_branch_that_the_answer_is_on():
+    """Brought there from the undeformed body, the richer mesh comes to an equilibrium 15 mm away."""
+    result = solve_once(
+        load_scene(SHARP, ["clamp.stiffness=1.4e10", "mesh_error={}"]), [0.01, -0.005, 0.006], slide=0.035
+    )
+    fine = StaticModel(load_scene(SHARP, ["clamp.stiffness=1.4e10", "mesh.element=h20", "mesh.level=8"]))
+    there = fine.follow(np.array(result["angles"])).equilibrium - result["position"]
+    assert np.linalg.norm(there) < 3e-4
+    assert result["mesh_error"]["effector"] == pytest.approx(there.tolist(), abs=2e-5)
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [

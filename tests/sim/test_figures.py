@@ -9,7 +9,7 @@ from tripod_sim import Simulation, load_scene
 from tripod_sim.figures.accuracy import WISHES, accuracy_figures, accuracy_line
 from tripod_sim.figures.effects import effect_figures, effect_lines, stored
 from tripod_sim.figures.energy import EnergyBooks, total
-from tripod_sim.figures.errors import errors_line
+from tripod_sim.figures.errors import effector_error, errors_line, mesh_error
 from tripod_sim.figures.picture import picture
 from tripod_sim.figures.stability import stability, stability_lines
 from tripod_sim.integrators.substeps import StepReport
@@ -230,5 +230,11 @@ def test_errors_are_told_of_mesh_and_steps_where_the_scene_asks_for_them() -> No
     mesh = MeshErrorReport((0.0, 5.4e-5, -7.2e-5), 0.1)
     assert errors_line(StepReport(mesh_error=mesh)) == "mesh 0.09 mm"
     assert errors_line(StepReport(mesh_error=mesh, time_error=steps)) == "0.12 mm: mesh 0.09, step 0.03"
+    assert mesh_error(StepReport(mesh_error=mesh)) == effector_error(StepReport(mesh_error=mesh))
+    assert effector_error(StepReport(mesh_error=mesh, time_error=steps)) == pytest.approx(1.2e-4)
+    local = TimeErrorReport(np.nan, np.nan, -1, 1e-6)
+    assert effector_error(StepReport(mesh_error=mesh, time_error=local)) == pytest.approx(9e-5)
+    assert np.isnan([mesh_error(StepReport()), effector_error(StepReport(time_error=steps))]).all()
     lost = MeshErrorReport((np.nan,) * 3, 0.1)
+    assert np.isnan(effector_error(StepReport(mesh_error=lost, time_error=steps)))
     assert "the richer mesh has no equilibrium here" in errors_line(StepReport(mesh_error=lost))

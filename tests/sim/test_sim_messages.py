@@ -20,6 +20,7 @@ from tripod_sim.compliance import Compliance
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.markers import SceneMarkers
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
+from tripod_sim.mesh_error import MeshErrorReport
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Energies, Pose
 
@@ -114,7 +115,15 @@ def test_compliance_has_one_row_for_each_name(servos: int) -> None:
     assert message.equilibrium_offset.tolist() == c.equilibrium_offset.tolist()
     assert pose_numbers(message.effector) == [*c.position, *c.quaternion]
     assert message.slide == 0.0123
+    assert message.effector_mesh_error == -1.0
     np.testing.assert_array_equal(np.reshape(message.w, (6 + servos, 6 + servos)), c.w)
+
+
+@pytest.mark.parametrize(("error", "told"), [((0.0, 3e-5, -4e-5), 5e-5), ((np.nan,) * 3, -1.0)])
+def test_compliance_tells_the_error_of_its_mesh(error: tuple[float, float, float], told: float) -> None:
+    s = snapshot()
+    s.report.mesh_error = MeshErrorReport(error, 0.2)
+    assert wired(messages.compliance_message(s)).effector_mesh_error == pytest.approx(told)
 
 
 def test_a_snapshot_without_compliance_gives_no_message() -> None:

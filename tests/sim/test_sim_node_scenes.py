@@ -93,6 +93,31 @@ def test_the_estimated_error_of_the_steps_and_their_parts_are_in_the_status(make
 def test_an_estimate_that_nobody_asks_for_is_told_as_unknown(make) -> None:
     status = make().start().next(names.SIM_STATUS, lambda s: s.step > 5)
     assert (status.time_error, status.effector_time_error, status.parts) == (-1.0, -1.0, 1)
+    assert (status.effector_mesh_error, status.effector_error) == (-1.0, -1.0)
+
+
+def test_the_estimated_error_of_the_mesh_is_in_the_status_and_with_that_of_the_steps_a_bound(make) -> None:
+    words = ["mesh.level=1", "clamp.stiffness=1.4e10", "mesh_error={}"]
+    estimate = Simulation(load_scene("tripod", words)).mesh_error()
+    assert estimate
+    steps = ["inertia.scheme=bdf2", "time_error={}"]
+    graph = make(set=";".join([*words, *steps])).start()
+    graph.listen(names.COMPLIANCE)
+    status = graph.next(names.SIM_STATUS, lambda s: s.step > 5)
+    assert status.effector_mesh_error == pytest.approx(
+        estimate.distance, rel=0.05
+    )  # it stands where it began
+    assert status.effector_mesh_error > 1e-5
+    assert status.effector_time_error >= 0
+    assert status.effector_error == pytest.approx(status.effector_mesh_error + status.effector_time_error)
+    assert graph.next(names.COMPLIANCE).effector_mesh_error == pytest.approx(estimate.distance, rel=0.05)
+
+
+def test_the_error_of_the_mesh_alone_bounds_what_is_known(make) -> None:
+    graph = make(set="mesh.level=1;clamp.stiffness=1.4e10;mesh_error={}").start()
+    status = graph.next(names.SIM_STATUS, lambda s: s.step > 5)
+    assert status.effector_time_error == -1.0
+    assert status.effector_error == status.effector_mesh_error > 1e-5
 
 
 def test_an_effector_without_servos_has_a_compliance_of_its_own(make) -> None:

@@ -18,7 +18,7 @@ def sim(**values: object) -> SimpleNamespace:
 
 def ik(**values: object) -> SimpleNamespace:
     fields = {"state": 1, "message": "", "error": 0.00012, "active_limits": [], "solver_status": "solved"}
-    return SimpleNamespace(**(fields | values))
+    return SimpleNamespace(**({"effector_mesh_error": -1.0} | fields | values))
 
 
 def robot(**values: object) -> SimpleNamespace:
@@ -46,6 +46,11 @@ def mode_line(mode: Mode, source: str, now: float = 0.0) -> Line:
         (words.sim_line(sim(state=77)), Light.BAD, "unknown state 77"),
         (words.ik_line(ik(state=0)), Light.OFF, "idle"),
         (words.ik_line(ik()), Light.GOOD, "following, 0.12 mm off"),
+        (
+            words.ik_line(ik(effector_mesh_error=9.04e-5)),
+            Light.GOOD,
+            "following, 0.12 mm off, mesh 0.09 mm (estimated)",
+        ),
         (
             words.ik_line(ik(state=2, error=0.003, active_limits=["servo_0 angle max"])),
             Light.WATCH,

@@ -14,6 +14,17 @@ def error_words(mesh: float, step: float = math.nan) -> str:
     return f"{1e3 * (mesh + step):.2g} mm: mesh {1e3 * mesh:.2g}, step {1e3 * step:.2g}"
 
 
+def mesh_error(report: StepReport) -> float:
+    """Return how far the mesh puts the effector from where it should be [m]; NaN where nobody asks, or not known."""
+    return report.mesh_error.distance if report.mesh_error else math.nan
+
+
+def effector_error(report: StepReport) -> float:
+    """Return what bounds the errors of mesh and time steps at the effector [m], as `error_words` has it; or NaN."""
+    step = report.time_error.effector if report.time_error else math.nan
+    return mesh_error(report) + (0.0 if math.isnan(step) else step)
+
+
 def errors_line(report: StepReport) -> str:
     """Return what a step reports of its errors; empty where the scene does not ask for that of the mesh."""
     if not report.mesh_error:
