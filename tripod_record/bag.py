@@ -10,6 +10,7 @@ from typing import Any
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.base import TypesysError
+from rosbags.typesys.store import Typestore
 
 from tripod_record.errors import RecordError
 from tripod_record.info import BagInfo, printable, read_info
@@ -89,10 +90,27 @@ class Bag:
     def _decoder(channel: Channel) -> Callable[[bytes], Any]:
         if channel.encoding != "cdr" or not channel.definition:
             raise RecordError(f"topic {printable(channel.topic)} is not in the encoding of ROS 2")
-        store = get_typestore(Stores.EMPTY)
         try:
-            store.register(get_types_from_msg(channel.definition, channel.type))
-        except (TypesysError, AssertionError, KeyError, ValueError) as error:
-            what = f"the definition of {printable(channel.type)}, topic {printable(channel.topic)}"
-            raise RecordError(f"{what}, cannot be read: {printable(str(error))}") from None
-        return lambda data: store.deserialize_cdr(data, channel.type)
+            store = store_of(channel.type, channel.definition)
+        except RecordError as error:
+            raise RecordError(f"{error}; it is that of topic {printable(channel.topic)}") from None
+        return lambda data: decoded(store, data, channel.type)
+
+
+def store_of(kind: str, definition: str) -> Typestore:
+    """Return what reads messages of the type `kind` by its definition; raises RecordError if that cannot be read."""
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(definition, kind))
+    except (TypesysError, AssertionError, KeyError, ValueError) as error:
+        what = f"the definition of {printable(kind)}"
+        raise RecordError(f"{what} cannot be read: {printable(str(error))}") from None
+    return store
+
+
+def decoded(store: Typestore, data: bytes, kind: str) -> Any:
+    """Return a message of the type `kind`; raises SerdeError if it cannot be read."""
+    try:
+        return store.deserialize_cdr(data, kind)
+    except SerdeError:  # what ends with an empty sequence may be padded to 8 bytes, which rosbags refuses
+        return store.deserialize_cdr(data[:-4], kind)

@@ -9,14 +9,13 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.base import TypesysError
+from rosbags.serde import SerdeError
 
 from tripod_graph.names import CONTROL_MODE, JOINT_TRAJECTORY, TARGET_POSE
 from tripod_graph.presence import publisher_elsewhere
 from tripod_graph.transport import Transport
-from tripod_record.bag import Bag, Heard
-from tripod_record.definitions import definition_text, message_class
+from tripod_record.bag import Bag, Heard, decoded, store_of
+from tripod_record.definitions import SEPARATOR, definition_text, message_class
 from tripod_record.errors import RecordError
 from tripod_record.info import printable
 from tripod_record.selection import ALWAYS
@@ -26,6 +25,9 @@ PERIOD = 0.005
 
 DEPTH = 100
 """Messages of a topic that may wait for the middleware, and of a latched one that are kept for who comes late."""
+
+Convert = Callable[[bytes | memoryview], bytes]
+"""Turns a message as it was recorded into one of the type that is installed."""
 
 COMMANDING = (JOINT_TRAJECTORY, CONTROL_MODE, TARGET_POSE)
 """Topics that could move a robot: only played where they are named."""
@@ -45,6 +47,7 @@ class TopicPlayer(Node):
         self.done, self.duration = "", bag.info.duration
         self._bag, self._offset, self._count = bag, start, 0
         self._played: dict[str, Publisher] = {}
+        self._convert: dict[str, Convert] = {}
         self._latched: dict[str, deque[Heard]] = {}
         self._messages = bag.messages(wanted)
         self._topics = [t for t in bag.topics if wanted(t)]
@@ -97,7 +100,8 @@ class TopicPlayer(Node):
         channel = self._bag.channel(topic)
         try:
             kind = message_class(channel.type)
-            if not is_installed(channel.type, channel.definition):
+            convert = conversion(channel.type, channel.definition)
+            if convert is None:
                 raise RecordError(f"its type {printable(channel.type)} had other fields when it was recorded")
         except RecordError as error:
             self.get_logger().warning(f"{printable(topic)} is not played: {error}")
@@ -109,7 +113,7 @@ class TopicPlayer(Node):
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
-        self._played[topic] = self.create_publisher(kind, topic, profile)
+        self._played[topic], self._convert[topic] = self.create_publisher(kind, topic, profile), convert
         if latched:
             depths = [int(d) for d in re.findall(r"depth: (\d{1,6})", channel.qos)]
             self._latched[topic] = deque(maxlen=min(max(1, *depths, len(depths)), DEPTH) if depths else 1)
@@ -125,9 +129,13 @@ class TopicPlayer(Node):
                 self._publish(heard)
 
     def _publish(self, heard: Heard) -> None:
-        if publisher := self._played.get(heard.topic):
-            publisher.publish(bytes(heard.data))
+        if not (publisher := self._played.get(heard.topic)):
+            return
+        try:
+            publisher.publish(self._convert[heard.topic](heard.data))
             self._count += 1
+        except SerdeError as error:
+            self.get_logger().warning(f"a message of {printable(heard.topic)} is not played: {error}")
 
     def _on_timer(self) -> None:
         place = self._transport.place(time.monotonic())
@@ -138,19 +146,36 @@ class TopicPlayer(Node):
             self.done = f"played {self._count} messages"
 
 
-def is_installed(kind: str, definition: str) -> bool:
-    """Return whether the type `kind` of this environment has the fields of the `definition` that was recorded.
+def conversion(kind: str, definition: str) -> Convert | None:
+    """Return what turns a message of the `definition` that was recorded into one of the installed type `kind`.
 
-    Raises RecordError if either cannot be read.
+    None where it had other fields. Fields that have been added since get their default value, if their definition
+    names one: it says what is true of a message that does not tell.
+
+    Raises RecordError if either definition cannot be read.
     """
-    found = []
-    for text in (definition, definition_text(kind)):
-        store = get_typestore(Stores.EMPTY)
-        try:
-            store.register(get_types_from_msg(text, kind))
-            found.append(store.hash_rihs01(kind))
-        except (TypesysError, AssertionError, KeyError, ValueError) as error:
-            raise RecordError(
-                f"the definition of {printable(kind)} cannot be read: {printable(str(error))}"
-            ) from None
-    return found[0] == found[1]
+    text = definition_text(kind)
+    old, new = store_of(kind, definition), store_of(kind, text)
+    if old.hash_rihs01(kind) == new.hash_rihs01(kind):
+        return bytes
+    was, fields = (dict(store.fielddefs[kind][1]) for store in (old, new))
+    parts = old.fielddefs.keys() - {kind}
+    same = all(part in new.fielddefs and old.hash_rihs01(part) == new.hash_rihs01(part) for part in parts)
+    added = fields.keys() - was.keys()
+    own = text.partition(SEPARATOR)[0]
+    if not (same and was.items() <= fields.items() and all(_has_default(own, name) for name in added)):
+        return None
+    message = message_class(kind)()
+    more = {name: getattr(message, name) for name in added}
+
+    def convert(data: bytes | memoryview) -> bytes:
+        found = decoded(old, bytes(data), kind)
+        values = {name: getattr(found, name) for name in was}
+        return bytes(new.serialize_cdr(new.types[kind](**values, **more), kind))
+
+    return convert
+
+
+def _has_default(text: str, name: str) -> bool:
+    """Return whether a field of a definition has a default value."""
+    return bool(re.search(rf"^\s*\S+\s+{re.escape(name)}[ \t]+[^\s#=]", text, re.MULTILINE))

@@ -1,6 +1,7 @@
 """Recordings as numbers, curves and a page: what independent readers of these formats find in them."""
 
 import csv
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from tests.replay.sessions import run_session, write_session
 from tripod_bringup.bag_export import export_command, html_command, plot_command
 from tripod_bringup.bag_plot import panels
 from tripod_record.bag import Bag
+from tripod_record.errors import RecordError
 from tripod_record.table import read_series, table
 from tripod_record.topic import Qos, Topic
 from tripod_record.writer import BagWriter
@@ -92,6 +94,41 @@ def test_curves_are_drawn_of_what_there_is(bag: Path, tmp_path: Path) -> None:
     ]
     assert plot_command(bag, tmp_path / "curves.png") == 0
     assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
+
+
+def written(path: Path, definition: str, *messages: bytes) -> Bag:
+    """Return a recording of /sim/status with that definition, a message each 10 ms."""
+    writer = BagWriter(path)
+    writer.add_topic(Topic("/sim/status", "tripod_msgs/msg/SimStatus", definition, (Qos(),)))
+    for k, message in enumerate(messages):
+        writer.write("/sim/status", b"\0\1\0\0" + message, START + k * 10**7)
+    writer.close()
+    return Bag(path)
+
+
+def test_errors_of_steps_and_mesh_are_drawn_where_the_recording_has_them(tmp_path: Path) -> None:
+    old = written(tmp_path / "old", "float64 effector_time_error\n", struct.pack("<d", 3e-5))
+    new = written(
+        tmp_path / "new",
+        "float64 effector_time_error -1\nfloat64 effector_mesh_error -1  # [m]\n",
+        *(struct.pack("<dd", -1, error) for error in (9e-5, -1)),
+    )
+    for bag, names in ((old, ["effector_time_error"]), (new, ["effector_time_error", "effector_mesh_error"])):
+        ((title, _, curves),) = panels(read_series(bag))
+        assert title.startswith("errors")
+        assert [curve[1] for curve in curves] == names
+    assert read_series(new)["/sim/status"].values["effector_mesh_error"].tolist() == [9e-5, -1]
+
+
+def test_a_message_that_ends_with_an_empty_sequence_is_read_as_rclpy_pads_it(tmp_path: Path) -> None:
+    """Of a scene without servos `sim/status` ends so."""
+    said = struct.pack("<dI", 0.5, 0)
+    for name, data in (("as it is", said), ("padded", said + b"\x7e\x2e\xb8\0")):
+        bag = written(tmp_path / name.replace(" ", "_"), "float64 time\nfloat64[] upper\n", data)
+        assert {k: v.tolist() for k, v in read_series(bag)["/sim/status"].values.items()} == {"time": [0.5]}
+    bag = written(tmp_path / "torn", "float64 time\nfloat64[] upper\n", said[:-2])
+    with pytest.raises(RecordError, match="a message of /sim/status cannot be read"):
+        read_series(bag)
 
 
 def test_a_page_is_made_of_the_session_simulated_again(

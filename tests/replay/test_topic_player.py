@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
@@ -17,10 +18,10 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from tripod_graph.qos import LATCHED, RELIABLE
-from tripod_record.bag import Bag
+from tripod_record.bag import Bag, decoded, store_of
 from tripod_record.definitions import definition_text
 from tripod_record.errors import RecordError
-from tripod_record.play_node import COMMANDING, TopicPlayer
+from tripod_record.play_node import COMMANDING, TopicPlayer, conversion
 from tripod_record.selection import is_selected
 from tripod_record.topic import Qos, Topic
 from tripod_record.writer import BagWriter
@@ -149,3 +150,54 @@ def test_a_type_with_other_fields_is_told_and_left_out(graph: Graph, tmp_path: P
     writer.close()
     with pytest.raises(RecordError, match="no topic whose type is installed here as it was recorded"):
         graph.play(tmp_path / "bag")
+
+
+def earlier(kind: str, later: str) -> str:
+    """Return the definition of a type of ours without the fields that `later` is part of the names of."""
+    return "".join(line for line in definition_text(kind).splitlines(keepends=True) if later not in line)
+
+
+def test_a_recording_from_before_fields_were_added_is_played_with_their_default_values(
+    graph: Graph, tmp_path: Path
+) -> None:
+    status = pytest.importorskip("tripod_msgs.msg").SimStatus
+    kind = "tripod_msgs/msg/SimStatus"
+    text = earlier(kind, "mesh_error").replace("float64 effector_error ", "# ")
+    assert definition_text(kind).count("float64 effector_") == text.count("float64 effector_") + 2
+    store = store_of(kind, text)
+    T = store.types
+    header = T["std_msgs/msg/Header"](
+        stamp=T["builtin_interfaces/msg/Time"](sec=1, nanosec=2), frame_id="world"
+    )
+    authority = decoded(
+        store_of(kind, definition_text(kind)), serialize_message(status(upper=[1.0])), kind
+    ).authority
+    blank = status()
+    fields = {name: getattr(blank, name) for name, _ in store.fielddefs[kind][1]}
+    fields |= {
+        "header": header, "authority": authority, "time_error": 3e-5, "residual": 7.0, "last_rejection": "none of them",
+        "lower": np.array([-1.0]), "upper": np.array([0.5]),
+    }  # fmt: skip
+    writer = BagWriter(tmp_path / "bag")
+    writer.add_topic(Topic("/sim/status", kind, text, (Qos(),)))
+    writer.write("/sim/status", bytes(store.serialize_cdr(T[kind](**fields), kind)), START)
+    writer.close()
+    heard: list[Any] = []
+    graph.ear.create_subscription(status, "/sim/status", heard.append, RELIABLE)
+    graph.play(tmp_path / "bag")
+    graph.until(lambda: heard)
+    (found,) = heard
+    assert (found.time_error, found.residual, found.last_rejection) == (3e-5, 7.0, "none of them")
+    assert (found.header.stamp.sec, list(found.lower), list(found.upper)) == (1, [-1.0], [0.5])
+    assert (found.effector_mesh_error, found.effector_error) == (-1.0, -1.0)
+
+
+@pytest.mark.parametrize("missing", ["firmness_slope", "slide"])
+def test_what_has_been_added_without_a_default_value_is_not_made_up(missing: str) -> None:
+    pytest.importorskip("tripod_msgs.msg")
+    kind = "tripod_msgs/msg/Compliance"
+    assert conversion(kind, earlier(kind, "mesh_error"))
+    assert conversion(kind, earlier(kind, f"{missing} ")) is None
+    assert conversion(kind, "float64 more\n" + definition_text(kind)) is None
+    assert conversion(kind, definition_text(kind).replace("float64 slide", "float32 slide")) is None
+    assert conversion(kind, earlier(kind, "mesh_error").replace("string frame_id", "string frame")) is None
