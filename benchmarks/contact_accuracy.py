@@ -285,7 +285,7 @@ def told(run: Run, exact: Run) -> dict[str, Any]:
 def fixed(case: Case, exact: Run, own: float) -> list[dict[str, Any]]:
     """Return the ladder of fixed steps of all schemes.
 
-    Each goes down to the finest accuracy, or the reference's error, or to where it takes twice what reached that.
+    Each goes down to the finest accuracy, or the reference's error, or to where it takes what one that reached that took.
     """
     interval, rows, most = load_scene(case.scene, case.words).dt, list[dict[str, Any]](), np.inf
     for scheme in SCHEMES:
@@ -296,7 +296,7 @@ def fixed(case: Case, exact: Run, own: float) -> list[dict[str, Any]]:
                 continue
             rows.append({"scheme": scheme, "division": division, **told(run, exact)})
             if rows[-1]["error"] <= max(min(ACCURACIES), own):
-                most = min(most, 2 * run.seconds)
+                most = min(most, run.seconds)
                 break
             if run.seconds > most:
                 break

@@ -32,7 +32,7 @@ PATIENCE = 10
 """How many times `contact.max_solves` a step may take where an accuracy is asked for: what is wrong with forces that
 are not found is in no estimate."""
 
-EXACT, POWER, ROUGH = 0.01, 1.5, 0.03
+EXACT, POWER, ROUGH = 0.02, 2.0, 0.03
 """Accuracy for which `contact.tolerance` is meant, power of it that it goes with, and largest there is: what is left of
 forces moves bodies by as much in each part, and there are about A^-1/2 of these."""
 

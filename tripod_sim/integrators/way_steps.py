@@ -74,10 +74,10 @@ LEAST = 0.01
 FINE = 0.005
 """Of the size of all bodies together: how far a point has been at least, as far as accuracies are concerned."""
 
-SHARE, SOLID_SHARE, FINER = 0.85, 0.6, 0.3
-"""Of the accuracy A that what is measured may add up to at A = 0.1, without and with a solid in contact, and power of A
-that goes with it: what is measured is of leading order, and hits, which make errors larger, take the more of a finer
-accuracy."""
+SHARE, FINER = (1.0, 0.65, 0.7), (0.5, 0.65, 0.35)
+"""Of the accuracy A that what is measured may add up to at A = 0.1, and power of A that goes with it, of springs and rigid
+bodies, of a solid that touches others, and of one alone: what is measured is of leading order, and hits, which make
+errors larger, take the more of a finer accuracy."""
 
 POWER = 2
 """Power of the length with which errors over what is allowed are taken to grow."""
@@ -179,7 +179,8 @@ class WaySteps:
         self._newton = newton if isinstance(newton, Newton) and wanted.accuracy else None
         if self._newton:
             self._newton.keep_several()
-        share = (SOLID_SHARE if solid and self._world else SHARE) * (wanted.accuracy / 0.1) ** FINER
+        kind = 0 if not solid else 1 if self._world else 2
+        share = SHARE[kind] * (wanted.accuracy / 0.1) ** FINER[kind]
         self._accuracy = min(share, 1.0) * wanted.accuracy
         self._maze = maze if wanted.accuracy else None
         self._lead = maze.second(LEAD * wanted.accuracy) if maze and wanted.accuracy else None
