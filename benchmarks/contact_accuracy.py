@@ -285,7 +285,7 @@ def told(run: Run, exact: Run) -> dict[str, Any]:
 def fixed(case: Case, exact: Run, own: float) -> list[dict[str, Any]]:
     """Return the ladder of fixed steps of all schemes.
 
-    Each goes down to the finest accuracy, or the reference's error, or to where it takes what one that reached that took.
+    Each goes down to the finest accuracy, or the reference's error, or to where it takes as long as what reached that.
     """
     interval, rows, most = load_scene(case.scene, case.words).dt, list[dict[str, Any]](), np.inf
     for scheme in SCHEMES:
