@@ -73,6 +73,23 @@ def test_the_books_are_opened_anew_where_the_slide_moves_whose_work_is_not_known
     assert total(Energies(1.0, 2.0, -4.0)) == -1.0
 
 
+def test_what_servos_that_jump_put_in_is_no_growth_but_what_comes_from_nothing_is() -> None:
+    jerk = ["motion=off", "ball=off", "inertia.scheme=tr_bdf2", "servos.angles=[-1.2, -1.2, -1.2]"]
+    s = Simulation(load_scene("tripod_ball", jerk))
+    books = EnergyBooks(s.energies(), s.state.joints, s.torques)
+    for k in range(8):
+        s.step(np.append(np.full(3, -1.2 + 0.2 * min(k, 4)), s.command[3:]))
+        books.add(s.energies(), s.state.joints, s.torques, s.state.time)
+    balance = books.balance
+    assert -balance.unsure < balance.lost < -0.01 * balance.moved
+    assert not balance.grew
+    line = dict(stability_lines(asdict(stability(s.report, 0, balance, s.scene.dt))))["energy balance"]
+    assert "as their torques jump known to" in line
+    later = replace(s.energies(), kinetic=s.energies().kinetic + 2 * balance.unsure)
+    books.add(later, s.state.joints, s.torques, s.state.time)
+    assert books.balance.grew
+
+
 def test_the_balance_is_that_of_the_last_step_whose_energies_are_known() -> None:
     turned, push = np.array([0.1, 0.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])
     first = Energies(0.0, 0.0, 0.0)

@@ -26,17 +26,20 @@ class Balance:
     Attributes:
         kinetic, strain, gravity: At present; gravity is zero in the undeformed shape.
         work: Of the servos on the body since the books were opened.
+        unsure: What that may differ by (see `EnergyBooks`).
         lost: To damping, friction and the time steps since then, E_0 + work - E: negative if energy came from nothing.
         since: Simulated time at which the books were opened [s]: the start, or when the slide moved last, whose work
             is not known.
         moved: The largest of the work, the kinetic energy and the changes of the others since then.
-        grew: Whether energy came from nothing, beyond `SWAY` of all that moved and `ROUNDING` of all there is.
+        grew: Whether energy came from nothing, beyond `SWAY` of all that moved, `ROUNDING` of all there is, and
+            `unsure`.
     """
 
     kinetic: float
     strain: float
     gravity: float
     work: float
+    unsure: float
     lost: float
     since: float
     moved: float
@@ -47,7 +50,8 @@ class EnergyBooks:
     """Follows the energy of a run from step to step.
 
     The work of the servos is the sum of (tau_k + tau_k+1) . (theta_k+1 - theta_k) / 2 over the steps: second order in
-    the step, so that fast motions leave a part of it in `lost`.
+    the step, so that fast motions leave a part of it in `lost`. Where a servo starts or stops at once, torques within
+    the step are not between those at its ends: it may differ by half the second difference of tau times the turn.
     """
 
     def __init__(
@@ -59,7 +63,8 @@ class EnergyBooks:
     def _open(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float) -> None:
         self._start = self._energies = energies
         self._joints, self._torques = joints.copy(), torques.copy()
-        self._work, self._moved, self._since = 0.0, 0.0, time
+        self._work, self._unsure, self._moved, self._since = 0.0, 0.0, 0.0, time
+        self._rise = np.zeros_like(torques)
         self._known_work, self._unknown = 0.0, False
 
     def add(self, energies: Energies, joints: FloatArray, torques: FloatArray, time: float) -> None:
@@ -74,8 +79,10 @@ class EnergyBooks:
             self._open(energies, joints, torques, time)
             self._unknown = unknown
             return
-        self._work += float(0.5 * (torques + self._torques) @ (joints[:s] - self._joints[:s]))
-        self._torques = torques.copy()
+        turn, rise = joints[:s] - self._joints[:s], torques - self._torques
+        self._work += float(0.5 * (torques + self._torques) @ turn)
+        self._unsure += float(0.5 * np.abs(rise - self._rise) @ np.abs(turn))
+        self._torques, self._rise = torques.copy(), rise
         self._joints[:s] = joints[
             :s
         ]  # the slide, and the time of prescribed motions, is compared with where it was when the books were opened
@@ -91,8 +98,10 @@ class EnergyBooks:
         e = self._energies
         lost = total(self._start) + self._known_work - total(e)
         there = abs(e.kinetic) + abs(e.strain) + abs(e.gravity)
-        grew = lost < -max(SWAY * self._moved, ROUNDING * there)
-        return Balance(e.kinetic, e.strain, e.gravity, self._known_work, lost, self._since, self._moved, grew)
+        grew = lost < -max(SWAY * self._moved, ROUNDING * there, self._unsure)
+        return Balance(
+            e.kinetic, e.strain, e.gravity, self._known_work, self._unsure, lost, self._since, self._moved, grew
+        )  # fmt: skip
 
 
 def total(energies: Energies) -> float:

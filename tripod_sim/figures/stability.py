@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from tripod_sim.figures.energy import Balance
+from tripod_sim.figures.energy import SWAY, Balance
 from tripod_sim.integrators.substeps import StepReport
 
 TINY = 1e-10
@@ -99,6 +99,9 @@ def _balance(energy: Mapping[str, Any]) -> str:
     since = f" since the slide moved, at {energy['since']:.3g} s" if energy["since"] else ""
     if energy["grew"]:
         return f"{joules(-energy['lost'])} more than was put in{since}: look at dt and the scheme"
+    if energy["lost"] < -max(TINY, SWAY * energy["moved"]):
+        known = joules(energy["unsure"])
+        return f"servos put in {joules(energy['work'])}, as their torques jump known to {known}{since}"
     if energy["lost"] < -TINY:
         return f"sways by {-energy['lost'] / energy['moved']:.2g} of what moves{since}, as stable schemes do"
     put_in = f"servos put in {joules(energy['work'])}, " if energy["work"] else ""
