@@ -18,11 +18,14 @@ up, but for what came within 1 / w before, which they go along with: D² grows b
 of the part before. What a part adds to a point's error is what it lets the sum of |e| and D grow by. It costs nothing:
 no step is made twice but those that are taken back.
 
-A ball in a maze is led by the plate, whose error it takes up for good: a tilt that is off by a share puts it off by
-that share of its way, a wall that moves faster by a share sends it off that much faster, and one that it barely hits or
-misses puts it off by many times that. So a second ball goes along, on a plate that goes and turns further than its own
-by as much as that may err. How far it is from the first is what the ball's place is told to; where walls make that more
-than A of its way they decide where it is, and no promise holds for it.
+A ball in a maze is led by the plate, whose error it takes up for good: a wall that comes a little later sends it off
+differently, and one that it barely hits or misses puts it off by many times as much. Steps err by the phase of what
+swings. So two more balls go along, on plates that are ahead of their own and behind by
+
+    A S / V,
+
+V its fastest speed: of a vibration that is A of its phase. How far they are from the first is what the ball's place is
+told to; where walls make that more than A of its way they decide where it is, and no promise holds for it.
 
 With `accuracy` A the errors of each point may add up to A times S, as far as the furthest point of its kind has been
 from where it began (kinds: nodes and corners of rigid bodies; the effector's nodes). With ds its way, a part may add
@@ -85,10 +88,6 @@ POWER = 2
 FAST = 4 * abs(TR_BDF2)
 """Defect of TR-BDF2 over e_v: differences as of BDF2 make that h³ / 4 times the third derivative, 9 / 8 of BDF2's."""
 
-LEAD = 0.95
-"""How much further than its own the plate of the second ball goes, in parts of A: at least what that may err, less than
-what counts as decided by walls."""
-
 KEEP = 1.4
 """By which a length must have grown before it is changed: lengths that recur keep factorisations."""
 
@@ -109,8 +108,9 @@ class WayState(Copied):
         furthest: That a point of each kind has been from its origin [m], shape (2,).
         length: Of the last part [s]; 0 before the first.
         proposed: That of the next [s]; 0 before the first.
-        plate: Where that of a maze was at first [m] and its rotation, a matrix, shape (4, 3); shape (0, 3) without.
-        second: The ball on a plate that goes further; None without a maze, and before it begins.
+        twist: Of the plate of a maze at the end of the last part (see `MazeBall`), shape (2, 3); shape (0, 3) without.
+        fastest: That it went [m/s].
+        ahead, behind: Balls on plates that are so; None without a maze, and before the ball begins.
     """
 
     origin: FloatArray
@@ -119,10 +119,17 @@ class WayState(Copied):
     sums: FloatArray
     added: FloatArray
     furthest: FloatArray
-    plate: FloatArray
+    twist: FloatArray
+    fastest: float = 0.0
     length: float = 0.0
     proposed: float = 0.0
-    second: "BallState | None" = None
+    ahead: "BallState | None" = None
+    behind: "BallState | None" = None
+
+    @property
+    def balls(self) -> "list[BallState]":
+        """Those ahead and behind, if there are any."""
+        return [ball for ball in (self.ahead, self.behind) if ball]
 
 
 class WaySteps:
@@ -183,7 +190,7 @@ class WaySteps:
         share = SHARE[kind] * (wanted.accuracy / 0.1) ** FINER[kind]
         self._accuracy = min(share, 1.0) * wanted.accuracy
         self._maze = maze if wanted.accuracy else None
-        self._lead = maze.second(LEAD * wanted.accuracy) if maze and wanted.accuracy else None
+        self._shifted = maze.shifted() if maze and wanted.accuracy else None
         size = float(np.linalg.norm(np.ptp(parts.mesh.nodes, axis=0)))
         self._floor = max(wanted.tolerance, self._accuracy * max(distance, FINE * size))
         self._origin: State | None = None
@@ -193,20 +200,19 @@ class WaySteps:
         """Return what is remembered at the start, `state`; the kernels compile here."""
         self._read(state, self._before)
         x, v = self._before.copy()
-        plate = self._maze.place(state) if self._maze else np.zeros((0, 3))
-        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2), plate)
+        twist = np.zeros((2 if self._maze else 0, 3))
+        known = WayState(x, v, np.zeros_like(x), np.zeros((len(x), 4)), np.zeros(len(x)), np.zeros(2), twist)
         self._measure(known, 1.0, 1.0, StepReport())
         self._ratio(known)
         if self._maze and state.ball:
-            known.second = state.ball.copy()
+            known.ahead, known.behind = state.ball.copy(), state.ball.copy()
         return known
 
     def ball_starts(self, state: State) -> None:
-        """Let the second ball start with that of `state`, on a plate that is where the first one's is."""
-        known = state.way
-        if self._maze and state.ball and known and known.second:
-            state.ball.copy_to(known.second)
-            known.plate[:] = self._maze.place(state)
+        """Let the other balls start with that of `state`."""
+        if state.ball and state.way:
+            for ball in state.way.balls:
+                state.ball.copy_to(ball)
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps."""
@@ -273,9 +279,9 @@ class WaySteps:
                 origin = self._saved(state)
         known.proposed = length
         state.time, state.step = start[0] + dt, start[1] + 1
-        apart = np.nan
-        if known.second and state.ball:
-            apart = float(np.linalg.norm(known.second.position - state.ball.position))
+        apart, ball = np.nan, state.ball
+        if ball and known.balls:
+            apart = max(float(np.linalg.norm(other.position - ball.position)) for other in known.balls)
         total.time_error = self._report(known, worst, apart)
         return total
 
@@ -294,9 +300,16 @@ class WaySteps:
         report = self.awake.step(state, joints, h)
         if self._ball and state.ball:
             self._ball.follow(state, state.ball, h)
-            if self._lead and state.way and state.way.second:
-                self._lead(state.way.second, state.way.plate, state.time, h)
+            if self._shifted and state.way:
+                self._follow(state.way, state.time, h)
         return report
+
+    def _follow(self, known: WayState, time: float, h: float) -> None:
+        """Let the other balls follow a part of `h` that ended at `time` [s]."""
+        assert self._shifted
+        shift = self._wanted.accuracy * float(known.furthest[-1]) / max(known.fastest, 1e-12)
+        for ball, ahead in zip(known.balls, (shift, -shift), strict=False):
+            self._shifted(ball, ahead, known.twist, time, h)
 
     def _ratio(self, known: WayState) -> tuple[float, float]:
         """Return what a part has added over what it may, and which part of this its way gives, at the worst point.
@@ -317,7 +330,7 @@ class WaySteps:
     def _report(self, known: WayState, worst: float, apart: float) -> TimeErrorReport:
         """Return what parts have added so far, where the steps follow an accuracy, and the most of one [m].
 
-        apart: How far the two balls are from each other [m].
+        apart: How far the ball is from the others at most [m].
         """
         if not self._accuracy:
             return TimeErrorReport(np.nan, np.nan, -1, worst)
@@ -376,6 +389,9 @@ class WaySteps:
         known.sums[:] = self._sums
         known.added += self._added
         known.length = h
+        if self._maze:
+            known.twist[:] = self._maze.twist
+            known.fastest = max(known.fastest, float(np.linalg.norm(known.twist[0])))
         for k, kind in enumerate(self._kinds):
             known.furthest[k] = max(known.furthest[k], self._far[kind].max())
         self._before, self._after = self._after, self._before

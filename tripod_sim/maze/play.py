@@ -13,7 +13,7 @@ from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion
 from tripod_sim.ball.obstacle_kernels import MISSES, sweep
 from tripod_sim.ball.plate_kernels import SKIN
 from tripod_sim.ball.rest import carried
-from tripod_sim.constraints.groups import rotation_matrix, rotation_vector
+from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.maze.plate import Plate
@@ -107,29 +107,28 @@ class MazeBall:
         ball.wrench += share * (wrench - ball.wrench)
         self._note_goal(ball, motion, state.time)
 
-    def place(self, state: State) -> FloatArray:
-        """Return centre [m] and rotation, a matrix, of the plate, shape (4, 3)."""
-        rotation = state.rotations[0]
-        return np.vstack([state.centres[0] + rotation @ self._up, rotation])
+    @property
+    def twist(self) -> FloatArray:
+        """Velocity [m/s] and angular velocity [rad/s] of the plate at the end of the last step, shape (2, 3)."""
+        return self._motion.twist
 
-    def second(self, share: float) -> Callable[[BallState, FloatArray, float, float], None]:
-        """Return what moves a second ball, in place, over the step of `dt` up to `time` [s] that the first followed.
+    def shifted(self) -> Callable[[BallState, float, FloatArray, float, float], None]:
+        """Return what moves another ball, in place, over the step of `dt` up to `time` [s] that the first followed.
 
-        Its plate has gone further from where it was at first, `place`, by `share`, in way and turn; it is not loaded.
+        Its plate is `ahead` of the first one's by a time [s], to first order: x + ahead v, from the `twist` at its
+        start to that at the end. It is not loaded.
         """
         mover, own = BallOnPlate(self.ball.description, self.ball.obstacles, self._gravity), self._motion
         motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
 
-        def lead(ball: BallState, place: FloatArray, time: float, dt: float) -> None:
-            motion.centre[:] = own.centre + share * (own.centre - place[0])
-            for k, rotation in enumerate(own.rotation):
-                motion.rotation[k] = (
-                    rotation_matrix(share * rotation_vector(rotation @ place[1:].T)) @ rotation
-                )
-            motion.twist[:] = (1 + share) * own.twist
+        def follow(ball: BallState, ahead: float, twist: FloatArray, time: float, dt: float) -> None:
+            for k, (velocity, spin) in enumerate((twist, own.twist)):
+                motion.centre[k] = own.centre[k] + ahead * velocity
+                motion.rotation[k] = rotation_matrix(ahead * spin) @ own.rotation[k]
+            motion.twist[:] = own.twist + ahead / dt * (own.twist - twist)
             mover.advance(ball, motion, time - dt, dt)
 
-        return lead
+        return follow
 
     def rest_load(
         self, state: State, ball: BallState, out: FloatArray
