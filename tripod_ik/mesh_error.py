@@ -71,7 +71,7 @@ class LiveMeshError:
     """
 
     def __init__(self, mesh: ModelMesh, share: float) -> None:
-        """`share`: of the time, what estimates may take."""
+        """`share`: of the time, what estimates may take of a processor's; the first, which builds, is not counted."""
         self._mesh, self._pause = mesh, max(1.0 / share - 1.0, 0.0)
         self._thread: threading.Thread | None = None
         self._asked: FloatArray | None = None
@@ -91,13 +91,13 @@ class LiveMeshError:
 
     def _estimate(self, state: State) -> None:
         stand_back()
-        begin = time.monotonic()
+        begin, first = time.thread_time(), self._next == -math.inf
         try:
             self.distance = self._mesh.error(state).distance
         except Exception as error:  # noqa: BLE001 - a thread that just died would look alive from outside
             self.distance, self.reason = math.nan, str(error) or type(error).__name__
-        end = time.monotonic()
-        self._next = end + self._pause * (end - begin)
+        taken = 0.0 if first else time.thread_time() - begin
+        self._next = time.monotonic() + self._pause * taken
 
     def close(self) -> None:
         """Wait for the thread, for a short while."""
