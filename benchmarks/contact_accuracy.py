@@ -339,9 +339,9 @@ def cost(row: dict[str, Any], accuracy: float) -> tuple[float, str]:
 def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the table of the page."""
     lines = [
-        "| scene | accuracy | cases | kept [%] | chaotic | of these kept | worst error | cost, sum | median | 90 % | "
-        "at most 1.5 [%] |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "| scene | accuracy | cases | kept [%] | chaotic | of these kept | others kept | worst error | cost, sum | "
+        "median | 90 % | at most 1.5 [%] |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for scene in [*SCENES, "all"]:
         own = [r for r in rows if scene in (r["scene"], "all")]
@@ -352,7 +352,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
             errors = [
                 r["auto"][str(a)].get("error", np.inf) for r, (c, _) in zip(own, judged, strict=True) if not c
             ]
-            chaos = [ok for c, ok in judged if c]
+            chaos, place = ([ok for c, ok in judged if c == chaotic] for chaotic in (True, False))
             worst = f"{100 * max(errors):.2g} %" if errors else ""
             spread = (
                 f"{seconds.sum() / (seconds / costs).sum():.2f} | {np.median(costs):.2f} | "
@@ -362,7 +362,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
             )
             lines.append(
                 f"| {scene} | {100 * a:g} % | {len(own)} | {100 * np.mean([ok for _, ok in judged]):.3g} | "
-                f"{len(chaos)} | {sum(chaos)} | {worst} | {spread} |"
+                f"{len(chaos)} | {sum(chaos)} | {sum(place)} of {len(place)} | {worst} | {spread} |"
             )
     return lines
 
