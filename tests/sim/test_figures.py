@@ -73,6 +73,15 @@ def test_the_books_are_opened_anew_where_the_slide_moves_whose_work_is_not_known
     assert total(Energies(1.0, 2.0, -4.0)) == -1.0
 
 
+def test_rounding_of_what_rests_without_any_energy_is_no_growth() -> None:
+    books = EnergyBooks(Energies(0.0, 0.0, 0.0), STILL, STILL[:3])
+    books.add(Energies(1e-20, 0.0, 1e-18), STILL, STILL[:3], 0.005)
+    assert books.balance.lost < 0
+    assert not books.balance.grew
+    line = dict(stability_lines(asdict(stability(StepReport(), 0, books.balance, 0.005))))["energy balance"]
+    assert line == "0 mJ lost to damping, friction and the time steps"
+
+
 def test_what_servos_that_jump_put_in_is_no_growth_but_what_comes_from_nothing_is() -> None:
     jerk = ["motion=off", "ball=off", "inertia.scheme=tr_bdf2", "servos.angles=[-1.2, -1.2, -1.2]"]
     s = Simulation(load_scene("tripod_ball", jerk))

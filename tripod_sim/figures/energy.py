@@ -15,6 +15,9 @@ SWAY = 0.01
 ROUNDING = 1e-6
 """Of all energy there is: less than that is not told as growth either."""
 
+TINY = 1e-10
+"""Less than that is no energy [J]."""
+
 STILL = 1e-9
 """Less than that is no motion of the slide [m]."""
 
@@ -31,8 +34,8 @@ class Balance:
         since: Simulated time at which the books were opened [s]: the start, or when the slide moved last, whose work
             is not known.
         moved: The largest of the work, the kinetic energy and the changes of the others since then.
-        grew: Whether energy came from nothing, beyond `SWAY` of all that moved, `ROUNDING` of all there is, and
-            `unsure`.
+        grew: Whether energy came from nothing, beyond `SWAY` of all that moved, `ROUNDING` of all there is, `unsure`
+            and `TINY`.
     """
 
     kinetic: float
@@ -98,7 +101,7 @@ class EnergyBooks:
         e = self._energies
         lost = total(self._start) + self._known_work - total(e)
         there = abs(e.kinetic) + abs(e.strain) + abs(e.gravity)
-        grew = lost < -max(SWAY * self._moved, ROUNDING * there, self._unsure)
+        grew = lost < -max(SWAY * self._moved, ROUNDING * there, self._unsure, TINY)
         return Balance(
             e.kinetic, e.strain, e.gravity, self._known_work, self._unsure, lost, self._since, self._moved, grew
         )  # fmt: skip

@@ -6,11 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from tripod_sim.figures.energy import SWAY, Balance
+from tripod_sim.figures.energy import SWAY, TINY, Balance
 from tripod_sim.integrators.substeps import StepReport
-
-TINY = 1e-10
-"""Energies below it are told as none [J]."""
 
 
 @dataclass(frozen=True)
