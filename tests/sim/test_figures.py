@@ -80,6 +80,11 @@ def test_rounding_of_what_rests_without_any_energy_is_no_growth() -> None:
     assert not books.balance.grew
     line = dict(stability_lines(asdict(stability(StepReport(), 0, books.balance, 0.005))))["energy balance"]
     assert line == "0 mJ lost to damping, friction and the time steps"
+    books = EnergyBooks(Energies(0.0, 1.0, 0.0), STILL, STILL[:3])
+    books.add(Energies(0.0, 1.0 + 5e-7, 0.0), STILL, STILL[:3], 0.005)
+    line = dict(stability_lines(asdict(stability(StepReport(), 0, books.balance, 0.005))))["energy balance"]
+    assert not books.balance.grew
+    assert line.startswith("sways")  # nothing that servos put in
 
 
 def test_what_servos_that_jump_put_in_is_no_growth_but_what_comes_from_nothing_is() -> None:

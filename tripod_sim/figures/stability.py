@@ -96,7 +96,7 @@ def _balance(energy: Mapping[str, Any]) -> str:
     since = f" since the slide moved, at {energy['since']:.3g} s" if energy["since"] else ""
     if energy["grew"]:
         return f"{joules(-energy['lost'])} more than was put in{since}: look at dt and the scheme"
-    if energy["lost"] < -max(TINY, SWAY * energy["moved"]):
+    if max(TINY, SWAY * energy["moved"]) < -energy["lost"] <= energy["unsure"]:
         known = joules(energy["unsure"])
         return f"servos put in {joules(energy['work'])}, as their torques jump known to {known}{since}"
     if energy["lost"] < -TINY:
