@@ -21,7 +21,7 @@ def mesh_error(report: StepReport) -> float:
 
 def effector_error(report: StepReport) -> float:
     """Return what bounds the errors of mesh and time steps at the effector [m], as `error_words` has it; or NaN."""
-    step = report.time_error.effector if report.time_error else math.nan
+    step = _step_error(report)
     return mesh_error(report) + (0.0 if math.isnan(step) else step)
 
 
@@ -29,5 +29,8 @@ def errors_line(report: StepReport) -> str:
     """Return what a step reports of its errors; empty where the scene does not ask for that of the mesh."""
     if not report.mesh_error:
         return ""
-    step = report.time_error.effector if report.time_error else math.nan
-    return error_words(report.mesh_error.distance, step)
+    return error_words(report.mesh_error.distance, _step_error(report))
+
+
+def _step_error(report: StepReport) -> float:
+    return report.time_error.effector if report.time_error else math.nan

@@ -269,7 +269,7 @@ class WaySteps:
                 flight = BEFORE * hit * h if length < BEFORE * hit * h < h else 0.0
                 again = True
                 continue
-            total = _joined(report, total) if done else replace(report, parts=1, rejected=total.rejected)
+            total = _joined(report, total)
             self._note(known, h)
             if not flight:
                 length = min(max(h * min(max(change, SHRINK), 1.0 if again else GROW), shortest), dt)
@@ -407,6 +407,8 @@ def after_hit(ratio: float, given: float) -> float:
 
 def _joined(report: StepReport, earlier: StepReport) -> StepReport:
     """Return the report of a part as that of all parts until its end, with that of the `earlier` ones."""
+    if not earlier.parts:
+        return replace(report, parts=1, rejected=earlier.rejected)
     contact, before = report.contact, earlier.contact
     if contact and before:
         contact.smallest_gap = min(contact.smallest_gap, before.smallest_gap)
