@@ -8,16 +8,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, optimize
 
 from benchmarks.blocks import block, brick, elastic, lumped
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.solid import Solid
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 LENGTH, HEIGHT, YOUNG, DENSITY = 10.0, 0.5, 1000.0, 1.0
 """Of the bar [m, m, Pa, kg/m³]."""

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tests.scenes import SHARP
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim import Simulation, load_scene
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import gauss
@@ -30,9 +30,6 @@ from tripod_sim.elements.tetrahedron import T10
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.robot.disc import effector_disc
 from tripod_sim.scene import Scene
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 ELEMENTS = {"t4": "C3D4", "t10": "C3D10", "h20": "C3D20R", "h20_full": "C3D20"}
 """Elements of the simulator that CalculiX has with the same shape functions and the same quadrature points."""

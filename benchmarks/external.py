@@ -33,13 +33,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script,
 import tripod_sim
 from benchmarks.blocks import brick, elastic
 from benchmarks.doc_parts import write_part
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim import Simulation, StepError, load_scene
 from tripod_sim.forces.set_loads import _integrals
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene_file import scene_from_toml
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 ELEMENTS = ("h8_modes", "t10", "h20", "h20_full", "h27", "h8", "h8_mean", "t4")
 SCHEMES = ("semi_implicit_euler", "explicit_euler", "rk4", "implicit_euler", "bdf2", "tr_bdf2")

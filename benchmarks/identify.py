@@ -24,8 +24,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.columns import Channel
 from tripod_identify.errors import FitError
 from tripod_identify.identify import Wanted, identify
@@ -35,8 +35,6 @@ from tripod_identify.parameters import parameters, told
 from tripod_sim import StepError, load_scene
 from tripod_sim.scene import Scene
 from tripod_sim.tables.sets import Load, NodeSet
-
-FloatArray = NDArray[np.float64]
 
 MODEL = ("servos.slide=0.02",)
 TRUTHS = {

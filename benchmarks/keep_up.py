@@ -14,14 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim import Simulation, load_scene
 from tripod_sim.accuracy.pace import Look
 from tripod_sim.keep_up import KeepUp, Meter, Settings
 from tripod_sim.realtime import RealTime, Snapshot
-
-FloatArray = NDArray[np.float64]
 
 PATIENCE = 120.0
 """For a change [s]."""

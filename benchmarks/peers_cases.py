@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.blocks import brick
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim import load_scene
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
@@ -24,9 +24,6 @@ from tripod_sim.robot.disc import effector_disc
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.build import spring_body
 from tripod_sim.tables.robot import Effector, Servos
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 LENGTH, SIDE = 0.1, 0.02
 """Of the bar [m]."""

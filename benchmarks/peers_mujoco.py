@@ -15,7 +15,8 @@ import numpy as np
 
 from benchmarks import peers_cases as cases
 from benchmarks.blocks import lumped
-from benchmarks.peers_cases import FloatArray, IndexArray, Prepared, Setting, height
+from benchmarks.peers_cases import Prepared, Setting, height
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.mesh.y_piece import YLevel, y_piece
 
 NAME, MODULE = "MuJoCo", "mujoco"

@@ -14,7 +14,8 @@ import warp as wp
 
 from benchmarks import peers_cases as cases
 from benchmarks.blocks import lumped
-from benchmarks.peers_cases import FloatArray, IndexArray, Prepared, Setting, height
+from benchmarks.peers_cases import Prepared, Setting, height
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 NAME, MODULE = "Newton", "newton"

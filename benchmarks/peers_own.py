@@ -8,8 +8,9 @@ from scipy import optimize
 from benchmarks import load_cases
 from benchmarks import peers_cases as cases
 from benchmarks.blocks import block, elastic, lumped
-from benchmarks.peers_cases import FloatArray, Prepared, Reference, Setting, height
+from benchmarks.peers_cases import Prepared, Reference, Setting, height
 from tests.scenes import SHARP
+from tripod_host.arrays import FloatArray
 from tripod_sim import Simulation, load_scene
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.forces.gravity import GravityForce

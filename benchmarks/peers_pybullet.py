@@ -13,7 +13,8 @@ import numpy as np
 import pybullet as bullet
 
 from benchmarks import peers_cases as cases
-from benchmarks.peers_cases import FloatArray, IndexArray, Prepared, Setting, height
+from benchmarks.peers_cases import Prepared, Setting, height
+from tripod_host.arrays import FloatArray, IndexArray
 
 NAME, MODULE = "PyBullet", "pybullet"
 

@@ -18,16 +18,14 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # run as a script, too
 
 import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
 
 from benchmarks.blocks import Block, block, brick  # noqa: E402
 from benchmarks.doc_parts import markdown, read_rows, write_part, write_rows  # noqa: E402
 from tests.scenes import SHARP  # noqa: E402
+from tripod_host.arrays import FloatArray  # noqa: E402
 from tripod_sim import Simulation, StepError, load_scene  # noqa: E402
 from tripod_sim.integrators.substeps import StepReport  # noqa: E402
 from tripod_sim.robot.disc import effector_disc  # noqa: E402
-
-FloatArray = NDArray[np.float64]
 
 ELEMENTS = ("t4", "t10", "h8", "h8_modes", "h8_mean", "h20", "h20_full", "h27")
 SCHEMES = ("implicit_euler", "bdf2", "tr_bdf2")

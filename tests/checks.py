@@ -4,12 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim import Simulation, StepError
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
-
-FloatArray = NDArray[np.float64]
 
 
 def random_rotation(rng: np.random.Generator) -> FloatArray:

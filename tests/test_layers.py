@@ -233,3 +233,26 @@ def test_importing_a_package_alone_loads_nothing_heavy(package: str) -> None:
     assert package in loaded
     assert not loaded & {*HOME, "numpy", "scipy"}
     assert not {m for m in loaded if is_ros(m)}
+
+
+def test_types_of_arrays_are_named_in_one_module() -> None:
+    home = Path("tripod_host/arrays.py")
+    names = {
+        target.id
+        for node in ast.parse((ROOT / home).read_text()).body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    assert {"FloatArray", "IndexArray", "Array"} <= names
+    again = [
+        f"{path.relative_to(ROOT)}: {target.id}"
+        for folder in (*MAY_IMPORT, "tripod_bringup", "tests", "benchmarks")
+        for path in (ROOT / folder).rglob("*.py")
+        if path.relative_to(ROOT) != home
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name) and target.id in names
+    ]
+    assert not again

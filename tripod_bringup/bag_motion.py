@@ -3,14 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph import names
+from tripod_host.arrays import FloatArray
 from tripod_play.joint_path import JointPath
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
-
-FloatArray = NDArray[np.float64]
 
 HEAD = 4
 """Columns of the simulator's commands before its joints: epoch, first and last step, stamp [ns]."""

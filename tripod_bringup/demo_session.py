@@ -5,13 +5,11 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_bringup.demo_target import DemoTarget
 from tripod_graph.mode import Mode
 from tripod_graph.names import working_pose
-
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 
 class Phase(Enum):

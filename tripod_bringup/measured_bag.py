@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph import names
+from tripod_host.arrays import FloatArray
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured, checked
@@ -13,8 +13,6 @@ from tripod_record.bag import Bag
 from tripod_record.table import Series, read_series
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import effector_of
-
-FloatArray = NDArray[np.float64]
 
 STILL = 1.0
 """A pose counts as at rest once its commands have stood for so long [s]."""

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
 from tripod_host.writing import check_place, replaced_text
 from tripod_identify.errors import DataError
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_FILE = 1_000_000
 """Bytes of a file that is gone on with."""

@@ -5,9 +5,8 @@ from enum import Enum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 SPEED: Final = 0.5
 """Speed of the servos on the way [rad/s]: the piece follows without swinging, and a hand reaches the switch."""

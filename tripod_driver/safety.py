@@ -8,11 +8,12 @@ from typing import Final
 import numpy as np
 
 from tripod_driver.place import Place
-from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits, FloatArray
+from tripod_graph.command import Activity, CommandError, CommandFollower, CommandLimits
 from tripod_graph.goal import Motion, motion_of
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.names import servo_names
 from tripod_graph.range import cut
+from tripod_host.arrays import FloatArray
 
 PULSE_PERIOD: Final = 0.02
 """From pulse to pulse of a servo [s]: no two packets differ by more than the slew rate allows in this time."""

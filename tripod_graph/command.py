@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_graph.names import SLIDE, joint_names, servo_names
-
-FloatArray = NDArray[np.float64]
-
+from tripod_host.arrays import FloatArray
 
 LONGEST_TRAJECTORY = 600.0
 """Latest time of a point from now [s]: while a trajectory lasts its source may be silent, so it must not be endless."""

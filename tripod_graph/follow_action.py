@@ -19,11 +19,12 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tripod_graph.cdr import MOST_POINTS
-from tripod_graph.command import CommandError, FloatArray, JointNameError, LateError
+from tripod_graph.command import CommandError, JointNameError, LateError
 from tripod_graph.control_mode import clocks
 from tripod_graph.goal import Motion, Outcome, Tolerances, judge, tolerances
 from tripod_graph.goal_request import BoundedTrajectory
 from tripod_graph.trajectory import Command, command_of, seconds
+from tripod_host.arrays import FloatArray
 
 PERIOD = 0.05
 """Time between two feedbacks of a goal, and two looks at whether it has ended [s]."""

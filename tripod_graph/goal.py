@@ -6,8 +6,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from tripod_graph.command import Activity, CommandError, CommandFollower, FloatArray
+from tripod_graph.command import Activity, CommandError, CommandFollower
 from tripod_graph.names import SLIDE
+from tripod_host.arrays import FloatArray
 
 GOAL_ANGLE, GOAL_SLIDE = 0.01, 1e-4
 """How near to the last point a trajectory ends unless the goal says otherwise [rad], [m]; whole degrees are."""

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tripod_graph.command import CommandError, CommandLimits, FloatArray
+from tripod_graph.command import CommandError, CommandLimits
+from tripod_host.arrays import FloatArray
 
 SILENT = 2.0
 """A driver not heard for this long [s] is not there: own limits count again."""

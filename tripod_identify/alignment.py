@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.observe import best_rotation
 from tripod_sim.constraints.groups import rotation_vector
-
-FloatArray = NDArray[np.float64]
 
 KINDS = ("none", "translation", "rigid")
 

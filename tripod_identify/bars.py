@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
 from tripod_identify.columns import EFFECTOR, Channel
 from tripod_identify.errors import DataError
@@ -33,8 +33,6 @@ from tripod_identify.model import Rest, Told, plainly, rest_states
 from tripod_identify.parameters import FRAME, MOUNT, START, Parameter, field_at, parameters, told
 from tripod_identify.problem import Solved, other_elements, refined, rest_jacobian
 from tripod_sim.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 POSE = tuple(Channel(EFFECTOR[0], axis, angle) for angle in (False, True) for axis in range(3))
 """Place [m] and rotation vector [rad] of the disc, in the world."""

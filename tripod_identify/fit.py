@@ -24,13 +24,12 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.errors import DataError, FitError
 from tripod_identify.parameters import Parameter, told
 from tripod_identify.problem import Problem
 from tripod_identify.together import Together
 from tripod_sim.errors import SceneError, StepError
-
-FloatArray = NDArray[np.float64]
 
 CAUCHY = 2.385
 """c."""

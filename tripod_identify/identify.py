@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.bars import Posterior, posterior_of
 from tripod_identify.bars import as_json as posterior_json
 from tripod_identify.errors import DataError, FitError
@@ -23,8 +24,6 @@ from tripod_identify.propose import Proposal, candidates, propose
 from tripod_identify.score import Score, score
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 LEFT = 0.02
 """Of the largest range of any number: what has moved farther has begun to move."""

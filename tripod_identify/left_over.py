@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.measured import Measured
 from tripod_sim.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 SURE = 1e-3
 """Probability below which chance is ruled out."""

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
 from tripod_identify.errors import DataError
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_FILE = 65536
 """Bytes that a lens may have."""

@@ -8,10 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.errors import DataError
 from tripod_identify.lens import Lens
-
-FloatArray = NDArray[np.float64]
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
 """Of the markers that are looked for."""

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
 from tripod_identify.columns import Channel, read_header
 from tripod_identify.errors import DataError
 from tripod_sim.scene import Scene
-
-FloatArray = NDArray[np.float64]
 
 MOST_BYTES = 100_000_000
 """Of a CSV file."""

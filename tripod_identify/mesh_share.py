@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.fit import Fit, pseudo_residuals
 from tripod_identify.left_over import Smooth
 from tripod_identify.model import Rest, Told, closely, motion
@@ -29,8 +29,6 @@ from tripod_identify.together import Together
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.handover import bent_like
 from tripod_sim.state import State
-
-FloatArray = NDArray[np.float64]
 
 ROWS = 30
 """Poses at which other meshes are solved; between them their changes are polynomials of second degree."""

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.observe import Observer, Point, Sensor, plain_sensor, with_watched
@@ -15,8 +15,6 @@ from tripod_sim.scene import Scene, at_rest
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-7
 """Unbalanced force to which states and steps are solved [N]: small against what a changed value makes."""

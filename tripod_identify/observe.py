@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_identify.columns import EFFECTOR, Channel
 from tripod_identify.errors import DataError
 from tripod_sim.constraints.groups import rotation_matrix, rotation_vector
@@ -13,10 +13,6 @@ from tripod_sim.scene import Scene
 from tripod_sim.scene_short import effector_of
 from tripod_sim.state import State
 from tripod_sim.tables.sets import Marker
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-
 
 DISC = "effector"
 

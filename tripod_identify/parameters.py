@@ -11,16 +11,14 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.errors import DataError
 from tripod_identify.model import MORE, Told
 from tripod_identify.observe import Sensor
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import effector_of
 from tripod_sim.tables.fields import allowed
-
-FloatArray = NDArray[np.float64]
 
 ZERO, GAIN, FRAME, MOUNT, START = "servos.zero", "servos.gain", "frame", "mount", "start"
 """Families that are no fields: arm angle = gain command + zero [rad]; pose of the world in the data [m, rad]; the point

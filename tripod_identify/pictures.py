@@ -6,12 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.score import Score, distances
-
-FloatArray = NDArray[np.float64]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 MOST_PANELS = 8

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.model import Progress, Rest, Run, Told, check_points, closely, rest_states, run_motion
@@ -23,8 +23,6 @@ from tripod_identify.parameters import START, Parameter, told
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-FloatArray = NDArray[np.float64]
 
 STEP = 1e-6
 """Change of u for the difference of forces at rest: what it leaves out is a millionth, rounding less."""

@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.measured import Measured
 from tripod_identify.model import Rest, rest_states
 from tripod_identify.parameters import Parameter, told
 from tripod_identify.problem import Problem, Solved, rest_jacobian
 from tripod_sim.errors import StepError
 from tripod_sim.state import State
-
-FloatArray = NDArray[np.float64]
 
 CANDIDATES, PROPOSED = 24, 3
 

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.fit import USUAL
@@ -23,8 +23,6 @@ from tripod_identify.propose import most_telling
 from tripod_sim.errors import StepError
 from tripod_sim.scene import Scene
 from tripod_sim.state import State
-
-FloatArray = NDArray[np.float64]
 
 VALUES = ("servos.zero", "servos.slide", "material.young")
 """What is looked for besides how the sensor sits."""

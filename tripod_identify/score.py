@@ -4,13 +4,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_identify.alignment import Aligned, align, position_groups
 from tripod_identify.columns import Channel
 from tripod_identify.measured import Measured
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,9 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-
 
 LARGEST = 1e9
 """No quantity here comes near this in SI units; what does is broken, and its square might overflow."""

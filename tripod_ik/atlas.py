@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tripod_graph.names import WORKING_SLIDE
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.model import Saved, StaticModel, image_of, working_angles
 from tripod_ik.roads import DIGITS, Poses, Roads, Ways

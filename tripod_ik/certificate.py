@@ -8,8 +8,8 @@ active rows, whatever `verbose` says, and gives up when its first guess of the a
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_ik import certificate_kernels as kernels
-from tripod_ik.arrays import FloatArray
 from tripod_ik.problem import IkProblem
 
 EXACT = 1e-10

@@ -1,11 +1,9 @@
 """Loops of the certificate: in NumPy a program of a dozen numbers costs far more than its arithmetic."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_host.priority import stand_back
-from tripod_ik.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.guide import HANDOVER
 from tripod_ik.state import LinearState

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.history import History, check_delay
 from tripod_ik.rotation import tilt_between, vector_matrix

@@ -8,7 +8,7 @@ from math import expm1, inf
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.snap import HURRY, SOFTEST, WITHIN
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task

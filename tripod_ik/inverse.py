@@ -14,7 +14,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.branch import branch, is_beyond
 from tripod_ik.limits import AngleLimit, IntervalLimit, Motion, StepLimit
 from tripod_ik.merit import corrected, hard_limits_passed, merit

@@ -6,7 +6,7 @@ with other settings, or started after the driver, says that they are where it be
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 
 LEAP, FASTEST = 0.2, 10.0
 """A simulated servo that is farther on than LEAP [rad], and faster than FASTEST [rad/s], did not turn: the simulator

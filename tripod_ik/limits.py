@@ -13,7 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray, per_joint
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import per_joint
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 

@@ -25,7 +25,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.feedback import ModelError
 from tripod_ik.history import History, check_delay
 from tripod_ik.rotation import tilt_between

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.problem import BLIND, PRICE, IkProblem
 from tripod_ik.row_limits import RowLimit
 from tripod_ik.state import LinearState

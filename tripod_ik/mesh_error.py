@@ -11,8 +11,8 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from tripod_host.arrays import FloatArray
 from tripod_host.priority import stand_back
-from tripod_ik.arrays import FloatArray
 from tripod_ik.guide import HANDOVER
 from tripod_ik.model import StaticModel
 from tripod_sim.errors import StepError

@@ -7,7 +7,7 @@ from geometry_msgs.msg import Point
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tripod_graph import names
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from tripod_graph.names import WORKING_ANGLE, WORKING_SLIDE, servo_names
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.snap import longest_step
 from tripod_ik.state import LinearState

@@ -36,7 +36,7 @@ from tripod_graph.range import RangeWatch
 from tripod_graph.run import run_node
 from tripod_graph.source import IK, new_source
 from tripod_graph.timers import set_period
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.guide import SLID, Guide
 from tripod_ik.joining import Joining

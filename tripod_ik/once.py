@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.atlas import Atlas
 from tripod_ik.errors import IkError
 from tripod_ik.inverse import PASSED, InverseSolver, Outcome

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.state import LinearState
 from tripod_sim.errors import SceneError, StepError

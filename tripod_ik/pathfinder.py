@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.atlas import SAME, SHORTEST, SPACING, Atlas
 from tripod_ik.inverse import InverseSolver, Outcome, Solution
 from tripod_ik.limits import AngleLimit, Motion, StepLimit

@@ -25,7 +25,8 @@ from math import hypot, inf, sqrt
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.limits import CommandBox, IntervalLimit, Motion, command_box
 from tripod_ik.row_limits import RowLimit

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_graph.names import SERVOS, WORKING_ANGLE
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.branch import branch
 from tripod_ik.errors import IkError
 from tripod_ik.model import StaticModel

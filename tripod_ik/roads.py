@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.model import MISSED, PART
 from tripod_ik.snap import HURRY, SOFTEST, WITHIN
 from tripod_ik.state import LinearState

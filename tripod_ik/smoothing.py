@@ -16,7 +16,7 @@ from math import inf
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 
 CATCHING_UP = 2.0
 """How fast the beginning of the mean moves on where its time gets shorter, over the clock's speed: a mean that ends

@@ -8,7 +8,7 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from tripod_ik.arrays import FloatArray, IndexArray
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_ik.certificate import is_sane, kkt_residual, polish, prepare
 from tripod_ik.errors import IkError
 from tripod_ik.problem import IkProblem

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.merit import hard_limits_passed
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.row_limits import RowLimit

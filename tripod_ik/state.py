@@ -6,7 +6,8 @@ from math import hypot
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.rotation import quaternion_matrix, vector_matrix
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import PositionTask, Task, TiltTask
 

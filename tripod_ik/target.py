@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 
 from tripod_graph.names import WORLD
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.rotation import quaternion_matrix
 

@@ -7,7 +7,7 @@ from collections import deque
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 
 HOLD = 0.1
 """Targets that come later than this after one another [s] are single ones: they do not move."""

@@ -12,7 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.rotation import tilt_between
 from tripod_ik.state import LinearState

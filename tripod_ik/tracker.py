@@ -11,7 +11,8 @@ from math import exp, hypot
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray, frozen
+from tripod_host.arrays import FloatArray
+from tripod_ik.arrays import frozen
 from tripod_ik.branch import branch, is_beyond
 from tripod_ik.feedback import ModelError
 from tripod_ik.guidance import Guidance

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
 from tripod_ik.limits import AngleLimit, SpeedLimit, StepLimit
 from tripod_ik.row_limits import EffectorBox

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.state import LinearState
 from tripod_ik.tasks import Task
 

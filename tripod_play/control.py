@@ -7,12 +7,10 @@ which it can still stop at the end. A ball that is far off the middle, as after 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_play.errors import PlayError
 from tripod_play.plan import Stretch
-
-FloatArray = NDArray[np.float64]
 
 ROLLING = 5 / 7
 """Acceleration of a ball that rolls without slipping, over g sin(tilt)."""

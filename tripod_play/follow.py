@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_ik.inverse import InverseSolver, Outcome
 from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel
@@ -18,8 +18,6 @@ from tripod_play.errors import PlayError
 from tripod_play.path_file import KeyPoints, Kind
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import effector_of, joints_of
-
-FloatArray = NDArray[np.float64]
 
 FINEST = 0.02
 """Largest change of the tilt between two solved points [rad]; longer stretches are divided."""

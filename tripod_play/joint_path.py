@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph.names import servo_names
+from tripod_host.arrays import FloatArray
 from tripod_play.errors import PlayError
-
-FloatArray = NDArray[np.float64]
 
 WINDOW = 0.05
 """Time over which speeds are taken [s]: stamps are a little late or early."""

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
@@ -21,13 +20,12 @@ from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
 from tripod_graph.qos import RELIABLE
 from tripod_graph.source import name_of, new_source
+from tripod_host.arrays import FloatArray
 from tripod_play.errors import PlayError
 from tripod_play.follow import ServoPath
 from tripod_play.path_file import KeyPoints, Kind, tilt_quaternion
 from tripod_play.player import Player, PlayerSettings
 from tripod_sim.maze.board import Board
-
-FloatArray = NDArray[np.float64]
 
 PERIOD = 0.02
 """Time between two targets [s]."""

@@ -12,12 +12,10 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from tripod_host.arrays import FloatArray
 from tripod_play.errors import PlayError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

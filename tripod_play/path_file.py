@@ -18,12 +18,10 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
 from tripod_play.errors import PlayError
-
-FloatArray = NDArray[np.float64]
 
 MOST_BYTES = 10_000_000
 MOST_POINTS = 100_000

@@ -4,12 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_play.errors import PlayError
 from tripod_sim.maze.grid import Cell, MazeGrid
-
-FloatArray = NDArray[np.float64]
 
 
 def shortest_way(grid: MazeGrid, start: Cell) -> list[Cell]:

@@ -3,14 +3,12 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_play.control import ControlSettings, acceleration, given_by, tilt_for
 from tripod_play.observer import Observer, ObserverSettings
 from tripod_play.plan import Guide
 from tripod_sim.maze.grid import MazeGrid
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

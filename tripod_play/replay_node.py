@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -21,10 +20,9 @@ from tripod_graph.mode import Decision, Mode
 from tripod_graph.qos import RELIABLE
 from tripod_graph.source import name_of, new_source
 from tripod_graph.transport import Transport
+from tripod_host.arrays import FloatArray
 from tripod_play.errors import PlayError
 from tripod_play.joint_path import JointPath, ramp_time
-
-FloatArray = NDArray[np.float64]
 
 PERIOD = 0.1
 """Time between two trajectories [s]."""

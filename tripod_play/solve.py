@@ -5,16 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_play.errors import PlayError
 from tripod_play.player import Player, PlayerSettings
 from tripod_play.tilt import lever_of, tilt_map
 from tripod_sim import Simulation, StepError
 from tripod_sim.ball.ball import Place
 from tripod_sim.maze.play import MazeBall
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
-
-FloatArray = NDArray[np.float64]
 
 WIDEST = 16
 """An array of more numbers than this is no row of a table."""

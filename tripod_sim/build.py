@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly, SoftBody
 from tripod_sim.bodies.build import (
     assembled,
@@ -68,9 +69,6 @@ if TYPE_CHECKING:
     from tripod_sim.springs.body import SpringBody
     from tripod_sim.springs.skin import ChainSkin
     from tripod_sim.springs.system import SpringSystem
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 RIGID_BALL = (

@@ -8,15 +8,13 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import scene_to_toml
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
-
-FloatArray = NDArray[np.float64]
 
 LARGEST = 10**9
 """Of a checkpoint [bytes]."""

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import quaternion, rotation_vector
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.linear.solver import LinearError
@@ -30,8 +30,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.rest_state import RestState
     from tripod_sim.softness import SoftestMove, Softness
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 REDUNDANT = 1e-10
 """Share of the largest eigenvalue of D, its rows of one size, up to which other rows hold a combination already."""

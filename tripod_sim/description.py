@@ -13,15 +13,13 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import quaternion
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import Arm, Joints, effector_of, joints_of
 from tripod_sim.tables.robot import ServoDynamics
-
-FloatArray = NDArray[np.float64]
 
 Frame = tuple[str, str, FloatArray, FloatArray]
 """Parent, child, position [m] and quaternion (x, y, z, w) of the child in the parent."""

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
-from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 from tripod_sim.system import System

@@ -3,9 +3,8 @@
 import threading
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 HEAD = 4
 """Columns of a run before its joints."""

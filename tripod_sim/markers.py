@@ -12,16 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from geometry_msgs.msg import Point
 from geometry_msgs.msg import Pose as PoseMessage
-from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tripod_graph.names import WORLD
+from tripod_host.arrays import IndexArray
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Pose, Skin
-
-IndexArray = NDArray[np.int64]
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.maze.board_mesh import BoardMesh

@@ -34,6 +34,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.build import assembled, sets_of
 from tripod_sim.build import Parts, body_mesh, build, reach_of
 from tripod_sim.constraints.groups import rotation_vector
@@ -55,8 +56,6 @@ from tripod_sim.tables.sets import NodeSet
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.world import World
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 NEAR = 5e-6
 """How far from its solution a coordinate of the richer mesh may be [m]: far below errors that matter."""

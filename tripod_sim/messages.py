@@ -5,13 +5,13 @@ import array
 import numpy as np
 from geometry_msgs.msg import Point, PoseStamped
 from geometry_msgs.msg import Pose as PoseMessage
-from numpy.typing import NDArray
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from shape_msgs.msg import Mesh, MeshTriangle, SolidPrimitive
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout, UInt8MultiArray
 from tripod_msgs.msg import BodyState, Compliance
 
 from tripod_graph.names import SLIDE, WORLD, servo_names
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes
 from tripod_sim.figures.errors import mesh_error
 from tripod_sim.journal import HEAD
@@ -19,9 +19,6 @@ from tripod_sim.maze.board_mesh import BoardMesh
 from tripod_sim.notices import known
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Pose, Skin
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 def header(stamp: int) -> Header:

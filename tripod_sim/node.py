@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor
 from rclpy.node import Node
@@ -37,6 +35,7 @@ from tripod_graph.run import Companion, run_node
 from tripod_graph.timers import set_period
 from tripod_graph.trajectory import Command, obey
 from tripod_graph.turns import short
+from tripod_host.arrays import FloatArray
 from tripod_sim import messages, realtime
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.figures.errors import effector_error, mesh_error
@@ -55,8 +54,6 @@ from tripod_sim.simulation import Simulation
 from tripod_sim.standard_services import StandardServices
 from tripod_sim.teller import Teller
 from tripod_sim.transforms import Transforms
-
-FloatArray = NDArray[np.float64]
 
 STATUS_PERIOD = 0.1
 """Time between two status messages [s]."""

@@ -4,13 +4,10 @@ import difflib
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.tables.sets import Fixed, NodeSet
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 ALL = "all"
 """The set of all nodes, which no table has to define."""

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.checkpoint import Checkpoint
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import StepError
@@ -20,8 +20,6 @@ from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.journal import Journal
 from tripod_sim.rerun import Ended
 from tripod_sim.simulation import Energies, Pose, Simulation
-
-FloatArray = NDArray[np.float64]
 
 WINDOW = 1.0
 """Time over which rates are measured [s]."""

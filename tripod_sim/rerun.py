@@ -4,15 +4,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.checkpoint import checkpoint_place, checkpoint_scene, read_checkpoint
 from tripod_sim.errors import SceneError
 from tripod_sim.journal import HEAD
 from tripod_sim.scene_file import scene_from_toml
 from tripod_sim.simulation import Simulation
-
-FloatArray = NDArray[np.float64]
 
 STAMP_ERROR = 1000
 """Of stamps that are kept as floating-point numbers [ns]."""

@@ -11,13 +11,11 @@ small turn moves the body far, more of them follow.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.system_kernels import write_moves
-
-FloatArray = NDArray[np.float64]
 
 FAR = 0.2
 """Turn of a servo [rad] between two compliances after which the state of rest begins anew from the moving one."""

@@ -1,9 +1,8 @@
 """Rotations as scenes write them, cross products as matrices."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 
 def turned_by(quaternion: tuple[float, float, float, float]) -> FloatArray:

@@ -10,8 +10,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.rotations import turned_by
 from tripod_sim.tables.bodies import Body, Rigid
 from tripod_sim.tables.robot import Effector, Servos
@@ -20,7 +20,6 @@ from tripod_sim.tables.sets import NodeSet, Servo
 if TYPE_CHECKING:
     from tripod_sim.scene import Scene
 
-FloatArray = NDArray[np.float64]
 
 FIRST, SECOND = "body", "springs"
 """Names of what the short form describes; where that is one body it has the first."""

@@ -2,15 +2,11 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of, posed
 from tripod_sim.timeline import Timeline, joint_timelines
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

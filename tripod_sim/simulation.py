@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.build import Parts, build
 from tripod_sim.compliance import Compliance, compliance
@@ -34,7 +35,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.softness import SoftestMove
     from tripod_sim.springs.system import SpringSystem
 
-FloatArray = NDArray[np.float64]
 
 REHEARSED = 0.01
 """Motion of the servos that a rehearsal tries [rad]: more than at rest, so that equations are solved; and the share of

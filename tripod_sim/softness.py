@@ -19,14 +19,12 @@ r with the servos' torques: two evaluations of the forces, and no factorisation.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-FloatArray = NDArray[np.float64]
 
 FIRM = 0.45
 """Firmness above which no snap is near, and the slope is not looked for."""

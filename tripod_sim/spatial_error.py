@@ -13,15 +13,13 @@ says nothing about the law of the material, the clamp, or the time steps (`time_
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import joints_of, posed
 from tripod_sim.simulation import Simulation
-
-FloatArray = NDArray[np.float64]
 
 ORDER = 1
 """p."""

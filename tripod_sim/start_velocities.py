@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.tables.sets import InitialVelocity
-
-FloatArray = NDArray[np.float64]
 
 
 def start_velocities(

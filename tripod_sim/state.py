@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tripod_host.arrays import FloatArray
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
@@ -13,8 +14,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.integrators.time_error import ErrorState
     from tripod_sim.integrators.way_steps import WayState
     from tripod_sim.robot.servo import ServoState
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(eq=False)

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.reduction import Reduction, move_bodies, move_nodes, swing_nodes, write_levers
 from tripod_sim.forces.elastic import Elastic, ElasticTerm, Matrices
@@ -30,8 +30,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.forces.support import Support
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 DEFAULT_LINEAR = linear_factory("auto", 1e-8)
 

@@ -1,10 +1,8 @@
 """Small loops over whole arrays that every step makes: compiled, they take a tenth of NumPy's calls."""
 
-from typing import Any
-
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy")

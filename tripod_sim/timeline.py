@@ -5,15 +5,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.tables.fields import OTHER_UNITS, other_unit, with_unit
 
 if TYPE_CHECKING:
     from tripod_sim.scene_short import Joints
 
-FloatArray = NDArray[np.float64]
 
 MOST_KEYS = 100_000
 

@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph.command import CommandLimits
+from tripod_host.arrays import FloatArray
 from tripod_teleop.keys import Move
-
-FloatArray = NDArray[np.float64]
 
 PEAK = 1.5
 """Largest speed of a motion to a pose, as a multiple of its mean."""

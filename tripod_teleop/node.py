@@ -25,7 +25,8 @@ from tripod_graph.qos import RELIABLE
 from tripod_graph.range import RangeWatch
 from tripod_graph.run import REFUSED, run_node
 from tripod_graph.source import new_source
-from tripod_teleop.drive import Drive, FloatArray
+from tripod_host.arrays import FloatArray
+from tripod_teleop.drive import Drive
 from tripod_teleop.escape import KeyParser
 from tripod_teleop.joints import JointWatch
 from tripod_teleop.keys import HELP, KEYS, Act, Move

@@ -10,7 +10,8 @@ from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import working_pose
 from tripod_graph.source import name_of
-from tripod_teleop.drive import Drive, FloatArray
+from tripod_host.arrays import FloatArray
+from tripod_teleop.drive import Drive
 from tripod_teleop.joints import Joints
 from tripod_teleop.keys import CHOSEN, Act, Choose, Intent, Move
 

@@ -3,11 +3,9 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.pose import Pose
-
-FloatArray = NDArray[np.float64]
 
 
 class GeometryError(ValueError):

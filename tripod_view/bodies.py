@@ -6,10 +6,10 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.body import Surface
 from tripod_view.picture import Part, Picture
 
-FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
 SOLID: Rgb = (247, 205, 165)

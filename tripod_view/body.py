@@ -6,8 +6,9 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.uint32]
+from tripod_host.arrays import FloatArray
+
+CornerArray = NDArray[np.uint32]
 
 
 class BodyError(ValueError):
@@ -24,7 +25,7 @@ class Surface:
     """
 
     nodes: FloatArray
-    triangles: IndexArray
+    triangles: CornerArray
 
     def __post_init__(self) -> None:
         if self.nodes.ndim != 2 or self.nodes.shape[1] != 3 or len(self.nodes) == 0:

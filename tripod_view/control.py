@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import servo_names
+from tripod_host.arrays import FloatArray
 from tripod_view.motion import PEAK, Trajectory, motion
-
-FloatArray = NDArray[np.float64]
 
 PERIOD = 0.05
 """Time between two commands of the sliders [s]."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph.command import CommandLimits
+from tripod_host.arrays import FloatArray
 from tripod_view import words
 from tripod_view.body import Body, Surface
 from tripod_view.control import Control
@@ -22,8 +22,6 @@ from tripod_view.scene import Scene
 from tripod_view.server import PageServer
 from tripod_view.target import TargetHandle
 from tripod_view.words import Light, Line
-
-FloatArray = NDArray[np.float64]
 
 PANEL_PERIOD = 0.1
 """Time between two updates of the panel [s]."""

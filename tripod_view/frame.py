@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.picture import Picture
-
-FloatArray = NDArray[np.float64]
 
 FIELD = np.radians(38)
 """Of view of the camera, up and down [rad]."""

@@ -4,13 +4,12 @@ import itertools
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.events import Dragged, Dropped, Grabbed, Inbox
 from tripod_view.place import place
 from tripod_view.pose import Pose
 
-FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
 TARGET: Rgb = (30, 160, 70)

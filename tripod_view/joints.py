@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph.names import SLIDE, count_servos, servo_names
-
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 
 class JointError(ValueError):

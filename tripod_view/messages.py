@@ -3,18 +3,16 @@
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
-from numpy.typing import NDArray
 from rclpy.duration import Duration
 from shape_msgs.msg import Mesh, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tripod_msgs.msg import BodyState
 
 from tripod_graph import names
+from tripod_host.arrays import FloatArray
 from tripod_view.body import BodyError, Surface
 from tripod_view.motion import Trajectory
 from tripod_view.pose import Pose, PoseError
-
-FloatArray = NDArray[np.float64]
 
 LARGEST_BALL = 1.0
 """Radius of the largest ball that is drawn [m]."""

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph.names import joint_names
-
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 POINTS = 24
 """Points of a motion; followers interpolate linearly between them."""

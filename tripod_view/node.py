@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.subscription import Subscription
@@ -67,8 +66,6 @@ from tripod_view.scene import Scene
 from tripod_view.server import HOST, PageServer
 from tripod_view.settings import PARAMETERS, checked_settings
 from tripod_view.target import TargetError
-
-FloatArray = NDArray[np.float64]
 
 SOONEST = 0.015
 """Shortest time between two commands that follow hands [s]."""

@@ -4,16 +4,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_graph.command import CommandLimits
+from tripod_host.arrays import FloatArray
 from tripod_view.channel import Channel
 from tripod_view.picture import Picture
 from tripod_view.recorder import Recorder
 from tripod_view.robot import SERVO_COLOURS
 from tripod_view.words import Line
-
-FloatArray = NDArray[np.float64]
 
 
 class Panel:

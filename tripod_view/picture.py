@@ -6,12 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.arm import Stand
 from tripod_view.body import BodyError, Surface
-
-FloatArray = NDArray[np.float64]
 
 LONGEST = 20_000_000
 """Of a description [characters]; a longer one is refused unread."""

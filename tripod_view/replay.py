@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.pose import Pose
-
-FloatArray = NDArray[np.float64]
 
 SPAN = 30.0
 """What is kept [s]."""

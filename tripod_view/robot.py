@@ -4,12 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Pose, Stand, arm_pose, carriage_pose, clamp_corners
 from tripod_view.place import place
 
-FloatArray = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
 SERVO_COLOURS: tuple[Rgb, ...] = (

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, stands
 from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
@@ -17,8 +17,6 @@ from tripod_view.handle import Handle
 from tripod_view.picture import Picture
 from tripod_view.pose import Pose
 from tripod_view.robot import Robot
-
-FloatArray = NDArray[np.float64]
 
 UNKNOWN = Picture()
 """While no simulator has described its scene: the robot once it is heard, and what comes as a mesh."""

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.pose import Pose, PoseError
-
-FloatArray = NDArray[np.float64]
 
 
 class TargetError(ValueError):

@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.problem import REACH, REGULARISATION, IkProblem
 from tripod_ik.row_limits import TorqueLimit
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tripod_graph.names import SERVOS
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.state import LinearState
 
 GRAVITY = 9.81

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize
 
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.model import Saved, StaticModel
 from tripod_ik.state import LinearState
 from tripod_sim.errors import StepError

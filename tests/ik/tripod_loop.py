@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.scenes import SHARP
 from tripod_graph.names import WORKING_POSE
-from tripod_ik.arrays import FloatArray
+from tripod_host.arrays import FloatArray
 from tripod_ik.model import linear_state
 from tripod_ik.rotation import quaternion_matrix
 from tripod_ik.tracker import Tracker

@@ -10,8 +10,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.build import build
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import node_volumes
@@ -22,8 +22,6 @@ from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh, element_quality
 from tripod_sim.mesh.y_piece import LEVELS, YLevel, YShape, y_piece
 from tripod_sim.scene_file import load_scene, scene_to_toml
 from tripod_sim.tables.bodies import Mesh
-
-FloatArray = NDArray[np.float64]
 
 BRICK = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float

@@ -4,15 +4,13 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.ball import plate_kernels as k
 from tripod_sim.ball.obstacles import Obstacles
 from tripod_sim.constraints.groups import rotation_vector
 from tripod_sim.state import Copied
 from tripod_sim.tables.robot import Ball
-
-FloatArray = NDArray[np.float64]
 
 
 class Place(IntEnum):

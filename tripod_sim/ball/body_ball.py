@@ -5,8 +5,8 @@ load the next step. The ball must be light against the body, so that this delay 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.ball.ball import ABYSS, BallState, Place
 from tripod_sim.ball.obstacle_kernels import triangle_distance
 from tripod_sim.ball.plate_kernels import SKIN, fall
@@ -17,9 +17,6 @@ from tripod_sim.errors import SceneError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.state import State
 from tripod_sim.tables.robot import Ball
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 HEAVIEST = 1 / 32
 """Mass of the ball over that of the body up to which the delayed load is stable."""

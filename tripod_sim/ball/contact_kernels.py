@@ -11,11 +11,10 @@ projected Gauss-Seidel [JourdanAlartJean1998]; a single contact is exact at once
 """
 
 from math import sqrt
-from typing import Any
 
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 MOST_SWEEPS = 200
 

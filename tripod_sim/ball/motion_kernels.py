@@ -1,14 +1,12 @@
 """The motion of a plate within a step, and of a ball that turns freely."""
 
 from math import cos, sin, sqrt
-from typing import Any
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.constraints.rotation_kernels import turned
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy")

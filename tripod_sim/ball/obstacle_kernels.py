@@ -6,11 +6,10 @@ and stops where the ball would touch, however fast it is and however thin the wa
 """
 
 from math import sqrt
-from typing import Any
 
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 TOUCHING = 1e-11
 """Distance above `reach` at which a moving ball counts as touching [m]."""

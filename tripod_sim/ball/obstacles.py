@@ -3,10 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from tripod_host.arrays import FloatArray, IndexArray
 
 MOST_CELLS = 250_000
 

@@ -1,9 +1,8 @@
 """What a ball at rest presses with, and how that load goes along with what the ball lies on."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 
 def carried(arms: FloatArray, place: FloatArray, force: FloatArray) -> FloatArray:

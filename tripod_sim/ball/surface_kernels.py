@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.ball.contact_kernels import solve_contacts
 from tripod_sim.ball.motion_kernels import turn
 from tripod_sim.ball.obstacle_kernels import triangle_distance
@@ -32,8 +33,6 @@ from tripod_sim.ball.plate_kernels import (
     book,
     contact_work,
 )
-
-Array = Any
 
 MOST_CONTACTS = 16
 MOST_CORRECTIONS = 20

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
+from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.tables.bodies import Body
 
 if TYPE_CHECKING:  # a kind of body that is absent is not imported

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly, AssemblySkin, SoftBody
 from tripod_sim.constraints.groups import Groups, Kind
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.materials.lame import lame_constants
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.suited import suited, width_note
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene

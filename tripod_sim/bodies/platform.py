@@ -22,13 +22,13 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly, SoftBody
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.prescribed import Motion, Prescribed
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.quasi_static import QuasiStatic
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.state import State
 from tripod_sim.system import System

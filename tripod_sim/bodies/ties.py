@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from tripod_host.arrays import IndexArray
 from tripod_sim.bodies.assembly import Assembly, SoftBody
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import IndexArray, names_of
+from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.tables.bodies import Tie
 

@@ -14,15 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.constraints.prescribed import Prescribed
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 class Kind(IntEnum):

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import BoolArray, FloatArray, IndexArray
 from tripod_sim.constraints.groups import DrivenFrame, Groups
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
@@ -16,9 +16,6 @@ from tripod_sim.scene import Scene
 if TYPE_CHECKING:
     from tripod_sim.constraints.prescribed import Prescribed
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 AXES = "xyz"
 

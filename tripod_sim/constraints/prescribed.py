@@ -4,13 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.timeline import Timeline
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,21 +14,16 @@ gradient is zero there, and the Hessian `PINNED` on the diagonal and zero beside
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy import sparse
 
+from tripod_host.arrays import Array, FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups, Kind
 from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.errors import SceneError
 from tripod_sim.linear.keys import distinct
-
-Array = Any
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 FREE, RIGID, DRIVEN, FIXED = int(Kind.FREE), int(Kind.RIGID), int(Kind.DRIVEN), int(Kind.FIXED)
 

@@ -10,14 +10,13 @@ chapter VII.5].
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.constraints.rotation_kernels import turned
-
-Array = Any
 
 
 class Bodies(NamedTuple):

@@ -1,11 +1,10 @@
 """Rotations by a rotation vector, compiled."""
 
 import math
-from typing import Any
 
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy")

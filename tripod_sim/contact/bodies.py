@@ -2,8 +2,8 @@
 
 from typing import Any, Protocol
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.looking_back import Stage
-from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.state import State
 
 

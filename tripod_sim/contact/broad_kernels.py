@@ -5,12 +5,10 @@ The tree is a complete binary one over the shapes in the order of a Z-curve thro
 pass from the end. Shapes beyond the last are empty boxes, which overlap nothing.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 DEPTH = 64
 """Entries of the stack of a traversal; a tree of 2^40 leaves needs fewer."""

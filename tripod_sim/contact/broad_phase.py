@@ -1,12 +1,9 @@
 """Broad phase: which boxes overlap, by comparing all with all (the reference) or by a tree of boxes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import broad_kernels as kernels
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 class Boxes:

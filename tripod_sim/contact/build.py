@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.build import Parts, reach_of
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.response import Law
@@ -16,7 +17,6 @@ from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
-from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.rotations import turned_by
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of, rigids_of

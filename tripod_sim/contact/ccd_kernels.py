@@ -6,14 +6,11 @@ surely safe; such times are added up until the distance is nearly the gap [LiKau
 later than the true time, whatever the shapes.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.contact.distance_kernels import point_segment, point_triangle, segment_segment
-
-Array = Any
 
 CLOSE = 0.05
 """Fraction of the initial distance above the gap at which advancing stops."""

@@ -1,13 +1,11 @@
 """The contacts of one step: arrays that grow, never overflow."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = Any
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import Array
 
 KIND, FIRST = 60, 30
 """Bits of a key below its kind, and below its first shape."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.contact import start_kernels as kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.surfaces import Part, join
-from tripod_sim.mesh.solid_mesh import FloatArray
 
 
 class Crossings:

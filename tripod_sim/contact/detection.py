@@ -3,17 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import BoolArray, FloatArray, IndexArray
 from tripod_sim.contact import met_kernels, narrow_kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.region_kernels import Topology
 from tripod_sim.contact.surfaces import Surfaces
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 LEAST = 0.1
 """Fraction of the contact distance that continuous detection never lets go of."""

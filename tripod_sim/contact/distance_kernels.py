@@ -5,12 +5,10 @@ pairs, never NaN. Every closest point is the best of the candidates on features 
 one of them cannot win over a better other.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 SLIVER = 1e-14
 """Squared sine of the angle of two directions below which they count as parallel."""

@@ -13,10 +13,10 @@ Lagrangian on all unknowns: the forces are in balance, gaps and slips within the
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.contact import few_kernels as kernels
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.problem import StepProblem
-from tripod_sim.mesh.solid_mesh import FloatArray
 
 
 class _NoWayError(Exception):

@@ -8,16 +8,13 @@ unknowns have found their rest is
 with P as in `response_kernels`. So W = H N H^T, what each contact does to each other, is never formed.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.contact.contact_set import Contacts
 from tripod_sim.contact.hessian_kernels import curvature, jacobian
 from tripod_sim.contact.response_kernels import add_gradient, forces, relative, set_limits
-
-Array = Any
 
 STEPS, ROUNDS = 12, 60
 """Of Newton's method in a round of multipliers, and rounds."""

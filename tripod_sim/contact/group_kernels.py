@@ -1,15 +1,13 @@
 """Loops over the rigid groups of a solid in contact: what fits a field best, and gradients per rotation vector."""
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.constraints.rigid_kernels import cross
 from tripod_sim.constraints.rigid_kernels import spin as carried
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy")

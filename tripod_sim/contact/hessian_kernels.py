@@ -1,14 +1,11 @@
 """Loops of the Hessian of the contact terms (see `response_kernels`)."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.contact.contact_set import Contacts
 from tripod_sim.contact.response_kernels import relative
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy")

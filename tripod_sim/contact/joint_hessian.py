@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.contact import hessian_kernels as kernels
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.linear.keys import distinct
 from tripod_sim.linear.ldl import Ldl
-from tripod_sim.mesh.solid_mesh import FloatArray
 
 
 class JointHessian:

@@ -1,17 +1,14 @@
 """Continuous detection: when shapes come too close during a step, and the contacts that they make then."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.contact.ccd_kernels import relative_speed, time_of_approach
 from tripod_sim.contact.contact_set import Contacts
 from tripod_sim.contact.distance_kernels import point_triangle, segment_segment
 from tripod_sim.contact.narrow_kernels import NOWHERE, ball_ball, edge_edge, point_face
 from tripod_sim.contact.region_kernels import Topology, may_touch
-
-Array = Any
 
 BALLS = 0
 """Instead of the vertices of the first shape: two balls."""

@@ -5,11 +5,10 @@ must lie in the region that this feature is closest to, else a neighbour is clos
 over a plane of many triangles has one contact and not one with every triangle in reach.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.contact.contact_set import FIRST, KIND, Contacts
 from tripod_sim.contact.distance_kernels import across, point_triangle, segment_segment, triangle_normal
 from tripod_sim.contact.region_kernels import (
@@ -25,8 +24,6 @@ from tripod_sim.contact.region_kernels import (
     may_touch,
     parallel,
 )
-
-Array = Any
 
 VERTEX_VERTEX, VERTEX_EDGE, VERTEX_FACE, EDGE_EDGE = 0, 1, 2, 3
 """What touches what, of moving vertices and edges against others; in a contact's key."""

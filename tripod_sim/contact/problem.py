@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import response_kernels
 from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.joint_hessian import JointHessian
 from tripod_sim.integrators.looking_back import Stage
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 
 class DescentError(RuntimeError):

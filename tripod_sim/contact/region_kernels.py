@@ -1,13 +1,12 @@
 """Which feature of a surface is closest to what lies in some direction: the regions of edges and vertices."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.contact.distance_kernels import SLIVER, across, triangle_normal
-
-Array = Any
 
 ROOM, OWN_ROOM, HELD_ROOM = 1e-6, 0.2, 0.6
 """How far outside of a feature's region a direction may point, as a cosine. More is allowed of the shape that touches

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.contact import response_kernels as kernels
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.few import FewContacts
 from tripod_sim.contact.problem import StepProblem
-from tripod_sim.mesh.solid_mesh import FloatArray
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,13 @@ the end, v' = (x' - z) / s (see `looking_back`): t_0, the tangential part of the
 without any. It is zero but where a scheme looks back on slip.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.contact.contact_set import Contacts
-
-Array = Any
 
 OPEN, STICKS, SLIDES = 0, 1, 2
 """State of a contact."""

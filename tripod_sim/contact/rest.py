@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_host.arrays import BoolArray, FloatArray, IndexArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact.rest_bodies import Touching, loose
 from tripod_sim.contact.rest_rows import Points, Rest
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.stepper import ContactStepper
-from tripod_sim.contact.surfaces import BoolArray
 from tripod_sim.contact.world import World
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.state import State
 from tripod_sim.system import System
 

@@ -1,14 +1,11 @@
 """Hits, before and after a step, and restitution: impulses on the masses after it."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.contact.contact_set import Contacts
 from tripod_sim.contact.response_kernels import relative
-
-Array = Any
 
 HELD = 0.999
 """Share of its limit below which friction holds."""

@@ -3,10 +3,10 @@
 import numpy as np
 from scipy import sparse
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import rigid_kernels as kernels
 from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.integrators.looking_back import Memory, Stage
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 
 class RigidBodies:

@@ -1,14 +1,11 @@
 """Loops over rigid bodies in contact: where a stage brings them, its gradient, their vertices."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.constraints.rigid_kernels import spin as carried
 from tripod_sim.constraints.rotation_kernels import turned
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact.rigid_bodies import RigidBodies
 from tripod_sim.contact.rigid_shapes import Shape
 from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.contact.surfaces import Part
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 
 class RigidSet:

@@ -5,9 +5,9 @@ from itertools import product
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
 
 ROUND = 2

@@ -1,11 +1,11 @@
 """Rigid bodies that pass through something at the start: named, or lifted out."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array, FloatArray
 from tripod_sim.contact.distance_kernels import point_triangle
 from tripod_sim.contact.rigid_set import RigidSet
 from tripod_sim.contact.rigid_state import RigidState
@@ -13,9 +13,6 @@ from tripod_sim.contact.start import height_that_frees, passing
 from tripod_sim.contact.start_kernels import winding
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import FloatArray
-
-Array = Any
 
 
 def overlaps(one: Part, other: Part) -> bool:

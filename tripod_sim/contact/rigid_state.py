@@ -2,12 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tripod_host.arrays import FloatArray
 from tripod_sim.state import Copied
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(eq=False)

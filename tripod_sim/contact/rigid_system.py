@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.contact.rigid_set import RigidSet
-from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.state import State
 
 

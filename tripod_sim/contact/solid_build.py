@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.build import Parts
 from tripod_sim.contact.build import contact_stepper, obstacle_parts, place_rigid, upward
@@ -15,7 +16,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, SolidMesh
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import rigids_of

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact import group_kernels
 from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.integrators.stage import ImplicitStage
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same
 

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.looking_back import Memory, Stage
-from tripod_sim.mesh.solid_mesh import FloatArray
 from tripod_sim.springs.linear_kernels import Slots, assemble
 from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
 from tripod_sim.springs.system import SpringSystem

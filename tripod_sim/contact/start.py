@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import start_kernels as kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray, names_of
+from tripod_sim.mesh.solid_mesh import names_of
 
 MOST_LIFTS = 60
 """Doublings of the lift, from the contact distance on."""

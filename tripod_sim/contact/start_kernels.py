@@ -1,11 +1,9 @@
 """Loops that find what passes through what at one instant."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy")

@@ -3,15 +3,12 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
+from tripod_host.arrays import BoolArray, FloatArray, IndexArray
 from tripod_sim.mesh.topology import directed_edges
 
 FLAT = 1e-6
 """Sine of the angle between two triangles up to which their common edge is flat."""
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

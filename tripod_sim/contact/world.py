@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import response_kernels as kernels
 from tripod_sim.contact.bodies import Body, Nodes
 from tripod_sim.contact.contact_set import ContactSet, inherit
@@ -28,7 +29,6 @@ from tripod_sim.contact.response import Law, Outcome, Response
 from tripod_sim.contact.restitution_kernels import hits, meets, restitute
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.integrators.looking_back import Stage, implicit_euler, stages
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_bodies import RigidBodies

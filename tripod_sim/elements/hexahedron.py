@@ -10,11 +10,9 @@ its own, condensed element by element: one layer then bends without locking. The
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.elements.element import Element
-
-FloatArray = NDArray[np.float64]
 
 CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],

@@ -11,12 +11,10 @@ thick and wide 2x2x2 points leave motions without energy: there `h20` integrates
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import CORNERS, FACES, gauss
-
-FloatArray = NDArray[np.float64]
 
 EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 """Corners between which the nodes 8 to 19 lie, VTK order."""

@@ -1,9 +1,8 @@
 """The quadratic form of an element's strains: its stiffness where the material is the simplest."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 PAIRS = ((0, 0, 1.0), (1, 1, 1.0), (2, 2, 1.0), (0, 1, 2.0), (1, 2, 2.0), (2, 0, 2.0))
 """Components i, j of a strain, and how often each stands in it."""

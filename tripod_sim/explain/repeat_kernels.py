@@ -4,9 +4,8 @@ from typing import Any
 
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.springs import cg_kernels, explicit_kernels, implicit_kernels, linear_kernels, spring_kernels
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,8 +6,8 @@ from pathlib import Path
 from time import thread_time
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.effects import absent, named
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.explain.costs import Cost, cost
@@ -19,8 +19,6 @@ from tripod_sim.explain.stopwatch import Stopwatch
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
-
-FloatArray = NDArray[np.float64]
 
 Progress = Callable[[float, str], None]
 """Called with the fraction done, 0 to 1, and what comes next."""

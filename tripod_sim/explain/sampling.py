@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from time import perf_counter, thread_time
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.explain.stopwatch import Stopwatch
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.simulation import Simulation
-
-FloatArray = NDArray[np.float64]
 
 SWING, FREQUENCY = 0.1, 1.0
 """Of the servos during the steps that are timed: from where they start by so much [rad] and back, times a second."""

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.simulation import Energies
-
-FloatArray = NDArray[np.float64]
 
 SWAY = 0.01
 """Of all energy that has moved: how far a stable scheme may sway above the balance without its being told."""

@@ -3,14 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_sim.description import DISC_HEIGHT, standing
 from tripod_sim.scene_short import effector_of, soft_bodies
 from tripod_sim.simulation import Simulation
 from tripod_sim.tables.robot import ServoDynamics
-
-FloatArray = NDArray[np.float64]
 
 MOST_TRIANGLES = 50_000
 """Of all obstacles; what is beyond is not drawn, and said."""

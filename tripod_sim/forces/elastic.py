@@ -5,16 +5,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import add_element_products
 
 if TYPE_CHECKING:  # only with springs
     from tripod_sim.springs.spring_kernels import Links
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 Matrices = Sequence[FloatArray]
 
 

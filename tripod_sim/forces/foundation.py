@@ -10,15 +10,12 @@ their own.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import gauss
 from tripod_sim.elements.tetrahedron import T10
 from tripod_sim.forces.solid_kernels import add_element_products
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 class Foundation:

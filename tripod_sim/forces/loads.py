@@ -1,9 +1,8 @@
 """Dead loads on nodes: what a body of its own, such as a ball, presses with during one step."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 
 class NodalLoads:

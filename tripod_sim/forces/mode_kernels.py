@@ -6,15 +6,12 @@ the step is halved until it lowers energy or force [NocedalWright2006]. Modes of
 with each other while the nodes stand still, so each element takes as many steps as it needs.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.forces.solid_kernels import invert
 from tripod_sim.materials import laws
-
-Array = Any
 
 MOST_STEPS, MOST_HALVINGS = 30, 12
 """Of one element."""

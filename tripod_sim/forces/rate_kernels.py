@@ -10,15 +10,12 @@ and K_aa^-1 of the last stiffness, g' = f_u' - X^T f_a', so that g' is wrong onl
 lags behind.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.forces.solid_kernels import condense_forces, gather
 from tripod_sim.materials import dilatation, laws
-
-Array = Any
 
 _tangent, _modulus = laws.tangent, dilatation.modulus
 _volume_slope, _tangent_at_mean = dilatation.volume_slope, dilatation.tangent_at_mean

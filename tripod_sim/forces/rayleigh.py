@@ -2,11 +2,9 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.forces.elastic import Elastic
-
-FloatArray = NDArray[np.float64]
 
 
 class StiffnessDamping:

@@ -1,16 +1,13 @@
 """Elastic solid: elements of one kind and one material."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
 from tripod_sim.forces.mode_kernels import settle_modes
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.materials.laws import LAWS
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 class Solid:

@@ -1,10 +1,10 @@
 """What compiled loops over many evaluations of a solid take of it."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 class SolidArrays(NamedTuple):

@@ -13,15 +13,12 @@ psi - kappa/2 (v - v*)^2, its stress P + kappa (v* - v) dv/dF, and the tangent o
 kappa b b^T / sum_q w, b = sum_q w dv/dx.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.materials import dilatation, laws
 from tripod_sim.materials.spectral import determinant
-
-Array = Any
 
 _energy, _stress, _tangent = laws.energy, laws.stress, laws.tangent
 _volume, _volume_slope, _tangent_at_mean = (

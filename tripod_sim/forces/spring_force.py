@@ -2,8 +2,8 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.springs.spring_kernels import (
     Links,
@@ -13,9 +13,6 @@ from tripod_sim.springs.spring_kernels import (
     links_of,
     tangents,
 )
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 class SpringTangents:

@@ -11,13 +11,10 @@ there while it is pulled: the velocity along it ends with the step, nothing boun
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.spring_force import SpringTangents
 from tripod_sim.springs.spring_kernels import add_gradient, lengths, links_of
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 MARGIN = 1e-5
 """l_b is that share below the longest length, so that what is left of the error ends below it."""

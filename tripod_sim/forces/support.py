@@ -6,12 +6,9 @@ With P_v the interpolation at a point, y_v where it is held and D_v the directio
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.solid_kernels import add_element_products
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 class Support:

@@ -21,16 +21,12 @@ The equations of a part are solved as far as its error is worth, not to the scen
 import math
 from typing import NoReturn
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.integrators.substeps import StepReport, Substeps
 from tripod_sim.integrators.time_error import ErrorState
 from tripod_sim.state import State
-
-FloatArray = NDArray[np.float64]
 
 SAFETY = 0.9
 SHRINK, GROW = 0.1, 4.0

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.integrators.time_error_kernels import furthest
-from tripod_sim.state import Copied, FloatArray, State
+from tripod_sim.state import Copied, State
 from tripod_sim.tables.method import TimeError
 
 if TYPE_CHECKING:

@@ -23,8 +23,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.constraints.rigid_kernels import Bodies
 from tripod_sim.errors import SceneError, StepError
@@ -37,8 +37,6 @@ from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.springs.spring_kernels import Links
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-FloatArray = NDArray[np.float64]
 
 SCHEMES = {
     "explicit_euler": kernels.EXPLICIT_EULER,

@@ -4,11 +4,12 @@ The unknowns are the free nodes and the bodies (mass centre, rotation, momentum,
 frames are where the joints put them at each instant and move with their velocity.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.constraints.rigid_kernels import (
     Bodies,
     add_up,
@@ -20,8 +21,6 @@ from tripod_sim.constraints.rigid_kernels import (
 )
 from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, Nets, Solids, begin, evaluate, power
-
-Array = Any
 
 EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
 

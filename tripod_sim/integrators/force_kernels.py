@@ -1,16 +1,15 @@
 """Compiled forces on the nodes of solids and springs in motion, incompatible modes in equilibrium."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import add_element_products, solid_gradient, update_modes
 from tripod_sim.springs.spring_kernels import Links, add_forces
-
-Array = Any
 
 BALANCED = 1e-6
 """Unbalanced force of incompatible modes, as a share of the nodes', at which they are in equilibrium: the condensed

@@ -3,13 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.stability import largest_eigenvalue
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-FloatArray = NDArray[np.float64]
 
 FIRST, LATER = 500, 10
 """Products of the power iteration at the first call and at those after, which begin where the last one ended."""

@@ -16,9 +16,8 @@ sums of vectors.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 LEVEL, SLOPE = 0.8, 0.2
 """Parts of m that go into level and slope: with more, stiff modes tremble; with less, the forecast lags."""

@@ -14,13 +14,10 @@ is no longer positive definite, or too many increments pass, the body is rolled 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass

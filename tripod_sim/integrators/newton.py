@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -20,8 +20,6 @@ from tripod_sim.system_kernels import dot, largest, same, write_moves
 
 if TYPE_CHECKING:  # only steps of changing length need it
     from tripod_sim.integrators.factor_store import FactorStore
-
-FloatArray = NDArray[np.float64]
 
 
 UNSOLVED, SWING = 0.01, 0.01

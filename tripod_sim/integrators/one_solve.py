@@ -19,8 +19,9 @@ renewed before a step can be renewed between steps (`Newton.renew`).
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.left_over import LeftOver
-from tripod_sim.integrators.newton import FloatArray, Newton, NewtonReport
+from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.system_kernels import largest

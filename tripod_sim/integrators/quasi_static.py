@@ -1,14 +1,12 @@
 """Quasi-static steps: each ends in equilibrium, reached by increments of load and joints that stay on the branch."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
-
-FloatArray = NDArray[np.float64]
 
 
 class QuasiStatic(Substeps):

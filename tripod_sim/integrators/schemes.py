@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.looking_back import Memory, Stage, implicit_euler, stages
 from tripod_sim.integrators.newton import NewtonReport
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.integrators.substeps import Substeps
-from tripod_sim.state import FloatArray, State
+from tripod_sim.state import State
 
 
 class ImplicitScheme(Substeps):

@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.build import Stepper
 from tripod_sim.integrators.substeps import StepReport
-from tripod_sim.state import FloatArray, State
+from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet

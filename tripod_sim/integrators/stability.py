@@ -3,9 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tripod_host.arrays import FloatArray
 
 CHANGE = 1e-7
 """Relative change of the estimate at which the power iteration ends."""

@@ -10,13 +10,11 @@ so every stage can be made safe by going down [MartinEtAl2011]. A scheme makes z
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.state import State
-
-FloatArray = NDArray[np.float64]
 
 
 class ImplicitStage:

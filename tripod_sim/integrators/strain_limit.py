@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import StepError
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.strain_bound import StrainBound
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.integrators.substeps import StepReport
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.state import State
 from tripod_sim.system import System

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.state import State
@@ -16,8 +16,6 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.integrators.time_error import ErrorTransport, TimeErrorReport
     from tripod_sim.mesh_error import MeshErrorReport
     from tripod_sim.robot.servo import Stall
-
-FloatArray = NDArray[np.float64]
 
 
 WORK = (

@@ -28,8 +28,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
@@ -37,8 +37,6 @@ from tripod_sim.integrators.looking_back import G
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import Copied
 from tripod_sim.system_kernels import same
-
-FloatArray = NDArray[np.float64]
 
 TR_BDF2 = float((-3 * G**2 + 4 * G - 2) / (12 * (2 - G)))
 """Of TR-BDF2's defect, times h³ j: the sum of those of its stages."""

@@ -3,12 +3,10 @@
 Arrays of nodes have the shape (n, 3), pairs of them, for positions and velocities, (2, n, 3).
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,11 +1,9 @@
 """What a part of a step errs, point by point (see `way_steps`), compiled."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy")

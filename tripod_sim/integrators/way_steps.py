@@ -44,6 +44,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.substeps import StepReport
@@ -55,7 +56,7 @@ from tripod_sim.integrators.way_kernels import (
     write_errors,
     write_lengths,
 )
-from tripod_sim.state import Copied, FloatArray, State
+from tripod_sim.state import Copied, State
 from tripod_sim.tables.method import TimeError
 from tripod_sim.tables.motion import ORDER
 

@@ -3,13 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.linear import cg_kernels as kernels
 from tripod_sim.linear.solver import LinearError, LinearSolver, Pattern
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 MEANING = {
     kernels.UNSOLVED: "did not converge: an ill-conditioned matrix, or a tolerance below its rounding",

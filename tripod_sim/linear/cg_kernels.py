@@ -1,11 +1,9 @@
 """Conjugate gradients on 3 x 3 blocks of the upper triangle, with a block-Jacobi preconditioner, compiled."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 SOLVED, UNSOLVED, INDEFINITE, BROKEN = 0, 1, 2, 3
 

@@ -3,14 +3,10 @@
 from collections.abc import Callable
 from importlib.util import find_spec
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tripod_host.arrays import IndexArray
 from tripod_sim.errors import SceneError
 from tripod_sim.linear.ldl import Ldl
 from tripod_sim.linear.solver import LinearSolver, Pattern
-
-IndexArray = NDArray[np.int64]
 
 LinearFactory = Callable[[Pattern, IndexArray], LinearSolver]
 """Makes a solver for a pattern (see `LinearSolver`) and its diagonal blocks (see `ConjugateGradients`)."""

@@ -2,11 +2,9 @@
 
 import numpy as np
 from cvxopt import cholmod, matrix, spmatrix
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.linear.solver import LinearSolver, Pattern
-
-FloatArray = NDArray[np.float64]
 
 
 class Cholmod(LinearSolver):

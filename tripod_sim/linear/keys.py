@@ -1,9 +1,8 @@
 """Places of a sparse matrix as numbers, column n + row."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-IndexArray = NDArray[np.int64]
+from tripod_host.arrays import IndexArray
 
 
 def distinct(keys: IndexArray) -> IndexArray:

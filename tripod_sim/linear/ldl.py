@@ -7,13 +7,11 @@ and for almost all indefinite ones; what is asked of those here is only the sign
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.linear import ldl_kernels as kernels
 from tripod_sim.linear.ldl_symbolic import analyse
 from tripod_sim.linear.solver import LinearSolver, Pattern
-
-FloatArray = NDArray[np.float64]
 
 
 class Ldl(LinearSolver):

@@ -3,14 +3,13 @@
 Row k of a panel holds d_k L[j, k] for the rows j of its front, so that loops run over contiguous numbers.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.linear.ldl_symbolic import Symbolic
-
-Array = Any
 
 
 class Numbers(NamedTuple):

@@ -8,12 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 import qdldl
-from numpy.typing import NDArray
 from scipy import sparse
 
+from tripod_host.arrays import IndexArray
 from tripod_sim.linear.keys import distinct
-
-IndexArray = NDArray[np.int64]
 
 WIDE = 24
 """Pivots up to which a front is merged with its parent at the price of some zeros."""

@@ -13,14 +13,11 @@ of which only the three twists of dR/dF can be negative. Where F is neither inve
 iteration [Higham1986], which takes a third of the time of a singular value decomposition.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.materials.spectral import cofactor, eigen3, svd3
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy")

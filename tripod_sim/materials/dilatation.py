@@ -10,14 +10,11 @@ Every law is psi(F) = psi_0(F) + kappa/2 (v(F) - c)^2, with constants left out:
 An element with mean dilatation (see `elements.mean_dilatation`) puts its mean v* in the place of v in the second term.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.materials.spectral import cofactor, determinant, squared, svd3, tangent_from_stretches
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy")

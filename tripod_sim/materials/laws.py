@@ -4,13 +4,12 @@ A law is three functions of F: `energy`, `stress` (which also returns the energy
 projects a tangent is common to all: `dilatation.spectral_tangent`.
 """
 
-from typing import Any, Final
+from typing import Final
 
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.materials import corotational, dilatation, neo_hooke, st_venant_kirchhoff, stable_neo_hooke
-
-Array = Any
 
 LAWS: Final = {"neo_hooke": 0, "corotational": 1, "stable_neo_hooke": 2, "st_venant_kirchhoff": 3}
 """Number of each law in the compiled functions below."""

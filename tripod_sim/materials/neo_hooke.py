@@ -8,14 +8,11 @@ An element turned inside out (J <= 0) has no energy: it is infinite, so that a l
 [Holzapfel2000, section 6.5].
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.materials.spectral import cofactor, determinant, squared
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,12 +6,10 @@ a twist with eigenvalue (psi_i + psi_j) / (s_i + s_j) and a flip with eigenvalue
 the negative ones to (almost) zero gives the nearest positive definite tangent [SmithEtAl2019].
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any  # numba kernels take plain arrays
+from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy", inline="always")

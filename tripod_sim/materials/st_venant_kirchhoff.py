@@ -8,12 +8,10 @@ Under strong compression its stress falls back to zero; robots that press or ben
 [Holzapfel2000, section 6.5].
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -7,14 +7,11 @@ with m = 4 mu / 3 and l = lambda + 5 mu / 6, so that small strains see Lame's la
     P = m (1 - 1 / (I1 + 1)) F + l (J - a) cof F
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.materials.spectral import cofactor, determinant, squared
-
-Array = Any
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
 from tripod_sim.ball.obstacles import Obstacles
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.maze.grid import MazeGrid, parse_maze, random_maze
 from tripod_sim.tables.robot import Maze
-
-FloatArray = NDArray[np.float64]
 
 GOAL = 0.35
 """Radius of the goal over the pitch."""

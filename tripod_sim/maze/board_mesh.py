@@ -4,12 +4,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.maze.board import Board
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 SEGMENTS = 48
 """Sides of the polygon that stands for a round hole; a multiple of 8, so that rays meet the corners of its square."""

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import BoolArray
 from tripod_sim.errors import SceneError, shown
 
-BoolArray = NDArray[np.bool_]
 Cell = tuple[int, int]
 
 MOST_CELLS = 10_000

@@ -7,8 +7,8 @@ the ledger has what the delay makes of the energy.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion
 from tripod_sim.ball.obstacle_kernels import MISSES, sweep
 from tripod_sim.ball.plate_kernels import SKIN
@@ -20,9 +20,6 @@ from tripod_sim.maze.plate import Plate
 from tripod_sim.rotations import axial, skew
 from tripod_sim.state import State
 from tripod_sim.tables.robot import Ball
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 HEAVIEST = 1 / 16
 """Mass of the ball over that of the plate up to which the delayed load is stable, at the rim of the plate too."""

@@ -18,15 +18,12 @@ long as they are thick, or longer, and tells too much where they are shorter.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.elements.hexahedron import FACES
 from tripod_sim.elements.strains import strain_squares
 from tripod_sim.mesh.solid_mesh import SolidMesh
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 RELAXED = 16.0
 """Excess that the cells of a beam halve by moving otherwise than it; fitted by benchmarks/trapezoids.py."""

@@ -4,16 +4,13 @@ from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements import quadratic_hexahedron, tetrahedron
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.hexahedron import CORNERS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 def convert(mesh: SolidMesh, name: str) -> SolidMesh:

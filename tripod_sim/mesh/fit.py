@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.element import Element
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.cells import FLAT, Cells, FloatArray, IndexArray
+from tripod_sim.mesh.cells import FLAT, Cells
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh, names_of
 

@@ -19,9 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tripod_host.arrays import IndexArray
 from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.cells import SIZES, Cells, IndexArray
+from tripod_sim.mesh.cells import SIZES, Cells
 from tripod_sim.mesh.lines import MAX_BYTES, numbered_lines, to_coordinates, to_integer, word
 
 TYPES = {

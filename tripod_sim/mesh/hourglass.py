@@ -15,16 +15,14 @@ R < SHARE F as the matrix of R - SHARE F has negative eigenvalues (Sylvester's l
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
 from tripod_sim.elements.strains import strain_squares
 from tripod_sim.linear.ldl import Ldl
 from tripod_sim.mesh.solid_mesh import SolidMesh
-
-FloatArray = NDArray[np.float64]
 
 SHARE = 0.05
 """Of F that must be seen of every motion. Of elements in a row, straight or bent, there are motions of which 0 to 0.02

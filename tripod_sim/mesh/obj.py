@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.lines import numbered_lines, to_coordinates, to_integer, word
 from tripod_sim.mesh.polygon import MOST_CORNERS, triangulate
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 LEFT_OUT = frozenset(
     b"vt vn vp g o s l p usemtl mtllib mg lod bevel c_interp d_interp usemap maplib shadow_obj trace_obj".split()

@@ -1,14 +1,12 @@
 """Dividing every cell of a mesh into eight: the edges are halved."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import IndexArray
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.elements.hexahedron import CORNERS
 from tripod_sim.mesh.convert import convert, right_handed
 from tripod_sim.mesh.solid_mesh import SolidMesh
-
-IndexArray = NDArray[np.int64]
 
 AT_CORNERS = ((0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3))
 INSIDE = ((6, 8, 4, 5), (6, 8, 5, 9), (6, 8, 9, 7), (6, 8, 7, 4))

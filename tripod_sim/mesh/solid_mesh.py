@@ -6,15 +6,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import H8_MODES
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.topology import coincident, edge_uses, equal_rows, parts
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 FACE_TRIANGLES = {
     3: ((0, 1, 2),),

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.reading import open_file
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.lines import MAX_BYTES, numbered_lines, to_coordinates, word
-from tripod_sim.mesh.solid_mesh import FloatArray, IndexArray
 
 HEADER = 80
 """Bytes before the number of triangles in a binary file."""

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.elements.hexahedron import H8, H8_MODES
 from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
 from tripod_sim.mesh.bending import deflection_share
 from tripod_sim.mesh.hourglass import unseen_motions
-from tripod_sim.mesh.solid_mesh import FloatArray, SolidMesh
+from tripod_sim.mesh.solid_mesh import SolidMesh
 
 TOLD = 0.1
 """Error of deflections, relative, from which on it is told. On the Tripod's meshes it is 0.053 for `h8_modes`, of what

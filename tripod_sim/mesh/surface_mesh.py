@@ -5,8 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import SAME, FloatArray, IndexArray, names_of
+from tripod_sim.mesh.solid_mesh import SAME, names_of
 from tripod_sim.mesh.topology import coincident, directed_edges, edge_uses
 
 FLAT = 1e-9

@@ -1,10 +1,8 @@
 """Questions about connectivity and coincidence that volume and surface meshes share; plain arrays in, indices out."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from tripod_host.arrays import FloatArray, IndexArray
 
 DIRECTION = np.array([0.5377, 0.6180, 0.5735])
 """Points are sorted along this direction, in which no plane of a regular grid lies."""

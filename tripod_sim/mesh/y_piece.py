@@ -10,10 +10,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import H8_MODES
 from tripod_sim.errors import SceneError
-from tripod_sim.mesh.solid_mesh import FloatArray, SolidMesh
+from tripod_sim.mesh.solid_mesh import SolidMesh
 
 
 @dataclass(frozen=True)

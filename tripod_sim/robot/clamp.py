@@ -3,14 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.foundation import Foundation
 from tripod_sim.mesh.solid_mesh import SolidMesh
-
-FloatArray = NDArray[np.float64]
 
 
 def bed_clamps(

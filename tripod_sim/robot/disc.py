@@ -1,13 +1,10 @@
 """The effector: a rigid disc in the centre of the piece."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError
 from tripod_sim.tables.robot import Effector
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 def effector_disc(nodes: FloatArray, effector: Effector, field: str = "effector") -> IndexArray:

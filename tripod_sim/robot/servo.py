@@ -27,12 +27,10 @@ to 2, whatever h, k and C. What is foreseen changes the path of a move by O(h), 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.state import Copied
 from tripod_sim.tables.robot import ServoDynamics
-
-FloatArray = NDArray[np.float64]
 
 NEARLY = 0.98
 """Share of the stall torque from which a servo counts as stalled: it then has 2 % of its speed left."""

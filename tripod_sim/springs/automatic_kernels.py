@@ -13,15 +13,12 @@ position is estimated by what they differ in from a straight line, which costs n
 the first is the leading term, the second of a lower order than RK4's error and on the safe side.
 """
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.springs.explicit_kernels import FINE, OVERFLOW, Load, accelerations, runge_kutta
 from tripod_sim.springs.spring_kernels import Links
-
-Array = Any
 
 VERLET, RK4 = 2, 4
 """The schemes by their order."""

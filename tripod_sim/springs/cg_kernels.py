@@ -13,12 +13,12 @@ Since M has the off-diagonal blocks of H, the iterations run on (D + L)^-1 H (D 
 with D + L^T and one with D + L and no product with H [Eisenstat1981].
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 MODIFIED = 0.97
 """a: a little below one, so that rounding and turned blocks do no harm."""

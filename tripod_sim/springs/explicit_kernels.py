@@ -1,13 +1,12 @@
 """Compiled time loops of the explicit schemes for springs: many steps in one call, the same bits as one by one."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.springs.spring_kernels import Links, add_forces
-
-Array = Any
 
 EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
 

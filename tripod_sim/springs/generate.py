@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.surface_mesh import SurfaceMesh
-from tripod_sim.springs.body import FloatArray, IndexArray
 
 MOST_NODES = 250_000
 

@@ -9,16 +9,15 @@ K_n the springs' projected tangents at the start of the stage; D is the dampers'
 what the scheme does to positions it does to lengths, so that dl/dt = (l - l_0) / s has the scheme's order.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.springs.cg_kernels import Sweep, conjugate_gradients, prepare
 from tripod_sim.springs.linear_kernels import Factor, assemble, factorise, solve_direct
 from tripod_sim.springs.spring_kernels import Links, add_gradient, add_products, direction, tangents
-
-Array = Any
 
 SOLVED, UNSOLVED, NO_DESCENT, SINGULAR, BROKEN, UNITERATED = 0, 1, 2, 3, 4, 5
 """How a solve ended: as it should; too many iterations; no lower state along the step; matrix not definite although

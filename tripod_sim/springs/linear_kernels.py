@@ -3,14 +3,13 @@
 The matrix is H = diag(w) + springs' Hessian, over free nodes; w_i [N/m] multiplies the identity of node i.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from numba import njit
 
+from tripod_host.arrays import Array
 from tripod_sim.linear import ldl_kernels
 from tripod_sim.linear.ldl_symbolic import Symbolic
-
-Array = Any
 
 
 class Slots(NamedTuple):

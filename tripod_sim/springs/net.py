@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tripod_host.arrays import IndexArray
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
-from tripod_sim.springs.body import IndexArray, SpringBody
+from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.generate import Net, chain, grid, net_of_surface
 from tripod_sim.tables.bodies import Springs
 

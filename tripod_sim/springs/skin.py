@@ -4,7 +4,8 @@ import zlib
 
 import numpy as np
 
-from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
+from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.springs.body import SpringBody
 
 THICKNESS = 0.1
 """Of an octahedron from centre to corner, as a share of the shortest spring."""

@@ -1,11 +1,11 @@
 """Compiled loops over springs: energy, forces, tangents. With d = x_j - x_i, l = |d|, n = d / l (zero where l is)."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-Array = Any
+from tripod_host.arrays import Array
 
 
 class Links(NamedTuple):

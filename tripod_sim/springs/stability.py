@@ -8,8 +8,9 @@ network, one unknown a node, bounds the square of every frequency that the motio
 import numpy as np
 from scipy import sparse
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.stability import largest_eigenvalue
-from tripod_sim.springs.body import FloatArray, SpringBody
+from tripod_sim.springs.body import SpringBody
 
 ITERATIONS = 2000
 

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.reduction import Reduction
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.springs import implicit_kernels as kernels
-from tripod_sim.springs.body import FloatArray
 from tripod_sim.springs.implicit import SpringSolver
 from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State

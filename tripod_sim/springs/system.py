@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
-from tripod_sim.springs.body import FloatArray, IndexArray, SpringBody
+from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.spring_kernels import (
     Links,
     add_gradient,

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError
 from tripod_sim.study.plan import Quantity, Reference
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,17 +5,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.plan import Settings
 from tripod_sim.study.task import Measured, repeated
-
-FloatArray = NDArray[np.float64]
 
 Watch = Callable[[], Mapping[str, Iterable[float]]]
 """Gives one row for each quantity."""

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.frame import FAR
 from tripod_view.player.film import Film
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

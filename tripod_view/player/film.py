@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from tripod_host.arrays import FloatArray, IndexArray
+
 Rgb = tuple[int, int, int]
 
 

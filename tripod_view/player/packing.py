@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from tripod_view.player.camera import camera
 from tripod_view.player.film import Film
 
-FloatArray = NDArray[np.float64]
-
 KINDS = {"u2": "<u2", "u4": "<u4", "f4": "<f4", "f8": "<f8"}
 """Of numbers, as the player names them."""
 

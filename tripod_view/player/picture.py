@@ -5,12 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_view.player.camera import Camera, camera
 from tripod_view.player.film import Film, Rgb
 from tripod_view.player.picture_kernels import draw_lines, fill_triangles
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 HALF_ANGLE = 0.3
 """Half the angle of view [rad]."""

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand, clamp_corners
 from tripod_view.player.film import Piece, Rgb
 from tripod_view.player.shapes import box, disc, joined
 from tripod_view.pose import Pose
-
-FloatArray = NDArray[np.float64]
 
 SERVO_COLOURS: tuple[Rgb, ...] = (
     (214, 64, 69), (31, 119, 180), (148, 90, 190), (214, 130, 20), (30, 140, 110), (120, 90, 60),

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.build import body_mesh
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
@@ -28,8 +29,6 @@ from tripod_sim.study.motion import Watch, motion, scene_of
 from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, Value, grid, points_of
 from tripod_sim.study.task import Measured
 from tripod_sim.tables.motion import EXPLICIT
-
-FloatArray = NDArray[np.float64]
 
 FILE, STATE, INTERVAL, SAMPLES = "scene.file", "scene.state", "watch.interval", "watch.samples"
 """What a task is told besides fields: the scene, a digest of its files, and when it is looked at [s]."""

@@ -3,8 +3,8 @@
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.ball.ball import account
 from tripod_sim.errors import StepError
 from tripod_sim.maze.play import MazeBall
@@ -12,8 +12,6 @@ from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import scene_of
 from tripod_sim.study.plan import Observed, Plan, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured, repeated
-
-FloatArray = NDArray[np.float64]
 
 SCENE = "maze"
 

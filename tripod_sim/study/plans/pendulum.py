@@ -3,15 +3,13 @@
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.study.motion import motion, nodes, scene_of
 from tripod_sim.study.plan import NODES, Plan, Quantity, Reference, Settings, grid, points_of
 from tripod_sim.study.task import Measured
 from tripod_sim.tables.bodies import Springs
-
-FloatArray = NDArray[np.float64]
 
 SCENE = "pendulum"
 
