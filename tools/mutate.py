@@ -39,7 +39,7 @@ STEPS = (
 
 TESTS = {
     "tripod_sim/constraints/reduction.py": SYSTEM,
-    "tripod_sim/constraints/rotation_kernels.py": SYSTEM,
+    "tripod_sim/rotation_kernels.py": SYSTEM,
     "tripod_sim/constraints/rigid_kernels.py": ("contact_rigid", "explicit_tripod", "explicit_bodies", "platform"),
     "tripod_sim/forces/solid_kernels.py": (
         "system", "elements", "elastic_terms", "mean_dilatation", "invariance", *STEPS,

@@ -16,7 +16,7 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
     if effector := result["effector"]:
         rows.append(("effector", f"{_numbers(effector['position'], 1e3, 3)} mm"))
-        rows.append(("effector turned", f"{turn(effector['quaternion']):.2f} degrees"))
+        rows.append(("effector turned", f"{_turned(effector['quaternion']):.2f} degrees"))
     if ball := result.get("ball"):
         event = f"; {ball['event']}" if ball["event"] else ""
         rows.append(("ball", f"{_numbers(ball['position'], 1e3, 3)} mm{event}"))
@@ -111,7 +111,7 @@ def _contact_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return the rows of rigid bodies and contacts; none in a scene without contact."""
     rows = []
     for k, body in enumerate(result.get("rigid", ())):
-        where, turned = _numbers(body["position"], 1e3, 3), turn(body["quaternion"])
+        where, turned = _numbers(body["position"], 1e3, 3), _turned(body["quaternion"])
         rows.append((f"rigid.{k}", f"{where} mm, turned {turned:.2f} degrees"))
     if contact := result.get("contact"):
         pressed = f"{contact['pressed']} of {contact['contacts']} pressed"
@@ -124,10 +124,11 @@ def _contact_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def turn(quaternion: Sequence[float]) -> float:
-    """Return the angle [degrees] of a rotation x, y, z, w."""
-    x, y, z, w = quaternion
-    return math.degrees(2 * math.atan2(math.hypot(x, y, z), abs(w)))
+def _turned(quaternion: Sequence[float]) -> float:
+    """Return by how much a quaternion turns [degrees]."""
+    from tripod_host.rotations import quaternion_angle  # noqa: PLC0415 - not needed for the help
+
+    return math.degrees(quaternion_angle(quaternion))
 
 
 def _numbers(values: Sequence[float], scale: float, digits: int) -> str:

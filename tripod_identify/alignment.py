@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import rotation_vector
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.observe import best_rotation
-from tripod_sim.constraints.groups import rotation_vector
 
 KINDS = ("none", "translation", "rigid")
 

@@ -8,10 +8,11 @@ import math
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import rotation_matrix
 from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.history import History, check_delay
-from tripod_ik.rotation import tilt_between, vector_matrix
+from tripod_ik.rotation import tilt_between
 
 LONGEST_DT = 0.1
 """Time that a measurement counts for at most [s]: after a gap the correction does not leap."""
@@ -103,7 +104,7 @@ class ModelError:
 
     def corrected(self, position: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the target that brings the robot to `position` [m] and `normal`, shape (3,) each."""
-        return position - self.shift, vector_matrix(-self.tilt) @ normal
+        return position - self.shift, rotation_matrix(-self.tilt) @ normal
 
     def _bounded(self, name: str, value: FloatArray) -> FloatArray:
         length = float(np.linalg.norm(value))

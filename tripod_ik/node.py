@@ -37,12 +37,13 @@ from tripod_graph.run import run_node
 from tripod_graph.source import IK, new_source
 from tripod_graph.timers import set_period
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_matrix
 from tripod_ik.errors import IkError
 from tripod_ik.guide import SLID, Guide
 from tripod_ik.joining import Joining
 from tripod_ik.messages import linear_state, point, trajectory
 from tripod_ik.own_model import OwnModel
-from tripod_ik.rotation import quaternion_matrix, unit_quaternion
+from tripod_ik.rotation import unit_quaternion
 from tripod_ik.settings import (
     PARAMETERS,
     command_limits,

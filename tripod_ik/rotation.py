@@ -1,4 +1,4 @@
-"""Rotations of the effector: quaternion, matrix, and the tilt of its normal."""
+"""Tilts of the effector by its normal, and quaternions that others send."""
 
 import math
 
@@ -6,29 +6,6 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
-
-
-def quaternion_matrix(quaternion: FloatArray) -> FloatArray:
-    """Return the matrix, shape (3, 3), of a unit quaternion (x, y, z, w)."""
-    x, y, z, w = map(float, quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def vector_matrix(vector: FloatArray) -> FloatArray:
-    """Return the matrix, shape (3, 3), that turns by the rotation vector `vector` [rad] (Rodrigues' formula)."""
-    x, y, z = map(float, vector)
-    angle = math.hypot(x, y, z)
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = x / angle, y / angle, z / angle
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * (K @ K)
 
 
 def normal_of(roll: float, pitch: float) -> FloatArray:

@@ -7,9 +7,9 @@ from math import hypot
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_matrix, rotation_matrix
 from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
-from tripod_ik.rotation import quaternion_matrix, vector_matrix
 
 ASYMMETRY = 1e-6
 """Largest |W - Wᵀ| accepted, relative to the largest entry of W."""
@@ -99,9 +99,7 @@ class LinearState:
     @cached_property
     def equilibrium_rotation(self) -> FloatArray:
         """Orientation of the effector at rest at these angles, matrix, shape (3, 3)."""
-        return vector_matrix(self.equilibrium_offset[3:]) @ quaternion_matrix(
-            self.rotation / hypot(*self.rotation.tolist())
-        )
+        return rotation_matrix(self.equilibrium_offset[3:]) @ quaternion_matrix(self.rotation)
 
     @cached_property
     def stiffness(self) -> FloatArray:

@@ -8,9 +8,9 @@ import numpy as np
 
 from tripod_graph.names import WORLD
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_matrix
 from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
-from tripod_ik.rotation import quaternion_matrix
 
 Hint = Callable[[float, str, Callable[[float], bool]], str]
 """What to add for a value, its unit, and what tells whether another value is allowed."""
@@ -60,7 +60,7 @@ class TargetBox:
         if length == 0:
             normal = np.array([0.0, 0.0, 1.0])
         elif abs(length - 1.0) < 1e-2:
-            normal = quaternion_matrix(turned / length)[:, 2]
+            normal = quaternion_matrix(turned)[:, 2]
         else:
             raise IkError(f"target orientation has length {length:g}; it must be a unit quaternion")
         self.check_position(target)

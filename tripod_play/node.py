@@ -21,9 +21,10 @@ from tripod_graph.parameters import declare
 from tripod_graph.qos import RELIABLE
 from tripod_graph.source import name_of, new_source
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_matrix, vector_quaternion
 from tripod_play.errors import PlayError
 from tripod_play.follow import ServoPath
-from tripod_play.path_file import KeyPoints, Kind, tilt_quaternion
+from tripod_play.path_file import KeyPoints, Kind
 from tripod_play.player import Player, PlayerSettings
 from tripod_sim.maze.board import Board
 
@@ -76,10 +77,10 @@ class PlayNode(Node):
     def _on_effector(self, message: PoseStamped) -> None:
         p, q = message.pose.position, message.pose.orientation
         numbers = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w])
-        if not np.isfinite(numbers).all():
+        if not (np.isfinite(numbers).all() and numbers[3:].any()):
             return
         self._position = numbers[:3]
-        self._rotation = _matrix(numbers[3:])
+        self._rotation = quaternion_matrix(numbers[3:])
         if self._rest is None:
             self._rest = numbers[:3]
             self._speaker.decide(Mode.IK)
@@ -91,7 +92,7 @@ class PlayNode(Node):
         message.header.stamp = self.get_clock().now().to_msg()
         p, q = message.pose.position, message.pose.orientation
         p.x, p.y, p.z = position.tolist()
-        q.x, q.y, q.z, q.w = tilt_quaternion(tilt).tolist()
+        q.x, q.y, q.z, q.w = vector_quaternion([*tilt, 0.0]).tolist()
         self._targets.publish(message)
 
     def _on_timer(self) -> None:
@@ -182,15 +183,3 @@ class SolveNode(PlayNode):
             except PlayError as error:
                 self.done = str(error)
         self._send(rest, np.zeros(2))
-
-
-def _matrix(quaternion: FloatArray) -> FloatArray:
-    """Return the rotation matrix of a quaternion (x, y, z, w) of any length but 0."""
-    x, y, z, w = quaternion / max(float(np.linalg.norm(quaternion)), 1e-12)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )

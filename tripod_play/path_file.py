@@ -12,7 +12,7 @@ Names may end in `_deg` (tilts) or `_mm` (positions). Between key points the pat
 
 import csv
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -179,11 +179,3 @@ def _number(row: Mapping[str, object], column: str, where: str) -> float:
     if not np.isfinite(number):
         raise PlayError(f"{where}: {column} is {str(value)[:40]!r}; it must be a finite number")
     return number
-
-
-def tilt_quaternion(tilt: Iterable[float]) -> FloatArray:
-    """Return the unit quaternion (x, y, z, w) of the rotation vector (tilt_x, tilt_y, 0) [rad], shape (4,)."""
-    x, y = tilt
-    angle = float(np.hypot(x, y))
-    s = np.sin(angle / 2) / angle if angle else 0.5
-    return np.array([s * x, s * y, 0.0, np.cos(angle / 2)])

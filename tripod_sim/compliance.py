@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.constraints.groups import quaternion, rotation_vector
+from tripod_host.rotations import quaternion, rotation_vector
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State

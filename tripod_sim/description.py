@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.constraints.groups import quaternion
+from tripod_host.rotations import quaternion
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import Arm, Joints, effector_of, joints_of

@@ -35,9 +35,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.rotations import rotation_vector
 from tripod_sim.bodies.build import assembled, sets_of
 from tripod_sim.build import Parts, body_mesh, build, reach_of
-from tripod_sim.constraints.groups import rotation_vector
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.loads import NodalLoads

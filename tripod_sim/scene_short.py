@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.rotations import turned_by
+from tripod_host.rotations import quaternion_matrix
 from tripod_sim.tables.bodies import Body, Rigid
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import NodeSet, Servo
@@ -197,7 +197,7 @@ HOME = (0.0, 0.0, 0.0, 1.0)
 
 def pose_of(body: Body) -> tuple[FloatArray, FloatArray]:
     """Return position [m] and rotation matrix of a body."""
-    return np.array(body.position), turned_by(body.orientation)
+    return np.array(body.position), quaternion_matrix(body.orientation)
 
 
 def _round(field: str, table: Servos, body: Body) -> list[Arm]:

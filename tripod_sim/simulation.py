@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion
 from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.build import Parts, build
 from tripod_sim.compliance import Compliance, compliance
-from tripod_sim.constraints.groups import DrivenFrame, quaternion
+from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_product, vector_quaternion
 from tripod_view.pose import Pose
 
 
@@ -101,9 +102,8 @@ def arm_pose(stand: Stand, angle: float, slide: float) -> Pose:
     the tip of the arm (above the axis, on +z) outward and then down.
     """
     carriage = carriage_pose(stand, slide)
-    x, y, z, w = carriage.quaternion
-    s, c = np.sin(-angle / 2), np.cos(-angle / 2)  # about y
-    return Pose.of(carriage.position, [x * c - z * s, y * c + w * s, z * c + x * s, w * c - y * s])
+    turn = vector_quaternion([0.0, -angle, 0.0])
+    return Pose.of(carriage.position, quaternion_product(carriage.quaternion, turn))
 
 
 def clamp_corners(stand: Stand, geometry: ArmGeometry) -> FloatArray:

@@ -15,7 +15,6 @@ import pytest
 from typer.testing import CliRunner
 
 from tripod_bringup import cli, node_command, up_command
-from tripod_bringup.run_summary import turn
 from tripod_sim.errors import SceneError, StepError
 
 ROOT = Path(__file__).parents[2]
@@ -136,11 +135,6 @@ def test_rigid_bodies_and_contacts_have_rows(fake_run: FakeRun) -> None:
         ["contacts", "8 of 12 pressed, normal forces 17.66 N in sum"],
         ["gaps", "smallest -0.001 mm beyond the contact distance; error 0.00025 mm after 3 rounds"],
     ]
-
-
-def test_the_turn_is_that_of_the_rotation() -> None:
-    assert turn([0.0, 0.5, 0.0, 0.75**0.5]) == pytest.approx(60.0)
-    assert turn([0.0, -0.5, 0.0, -(0.75**0.5)]) == pytest.approx(60.0)
 
 
 @pytest.mark.parametrize(

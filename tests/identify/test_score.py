@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from tests.identify.robots import MOVING, PLACE, POSE, beam, commands, measured, tripod, write_csv
+from tripod_host.rotations import rotation_matrix
 from tripod_identify.columns import Channel
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.model import plainly, predict
 from tripod_identify.observe import Point
 from tripod_identify.score import score
-from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.simulation import Simulation
 
 TIP = tuple(Channel("tip", axis) for axis in range(3))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tripod_host.rotations import rotation_matrix
 from tripod_sim import Simulation, load_scene
 from tripod_sim.ball.rest import carried
-from tripod_sim.constraints.groups import rotation_matrix
 
 STATIC = ["inertia=off", "damping=off", "solver.tolerance=1e-10", "mesh.level=1", "dt=0.025"]
 MAZE = ("maze", [*STATIC, "maze.source=first", "maze.mass=0.02", "ball.mass=0.00125", "ball.rolling=1.0"])

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tests.scenes import SHARP
+from tripod_host.rotations import rotation_matrix
 from tripod_ik.model import StaticModel, linear_state
-from tripod_ik.rotation import tilt_between, vector_matrix
+from tripod_ik.rotation import tilt_between
 from tripod_sim import Simulation, load_scene
 
 POSE = np.array([-0.9, -1.1, -1.0])
@@ -81,7 +82,7 @@ def test_of_a_body_in_motion_it_is_that_of_the_rest_it_goes_to():
         misses.append(np.abs(state.jacobian - rest.jacobian).max() / np.abs(rest.jacobian).max())
         tilt = tilt_between(state.equilibrium_rotation[:, 2], rest.equilibrium_rotation[:, 2])
         whole = tilt_between(
-            (vector_matrix(-state.equilibrium_offset[3:]) @ state.equilibrium_rotation)[:, 2],
+            (rotation_matrix(-state.equilibrium_offset[3:]) @ state.equilibrium_rotation)[:, 2],
             rest.equilibrium_rotation[:, 2],
         )
         assert np.linalg.norm(tilt) < 0.1 * np.linalg.norm(whole)

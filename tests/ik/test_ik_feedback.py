@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tests.scenes import SHARP
+from tripod_host.rotations import rotation_matrix
 from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
 from tripod_ik.model import StaticModel
-from tripod_ik.rotation import normal_of, tilt_between, vector_matrix
+from tripod_ik.rotation import normal_of, tilt_between
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 from tripod_sim import load_scene
@@ -126,7 +127,7 @@ def test_what_is_measured_is_compared_with_the_pose_of_its_time():
 
 def test_corrections_are_bounded_and_a_gap_makes_no_leap():
     correction = ModelError(most_shift=0.01, most_tilt=0.1)
-    tilted = vector_matrix(np.array([0.5, 0, 0])) @ UP
+    tilted = rotation_matrix(np.array([0.5, 0, 0])) @ UP
     for k in range(500):
         correction.predict(np.zeros(3), UP, 0.01 * k)
         correction.measure(np.array([0.0, 0.5, 0.0]), tilted, 0.01 * k)

@@ -8,8 +8,8 @@ import numpy as np
 from tests.scenes import SHARP
 from tripod_graph.names import WORKING_POSE
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_matrix
 from tripod_ik.model import linear_state
-from tripod_ik.rotation import quaternion_matrix
 from tripod_ik.tracker import Tracker
 from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim import Simulation, load_scene

@@ -11,7 +11,7 @@ from tripod_play.control import ControlSettings, acceleration, given_by, tilt_fo
 from tripod_play.errors import PlayError
 from tripod_play.follow import servo_path
 from tripod_play.observer import Observer, ObserverSettings
-from tripod_play.path_file import Kind, read_path, tilt_quaternion
+from tripod_play.path_file import Kind, read_path
 from tripod_play.plan import Guide, Stretch, corners, shortest_way
 from tripod_play.solve import Eye, solve
 from tripod_play.tilt import lever_of, tilt_map
@@ -252,8 +252,3 @@ def test_a_target_out_of_reach_is_said_to_be(tmp_path: Path) -> None:
     assert len(far) == 1
     assert far[0].end == 1.0
     assert 0.3 < far[0].begin < 1.0
-
-
-def test_the_quaternion_of_a_tilt() -> None:
-    np.testing.assert_allclose(tilt_quaternion([0.0, 0.0]), [0, 0, 0, 1])
-    np.testing.assert_allclose(tilt_quaternion([0.3, 0.0]), [np.sin(0.15), 0, 0, np.cos(0.15)], atol=1e-15)

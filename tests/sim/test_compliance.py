@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.scenes import SHARP
+from tripod_host.rotations import rotation_matrix
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.constraints.groups import rotation_matrix
 
 STATIC = ["inertia=off", "damping=off", "solver.tolerance=1e-9"]
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])

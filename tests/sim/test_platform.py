@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
+from tripod_host.rotations import rotation_vector
 from tripod_sim import Simulation, load_scene
-from tripod_sim.constraints.groups import rotation_vector
 from tripod_sim.errors import SceneError
 from tripod_sim.scene_file import scene_from_toml, scene_to_toml
 

@@ -8,7 +8,7 @@ from tests.checks import assert_symmetric, random_rotation
 from tests.scenes import SHARP
 from tripod_sim import load_scene
 from tripod_sim.build import build
-from tripod_sim.constraints.groups import Groups, quaternion, rotation_matrix
+from tripod_sim.constraints.groups import Groups
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.solid import Solid
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
@@ -167,20 +167,3 @@ def test_groups_refuse_overlap_and_a_body_without_freedom() -> None:
         Groups(20, rigid=(a, b))
     with pytest.raises(SceneError, match="nothing is free"):
         Groups(8, rigid=(np.arange(4),), fixed=np.arange(4, 8))
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_quaternion_and_rotation_matrix_agree(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    axis = rng.standard_normal(3)
-    axis /= np.linalg.norm(axis)
-    angle = rng.uniform(0, np.pi)
-    q = quaternion(rotation_matrix(axis * angle))
-    expected = np.append(axis * np.sin(angle / 2), np.cos(angle / 2))
-    np.testing.assert_allclose(q, expected, atol=1e-12)
-
-
-def test_quaternion_at_half_turns() -> None:
-    for axis in np.eye(3):
-        q = quaternion(rotation_matrix(axis * np.pi))
-        np.testing.assert_allclose(np.abs(q), np.append(axis, 0), atol=1e-12)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tests.checks import assert_failing_leaves_the_state
+from tripod_host.rotations import rotation_matrix
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.ball.ball import BallOnPlate, BallState, PlateMotion
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
-from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.integrators import newton
 from tripod_sim.integrators import way_kernels as kernels
 from tripod_sim.integrators.substeps import StepReport

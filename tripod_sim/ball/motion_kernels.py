@@ -1,26 +1,10 @@
-"""The motion of a plate within a step, and of a ball that turns freely."""
-
-from math import cos, sin, sqrt
+"""The motion of a plate within a step."""
 
 import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.constraints.rotation_kernels import turned
-
-
-@njit(cache=True, error_model="numpy")
-def rotate(rotation: Array, vector: Array, out: Array) -> None:
-    """Write R a, shape (3,)."""
-    for i in range(3):
-        out[i] = rotation[i, 0] * vector[0] + rotation[i, 1] * vector[1] + rotation[i, 2] * vector[2]
-
-
-@njit(cache=True, error_model="numpy")
-def rotate_back(rotation: Array, vector: Array, out: Array) -> None:
-    """Write R^T a, shape (3,)."""
-    for i in range(3):
-        out[i] = rotation[0, i] * vector[0] + rotation[1, i] * vector[1] + rotation[2, i] * vector[2]
+from tripod_sim.rotation_kernels import turned
 
 
 @njit(cache=True, error_model="numpy")
@@ -47,22 +31,3 @@ def plate_at(plate: Array, s: float, dt: float, pose: Array) -> None:
         way[i] = a * plate[2, i] + dt * (b * plate[5, i] + c * plate[6, i])
         pose[2, i] = da * plate[2, i] / dt + db * plate[5, i] + dc * plate[6, i]
     turned(way, plate[7:], pose[3:])
-
-
-@njit(cache=True, error_model="numpy")
-def turn(quaternion: Array, w: Array, time: float) -> None:
-    """Turn a unit quaternion (x, y, z, w) by the constant angular velocity `w` [rad/s] for `time` [s], in place."""
-    size = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-    if size * time == 0.0:
-        return
-    half = 0.5 * size * time
-    f, e = sin(half) / size, cos(half)
-    a, b, c = f * w[0], f * w[1], f * w[2]
-    x, y, z, u = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    quaternion[0] = e * x + a * u + b * z - c * y
-    quaternion[1] = e * y + b * u + c * x - a * z
-    quaternion[2] = e * z + c * u + a * y - b * x
-    quaternion[3] = e * u - a * x - b * y - c * z
-    length = sqrt(quaternion[0] ** 2 + quaternion[1] ** 2 + quaternion[2] ** 2 + quaternion[3] ** 2)
-    for i in range(4):
-        quaternion[i] /= length

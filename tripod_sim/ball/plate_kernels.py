@@ -13,8 +13,9 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.ball.contact_kernels import solve_contacts
-from tripod_sim.ball.motion_kernels import plate_at, rotate, rotate_back, turn
+from tripod_sim.ball.motion_kernels import plate_at
 from tripod_sim.ball.obstacle_kernels import DEEPEST, MISSES, distance, sweep
+from tripod_sim.rotation_kernels import rotate, rotate_back, turn
 
 SKIN = 1e-7
 """Gap at which surfaces count as touching [m]."""

@@ -12,7 +12,6 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.ball.contact_kernels import solve_contacts
-from tripod_sim.ball.motion_kernels import turn
 from tripod_sim.ball.obstacle_kernels import triangle_distance
 from tripod_sim.ball.plate_kernels import (
     FRICTION,
@@ -33,6 +32,7 @@ from tripod_sim.ball.plate_kernels import (
     book,
     contact_work,
 )
+from tripod_sim.rotation_kernels import turn
 
 MOST_CONTACTS = 16
 MOST_CORRECTIONS = 20

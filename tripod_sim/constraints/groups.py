@@ -5,7 +5,6 @@ coordinate that matters for torque and compliance), or is fixed; a free one may 
 may move as time says (`prescribed`).
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -15,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 
@@ -123,39 +121,3 @@ class Groups:
             kind[frame.nodes], number[frame.nodes] = Kind.DRIVEN, i
         kind[self.fixed] = Kind.FIXED
         return kind, number
-
-
-def rotation_matrix(rotation: FloatArray) -> FloatArray:
-    """Return the matrix of the rotation vector `rotation` [rad], shape (3, 3) (Rodrigues' formula)."""
-    out = np.empty((3, 3))
-    turned(rotation, np.eye(3), out)
-    return out
-
-
-def rotation_vector(matrix: FloatArray) -> FloatArray:
-    """Return the rotation vector [rad], shape (3,), of a rotation matrix; its length is at most pi."""
-    x, y, z, w = _quaternion(matrix)
-    sine = math.hypot(x, y, z)
-    factor = 2 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
-    return np.array([factor * x, factor * y, factor * z])
-
-
-def quaternion(matrix: FloatArray) -> FloatArray:
-    """Return the unit quaternion (x, y, z, w), w >= 0, of a rotation matrix [Shepperd1978]."""
-    return np.array(_quaternion(matrix))
-
-
-def _quaternion(matrix: FloatArray) -> list[float]:
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()  # numbers: nine are too few for arrays
-    squares = 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz
-    match squares.index(max(squares)):
-        case 0:
-            q = squares[0], xy + yx, xz + zx, zy - yz
-        case 1:
-            q = yx + xy, squares[1], yz + zy, xz - zx
-        case 2:
-            q = zx + xz, zy + yz, squares[2], yx - xy
-        case _:
-            q = zy - yz, xz - zx, yx - xy, squares[3]
-    norm = math.copysign(math.hypot(*q), q[3])
-    return [value / norm for value in q]

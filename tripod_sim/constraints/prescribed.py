@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
-from tripod_sim.constraints.groups import rotation_matrix
+from tripod_host.rotations import rotation_matrix
 from tripod_sim.timeline import Timeline
 
 

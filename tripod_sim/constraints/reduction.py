@@ -21,9 +21,9 @@ from scipy import sparse
 
 from tripod_host.arrays import Array, FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups, Kind
-from tripod_sim.constraints.rotation_kernels import turned
 from tripod_sim.errors import SceneError
 from tripod_sim.linear.keys import distinct
+from tripod_sim.rotation_kernels import turned
 
 FREE, RIGID, DRIVEN, FIXED = int(Kind.FREE), int(Kind.RIGID), int(Kind.DRIVEN), int(Kind.FIXED)
 

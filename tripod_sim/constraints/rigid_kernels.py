@@ -9,14 +9,13 @@ so gyroscopic terms need no formula of their own: where there is no moment S is 
 chapter VII.5].
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.constraints.rotation_kernels import turned
+from tripod_sim.rotation_kernels import carried, cross, turned
 
 
 class Bodies(NamedTuple):
@@ -42,45 +41,6 @@ class Bodies(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def cross(a: Array, b: Array, out: Array) -> None:
-    """Write a x b."""
-    c0, c1, c2 = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    out[0], out[1], out[2] = c0, c1, c2
-
-
-@njit(cache=True, error_model="numpy")
-def rotation_rate(rotation: Array, w: Array, out: Array) -> None:
-    """Write the rate p' of a rotation vector p while exp([p]x) turns with the spin w.
-
-    p' = w - p x w / 2 + c p x (p x w), c = (1 - (a / 2) cot(a / 2)) / a², a = |p|
-    [HairerLubichWanner2006, chapter IV.8].
-    """
-    square = rotation[0] ** 2 + rotation[1] ** 2 + rotation[2] ** 2
-    if square < 1e-6:
-        c = 1 / 12 + square / 720
-    else:
-        half = 0.5 * math.sqrt(square)
-        c = (1 - half / math.tan(half)) / square
-    first, second = np.empty(3), np.empty(3)
-    cross(rotation, w, first)
-    cross(rotation, first, second)
-    for i in range(3):
-        out[i] = w[i] - 0.5 * first[i] + c * second[i]
-
-
-@njit(cache=True, error_model="numpy")
-def spin(R: Array, inverse: Array, S: Array, out: Array) -> None:
-    """Write w = R J^-1 R^T S."""
-    body, turning = np.empty(3), np.empty(3)
-    for i in range(3):
-        body[i] = R[0, i] * S[0] + R[1, i] * S[1] + R[2, i] * S[2]
-    for i in range(3):
-        turning[i] = inverse[i, 0] * body[0] + inverse[i, 1] * body[1] + inverse[i, 2] * body[2]
-    for i in range(3):
-        out[i] = R[i, 0] * turning[0] + R[i, 1] * turning[1] + R[i, 2] * turning[2]
-
-
-@njit(cache=True, error_model="numpy")
 def read_bodies(x: Array, v: Array, mass: Array, bodies: Bodies) -> None:
     """Write V, S and w of the bodies from the velocities `v` (n, 3) of their nodes at `x`, whose `mass` is given (n,).
 
@@ -96,7 +56,7 @@ def read_bodies(x: Array, v: Array, mass: Array, bodies: Bodies) -> None:
             bodies.velocity[b, i] += mass[n] / bodies.mass[b] * v[n, i]
             bodies.angular[b, i] += mass[n] * part[i]
     for b in range(bodies.mass.shape[0]):
-        spin(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
+        carried(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
 
 
 @njit(cache=True, error_model="numpy")
@@ -146,13 +106,13 @@ def drift(bodies: Bodies, h: float) -> None:
         for i in range(3):
             bodies.centre[b, i] += h * bodies.velocity[b, i]
         R, S, inverse = bodies.turn[b], bodies.angular[b], bodies.inverse[b]
-        spin(R, inverse, S, way)
+        carried(R, inverse, S, way)
         for i in range(3):
             way[i] *= 0.5 * h
         turned(way, R, middle)
-        spin(middle, inverse, S, way)
+        carried(middle, inverse, S, way)
         for i in range(3):
             way[i] *= h
         turned(way, R, middle)
         R[:] = middle
-        spin(R, inverse, S, bodies.spin[b])
+        carried(R, inverse, S, bodies.spin[b])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_matrix
 from tripod_sim.build import Parts, reach_of
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.response import Law
@@ -17,7 +18,6 @@ from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
-from tripod_sim.rotations import turned_by
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of, rigids_of
 from tripod_sim.springs.body import SpringBody
@@ -46,7 +46,7 @@ def obstacle_parts(scene: Scene) -> list[Part]:
                 f"obstacles.{i}.source is {obstacle.source!r}; allowed: the path of an OBJ or STL file"
             )
         surface = read_surface(Path(obstacle.source), obstacle.scale, f"obstacles.{i}.source")
-        vertices = surface.vertices @ turned_by(obstacle.orientation).T
+        vertices = surface.vertices @ quaternion_matrix(obstacle.orientation).T
         parts.append(Part(vertices + np.array(obstacle.position), surface.triangles, fixed=True))
     return parts
 

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tripod_host.rotations import quaternion_matrix
 from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
 from tripod_sim.contact.rigid_shapes import Shape, ball, box, solid_of
 from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.mesh.read_surface import read_surface
-from tripod_sim.rotations import turned_by
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import rigids_of
 from tripod_sim.tables.bodies import Rigid
@@ -25,7 +25,7 @@ def rigid_set(scene: Scene) -> RigidSet:
     mass = np.array([body.mass for body in bodies])
     start = RigidState(
         np.array([body.position for body in bodies]),
-        np.array([turned_by(body.orientation) for body in bodies]),
+        np.array([quaternion_matrix(body.orientation) for body in bodies]),
         np.array([body.velocity for body in bodies]),
         np.array([body.spin for body in bodies]),
     )

@@ -4,8 +4,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.constraints.rigid_kernels import spin as carried
-from tripod_sim.constraints.rotation_kernels import turned
+from tripod_sim.rotation_kernels import carried, turned
 
 
 @njit(cache=True, error_model="numpy")

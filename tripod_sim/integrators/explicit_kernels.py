@@ -10,17 +10,9 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.constraints.rigid_kernels import (
-    Bodies,
-    add_up,
-    carry,
-    drift,
-    read_bodies,
-    rotation_rate,
-    spin,
-)
-from tripod_sim.constraints.rotation_kernels import turned
+from tripod_sim.constraints.rigid_kernels import Bodies, add_up, carry, drift, read_bodies
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, Nets, Solids, begin, evaluate, power
+from tripod_sim.rotation_kernels import carried, rotation_rate, turned
 
 EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
 
@@ -126,7 +118,7 @@ def _euler(
         drift(bodies, h)
     else:
         for b in range(bodies.mass.shape[0]):
-            spin(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
+            carried(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
     drive(frames, time, x, v)
     carry(bodies, x, v)
 
@@ -193,7 +185,7 @@ def _runge_kutta(
                 bodies.angular[b, i] = s.angular[b, i] + far * step[2]
                 s.way[b, i] = far * step[3]
             turned(s.way[b], s.turn[b], bodies.turn[b])
-            spin(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
+            carried(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
         if stage != 3:
             drive(frames, time + reach, x, v)
             carry(bodies, x, v)

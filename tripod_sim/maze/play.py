@@ -9,15 +9,14 @@ from collections.abc import Callable
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.rotations import axial, rotation_matrix, skew
 from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion
 from tripod_sim.ball.obstacle_kernels import MISSES, sweep
 from tripod_sim.ball.plate_kernels import SKIN
 from tripod_sim.ball.rest import carried
-from tripod_sim.constraints.groups import rotation_matrix
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.maze.plate import Plate
-from tripod_sim.rotations import axial, skew
 from tripod_sim.state import State
 from tripod_sim.tables.robot import Ball
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
+from tripod_host.rotations import quaternion_product, vector_quaternion
 from tripod_view.arm import ArmGeometry, Stand, clamp_corners
 from tripod_view.player.film import Piece, Rgb
 from tripod_view.player.shapes import box, disc, joined
@@ -35,11 +36,9 @@ def robot_pieces(
     pieces = []
     for i, stand in enumerate(stands):
         where = np.array(stand.hub) + slide[:, None] * np.array(stand.inward)
-        x, y, z, w = stand.quaternion
         carriage = np.concatenate([where, np.broadcast_to(stand.quaternion, (len(slide), 4))], axis=1)
-        t, u = np.sin(-angles[:, i] / 2), np.cos(-angles[:, i] / 2)
-        turned = np.stack([x * u - z * t, y * u + w * t, z * u + x * t, w * u - y * t], axis=1)
-        arm = np.concatenate([where, turned], axis=1)
+        turns = np.array([vector_quaternion([0.0, -angle, 0.0]) for angle in angles[:, i]])
+        arm = np.concatenate([where, quaternion_product(np.array(stand.quaternion), turns)], axis=1)
         pieces += [
             _piece(f"rail {i}", _rail(stand), BASE, None),
             _piece(f"servo {i}", box(BODY_SIZE), SERVO_BODY, carriage),
