@@ -18,7 +18,7 @@ from tripod_sim.contact.broad_phase import Boxes, Tree
 from tripod_sim.contact.build import body_part, obstacle_parts
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.springs.build import spring_body
-from tripod_sim.study import drape
+from tripod_sim.study.plans import drape
 
 BALL = [
     "contact={contact_distance=5e-4, alarm_distance=1.5e-3}",
@@ -118,7 +118,9 @@ def shipped() -> None:
         assert scene.springs
         assert scene.contact
         simulation = Simulation(scene)
-        watch = Crossings(body_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+        watch = Crossings(
+            body_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene)
+        )
         sunk, cut, moving, tunnelled = 0.0, 0.0, 0.0, False
         for _ in range(round(scene.duration / scene.dt)):
             report = simulation.step().contact
@@ -142,7 +144,7 @@ def variations(duration: float) -> None:
         if case["dt"] < 1e-3:  # of a finer cloth it would take most of the time
             continue
         for response in drape.RESPONSES:
-            row = {"response": response, "nodes": drape.FULL_NODES, **case}
+            row = {"response": response, "nodes": drape.FULL_EDGE, **case}
             row |= drape.measure(**row, duration=duration, clock=time.thread_time)
             print("| " + " | ".join(column.cell(row) for column in drape.COLUMNS) + " |", flush=True)
 

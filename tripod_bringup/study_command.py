@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
-from tripod_bringup.study_plans import PLANS, REPORTS, names, plan
+from tripod_bringup.study_plans import PLANS, REPORTS, names, plan, report
 from tripod_host.stop import first
 from tripod_host.writing import check_place, replaced_text
 
@@ -72,7 +72,9 @@ def study_command(
         out.mkdir(parents=True, exist_ok=True)
         with first(lambda: print(INTERRUPTED.format(out=out), file=sys.stderr)):
             for name in reports:
-                printed["report"] = report(name, out, full=full, fresh=fresh, shown=shown, text=not as_json)
+                printed["report"] = print_report(
+                    name, out, full=full, fresh=fresh, shown=shown, text=not as_json
+                )
             execute = _executor(scheduler, jobs) if plans else None
             for made in plans:
                 assert execute
@@ -211,16 +213,15 @@ def _version() -> str:
         return "not installed"
 
 
-def report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: bool) -> dict[str, Any]:
+def print_report(name: str, out: Path, *, full: bool, fresh: bool, shown: bool, text: bool) -> dict[str, Any]:
     """Run the course report's variations of a scene, print and write their table and return it. Raises OSError.
 
     Rows that are done are kept and not measured again, unless `fresh` or by other code.
     """
     from tripod_bringup.study_store import Store  # noqa: PLC0415 - not needed for the help
-    from tripod_sim.study.catalogue import STUDIES, study  # noqa: PLC0415
     from tripod_sim.study.fingerprint import fingerprint  # noqa: PLC0415
 
-    made, code = study(name, full=full), fingerprint(STUDIES[name])
+    made, code = report(name, full=full), fingerprint(PLANS[name])
     columns = {column.key for column in made.columns}
     path = out / f"{name}_report.csv"
     check_place(path)  # before the work, not after it

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tripod_sim.study.plan import Plan
+    from tripod_sim.study.report import Report
 
 PLANS = {
     "pendulum": "tripod_sim.study.plans.pendulum",
@@ -22,7 +23,7 @@ GROUPS = {"tripod": ("tripod_static", "tripod_dynamic")}
 """Names that stand for several studies."""
 
 REPORTS = ("pendulum", "drape")
-"""Scenes with a table of the course report's variations."""
+"""Those whose module has `report(full=...)` as well, a table of the course report's variations."""
 
 
 def names(scene: str) -> tuple[str, ...]:
@@ -38,4 +39,15 @@ def plan(name: str, *, quick: bool) -> "Plan":
         quick: Few points, against a coarser reference.
     """
     made: Plan = import_module(PLANS[name]).plan(quick=quick)
+    return made
+
+
+def report(name: str, *, full: bool) -> "Report":
+    """Return a table of the course report's variations, not yet run.
+
+    Args:
+        name: One of REPORTS.
+        full: All combinations of the values instead of one varied at a time.
+    """
+    made: Report = import_module(PLANS[name]).report(full=full)
     return made

@@ -441,7 +441,9 @@ def test_the_report_and_the_accuracy_of_one_scene_come_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
-    monkeypatch.setattr(study_command, "report", lambda name, *_, **__: asked.append(name) or {"rows": []})
+    monkeypatch.setattr(
+        study_command, "print_report", lambda name, *_, **__: asked.append(name) or {"rows": []}
+    )
     monkeypatch.setattr(
         study_command, "accuracy", lambda made, *_, **__: asked.append(made.name) or {"front": [0]}
     )

@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from tripod_bringup.cli import app
-from tripod_sim import SceneError
-from tripod_sim.study import pendulum
-from tripod_sim.study.catalogue import STUDIES, study
+from tripod_bringup.study_plans import REPORTS, report
+from tripod_sim.study.plans import pendulum
+from tripod_sim.study.report import one_by_one
 
 
 @pytest.mark.parametrize(
@@ -35,25 +35,20 @@ def test_the_verdicts_on_the_pendulum(change: dict, scheme: str, substeps: str, 
 
 
 def test_every_value_of_the_report_is_varied() -> None:
-    made = study("pendulum", full=False)
-    assert len(made.cases) == 9 * len(pendulum.SCHEMES)
-    assert len(study("pendulum", full=True).cases) == 72 * len(pendulum.SCHEMES)
-    cases = pendulum._cases(False)
+    made = report("pendulum", full=False)
+    assert len(made.cases) == 9 * len(pendulum.REPORTED)
+    assert len(report("pendulum", full=True).cases) == 72 * len(pendulum.REPORTED)
+    cases = one_by_one(pendulum.BASE, pendulum.VARIED)
     for name, values in pendulum.VARIED.items():
         assert {c[name] for c in cases} == set(values)
     first = made.row(made.cases[0])
     assert set(first) == {c.key for c in made.columns}
 
 
-def test_an_unknown_study_is_named() -> None:
-    with pytest.raises(SceneError, match="study 'pendulm' is unknown; studies: pendulum"):
-        study("pendulm", full=False)
-
-
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pendulum, "VARIED", {"dt": (0.005, 0.4)})
-    monkeypatch.setattr(pendulum, "SCHEMES", (("semi_implicit_euler", "off"), ("implicit_euler", "")))
+    monkeypatch.setattr(pendulum, "REPORTED", (("semi_implicit_euler", "off"), ("implicit_euler", "")))
 
 
 @pytest.mark.usefixtures("short")
@@ -117,8 +112,8 @@ def test_rows_that_are_done_are_kept_and_taken_up_again(
 
 
 def test_every_study_can_be_made() -> None:
-    for name in STUDIES:
-        made = study(name, full=False)
+    for name in REPORTS:
+        made = report(name, full=False)
         assert made.cases
         assert len({made.key(case) for case in made.cases}) == len(made.cases)
         assert made.columns

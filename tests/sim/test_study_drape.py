@@ -9,8 +9,7 @@ from tripod_sim.contact.crossings import Crossings
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 from tripod_sim.springs.generate import grid
-from tripod_sim.study import drape
-from tripod_sim.study.catalogue import study
+from tripod_sim.study.plans import drape
 
 SHORT = {"nodes": 9, "duration": 0.6}
 
@@ -57,7 +56,7 @@ def test_a_cloth_that_falls_is_stable_and_held(response: str) -> None:
 def test_the_time_to_rest_is_told_and_ends_the_run(response: str) -> None:
     row = drape.measure(response=response, **drape.BASE, nodes=7, overrides=("damping.mass=20",))
     assert row["stable"]
-    assert 0.5 < row["rest"] < drape.DURATION - 1
+    assert 0.5 < row["rest"] < drape.LONGEST - 1
 
 
 def test_without_contact_the_cloth_is_seen_to_tunnel(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,16 +69,16 @@ def test_without_contact_the_cloth_is_seen_to_tunnel(monkeypatch: pytest.MonkeyP
 
 
 def test_every_value_of_the_report_is_varied() -> None:
-    made = study("drape", full=False)
+    made = drape.report(full=False)
     assert len(made.cases) == len(drape.cases(full=False)) * len(drape.RESPONSES)
-    assert len(study("drape", full=True).cases) == 27 * len(drape.RESPONSES)
+    assert len(drape.report(full=True).cases) == 27 * len(drape.RESPONSES)
     for name, values in drape.VARIED.items():
         assert {case[name] for case in drape.cases(full=False)} == set(values)
 
 
 def test_rows_have_the_columns_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drape, "MOST_STEPS", 5)
-    made = study("drape", full=False)
+    made = drape.report(full=False)
     row = made.row(made.cases[0])
     assert set(row) == {column.key for column in made.columns}
     assert row["rest"] is None
