@@ -1,25 +1,15 @@
 """Options and help of `tripod bag`: what can be done with recordings."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tripod_bringup.node_command import NODES, NodeCommand, RosCommand, run_node_command
-from tripod_bringup.options import Recording, Subnet, examples
+from tripod_bringup.options import Recording, Subnet, To, examples
 
 commands = typer.Typer()
 bag = typer.Typer(help="Look into recordings, and play them.", no_args_is_help=True)
-
-
-class To(StrEnum):
-    """Where a recording is played to."""
-
-    SIM = "sim"
-    ROBOT = "robot"
-    TOPICS = "topics"
-
 
 Topics = Annotated[str, typer.Option(help="Names or patterns (*, ?), parted by spaces or commas.")]
 

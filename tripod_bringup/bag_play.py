@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tripod_bringup.bag_cli import To
+from tripod_bringup.options import To
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED
 from tripod_graph.run import run_node
 from tripod_record.errors import RecordError

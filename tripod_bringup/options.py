@@ -1,9 +1,18 @@
 """Options that several subcommands of `tripod` have, and how their examples are shown."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+
+class To(StrEnum):
+    """Where a recording is played to."""
+
+    SIM = "sim"
+    ROBOT = "robot"
+    TOPICS = "topics"
 
 
 def some_scenes(incomplete: str) -> list[str]:
