@@ -15,9 +15,10 @@ from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.newton import Newton
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
-from tripod_sim.integrators.substeps import StepReport, Substeps
+from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh

@@ -15,7 +15,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from tripod_play.solve import solve
 from tripod_sim import Simulation, load_scene
-from tripod_sim.contact.build import obstacle_parts
+from tripod_sim.contact.contact_build import obstacle_parts
 
 IMAGES = Path(__file__).parent / "images"
 STATIC = ("inertia=off", "damping=off", "mesh.level=3")

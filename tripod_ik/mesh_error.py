@@ -22,7 +22,8 @@ from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 
 if TYPE_CHECKING:
-    from tripod_sim.mesh_error import MeshError, MeshErrorReport
+    from tripod_sim.integrators.report import MeshErrorReport
+    from tripod_sim.mesh_error import MeshError
 
 UNKNOWN = math.nan, math.nan, math.nan
 
@@ -45,7 +46,8 @@ class ModelMesh:
             SceneError: it cannot be built.
         """
         from tripod_sim.build import build  # noqa: PLC0415 - an effect that is absent
-        from tripod_sim.mesh_error import MeshError, MeshErrorReport  # noqa: PLC0415
+        from tripod_sim.integrators.report import MeshErrorReport  # noqa: PLC0415
+        from tripod_sim.mesh_error import MeshError  # noqa: PLC0415
 
         try:
             if not self._errors:

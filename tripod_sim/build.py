@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly, SoftBody
-from tripod_sim.bodies.build import (
+from tripod_sim.bodies.soft_build import (
     assembled,
     elastic_terms,
     masses,
@@ -27,7 +27,8 @@ from tripod_sim.constraints.held import free_motion, held_groups
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.substeps import StepReport, Substeps
+from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh
 from tripod_sim.node_sets import NodeSets
@@ -52,8 +53,7 @@ if TYPE_CHECKING:
     from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.bodies.assembly import AssemblySkin
     from tripod_sim.bodies.platform import Platforms
-    from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet
-    from tripod_sim.contact.rigid_system import RigidSystem
+    from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet, RigidSystem
     from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.gravity import GravityForce
     from tripod_sim.forces.loads import NodalLoads
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
     from tripod_sim.springs.automatic import AutomaticSprings
     from tripod_sim.springs.body import SpringBody
     from tripod_sim.springs.skin import ChainSkin
-    from tripod_sim.springs.system import SpringSystem
+    from tripod_sim.springs.spring_system import SpringSystem
 
 
 RIGID_BALL = (
@@ -171,7 +171,7 @@ def build(scene: Scene, progress: Callable[[float], None] | None = None) -> Part
 def _built(scene: Scene, progress: Callable[[float], None] | None = None) -> Parts:
     """Return the parts of a simulation whose body is solved for in every step."""
     if scene.springs and springs_alone(scene):  # a loop of its own, faster than that of any terms
-        from tripod_sim.springs.build import build_springs
+        from tripod_sim.springs.spring_build import build_springs
 
         parts = build_springs(scene, scene.springs)
         nodes, held = parts.mesh.nodes[: parts.system.groups.size], parts.system.groups.held()

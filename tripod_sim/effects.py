@@ -68,7 +68,6 @@ TABLE: dict[str, Effect] = {
             "contact.rigid_set",
             "contact.rigid_shapes",
             "contact.rigid_start",
-            "contact.rigid_system",
         ),
         words=("rigid=[{position=[0.0, 0.0, 1.0]}]",),
     ),

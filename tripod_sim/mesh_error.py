@@ -24,9 +24,8 @@ the places of these nodes, P^T r: they do the same work in each of its moves. Of
 count, since what keeps it rigid is among their r.
 """
 
-import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,7 +35,7 @@ from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.rotations import rotation_vector
-from tripod_sim.bodies.build import assembled, sets_of
+from tripod_sim.bodies.soft_build import assembled, sets_of
 from tripod_sim.build import Parts, body_mesh, build, reach_of
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError, StepError
@@ -44,6 +43,7 @@ from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.forces.support import Support
 from tripod_sim.integrators.newton import Newton, NewtonError
 from tripod_sim.integrators.quasi_static import QuasiStatic
+from tripod_sim.integrators.report import MeshErrorReport
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene, at_rest
@@ -71,24 +71,6 @@ QUADRATIC = ("h20", "h20_full", "h27", "t10")
 
 GRADED = 8
 """The coarsest mesh level of the Y whose cells are graded for quadratic elements; see `mesh.y_piece.LEVELS`."""
-
-
-@dataclass(frozen=True)
-class MeshErrorReport:
-    """How far the effector is from where the richer mesh has it.
-
-    Attributes:
-        effector: Exact minus computed position of its centre [m]; NaN where the richer mesh has no equilibrium.
-        time: Simulated time of the estimate [s].
-    """
-
-    effector: tuple[float, float, float]
-    time: float
-
-    @property
-    def distance(self) -> float:
-        """Length of the error [m]."""
-        return math.hypot(*self.effector)
 
 
 def richer(scene: Scene) -> Scene:

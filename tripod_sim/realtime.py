@@ -16,7 +16,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.checkpoint import Checkpoint
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import StepError
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.journal import Journal
 from tripod_sim.rerun import Ended
 from tripod_sim.simulation import Energies, Pose, Simulation

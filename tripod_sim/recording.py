@@ -189,7 +189,7 @@ def _still(simulation: Simulation) -> dict[str, Any]:
         rows = [standing(arm).values() for arm in simulation.joints.arms]
         found["arms"] = np.array([np.hstack(list(row)) for row in rows])
     if scene.obstacles:
-        from tripod_sim.contact.build import obstacle_parts  # noqa: PLC0415 - only with obstacles
+        from tripod_sim.contact.contact_build import obstacle_parts  # noqa: PLC0415 - only with obstacles
 
         parts = obstacle_parts(scene)
         first = np.cumsum([0, *(len(part.vertices) for part in parts)])

@@ -16,7 +16,7 @@ from tripod_sim.figures.accuracy import accuracy_figures, accuracy_line
 from tripod_sim.figures.effects import effect_figures
 from tripod_sim.figures.energy import EnergyBooks
 from tripod_sim.figures.stability import stability
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.recording import Recording, check_out
 from tripod_sim.scene_file import load_scene
 from tripod_sim.script import script_of

@@ -17,7 +17,7 @@ from tripod_sim.build import Parts, build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import ball_is_rigid, discs_of, joints_of
@@ -27,14 +27,15 @@ from tripod_sim.tables.motion import EXPLICIT
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.body_ball import BodyBall
-    from tripod_sim.contact.rigid_system import RigidSystem
+    from tripod_sim.contact.rigid_set import RigidSystem
+    from tripod_sim.integrators.report import MeshErrorReport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
-    from tripod_sim.mesh_error import MeshError, MeshErrorReport
+    from tripod_sim.mesh_error import MeshError
     from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
     from tripod_sim.softness import SoftestMove
-    from tripod_sim.springs.system import SpringSystem
+    from tripod_sim.springs.spring_system import SpringSystem
 
 
 REHEARSED = 0.01

@@ -1,40 +1,16 @@
 """What changes each step, and nothing else."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.copied import Copied
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.ball import BallState
     from tripod_sim.contact.rigid_state import RigidState
-    from tripod_sim.integrators.doubling import TwinState
     from tripod_sim.integrators.time_error import ErrorState
-    from tripod_sim.integrators.way_steps import WayState
     from tripod_sim.robot.servo import ServoState
-
-
-@dataclass(eq=False)
-class Copied:
-    """What remembers arrays, numbers and others of its kind, and is copied with all of them."""
-
-    def copy_to(self, other: Self) -> None:
-        """Overwrite `other` with this, without allocating; a part that only one of them has stays as it is."""
-        for name in self.__dataclass_fields__:
-            value, old = getattr(self, name), getattr(other, name)
-            if isinstance(value, np.ndarray):
-                old[:] = value
-            elif not isinstance(value, Copied) and not isinstance(old, Copied):
-                setattr(other, name, value)
-            elif value and old:
-                value.copy_to(old)
-
-    def copy(self) -> Self:
-        """Return an independent copy."""
-        values = (getattr(self, name) for name in self.__dataclass_fields__)
-        return type(self)(*(value.copy() if hasattr(value, "copy") else value for value in values))
 
 
 @dataclass(eq=False)
@@ -95,3 +71,57 @@ class State(Copied):
             self.twin.copy_to(other.twin)
         if self.way and other.way:
             self.way.copy_to(other.way)
+
+
+@dataclass(eq=False)
+class TwinState(Copied):
+    """What the estimate of `integrators.doubling` remembers from step to step.
+
+    Attributes:
+        twin: Where the twin is.
+        last: Where the body was at the end of the last step: if it is elsewhere, somebody has moved it.
+        known: Whether both are; 0 or 1.
+        proposed: Length of the next part, where the simulator chooses it [s]; 0 before the first.
+    """
+
+    twin: State
+    last: State
+    known: int = 0
+    proposed: float = 0.0
+
+
+@dataclass(eq=False)
+class WayState(Copied):
+    """What `integrators.way_steps` remembers. Points are what is shown, then the effector's nodes.
+
+    Attributes:
+        origin: Where points began [m], shape (n, 3).
+        velocities: Of points at the start of the last part [m/s], shape (n, 3).
+        accelerations: Of points at its end [m/s²], shape (n, 3).
+        sums: Of the errors of all parts (see `way_kernels.write_lengths`), shape (n, 4).
+        added: Sum of what parts have added to the errors of points [m], shape (n,).
+        furthest: That a point of each kind has been from its origin [m], shape (2,).
+        length: Of the last part [s]; 0 before the first.
+        proposed: That of the next [s]; 0 before the first.
+        twist: Of the plate of a maze at the end of the last part (see `MazeBall`), shape (2, 3); shape (0, 3) without.
+        fastest: That it went [m/s].
+        ahead, behind: Balls on plates that are so; None without a maze, and before the ball begins.
+    """
+
+    origin: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
+    sums: FloatArray
+    added: FloatArray
+    furthest: FloatArray
+    twist: FloatArray
+    fastest: float = 0.0
+    length: float = 0.0
+    proposed: float = 0.0
+    ahead: "BallState | None" = None
+    behind: "BallState | None" = None
+
+    @property
+    def balls(self) -> "list[BallState]":
+        """Those ahead and behind, if there are any."""
+        return [ball for ball in (self.ahead, self.behind) if ball]

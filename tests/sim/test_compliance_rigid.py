@@ -9,12 +9,12 @@ from tests.scenes import CUBE, SHARP
 from tests.sim.test_compliance_contact import CALM, GOAL, bare, contact, gap, settle
 from tripod_host.rotations import rotation_matrix
 from tripod_sim import Simulation, load_scene
-from tripod_sim.compliance import Holding, Response, held_response
 from tripod_sim.contact.rest import rest_of
 from tripod_sim.contact.rest_bodies import loose
 from tripod_sim.contact.rest_rows import Rest
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.world import World
+from tripod_sim.response import Holding, Response, held_response
 from tripod_sim.system import System
 
 FLOATS = np.ndarray

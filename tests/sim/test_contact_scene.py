@@ -9,9 +9,9 @@ import pytest
 
 from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_sim import Simulation, load_scene
-from tripod_sim.contact.build import body_part, obstacle_parts
+from tripod_sim.contact.contact_build import obstacle_parts
 from tripod_sim.contact.crossings import Crossings
-from tripod_sim.springs.build import spring_body
+from tripod_sim.springs.spring_build import spring_body, surface_part
 
 SMALL = ["springs.source=grid", "springs.nodes=9", "springs.size=0.6"]
 
@@ -108,7 +108,7 @@ def test_a_cloth_of_a_tenth_of_a_millimetre_passes_nothing_at_any_speed(response
     assert scene.springs
     assert scene.contact
     simulation = Simulation(scene)
-    watch = Crossings(body_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+    watch = Crossings(surface_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
     simulation.state.velocities[:, 2] = -speed
     pressed = 0
     for _ in range(12):

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from tests.sim.contact_bodies import G, ball_on, box, boxes_on_plate, plate
 from tripod_sim import Simulation, load_scene
-from tripod_sim.contact.build import body_part, obstacle_parts
+from tripod_sim.contact.contact_build import obstacle_parts
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.rigid_bodies import RigidBodies
@@ -16,8 +16,8 @@ from tripod_sim.contact.spring_nodes import SpringNodes
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.build import spring_body
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.springs.spring_build import spring_body, surface_part
+from tripod_sim.springs.spring_system import SpringSystem
 
 SCHEMES = ["bdf2", "tr_bdf2"]
 
@@ -388,7 +388,7 @@ def test_a_cloth_of_a_tenth_of_a_millimetre_passes_nothing(response: str, scheme
     assert scene.springs
     assert scene.contact
     simulation = Simulation(scene)
-    watch = Crossings(body_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+    watch = Crossings(surface_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
     simulation.state.velocities[:, 2] = -speed
     pressed = 0
     for _ in range(12):

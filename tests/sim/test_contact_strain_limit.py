@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, StepError, load_scene
-from tripod_sim.contact.build import body_part, obstacle_parts
+from tripod_sim.contact.contact_build import obstacle_parts
 from tripod_sim.contact.crossings import Crossings
-from tripod_sim.springs.build import spring_body
+from tripod_sim.springs.spring_build import spring_body, surface_part
 
 MODES = ["lagrange", "penalty"]
 
@@ -37,7 +37,7 @@ def test_a_heavy_cloth_on_a_sphere_is_neither_rubber_nor_through(response: str) 
     simulation = Simulation(scene)
     assert scene.springs
     assert scene.contact
-    watch = Crossings(body_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
+    watch = Crossings(surface_part(spring_body(scene, scene.springs), scene.contact), obstacle_parts(scene))
     worst, pressed = 0.0, 0
     for _ in range(45):
         report = simulation.step()

@@ -22,7 +22,7 @@ def copy(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     "path",
     [
-        "springs/system.py",
+        "springs/spring_system.py",
         "linear/ldl.py",
         "scenes/drape.toml",
         "scenes/sphere.obj",

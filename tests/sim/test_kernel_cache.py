@@ -14,7 +14,7 @@ from tripod_sim.forces.spring_force import SpringDampers, SpringForce
 from tripod_sim.forces.strain_bound import StrainBound
 from tripod_sim.kernel_cache import remove_stale_kernels
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.springs.spring_system import SpringSystem
 
 SOURCES = {
     "laws.py": "",

@@ -197,7 +197,7 @@ def test_a_scene_with_a_platform_is_written_and_read_back() -> None:
 def test_a_scene_without_one_does_not_import_it() -> None:
     code = (
         "import sys; from tripod_sim import Simulation, load_scene; Simulation(load_scene('two_cloths'));"
-        "assert 'tripod_sim.bodies.build' in sys.modules; assert 'tripod_sim.bodies.platform' not in sys.modules"
+        "assert 'tripod_sim.bodies.soft_build' in sys.modules; assert 'tripod_sim.bodies.platform' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
     assert not load_scene("two_cloths").platform

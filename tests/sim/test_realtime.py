@@ -11,7 +11,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_sim import Simulation, StepError, load_scene, realtime
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.realtime import LATE, Activity, RealTime, Snapshot
 from tripod_sim.simulation import Energies
 

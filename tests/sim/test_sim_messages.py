@@ -17,10 +17,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 from tripod_graph.names import SERVOS
 from tripod_sim import messages
 from tripod_sim.compliance import Compliance
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import MeshErrorReport, StepReport
 from tripod_sim.markers import SceneMarkers
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
-from tripod_sim.mesh_error import MeshErrorReport
 from tripod_sim.realtime import Snapshot
 from tripod_sim.simulation import Energies, Pose
 

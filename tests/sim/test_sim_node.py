@@ -19,7 +19,7 @@ from tests.sim.sim_graph import DEADLINE, PUBLISHED, QUIET
 from tripod_graph import names
 from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_sim import Simulation, load_scene, messages, transforms
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.notices import notices
 
 pytestmark = pytest.mark.ros

@@ -9,7 +9,7 @@ import pytest
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 
 G, SPEED = 9.81, 0.003
 

@@ -6,7 +6,7 @@ import pytest
 from tripod_sim.springs import cg_kernels as kernels
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.generate import grid
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.springs.spring_system import SpringSystem
 
 INERTIA = 10.0
 

@@ -5,7 +5,7 @@ import pytest
 
 from tests.memory import kept
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.springs.build import spring_body
+from tripod_sim.springs.spring_build import spring_body
 
 FREE = ["springs.fixed_corners=[]", "springs.nodes=8"]
 

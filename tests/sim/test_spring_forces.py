@@ -7,7 +7,7 @@ from tests.checks import assert_derivative, assert_gradient, assert_symmetric, r
 from tripod_sim.errors import SceneError
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.spring_kernels import add_forces, add_gradient, add_products, links_of, tangents
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.springs.spring_system import SpringSystem
 
 
 def random_body(rng: np.random.Generator, *, slack: bool = False, fixed: tuple[int, ...] = ()) -> SpringBody:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tripod_sim import SceneError, Simulation, load_scene
-from tripod_sim.springs.build import spring_body
 from tripod_sim.springs.generate import chain, grid
+from tripod_sim.springs.spring_build import spring_body
 
 
 def body(source: str, *words: str):

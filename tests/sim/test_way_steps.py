@@ -10,7 +10,7 @@ from tripod_sim.ball.ball import BallOnPlate, BallState, PlateMotion
 from tripod_sim.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from tripod_sim.integrators import newton
 from tripod_sim.integrators import way_kernels as kernels
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.way_steps import WaySteps, after_hit
 from tripod_sim.maze.play import MazeBall
 from tripod_sim.state import State

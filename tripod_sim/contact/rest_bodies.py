@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray, IndexArray
-from tripod_sim.compliance import Holding
 from tripod_sim.contact.rest_rows import Carried
 from tripod_sim.contact.world import World
+from tripod_sim.response import Holding
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet

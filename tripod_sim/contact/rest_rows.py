@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray, IndexArray
-from tripod_sim.compliance import Holding
 from tripod_sim.constraints.groups import Kind
+from tripod_sim.response import Holding
 from tripod_sim.system import System
 
 CROSS = np.array([[np.cross(np.eye(3)[j], np.eye(3)[k]) for j in range(3)] for k in range(3)])

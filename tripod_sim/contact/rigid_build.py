@@ -44,8 +44,8 @@ def _shape(body: Rigid, field: str) -> Shape:
 def build_rigid(scene: Scene) -> "Parts":
     """Return the parts of a simulation of rigid bodies alone. Raises SceneError."""
     from tripod_sim.build import Parts  # noqa: PLC0415 - it imports this module
-    from tripod_sim.contact.build import contact_stepper, place_rigid  # noqa: PLC0415
-    from tripod_sim.contact.rigid_system import RigidSystem  # noqa: PLC0415
+    from tripod_sim.contact.contact_build import contact_stepper, place_rigid  # noqa: PLC0415
+    from tripod_sim.contact.rigid_set import RigidSystem  # noqa: PLC0415
 
     assert scene.contact
     rigid = rigid_set(scene)

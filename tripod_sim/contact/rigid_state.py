@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.state import Copied
+from tripod_sim.copied import Copied
 
 
 @dataclass(eq=False)

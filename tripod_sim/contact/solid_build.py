@@ -8,7 +8,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.build import Parts
-from tripod_sim.contact.build import contact_stepper, obstacle_parts, place_rigid, upward
+from tripod_sim.contact.contact_build import contact_stepper, obstacle_parts, place_rigid, upward
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.start import check_apart, check_itself, check_start, lift, passing
 from tripod_sim.contact.surfaces import Part

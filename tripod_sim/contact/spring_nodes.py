@@ -8,7 +8,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.springs.linear_kernels import Slots, assemble
 from tripod_sim.springs.spring_kernels import add_gradient, add_products, lengths, tangents
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported

@@ -6,7 +6,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.contact.problem import DescentError
 from tripod_sim.contact.world import ContactReport, World
 from tripod_sim.errors import StepError
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.state import State
 
 

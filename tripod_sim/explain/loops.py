@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tripod_sim.explain.objects import walk
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.simulation import Simulation
 
 LONG, REPEATS = 1e-3, 5

@@ -32,7 +32,6 @@ PARTS = {
     "contact": "contact",
     "contact.rigid_set": "rigid bodies",
     "contact.rigid_state": "rigid bodies",
-    "contact.rigid_system": "rigid bodies",
     "integrators.time_error": "time error",
     "integrators.doubling": "time error",
     "mesh_error": "mesh error",

@@ -14,7 +14,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.explain.stopwatch import Stopwatch
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.simulation import Simulation
 
 SWING, FREQUENCY = 0.1, 1.0

@@ -2,7 +2,7 @@
 
 import math
 
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 
 
 def error_words(mesh: float, step: float = math.nan) -> str:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tripod_sim.figures.energy import SWAY, TINY, Balance
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 
 
 @dataclass(frozen=True)

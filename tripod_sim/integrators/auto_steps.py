@@ -24,7 +24,8 @@ from typing import NoReturn
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
-from tripod_sim.integrators.substeps import StepReport, Substeps
+from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.integrators.time_error import ErrorState
 from tripod_sim.state import State
 

@@ -12,17 +12,17 @@ takes it in two and adds |x_h/2 - x_h| / (2^p - 1). A part that is taken back, a
 those before.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.integrators.time_error_kernels import furthest
-from tripod_sim.state import Copied, State
+from tripod_sim.state import State, TwinState
 from tripod_sim.tables.method import TimeError
 
 if TYPE_CHECKING:
@@ -30,23 +30,6 @@ if TYPE_CHECKING:
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
 """Of the length that the tolerance allows; least and largest change from part to part."""
-
-
-@dataclass(eq=False)
-class TwinState(Copied):
-    """What the estimate remembers from step to step.
-
-    Attributes:
-        twin: Where the twin is.
-        last: Where the body was at the end of the last step: if it is elsewhere, somebody has moved it.
-        known: Whether both are; 0 or 1.
-        proposed: Length of the next part, where the simulator chooses it [s]; 0 before the first.
-    """
-
-    twin: State
-    last: State
-    known: int = 0
-    proposed: float = 0.0
 
 
 class Doubling:

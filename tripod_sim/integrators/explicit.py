@@ -32,8 +32,8 @@ from tripod_sim.forces.solid_arrays import SolidArrays, no_solid
 from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Nets, Solids
 from tripod_sim.integrators.frequency import LargestFrequency
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.stability import longest_part, longest_step
-from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.springs.spring_kernels import Links
 from tripod_sim.state import State
 from tripod_sim.system import System

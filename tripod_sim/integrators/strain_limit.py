@@ -22,7 +22,7 @@ from tripod_sim.errors import StepError
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.strain_bound import StrainBound
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.state import State
 from tripod_sim.system import System

@@ -1,7 +1,6 @@
 """Advancing in parts: a part that fails is rolled back and halved."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,76 +8,11 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.contact.world import ContactReport
-    from tripod_sim.integrators.time_error import ErrorTransport, TimeErrorReport
-    from tripod_sim.mesh_error import MeshErrorReport
-    from tripod_sim.robot.servo import Stall
-
-
-WORK = (
-    "iterations", "factorisations", "parts", "increments", "halvings", "rejected", "linear_iterations",
-)  # fmt: skip
-"""What adds up of the reports of steps."""
-
-
-@dataclass
-class StepReport:
-    """What one step took, or several.
-
-    Attributes:
-        iterations: Linear solves, over all parts.
-        factorisations: Hessians assembled and factored, over all parts.
-        parts: Parts that the step was divided into; 1 is the whole.
-        rejected: Parts that were taken back because they added too much error (`dt = "auto"`).
-        halvings: Times a part, or an increment of a static load, failed and was halved.
-        residual: Unbalanced force at the end [N].
-        stalled: Servos that stand against their load at the end.
-        contact: What contact took; None without it.
-        linear_iterations: Of conjugate gradients, over all linear solves.
-        increments: Of the load in statics, over all parts (see `load_steps`); 0 where none was needed.
-        dt_limit: Longest stable part of an explicit scheme [s]; infinite for the others.
-        growth: Energy that came from nothing, by an unstable explicit scheme [J]; zero while there is none.
-        grew_at: Step at whose end that was first found, zero for none.
-        time_error: Estimated error of the time steps; None where the scene does not ask for it.
-        mesh_error: Last estimate of the error of the mesh at the effector; None where the scene does not ask for it.
-        asleep: Whether the body is at rest and the next step will not solve for it.
-        unstable: Whether a static step ended in an unstable equilibrium: one that a body in motion would leave.
-    """
-
-    iterations: int = 0
-    factorisations: int = 0
-    parts: int = 0
-    halvings: int = 0
-    residual: float = 0.0
-    stalled: "tuple[Stall, ...]" = ()
-    contact: "ContactReport | None" = None
-    linear_iterations: int = 0
-    increments: int = 0
-    dt_limit: float = np.inf
-    growth: float = 0.0
-    grew_at: int = 0
-    time_error: "TimeErrorReport | None" = None
-    mesh_error: "MeshErrorReport | None" = None
-    rejected: int = 0
-    asleep: bool = False
-    unstable: bool = False
-
-    def after(self, before: "StepReport") -> "StepReport":
-        """Return this report, which a stepper may keep, with the work of the steps before."""
-        return replace(self, **{name: getattr(self, name) + getattr(before, name) for name in WORK})
-
-    @property
-    def instability(self) -> str:
-        """What an unstable explicit scheme does to the energy, empty where it is stable."""
-        if not self.grew_at:
-            return ""
-        return (
-            f"unstable: since step {self.grew_at} the energy has grown beyond what the inputs justify, by "
-            f"{self.growth:.3g} J (longest stable step {self.dt_limit:.3g} s)"
-        )
+    from tripod_sim.integrators.time_error import ErrorTransport
 
 
 class Substeps(ABC):

@@ -31,11 +31,11 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
+from tripod_sim.copied import Copied
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators import time_error_kernels as kernels
 from tripod_sim.integrators.looking_back import G
 from tripod_sim.linear.solver import LinearError
-from tripod_sim.state import Copied
 from tripod_sim.system_kernels import same
 
 TR_BDF2 = float((-3 * G**2 + 4 * G - 2) / (12 * (2 - G)))

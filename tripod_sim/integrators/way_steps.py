@@ -39,7 +39,7 @@ without forces, and a short one over it. The floor is A times the contact distan
 or the tolerance where that is larger: what is finer nobody sees. Without an accuracy a part may add the tolerance.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,7 +47,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.time_error import TR_BDF2, TimeErrorReport
 from tripod_sim.integrators.way_kernels import (
     drop_normal,
@@ -56,12 +56,11 @@ from tripod_sim.integrators.way_kernels import (
     write_errors,
     write_lengths,
 )
-from tripod_sim.state import Copied, State
+from tripod_sim.state import State, WayState
 from tripod_sim.tables.method import TimeError
 from tripod_sim.tables.motion import ORDER
 
 if TYPE_CHECKING:
-    from tripod_sim.ball.ball import BallState
     from tripod_sim.build import Parts
     from tripod_sim.contact.world import World
     from tripod_sim.maze.play import MazeBall
@@ -94,43 +93,6 @@ KEEP = 1.4
 
 BEFORE = 0.98
 """Of the way to a hit: what a part goes that is to end before it."""
-
-
-@dataclass(eq=False)
-class WayState(Copied):
-    """What the choice of the steps remembers. Points are what is shown, then the effector's nodes.
-
-    Attributes:
-        origin: Where points began [m], shape (n, 3).
-        velocities: Of points at the start of the last part [m/s], shape (n, 3).
-        accelerations: Of points at its end [m/s²], shape (n, 3).
-        sums: Of the errors of all parts (see `way_kernels.write_lengths`), shape (n, 4).
-        added: Sum of what parts have added to the errors of points [m], shape (n,).
-        furthest: That a point of each kind has been from its origin [m], shape (2,).
-        length: Of the last part [s]; 0 before the first.
-        proposed: That of the next [s]; 0 before the first.
-        twist: Of the plate of a maze at the end of the last part (see `MazeBall`), shape (2, 3); shape (0, 3) without.
-        fastest: That it went [m/s].
-        ahead, behind: Balls on plates that are so; None without a maze, and before the ball begins.
-    """
-
-    origin: FloatArray
-    velocities: FloatArray
-    accelerations: FloatArray
-    sums: FloatArray
-    added: FloatArray
-    furthest: FloatArray
-    twist: FloatArray
-    fastest: float = 0.0
-    length: float = 0.0
-    proposed: float = 0.0
-    ahead: "BallState | None" = None
-    behind: "BallState | None" = None
-
-    @property
-    def balls(self) -> "list[BallState]":
-        """Those ahead and behind, if there are any."""
-        return [ball for ball in (self.ahead, self.behind) if ball]
 
 
 class WaySteps:

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.state import Copied
+from tripod_sim.copied import Copied
 from tripod_sim.tables.robot import ServoDynamics
 
 NEARLY = 0.98

@@ -6,14 +6,14 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.stability import longest_step
-from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.integrators.time_error import ErrorState, TimeErrorReport
 from tripod_sim.springs import automatic_kernels as kernels
 from tripod_sim.springs.explicit import MOST_PARTS
 from tripod_sim.springs.explicit_kernels import FINE, Load
+from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.springs.stability import network_bound
-from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
 
 SHARE = 0.9

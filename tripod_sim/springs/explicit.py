@@ -6,11 +6,11 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.stability import longest_part, longest_step
-from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.springs import explicit_kernels as kernels
+from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.springs.stability import network_bound
-from tripod_sim.springs.system import SpringSystem
 from tripod_sim.state import State
 
 SCHEMES = {

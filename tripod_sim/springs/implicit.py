@@ -8,13 +8,13 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import NewtonReport
-from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.linear.ldl_kernels import numbers
 from tripod_sim.linear.ldl_symbolic import analyse
 from tripod_sim.springs import implicit_kernels as kernels
 from tripod_sim.springs.cg_kernels import sweep
 from tripod_sim.springs.linear_kernels import Factor, Slots
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.state import State
 
 WHY = {

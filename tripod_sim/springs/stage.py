@@ -11,7 +11,7 @@ from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.springs import implicit_kernels as kernels
 from tripod_sim.springs.implicit import SpringSolver
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.state import State
 
 

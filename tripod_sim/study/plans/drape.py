@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from tripod_sim.contact.build import body_part, obstacle_parts
+from tripod_sim.contact.contact_build import obstacle_parts
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.errors import StepError
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
-from tripod_sim.springs.build import spring_body
+from tripod_sim.springs.spring_build import spring_body, surface_part
 from tripod_sim.study import report as table
 from tripod_sim.study.motion import motion, nodes, scene_of
 from tripod_sim.study.plan import NODES, Plan, Quantity, Reference, Settings, grid, points_of
@@ -207,7 +207,7 @@ def measure(
     assert scene.contact
     assert scene.springs
     body = spring_body(scene, scene.springs)
-    watch = Crossings(body_part(body, scene.contact), obstacle_parts(scene))
+    watch = Crossings(surface_part(body, scene.contact), obstacle_parts(scene))
     simulation.state.velocities[:, 2] -= speed
     first, start, scale = simulation.positions.copy(), _energy(simulation), mass * (g * SIZE + 0.5 * speed**2)
     sunk, cut, reach, longest, still, parts = 0.0, 0.0, 0.0, 0.0, 0, 0

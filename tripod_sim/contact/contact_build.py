@@ -1,6 +1,5 @@
-"""Scene to contact: obstacles from files, the bodies' start, the stepper."""
+"""Scene to what all bodies in contact share: obstacles from files, the start of rigid bodies, the stepper."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,25 +7,20 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
-from tripod_sim.build import Parts, reach_of
+from tripod_sim.build import reach_of
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.response import Law
-from tripod_sim.contact.spring_nodes import SpringNodes
-from tripod_sim.contact.start import check_itself, check_start, lift
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of, rigids_of
-from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.scene_short import joints_of
 from tripod_sim.tables.motion import Contact
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet
-    from tripod_sim.springs.skin import ChainSkin
 
 PATIENCE = 10
 """How many times `contact.max_solves` a step may take where an accuracy is asked for: what is wrong with forces that
@@ -51,28 +45,11 @@ def obstacle_parts(scene: Scene) -> list[Part]:
     return parts
 
 
-def body_part(body: SpringBody, contact: Contact) -> Part:
-    """Return the surface of a spring body; a chain touches with its springs."""
-    segments = np.zeros((0, 2), dtype=np.int64) if len(body.triangles) else body.ends
-    return Part(body.nodes, body.triangles, segments, self_contact=contact.self_contact)
-
-
 def upward(scene: Scene) -> FloatArray:
     """Return the unit vector against gravity, Z without it."""
     if scene.gravity and (g := -np.array(scene.gravity.acceleration)).any():
         return np.asarray(g / np.linalg.norm(g))
     return np.array([0.0, 0.0, 1.0])
-
-
-def placed(body: SpringBody, scene: Scene, contact: Contact) -> SpringBody:
-    """Return the body where it can start: as it is, or lifted. Raises SceneError if it passes through an obstacle."""
-    part, obstacles = body_part(body, contact), obstacle_parts(scene)
-    check_itself(part, contact.contact_distance)
-    if contact.start == "refuse" or not obstacles:
-        check_start(part, obstacles)
-        return body
-    move = lift(part, obstacles, upward(scene), contact.contact_distance)
-    return replace(body, nodes=body.nodes + move) if move.any() else body
 
 
 def place_rigid(rigid: "RigidSet", scene: Scene, contact: Contact, soft: list[tuple[str, Part]]) -> None:
@@ -108,24 +85,3 @@ def contact_stepper(
     joints = joints_of(scene)
     servos = joints.count if joints else 0
     return ContactStatics(world, solver.tolerance, solver.max_turn, reach_of(scene), servos)
-
-
-def spring_parts(system: SpringSystem, scene: Scene, contact: Contact, skin: "ChainSkin | None") -> Parts:
-    """Return the parts of a simulation of a spring body, and rigid ones if there are any, among obstacles."""
-    damping, body, bound = scene.damping, system.body, None
-    if scene.strain_limit:
-        from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
-
-        bound = StrainBound(body.ends, body.rest_length, scene.strain_limit.stretch, system.mass)
-    drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
-    nodes = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound)
-    part = body_part(body, contact)
-    if not rigids_of(scene):
-        return Parts(body, system.mass, system, contact_stepper(scene, contact, (nodes, [part])), skin=skin)
-    from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
-
-    rigid = rigid_set(scene)
-    place_rigid(rigid, scene, contact, [("the soft body", part)])
-    stepper = contact_stepper(scene, contact, (nodes, [part]), rigid)
-    mesh, both = shown_with(rigid, body, skin)
-    return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid)

@@ -1,4 +1,4 @@
-"""Scene to simulation for a body of springs."""
+"""Scene to a body of springs alone, free or in contact."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -12,14 +12,17 @@ from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.scene_checks import carried
+from tripod_sim.scene_short import rigids_of
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
-from tripod_sim.springs.system import SpringSystem
+from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.tables.bodies import Springs
-from tripod_sim.tables.motion import EXPLICIT
+from tripod_sim.tables.motion import EXPLICIT, Contact
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.contact.surfaces import Part
+    from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.integrators.time_error import ErrorTransport
     from tripod_sim.springs.automatic import AutomaticSprings
     from tripod_sim.springs.implicit_kernels import Options
@@ -32,21 +35,65 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
     """Return the parts of a simulation of `scene`, whose body `description` describes. Raises SceneError."""
     body = spring_body(scene, description)
     if scene.contact:
-        from tripod_sim.contact.build import placed, spring_parts  # noqa: PLC0415 - an effect that is absent
-
-        body = placed(body, scene, scene.contact)
-        system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
-        return spring_parts(system, scene, scene.contact, None if len(body.triangles) else ChainSkin(body))
+        body = _placed(body, scene, scene.contact)
     system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
-    skin = None if len(body.triangles) else ChainSkin(body)
-    stepper, errors = _stepper(scene, system)
+    skin, bound = None if len(body.triangles) else ChainSkin(body), None
     if scene.strain_limit:
         from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
-        from tripod_sim.integrators.strain_limit import StrainLimited  # noqa: PLC0415
 
         bound = StrainBound(body.ends, body.rest_length, scene.strain_limit.stretch, system.mass)
+    if scene.contact:
+        return _touching(system, scene, scene.contact, skin, bound)
+    stepper, errors = _stepper(scene, system)
+    if bound:
+        from tripod_sim.integrators.strain_limit import StrainLimited  # noqa: PLC0415 - an effect that is absent
+
         stepper = StrainLimited(stepper, system, bound, system.mass, [], scene.solver.max_iterations)
     return Parts(body, system.mass, system, stepper, skin=skin, errors=errors)
+
+
+def _touching(
+    system: SpringSystem, scene: Scene, contact: Contact, skin: ChainSkin | None, bound: "StrainBound | None"
+) -> Parts:
+    """Return the parts of a simulation of a spring body, and rigid ones if there are any, among obstacles."""
+    from tripod_sim.contact.contact_build import contact_stepper, place_rigid  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.contact.spring_nodes import SpringNodes  # noqa: PLC0415
+
+    damping, body = scene.damping, system.body
+    drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
+    part = surface_part(body, contact)
+    soft = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound), [part]
+    if not rigids_of(scene):
+        return Parts(body, system.mass, system, contact_stepper(scene, contact, soft), skin=skin)
+    from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
+
+    rigid = rigid_set(scene)
+    place_rigid(rigid, scene, contact, [("the soft body", part)])
+    stepper = contact_stepper(scene, contact, soft, rigid)
+    mesh, both = shown_with(rigid, body, skin)
+    return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid)
+
+
+def surface_part(body: SpringBody, contact: Contact) -> "Part":
+    """Return the surface of a spring body; a chain touches with its springs."""
+    from tripod_sim.contact.surfaces import Part  # noqa: PLC0415 - an effect that is absent
+
+    segments = np.zeros((0, 2), dtype=np.int64) if len(body.triangles) else body.ends
+    return Part(body.nodes, body.triangles, segments, self_contact=contact.self_contact)
+
+
+def _placed(body: SpringBody, scene: Scene, contact: Contact) -> SpringBody:
+    """Return the body where it can start: as it is, or lifted. Raises SceneError if it passes through an obstacle."""
+    from tripod_sim.contact.contact_build import obstacle_parts, upward  # noqa: PLC0415 - an effect that is absent
+    from tripod_sim.contact.start import check_itself, check_start, lift  # noqa: PLC0415
+
+    part, obstacles = surface_part(body, contact), obstacle_parts(scene)
+    check_itself(part, contact.contact_distance)
+    if contact.start == "refuse" or not obstacles:
+        check_start(part, obstacles)
+        return body
+    move = lift(part, obstacles, upward(scene), contact.contact_distance)
+    return replace(body, nodes=body.nodes + move) if move.any() else body
 
 
 def spring_body(scene: Scene, description: Springs) -> SpringBody:
