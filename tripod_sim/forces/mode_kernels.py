@@ -10,7 +10,8 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.forces.solid_kernels import invert
+from tripod_sim.forces.solid_arrays import SolidArrays
+from tripod_sim.forces.solid_kernels import constants, invert
 from tripod_sim.materials import laws
 
 MOST_STEPS, MOST_HALVINGS = 30, 12
@@ -23,25 +24,15 @@ _stress, _tangent = laws.stress, laws.tangent
 
 
 @njit(cache=True, error_model="numpy")
-def settle_modes(
-    x: Array,
-    modes: Array,
-    elements: Array,
-    G: Array,
-    weight: Array,
-    law: int,
-    lam: float,
-    mu: float,
-    inverse: Array,
-    tolerance: float,
-) -> float:
+def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -> float:
     """Move `modes` (m, k, 3) [m] to where |f_a|² of all elements is at most `tolerance` [N²], in place.
 
-    The other arrays are those of `solid_kernels`; `inverse` (m, 3k, 3k) are K_aa^-1, renewed where they do not serve.
+    Its inverses K_aa^-1, shape (m, 3k, 3k), are renewed where they do not serve.
 
     Returns:
         |f_a|² [N²], infinite where a point has no energy at the start.
     """
+    elements, G, weight, law, lam, mu, _ = constants(solid)
     nodes, count, points = elements.shape[1], modes.shape[1], G.shape[1]
     base, force, ahead = np.empty((points, 3, 3)), np.empty((count, 3)), np.empty((count, 3))
     trial, step, C = np.empty((count, 3)), np.empty((count, 3)), np.empty((9, 9))
@@ -62,7 +53,7 @@ def settle_modes(
         for _ in range(MOST_STEPS):
             if left <= enough:
                 break
-            _times(inverse[e], force, step)
+            _times(solid.inverse[e], force, step)
             scale, moved = 1.0, False
             for _ in range(MOST_HALVINGS if fresh else 1):
                 for k in range(count):
@@ -79,7 +70,7 @@ def settle_modes(
             if moved:
                 at[:], force[:] = trial, ahead
                 fresh, energy, left = False, after, smaller
-            elif fresh or not _renew(at, base, Ge, we, law, lam, mu, C, inverse[e]):
+            elif fresh or not _renew(at, base, Ge, we, law, lam, mu, C, solid.inverse[e]):
                 break
             else:
                 fresh = True

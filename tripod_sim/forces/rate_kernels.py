@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.forces.solid_kernels import condense_forces, gather
+from tripod_sim.forces.solid_arrays import SolidArrays
+from tripod_sim.forces.solid_kernels import condense_forces, constants, gather
 from tripod_sim.materials import dilatation, laws
 
 _tangent, _modulus = laws.tangent, dilatation.modulus
@@ -23,31 +24,16 @@ _volume_slope, _tangent_at_mean = dilatation.volume_slope, dilatation.tangent_at
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def add_solid_rates(
-    x: Array,
-    v: Array,
-    modes: Array,
-    rates: Array,
-    elements: Array,
-    G: Array,
-    weight: Array,
-    law: int,
-    lam: float,
-    mu: float,
-    mean: bool,
-    factor: float,
-    X: Array,
-    K_aa_inverse: Array,
-    y: Array,
-    g: Array,
+    x: Array, v: Array, modes: Array, rates: Array, solid: SolidArrays, factor: float, y: Array, g: Array
 ) -> float:
     """Add factor g' [N/s times the factor's unit] to `g` (n, 3); write y = K_aa^-1 f_a' (m, 3k); return |f_a'|².
 
     Args:
         x, v: Positions [m] and velocities [m/s] of nodes, shape (n, 3).
         modes, rates: Amplitudes [m] of the modes and their rates [m/s], shape (m, k, 3).
-        elements, G, weight, law, lam, mu, mean, X, K_aa_inverse: As in `solid_kernels`.
         factor: b of stiffness damping [s].
     """
+    elements, G, weight, law, lam, mu, mean = constants(solid)
     count = G.shape[3]
     xe, ve, f = np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
     (F, D, P, slope), C = np.empty((4, 3, 3)), np.empty((9, 9))
@@ -96,7 +82,7 @@ def add_solid_rates(
             for i in range(3):
                 for a in range(count):
                     f[i, a] += kappa / size * swelling * B[i, a]
-        unbalanced += condense_forces(e, f, elements, X, K_aa_inverse, factor, y, g)
+        unbalanced += condense_forces(e, f, solid, factor, y, g)
     return unbalanced
 
 

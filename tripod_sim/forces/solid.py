@@ -34,19 +34,16 @@ class Solid:
     ) -> None:
         """`nodes`: undeformed positions [m], shape (n, 3); `lam`, `mu`: Lame's constants [Pa]; `owner`: name."""
         self.elements, self._owner = elements, owner
-        gradients, self._weight = reference_gradients(kind, nodes[elements])
-        self._G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
-        self._law, self._lam, self._mu, self._mean = LAWS[law], lam, mu, kind.mean_dilatation
-        self._modes = self._G.shape[3] - kind.size
-        self.mode_residual_squared = 0.0
-        count, columns, dofs = len(elements), self._G.shape[3], 3 * elements.shape[1]
+        gradients, weight = reference_gradients(kind, nodes[elements])
+        G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
+        count, dofs = len(elements), 3 * elements.shape[1]
+        self._modes, self.mode_residual_squared = G.shape[3] - kind.size, 0.0
         extra = 3 * self._modes
         self.matrices = np.zeros((count, dofs, dofs))
-        self._X = np.zeros((count, extra, dofs))
-        self._inverse = np.zeros((count, extra, extra))
-        self._y = np.zeros((count, extra))
-        self._C, self._CB = np.zeros((9, 9)), np.zeros((3, 3, 3 * columns))
-        self._K, self._work = np.zeros((3, columns, 3 * columns)), np.zeros((6, columns))
+        self._arrays = SolidArrays(
+            elements, np.arange(count), G, weight, LAWS[law], lam, mu, kind.mean_dilatation, self.matrices,
+            np.zeros((count, extra, dofs)), np.zeros((count, extra, extra)), np.zeros((count, extra)),
+        )  # fmt: skip
 
     @property
     def has_modes(self) -> bool:
@@ -55,18 +52,15 @@ class Solid:
 
     def arrays(self) -> SolidArrays:
         """Return what compiled loops need; the arrays are the solid's own."""
-        return SolidArrays(
-            self.elements, np.arange(len(self.elements)), self._G, self._weight, self._law, self._lam, self._mu,
-            self._mean, self.matrices, self._X, self._inverse, self._y, self._work,
-        )  # fmt: skip
+        return self._arrays
 
     def limit(self) -> None:
         """Leave the tangents of the last `stiffness`: there are larger ones elsewhere."""
 
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
-        self._X[:] = 0.0
-        self._inverse[:] = 0.0
+        self._arrays.X[:] = 0.0
+        self._arrays.inverse[:] = 0.0
 
     def rest_modes(self) -> FloatArray:
         """Return the mode amplitudes of the undeformed solid [m], shape (m, modes of an element, 3)."""
@@ -74,52 +68,36 @@ class Solid:
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3); infinite where the material has none."""
-        return float(
-            kernels.solid_energy(
-                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._mean,
-                self._work,
-            )
-        )  # fmt: skip
+        return float(kernels.solid_energy(x, modes, self._arrays))
 
     def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
         """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
-        energy, self.mode_residual_squared = kernels.solid_gradient(
-            x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._mean, self._X,
-            self._inverse, self._y, g, self._work,
-        )  # fmt: skip
+        energy, self.mode_residual_squared = kernels.solid_gradient(x, modes, self._arrays, g)
         return float(energy)
 
     def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
         """Write `matrices`; return -1, or the first element whose modes are unstable (only without `project`)."""
-        found = kernels.solid_stiffness(
-            x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._mean, project,
-            self._X, self._inverse, self.matrices, self._C, self._CB, self._K, self._work,
-        )  # fmt: skip
-        return int(found)
+        return int(kernels.solid_stiffness(x, modes, self._arrays, project))
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
-        kernels.update_modes(modes, self.elements, self._X, self._y, dx, scale, out)
+        kernels.update_modes(modes, self._arrays, self._arrays.y, dx, scale, out)
 
     def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
         """Bring `modes` to the least E at `x`, in place, until |dE/d modes|² <= `tolerance` [N²]; return that square.
 
         Infinite where E is; larger than `tolerance` where no rest is found.
         """
-        return float(
-            settle_modes(
-                x, modes, self.elements, self._G, self._weight, self._law, self._lam, self._mu, self._inverse, tolerance
-            )
-        )  # fmt: skip
+        return float(settle_modes(x, modes, self._arrays, tolerance))
 
     def balance_modes(self) -> None:
         """Take the modes to be in balance after the last `advance_modes`: the next step moves them by -X dx alone."""
-        self._y[:] = 0.0
+        self._arrays.y[:] = 0.0
         self.mode_residual_squared = 0.0
 
     def worst_element(self, x: FloatArray, modes: FloatArray) -> tuple[int, float]:
         """Return the element with the smallest volume ratio det F, and that ratio."""
-        element, ratio = kernels.smallest_volume_ratio(x, modes, self.elements, self._G, self._work)
+        element, ratio = kernels.smallest_volume_ratio(x, modes, self._arrays)
         return int(element), float(ratio)
 
     def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:

@@ -1,4 +1,4 @@
-"""What compiled loops over many evaluations of a solid take of it."""
+"""What compiled loops take of a solid."""
 
 from typing import NamedTuple
 
@@ -25,7 +25,6 @@ class SolidArrays(NamedTuple):
     X: Array
     inverse: Array
     y: Array
-    work: Array
 
 
 def no_solid() -> SolidArrays:
@@ -33,5 +32,5 @@ def no_solid() -> SolidArrays:
     zeros = np.zeros
     return SolidArrays(
         zeros((0, 0), dtype=np.int64), zeros(0, dtype=np.int64), zeros((0, 0, 0, 0)), zeros((0, 0)), 0, 0.0, 0.0,
-        False, zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0)), zeros((12, 3)),
+        False, zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0)),
     )  # fmt: skip

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.materials import dilatation, laws
 from tripod_sim.materials.spectral import determinant
 
@@ -41,6 +42,12 @@ def deformation(xe: Array, Ge: Array, F: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def constants(solid: SolidArrays) -> tuple[Array, Array, Array, int, float, float, bool]:
+    """Return what does not change of a solid: its elements, G, weight, law, lam, mu, mean."""
+    return solid.elements, solid.G, solid.weight, solid.law, solid.lam, solid.mu, solid.mean
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def gather(e: int, x: Array, modes: Array, elements: Array, xe: Array) -> None:
     """Write values of nodes `x` and modes of element e, shape (3, c)."""
     for a in range(elements.shape[1]):
@@ -52,10 +59,9 @@ def gather(e: int, x: Array, modes: Array, elements: Array, xe: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
-def condense_forces(
-    e: int, f: Array, elements: Array, X: Array, K_aa_inverse: Array, factor: float, y: Array, g: Array
-) -> float:
+def condense_forces(e: int, f: Array, solid: SolidArrays, factor: float, y: Array, g: Array) -> float:
     """Add factor (f_u - X^T f_a) of one element to `g`, its f (3, c) being destroyed; write y; return |f_a|²."""
+    elements, X, K_aa_inverse = solid.elements, solid.X, solid.inverse
     nodes, size, square = elements.shape[1], y.shape[1], 0.0
     for r in range(size):
         y[e, r] = 0.0
@@ -85,20 +91,10 @@ def _mean_volume(xe: Array, G: Array, weight: Array, law: int, F: Array) -> floa
 
 
 @njit(cache=True, error_model="numpy")
-def solid_energy(
-    x: Array,
-    modes: Array,
-    elements: Array,
-    G: Array,
-    weight: Array,
-    law: int,
-    lam: float,
-    mu: float,
-    mean: bool,
-    work: Array,
-) -> float:
+def solid_energy(x: Array, modes: Array, solid: SolidArrays) -> float:
     """Return the strain energy [J]; infinite as soon as a point has none."""
-    xe, F = work[:3], np.empty((3, 3))
+    elements, G, weight, law, lam, mu, mean = constants(solid)
+    xe, F = np.empty((3, G.shape[3])), np.empty((3, 3))
     total, shared, kappa = 0.0, 0.0, _modulus(law, lam, mu)
     for e in range(elements.shape[0]):
         gather(e, x, modes, elements, xe)
@@ -116,29 +112,15 @@ def solid_energy(
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def solid_gradient(
-    x: Array,
-    modes: Array,
-    elements: Array,
-    G: Array,
-    weight: Array,
-    law: int,
-    lam: float,
-    mu: float,
-    mean: bool,
-    X: Array,
-    K_aa_inverse: Array,
-    y: Array,
-    g: Array,
-    work: Array,
-) -> tuple[float, float]:
+def solid_gradient(x: Array, modes: Array, solid: SolidArrays, g: Array) -> tuple[float, float]:
     """Add the condensed gradient dE/dx [N] to `g` (n, 3) with the X and K_aa^-1 of the last stiffness; write y.
 
     Returns:
         The strain energy [J], infinite if a point has none (then `g` is not to be used), and |f_a|² [N²].
     """
+    elements, G, weight, law, lam, mu, mean = constants(solid)
     count = G.shape[3]
-    xe, f = work[:3], work[3:6]
+    xe, f = np.empty((3, count)), np.empty((3, count))
     F, P, slope = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     shared, kappa = 0.0, _modulus(law, lam, mu)
     total = unbalanced = 0.0
@@ -164,41 +146,24 @@ def solid_gradient(
                 p0, p1, p2 = w * P[i, 0], w * P[i, 1], w * P[i, 2]
                 for a in range(count):
                     f[i, a] += p0 * Ge[0, a] + p1 * Ge[1, a] + p2 * Ge[2, a]
-        unbalanced += condense_forces(e, f, elements, X, K_aa_inverse, 1.0, y, g)
+        unbalanced += condense_forces(e, f, solid, 1.0, solid.y, g)
     return total, unbalanced
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
-def solid_stiffness(
-    x: Array,
-    modes: Array,
-    elements: Array,
-    G: Array,
-    weight: Array,
-    law: int,
-    lam: float,
-    mu: float,
-    mean: bool,
-    project: bool,
-    X: Array,
-    K_aa_inverse: Array,
-    stiffness: Array,
-    C: Array,
-    CB: Array,
-    K: Array,
-    work: Array,
-) -> int:
+def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, project: bool) -> int:
     """Write the condensed stiffness (m, 24, 24) [N/m], X (m, 3k, 24) and K_aa^-1 (m, 3k, 3k) of every element.
 
     Args:
         project: Lift the negative eigenvalues of the tangent of each point to (almost) zero.
-        C, CB, K, work: Scratch of shapes (9, 9), (3, 3, 3c), (3, c, 3c), (6, c).
 
     Returns:
         -1, or the first element whose K_aa is not positive definite.
     """
+    elements, G, weight, law, lam, mu, mean = constants(solid)
     nodes, count = elements.shape[1], G.shape[3]
-    xe, B, F, slope = work[:3], work[3:6], np.empty((3, 3)), np.empty((3, 3))
+    xe, B, F, slope = np.empty((3, count)), np.empty((3, count)), np.empty((3, 3)), np.empty((3, 3))
+    C, CB, K = np.empty((9, 9)), np.empty((3, 3, 3 * count)), np.empty((3, count, 3 * count))
     shared, kappa = 0.0, _modulus(law, lam, mu)
     coupling = np.empty((3 * (count - nodes), 3 * nodes))
     for e in range(elements.shape[0]):
@@ -236,7 +201,7 @@ def solid_stiffness(
                         K[i, a, c] += g0 * CB[i, 0, c] + g1 * CB[i, 1, c] + g2 * CB[i, 2, c]
         if mean:
             _add_volume_stiffness(B, kappa / weight[e].sum(), K)
-        if not _condense(K, nodes, count, X[e], K_aa_inverse[e], stiffness[e], coupling):
+        if not _condense(K, nodes, count, solid.X[e], solid.inverse[e], solid.matrices[e], coupling):
             return e
     return -1
 
@@ -317,10 +282,9 @@ def invert(matrix: Array) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def update_modes(
-    modes: Array, elements: Array, X: Array, y: Array, dx: Array, scale: float, out: Array
-) -> None:
+def update_modes(modes: Array, solid: SolidArrays, y: Array, dx: Array, scale: float, out: Array) -> None:
     """Write modes + scale (-y - X dx) to `out` (m, k, 3); dx (n, 3) is the move of the nodes [m]."""
+    elements, X = solid.elements, solid.X
     for e in range(elements.shape[0]):
         for r in range(X.shape[1]):
             total = y[e, r]
@@ -351,11 +315,10 @@ def add_element_products(
 
 
 @njit(cache=True, error_model="numpy")
-def smallest_volume_ratio(
-    x: Array, modes: Array, elements: Array, G: Array, work: Array
-) -> tuple[int, float]:
+def smallest_volume_ratio(x: Array, modes: Array, solid: SolidArrays) -> tuple[int, float]:
     """Return the element with the smallest det F at a point, and that determinant."""
-    xe, F = work[:3], np.empty((3, 3))
+    elements, G = solid.elements, solid.G
+    xe, F = np.empty((3, G.shape[3])), np.empty((3, 3))
     worst, smallest = 0, np.inf
     for e in range(elements.shape[0]):
         gather(e, x, modes, elements, xe)

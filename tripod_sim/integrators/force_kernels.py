@@ -151,10 +151,7 @@ def _evaluate_solids(x: Array, solids: Solids, load: Load, scratch: ForceScratch
         g[:] = load.constant
         energy = unbalanced = 0.0
         for solid in solids:
-            s = solid.arrays
-            own, left = solid_gradient(
-                x, solid.modes, s.elements, s.G, s.weight, s.law, s.lam, s.mu, s.mean, s.X, s.inverse, s.y, g, s.work,
-            )  # fmt: skip
+            own, left = solid_gradient(x, solid.modes, solid.arrays, g)
             energy += own
             unbalanced += left
         if not has_modes or not np.isfinite(energy) or _balanced(unbalanced, g, load.floor):
@@ -167,8 +164,7 @@ def _evaluate_solids(x: Array, solids: Solids, load: Load, scratch: ForceScratch
 def _follow_nodes(solids: Solids, move: Array) -> None:
     """Move the modes as a Newton step does in which the nodes move by `move` [m], shape (n, 3)."""
     for solid in solids:
-        s = solid.arrays
-        update_modes(solid.modes, s.elements, s.X, s.y, move, 1.0, solid.modes)
+        update_modes(solid.modes, solid.arrays, solid.arrays.y, move, 1.0, solid.modes)
 
 
 @njit(cache=True, error_model="numpy")
@@ -186,11 +182,9 @@ def _add_rates(x: Array, v: Array, solids: Solids, load: Load, scratch: ForceScr
         d[:] = 0.0
         unbalanced = 0.0
         for solid in solids:
-            s = solid.arrays
             unbalanced += add_solid_rates(
-                x, v, solid.modes, solid.rates, s.elements, s.G, s.weight, s.law, s.lam, s.mu, s.mean, load.rayleigh,
-                s.X, s.inverse, solid.rate_y, d,
-            )  # fmt: skip
+                x, v, solid.modes, solid.rates, solid.arrays, load.rayleigh, solid.rate_y, d
+            )
         if not has_modes or _balanced(load.rayleigh**2 * unbalanced, scratch.gradient, load.floor):
             break
         _follow_rates(solids, scratch.still)
@@ -203,8 +197,7 @@ def _add_rates(x: Array, v: Array, solids: Solids, load: Load, scratch: ForceScr
 def _follow_rates(solids: Solids, move: Array) -> None:
     """Change the modes' rates as a Newton step does in which those of the nodes change by `move` [m/s], (n, 3)."""
     for solid in solids:
-        s = solid.arrays
-        update_modes(solid.rates, s.elements, s.X, solid.rate_y, move, 1.0, solid.rates)
+        update_modes(solid.rates, solid.arrays, solid.rate_y, move, 1.0, solid.rates)
 
 
 @njit(cache=True, error_model="numpy")
