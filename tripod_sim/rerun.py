@@ -64,11 +64,6 @@ class Outcome:
     lost: int = 0
     unknown: int = 0
 
-    @property
-    def is_same(self) -> bool:
-        """Whether all that was compared is equal, and something was."""
-        return self.equal > 0 and not self.different
-
 
 @dataclass
 class Rerun:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.sim.springs import blocks, hessian
 from tripod_sim.springs import cg_kernels as kernels
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.generate import grid
@@ -26,13 +27,10 @@ class Case:
         body = SpringBody(net.nodes, pairs, rest, stiffness, np.zeros(m), mass, net.corners[2:])
         self.system, self.free = SpringSystem(body, None), body.free
         x = net.nodes + rng.standard_normal(net.nodes.shape) * out / n
-        self.blocks = np.empty((m, 6))
-        self.system.hessian_blocks(x, self.blocks, project=True)
+        self.blocks = blocks(self.system, x, project=True)
         self.weight = INERTIA * mass / 0.001
         self.g = rng.standard_normal(net.nodes.shape)
-        self.H = self.system.hessian(x, project=True).toarray() + np.diag(
-            np.repeat(self.weight[self.free], 3)
-        )
+        self.H = hessian(self.system, x, project=True) + np.diag(np.repeat(self.weight[self.free], 3))
         self.sweep = kernels.sweep(pairs, self.system.number, len(self.free))
 
     def prepare(self) -> bool:

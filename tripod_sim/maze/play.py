@@ -140,10 +140,6 @@ class MazeBall:
             out[nodes] = carried(state.positions[nodes] - centre, ball.position - centre, self._weight)
         return []
 
-    def energy(self, ball: BallState) -> float:
-        """Return kinetic and potential energy of the ball [J], the latter zero at the origin."""
-        return self.ball.energy(ball)
-
     def _twist(self, state: State, dt: float) -> FloatArray:
         """Return velocity and angular velocity of the plate at the end of the step, shape (2, 3)."""
         nodes = self.plate.nodes

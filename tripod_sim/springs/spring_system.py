@@ -1,4 +1,4 @@
-"""What a spring body is to whoever steps it, looks at it or adds to it: energies, gradient, Hessian, pattern."""
+"""What a spring body is to whoever steps it, looks at it or adds to it: energies, weight, pattern of the Hessian."""
 
 from typing import Any
 
@@ -8,14 +8,7 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_kernels import (
-    Links,
-    add_gradient,
-    elastic_energy,
-    lengths,
-    links_of,
-    tangents,
-)
+from tripod_sim.springs.spring_kernels import Links, elastic_energy, lengths, links_of
 from tripod_sim.state import State
 
 
@@ -71,7 +64,6 @@ class SpringSystem:
         self.unknowns = 3 * len(body.free)
         self.groups = Groups(len(body.nodes), fixed=np.unique(body.fixed))
         self.torques = np.zeros(0)
-        self._none = np.zeros(len(body.ends))
 
     def start_state(self, joints: FloatArray) -> State:
         """Return the undeformed state, at rest."""
@@ -89,32 +81,6 @@ class SpringSystem:
         """Return the energy of the springs and the potential of the weight [J]."""
         weight = -float(np.vdot(self.force, state.positions - self.body.nodes))
         return float(elastic_energy(state.positions, self.links)), weight
-
-    def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
-        """Add dE/dx - F to `g` [N], shape (n, 3), fixed nodes included, and return the potential [J]."""
-        g -= self.force
-        elastic = float(add_gradient(x, self.links, 0.0, self._none, g))
-        return elastic - float(np.vdot(self.force, x - self.body.nodes))
-
-    def hessian_blocks(self, x: FloatArray, out: FloatArray, *, project: bool) -> None:
-        """Write the block B of each spring, xx xy xz yy yz zz, shape (m, 6) [N/m]; see `tangents`."""
-        tangents(x, self.links, 0.0, self._none, project, out)
-
-    def hessian(self, x: FloatArray, *, project: bool) -> Any:
-        """Return d²E/dx² of the free nodes [N/m], a scipy CSC matrix of shape (unknowns, unknowns)."""
-        blocks = np.empty((len(self.body.ends), 6))
-        self.hessian_blocks(x, blocks, project=project)
-        full = blocks[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
-        a, b = self.number[self.body.ends].T
-        rows, columns, values = [], [], []
-        for i, j, sign in ((a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)):
-            there = (i >= 0) & (j >= 0)
-            shape = (int(there.sum()), 3, 3)
-            rows.append(np.broadcast_to(3 * i[there, None, None] + np.arange(3)[:, None], shape).ravel())
-            columns.append(np.broadcast_to(3 * j[there, None, None] + np.arange(3), shape).ravel())
-            values.append(sign * full[there].ravel())
-        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        return sparse.csc_matrix(entries, shape=(self.unknowns, self.unknowns))
 
     def pattern(self, pairs: IndexArray | None = None) -> tuple[Any, IndexArray, IndexArray]:
         """Return where the Hessian of free nodes has entries: the upper triangle, CSC, and places in its data.
