@@ -33,16 +33,10 @@ from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Nets, Solids
 from tripod_sim.integrators.frequency import LargestFrequency
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.stability import longest_part, longest_step
+from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step
 from tripod_sim.springs.spring_kernels import Links
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-SCHEMES = {
-    "explicit_euler": kernels.EXPLICIT_EULER,
-    "semi_implicit_euler": kernels.SEMI_IMPLICIT_EULER,
-    "rk4": kernels.RK4,
-}
 
 MARGIN = 1.05
 """The largest frequency is that much above its estimate, which comes from below and belongs to the step's start."""
@@ -72,7 +66,7 @@ class ExplicitSteps:
         Args:
             system: Without inertia and damping of its own.
             mass: Of nodes [kg], shape (n,); positive of free nodes.
-            scheme: A name of `SCHEMES`.
+            scheme: A name of `stability.SCHEMES`.
             drag: a of the force -a M v [1/s].
             rayleigh: b of the force -b K v [s].
             divide: Whether a step is divided into stable parts; if not, instability shows.

@@ -12,9 +12,8 @@ from numba import njit
 from tripod_host.arrays import Array
 from tripod_sim.constraints.rigid_kernels import Bodies, add_up, carry, drift, read_bodies
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, Nets, Solids, begin, evaluate, power
+from tripod_sim.integrators.stability import RK4, SEMI_IMPLICIT_EULER
 from tripod_sim.rotation_kernels import carried, rotation_rate, turned
-
-EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
 
 FEW = 3
 """Corrections of the modes, for one evaluation, with which a condensation serves on."""

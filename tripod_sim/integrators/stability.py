@@ -6,6 +6,10 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 
+EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
+SCHEMES = {"explicit_euler": EXPLICIT_EULER, "semi_implicit_euler": SEMI_IMPLICIT_EULER, "rk4": RK4}
+"""The explicit schemes, as compiled loops know them."""
+
 CHANGE = 1e-7
 """Relative change of the estimate at which the power iteration ends."""
 
@@ -47,7 +51,7 @@ def longest_step(scheme: str, omega: float, rate: float) -> float:
         explicit Euler       d / w², 2 / d if that is less (0 without damping: it is never stable then).
 
     Args:
-        scheme: `explicit_euler`, `semi_implicit_euler` or `rk4`.
+        scheme: A name of `SCHEMES`.
         omega: Largest w [rad/s].
         rate: Largest d [1/s].
     """

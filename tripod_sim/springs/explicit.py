@@ -7,17 +7,11 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.stability import longest_part, longest_step
+from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step
 from tripod_sim.springs import explicit_kernels as kernels
 from tripod_sim.springs.spring_system import SpringSystem
 from tripod_sim.springs.stability import network_bound
 from tripod_sim.state import State
-
-SCHEMES = {
-    "explicit_euler": kernels.EXPLICIT_EULER,
-    "semi_implicit_euler": kernels.SEMI_IMPLICIT_EULER,
-    "rk4": kernels.RK4,
-}
 
 MOST_PARTS = 10_000_000
 """Of one step."""
@@ -45,7 +39,7 @@ class ExplicitSprings:
 
         Args:
             system: The body.
-            scheme: A name of `SCHEMES`.
+            scheme: A name of `stability.SCHEMES`.
             drag: a of the force -a M v [1/s].
             rayleigh: b of the force -b K v [s].
             divide: Whether a step is divided into stable parts; if not, instability shows.

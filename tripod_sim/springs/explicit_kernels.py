@@ -6,9 +6,8 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.integrators.stability import RK4, SEMI_IMPLICIT_EULER
 from tripod_sim.springs.spring_kernels import Links, add_forces
-
-EXPLICIT_EULER, SEMI_IMPLICIT_EULER, RK4 = 0, 1, 2
 
 FINE, OVERFLOW = 0, 1
 
@@ -127,7 +126,7 @@ def explicit_steps(
     half of all motion and tension then came from nothing.
 
     Args:
-        scheme: One of the numbers above.
+        scheme: A number of `stability.SCHEMES`.
         count: Steps.
         h: Length of a part [s].
         parts: Parts of a step.
