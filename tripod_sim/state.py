@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tripod_host.arrays import FloatArray
 from tripod_sim.copied import Copied
 
@@ -49,6 +51,12 @@ class State(Copied):
     rigid: "RigidState | None" = None
     twin: "TwinState | None" = None
     way: "WayState | None" = None
+
+    @classmethod
+    def of_nodes(cls, positions: FloatArray, joints: FloatArray) -> "State":
+        """Return nodes at rest, with neither modes nor rigid bodies; copies both."""
+        modes, centres, rotations = np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3))
+        return cls(positions.copy(), np.zeros_like(positions), modes, centres, rotations, joints.copy())
 
     def copy_to(self, other: "State") -> None:
         """As for others, but written out: each step does it."""

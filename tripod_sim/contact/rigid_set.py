@@ -110,10 +110,7 @@ class RigidSystem:
 
     def start_state(self, joints: FloatArray) -> State:
         """Return a state without nodes."""
-        none = np.zeros((0, 3))
-        return State(
-            none.copy(), none.copy(), np.zeros((0, 3, 3)), none.copy(), np.zeros((0, 3, 3)), joints.copy()
-        )
+        return State.of_nodes(np.zeros((0, 3)), joints)
 
     def potentials(self, state: State) -> tuple[float, float]:
         """Return the energies of the soft body: there is none."""

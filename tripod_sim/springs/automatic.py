@@ -1,7 +1,5 @@
 """Steps of spring bodies whose scheme and lengths the simulator chooses: what `dt = "auto"` asks for by default."""
 
-import math
-
 import numpy as np
 
 from tripod_host.arrays import FloatArray
@@ -10,10 +8,10 @@ from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.stability import longest_step
 from tripod_sim.integrators.time_error import ErrorState, TimeErrorReport
 from tripod_sim.springs import automatic_kernels as kernels
-from tripod_sim.springs.explicit import MOST_PARTS
-from tripod_sim.springs.explicit_kernels import FINE, Load
+from tripod_sim.springs.explicit import MOST_PARTS, load_of
+from tripod_sim.springs.explicit_kernels import FINE
 from tripod_sim.springs.spring_system import SpringSystem
-from tripod_sim.springs.stability import network_bound
+from tripod_sim.springs.stability import fastest
 from tripod_sim.state import State
 
 SHARE = 0.9
@@ -45,10 +43,7 @@ class AutomaticSprings:
         """
         body = system.body
         self._system, self._tolerance, self._shortest = system, tolerance, shortest
-        inverse = np.divide(1.0, system.mass, out=np.zeros_like(system.mass), where=system.mass > 0)
-        self._load = Load(system.force, inverse, system.mass, drag, rayleigh)
-        square = network_bound(body, body.stiffness)
-        omega, rate = math.sqrt(square), drag + rayleigh * square + network_bound(body, body.damping)
+        self._load, (omega, rate) = load_of(system, drag, rayleigh), fastest(body, drag, rayleigh)
         self.forces = 0.0
         self._verlet = SHARE * longest_step("semi_implicit_euler", omega, 2.0 * rate)
         self._runge_kutta = longest_step("rk4", omega, rate)

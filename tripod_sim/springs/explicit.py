@@ -10,11 +10,17 @@ from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step
 from tripod_sim.springs import explicit_kernels as kernels
 from tripod_sim.springs.spring_system import SpringSystem
-from tripod_sim.springs.stability import network_bound
+from tripod_sim.springs.stability import fastest
 from tripod_sim.state import State
 
 MOST_PARTS = 10_000_000
 """Of one step."""
+
+
+def load_of(system: SpringSystem, drag: float, rayleigh: float) -> kernels.Load:
+    """Return what acts on the nodes of a body; `drag`: a of -a M v [1/s]; `rayleigh`: b of -b K v [s]."""
+    inverse = np.divide(1.0, system.mass, out=np.zeros_like(system.mass), where=system.mass > 0)
+    return kernels.Load(system.force, inverse, system.mass, drag, rayleigh)
 
 
 class ExplicitSprings:
@@ -28,7 +34,6 @@ class ExplicitSprings:
 
     Attributes:
         limit: Longest stable part [s].
-        omega: Bound of the largest frequency [rad/s].
         finer: Times as many parts as are needed that a step is divided into.
     """
 
@@ -46,13 +51,8 @@ class ExplicitSprings:
         """
         body = system.body
         self._system, self._scheme, self._divide = system, SCHEMES[scheme], divide
-        inverse = np.divide(1.0, system.mass, out=np.zeros_like(system.mass), where=system.mass > 0)
-        self._load = kernels.Load(system.force, inverse, system.mass, drag, rayleigh)
-        square = network_bound(body, body.stiffness)
-        rate = drag + rayleigh * square + network_bound(body, body.damping)
-        self.omega = math.sqrt(square)
-        self.limit = longest_step(scheme, self.omega, rate)
-        self._part = longest_part(scheme, self.omega, rate)
+        self._load, (omega, rate) = load_of(system, drag, rayleigh), fastest(body, drag, rayleigh)
+        self.limit, self._part = longest_step(scheme, omega, rate), longest_part(scheme, omega, rate)
         self._scratch = np.zeros((8, *body.nodes.shape))
         self._watch = np.zeros(5)
         self._watching, self.finer = False, 1

@@ -39,15 +39,34 @@ def direction(x: Array, i: int, j: int) -> tuple[float, float, float, float]:
     return length, d0 * inverse, d1 * inverse, d2 * inverse
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def tension_of(m: int, length: float, links: Links) -> tuple[float, float, float]:
+    """Return l - L, k and k (l - L) of spring m, the last two zero where it is slack."""
+    stretch, k = length - links.rest[m], links.stiffness[m]
+    if stretch < 0.0 and links.slack:
+        k = 0.0
+    return stretch, k, k * stretch
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def add_pair(out: Array, i: int, j: int, f0: float, f1: float, f2: float) -> None:
+    """Add a vector to row i and take it from row j."""
+    out[i, 0] += f0
+    out[i, 1] += f1
+    out[i, 2] += f2
+    out[j, 0] -= f0
+    out[j, 1] -= f1
+    out[j, 2] -= f2
+
+
 @njit(cache=True, error_model="numpy")
 def elastic_energy(x: Array, links: Links) -> float:
     """Return sum of k (l - L)² / 2 over the springs that pull or push [J]."""
     total = 0.0
     for m in range(links.ends.shape[0]):
         length, _, _, _ = direction(x, links.ends[m, 0], links.ends[m, 1])
-        stretch = length - links.rest[m]
-        if stretch > 0.0 or not links.slack:
-            total += 0.5 * links.stiffness[m] * stretch * stretch
+        stretch, _, tension = tension_of(m, length, links)
+        total += 0.5 * tension * stretch
     return total
 
 
@@ -68,10 +87,7 @@ def add_forces(x: Array, v: Array, links: Links, rayleigh: float, f: Array) -> f
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        stretch, k = length - links.rest[m], links.stiffness[m]
-        if stretch < 0.0 and links.slack:
-            k = 0.0
-        tension = k * stretch
+        stretch, k, tension = tension_of(m, length, links)
         total += 0.5 * tension * stretch
         f0, f1, f2 = tension * n0, tension * n1, tension * n2
         if links.damping[m] > 0.0 or rayleigh > 0.0:
@@ -82,12 +98,7 @@ def add_forces(x: Array, v: Array, links: Links, rayleigh: float, f: Array) -> f
             f0 += pull * n0 + across * w0
             f1 += pull * n1 + across * w1
             f2 += pull * n2 + across * w2
-        f[i, 0] += f0
-        f[i, 1] += f1
-        f[i, 2] += f2
-        f[j, 0] -= f0
-        f[j, 1] -= f1
-        f[j, 2] -= f2
+        add_pair(f, i, j, f0, f1, f2)
     return total
 
 
@@ -108,22 +119,13 @@ def add_gradient(x: Array, links: Links, rate: float, reference: Array, g: Array
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        stretch, k = length - links.rest[m], links.stiffness[m]
-        if stretch < 0.0 and links.slack:
-            k = 0.0
-        tension = k * stretch
+        stretch, _, tension = tension_of(m, length, links)
         total += 0.5 * tension * stretch
         if rate > 0.0:
             change, c = length - reference[m], rate * links.damping[m]
             tension += c * change
             total += 0.5 * c * change * change
-        f0, f1, f2 = tension * n0, tension * n1, tension * n2
-        g[i, 0] -= f0
-        g[i, 1] -= f1
-        g[i, 2] -= f2
-        g[j, 0] += f0
-        g[j, 1] += f1
-        g[j, 2] += f2
+        add_pair(g, j, i, tension * n0, tension * n1, tension * n2)
     return total
 
 
@@ -136,10 +138,7 @@ def tangents(x: Array, links: Links, rate: float, reference: Array, project: boo
     """
     for m in range(links.ends.shape[0]):
         length, n0, n1, n2 = direction(x, links.ends[m, 0], links.ends[m, 1])
-        stretch, k = length - links.rest[m], links.stiffness[m]
-        if stretch < 0.0 and links.slack:
-            k = 0.0
-        tension = k * stretch
+        _, k, tension = tension_of(m, length, links)
         if rate > 0.0:
             c = rate * links.damping[m]
             tension += c * (length - reference[m])
@@ -170,10 +169,5 @@ def add_products(ends: Array, blocks: Array, p: Array, scale: float, out: Array)
         f1 = scale * (b[1] * d0 + b[3] * d1 + b[4] * d2)
         f2 = scale * (b[2] * d0 + b[4] * d1 + b[5] * d2)
         total += 0.5 * (f0 * d0 + f1 * d1 + f2 * d2)
-        out[i, 0] += f0
-        out[i, 1] += f1
-        out[i, 2] += f2
-        out[j, 0] -= f0
-        out[j, 1] -= f1
-        out[j, 2] -= f2
+        add_pair(out, i, j, f0, f1, f2)
     return total

@@ -67,15 +67,7 @@ class SpringSystem:
 
     def start_state(self, joints: FloatArray) -> State:
         """Return the undeformed state, at rest."""
-        n = len(self.body.nodes)
-        return State(
-            self.body.nodes.copy(),
-            np.zeros((n, 3)),
-            np.zeros((0, 3, 3)),
-            np.zeros((0, 3)),
-            np.zeros((0, 3, 3)),
-            joints.copy(),
-        )
+        return State.of_nodes(self.body.nodes, joints)
 
     def potentials(self, state: State) -> tuple[float, float]:
         """Return the energy of the springs and the potential of the weight [J]."""

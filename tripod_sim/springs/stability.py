@@ -5,6 +5,8 @@ k (1 - L / l)), so the body's is below that of the network of the k alone. The l
 network, one unknown a node, bounds the square of every frequency that the motion can ever meet: it is found once.
 """
 
+import math
+
 import numpy as np
 from scipy import sparse
 
@@ -32,3 +34,9 @@ def network_bound(body: SpringBody, weights: FloatArray) -> float:
     circles = float(np.asarray(abs(matrix).sum(axis=1)).max(initial=0.0))
     start = np.random.default_rng(0).standard_normal(n)
     return min(circles, 1.01 * largest_eigenvalue(lambda p: matrix @ p, start, ITERATIONS)[0])
+
+
+def fastest(body: SpringBody, drag: float, rayleigh: float) -> tuple[float, float]:
+    """Return bounds of the largest frequency [rad/s] and rate of damping [1/s], by the force -(a M + b K) v, too."""
+    square = network_bound(body, body.stiffness)
+    return math.sqrt(square), drag + rayleigh * square + network_bound(body, body.damping)
