@@ -40,10 +40,10 @@ def direction(x: Array, i: int, j: int) -> tuple[float, float, float, float]:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def tension_of(m: int, length: float, links: Links) -> tuple[float, float, float]:
-    """Return l - L, k and k (l - L) of spring m, the last two zero where it is slack."""
-    stretch, k = length - links.rest[m], links.stiffness[m]
-    if stretch < 0.0 and links.slack:
+def tension_of(length: float, rest: float, k: float, slack: bool) -> tuple[float, float, float]:
+    """Return l - L, k and k (l - L) of a spring, the last two zero where it is slack."""
+    stretch = length - rest
+    if stretch < 0.0 and slack:
         k = 0.0
     return stretch, k, k * stretch
 
@@ -65,7 +65,7 @@ def elastic_energy(x: Array, links: Links) -> float:
     total = 0.0
     for m in range(links.ends.shape[0]):
         length, _, _, _ = direction(x, links.ends[m, 0], links.ends[m, 1])
-        stretch, _, tension = tension_of(m, length, links)
+        stretch, _, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
         total += 0.5 * tension * stretch
     return total
 
@@ -87,7 +87,7 @@ def add_forces(x: Array, v: Array, links: Links, rayleigh: float, f: Array) -> f
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        stretch, k, tension = tension_of(m, length, links)
+        stretch, k, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
         total += 0.5 * tension * stretch
         f0, f1, f2 = tension * n0, tension * n1, tension * n2
         if links.damping[m] > 0.0 or rayleigh > 0.0:
@@ -119,7 +119,7 @@ def add_gradient(x: Array, links: Links, rate: float, reference: Array, g: Array
     for m in range(links.ends.shape[0]):
         i, j = links.ends[m, 0], links.ends[m, 1]
         length, n0, n1, n2 = direction(x, i, j)
-        stretch, _, tension = tension_of(m, length, links)
+        stretch, _, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
         total += 0.5 * tension * stretch
         if rate > 0.0:
             change, c = length - reference[m], rate * links.damping[m]
@@ -138,7 +138,7 @@ def tangents(x: Array, links: Links, rate: float, reference: Array, project: boo
     """
     for m in range(links.ends.shape[0]):
         length, n0, n1, n2 = direction(x, links.ends[m, 0], links.ends[m, 1])
-        _, k, tension = tension_of(m, length, links)
+        _, k, tension = tension_of(length, links.rest[m], links.stiffness[m], links.slack)
         if rate > 0.0:
             c = rate * links.damping[m]
             tension += c * (length - reference[m])
