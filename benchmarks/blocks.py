@@ -132,7 +132,7 @@ def block(
     nodes = np.array(mesh.nodes)
     gravity, inertia = GravityForce(load, acceleration, nodes), Anchor(len(nodes))
     groups = Groups(len(nodes), fixed=np.array(held, dtype=np.int64))
-    system = System(nodes, [solid], groups, gravity=gravity, inertia=inertia, damping=damping[1])
+    system = System(nodes, [solid], groups, [gravity, inertia], damping=damping[1])
     stepper = ImplicitScheme(
         scheme, ImplicitStage(Newton(system, tolerance, 100), inertia, inert, damping[0]), 8
     )

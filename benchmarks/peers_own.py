@@ -106,7 +106,7 @@ def _rest(element: str, cells: tuple[int, int, int], law: str = "neo_hooke") -> 
     nodes = np.array(mesh.nodes)
     solid = elastic(mesh, cases.YOUNG, cases.POISSON, law)
     gravity = GravityForce(lumped(mesh, cases.MASS)[0], (0.0, 0.0, -cases.GRAVITY), nodes)
-    system = System(nodes, [solid], Groups(len(nodes), fixed=held), gravity=gravity)
+    system = System(nodes, [solid], Groups(len(nodes), fixed=held), [gravity])
 
     def run() -> FloatArray:
         state = system.start_state(np.zeros(1))

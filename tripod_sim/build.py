@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
@@ -57,6 +56,7 @@ if TYPE_CHECKING:
     from tripod_sim.forces.anchor import Anchor
     from tripod_sim.forces.gravity import GravityForce
     from tripod_sim.forces.loads import NodalLoads
+    from tripod_sim.forces.spring_force import SpringDampers
     from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.integrators.doubling import Doubling
     from tripod_sim.integrators.stage import ImplicitStage
@@ -212,15 +212,15 @@ def _built(scene: Scene, progress: Callable[[float], None] | None = None) -> Par
         inertia = Anchor(len(rest))
     damping = scene.damping.stiffness if scene.damping and not explicit else 0.0
     bound = strain_bound(assembly, groups, inert, scene.strain_limit.stretch) if scene.strain_limit else None
-    make = partial(
-        System, rest, gravity=gravity, inertia=inertia, damping=damping,
-        dampers=spring_dampers(assembly) if scene.inertia else None, bound=None if explicit else bound,
-        foundation=foundation, loads=loads, joined=spring_sides(assembly) if scene.contact else (),
-        linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
-    )  # fmt: skip
+    dampers = spring_dampers(assembly) if scene.inertia else None
+    terms = [t for t in (foundation, dampers, None if explicit else bound, gravity, loads, inertia) if t]
 
     def made(held: Groups) -> System:
-        return make(elastic_terms(assembly, sets, rest, held), held)
+        return System(
+            rest, elastic_terms(assembly, sets, rest, held), held, terms, damping=damping,
+            joined=spring_sides(assembly) if scene.contact else (),
+            linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
+        )  # fmt: skip
 
     system = made(groups)
     if platforms and static:
@@ -229,15 +229,22 @@ def _built(scene: Scene, progress: Callable[[float], None] | None = None) -> Par
     if scene.contact and inertia:
         from tripod_sim.contact.solid_build import solid_parts
 
-        parts = solid_parts(assembly, mesh, skin, system, inertia, inert, scene, scene.contact, plate, ball)
+        parts = solid_parts(
+            assembly, mesh, skin, system, inertia, inert, scene, scene.contact, plate, ball, bound
+        )
     else:
-        stepper = _stepper(scene, system, inertia, inert, bound)
-        errors = stepper.errors if isinstance(stepper, Substeps) else None
-        parts = Parts(mesh, inert, system, stepper, skin=skin, plate=plate, ball=ball, errors=errors)
-    servos = _servos(scene, groups)
+        stepper = _stepper(scene, system, inertia, inert, bound, dampers)
+        parts = Parts(
+            mesh, inert, system, stepper, skin=skin, plate=plate, ball=ball, errors=errors_of(stepper)
+        )
     return replace(
-        parts, servos=servos, notes=(*notes, *said), soft=counts, velocities=velocities, watched=watched
-    )
+        parts, servos=_servos(scene, groups), notes=(*notes, *said), soft=counts, velocities=velocities, watched=watched
+    )  # fmt: skip
+
+
+def errors_of(stepper: Stepper) -> "ErrorTransport | None":
+    """Return what carries the error of the time steps along in a stepper; None where nothing does."""
+    return stepper.errors if isinstance(stepper, Substeps) else None
 
 
 def _platforms(scene: Scene, sets: NodeSets) -> "Platforms | None":
@@ -297,8 +304,9 @@ def _servos(scene: Scene, groups: Groups) -> "ServoMotion | None":
 
 
 def _stepper(
-    scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray, bound: "StrainBound | None"
-) -> Stepper:
+    scene: Scene, system: System, inertia: "Anchor | None", mass: FloatArray, bound: "StrainBound | None",
+    dampers: "SpringDampers | None",
+) -> Stepper:  # fmt: skip
     """Return the time integrator or the static solver; `inertia` is None where that needs no such term."""
     solver = scene.solver
     one_solve = scene.inertia and solver.mode == "one_solve"  # statics goes to the tolerance
@@ -331,7 +339,7 @@ def _stepper(
     if inertia:
         from tripod_sim.integrators.stage import ImplicitStage
 
-        rates = system.dampers.add_products if system.dampers else None
+        rates = dampers.add_products if dampers else None
         return implicit_steps(scene, ImplicitStage(newton, inertia, mass, drag), system, inertia, mass, rates)
     from tripod_sim.integrators.explicit import ExplicitSteps
 

@@ -169,8 +169,9 @@ class MeshError:
             self._drag = scene.damping.mass if scene.damping else 0.0
             lag = scene.damping.stiffness if scene.damping else 0.0
             self._rate, self._lets = 1 / scene.dt, scene.dt / (scene.dt + lag)
-        if self._moving or self._others:
-            system.loads = NodalLoads(system.rest)
+        self._loads = NodalLoads(system.rest) if self._moving or self._others else None
+        if self._loads:
+            system.take(self._loads)
 
     def start(self, state: State) -> MeshErrorReport:
         """Begin anew with `state`, at rest: bring the richer mesh there; return the error there."""
@@ -216,14 +217,14 @@ class MeshError:
 
     def estimate(self, state: State) -> MeshErrorReport:
         """Return the error at `state`."""
-        own, system = self._own, self._system
+        own = self._own
         assert own
-        if system.loads:
-            force = system.loads.force[: len(self._nodes)]
+        if self._loads:
+            force = self._loads.force[: len(self._nodes)]
             interpolate(self._nodes, self._weights, self._acceleration, self._acceleration, 0.0, force)
             force *= -self._mass
             if self._others:
-                self._others.add(state, own, self._acceleration, system.loads.force)
+                self._others.add(state, own, self._acceleration, self._loads.force)
                 self._others.hold(state, self._seen, own)
         try:
             self._settle(own, state)
@@ -310,10 +311,9 @@ class Others:
         if not self._support:
             return system
         solver = scene.solver
-        return System(
-            system.rest, system.elastic.terms, system.groups, gravity=system.gravity, foundation=system.foundation,
-            support=self._support, linear=linear_factory(solver.linear, solver.linear_tolerance),
-        )  # fmt: skip
+        linear = linear_factory(solver.linear, solver.linear_tolerance)
+        terms = [*system.terms, self._support]
+        return System(system.rest, system.elastic.terms, system.groups, terms, linear=linear)
 
     def hold(self, state: State, seen: State, fine: State) -> None:
         """Hold the points of the richer mesh that lean on obstacles in `state`.

@@ -141,7 +141,6 @@ class Simulation:
             self.state.servos = self._servos.start(self.state.joints[:count])
             self._next = self.state.servos.copy()
         if self._ball:
-            self._add_rest_load()
             self.state.ball = self._ball.start(self.state)
             trial = self.state.ball.copy()  # compiles what moves it
             self._ball.load(self.state, trial)
@@ -185,14 +184,6 @@ class Simulation:
         found = MeshError(self.scene, mesh, self._parts)
         self.report.mesh_error = found.start(self.state)
         return found
-
-    def _add_rest_load(self) -> None:
-        """Let the static body feel the ball, too: only the compliance asks for that."""
-        from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415 - only with a ball
-
-        static = self._static.system
-        if isinstance(static, System) and static.loads is None:
-            static.loads = NodalLoads(static.rest)
 
     def _state_of_rest(self) -> "RestState | None":
         """Return what follows the rest of a body in motion; None where nothing moves."""
@@ -600,12 +591,29 @@ class Simulation:
         system = self._static.system
         if not isinstance(system, System):
             raise SceneError("springs and rigid bodies have no effector, so they have no compliance")
+        held = None
         if self.scene.contact:
-            return self._held_compliance(system)
-        if not (self._ball and self.state.ball and system.loads):
+            from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact
+
+            held, self.left_out = rest_of(self._stepper, system, self.state, self._parts.rigid)
+        elif not self._ball:
             return compliance(system, self.state, rest=self._rest, softest=self._softest)
-        contacts = self._ball.rest_load(self.state, self.state.ball, system.loads.force)
-        return compliance(system, self.state, contacts, softest=self._softest)
+        from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415 - only where something presses
+
+        loads, contacts = system.term(NodalLoads), []
+        if loads is None:
+            loads = NodalLoads(system.rest)
+            system.take(loads)
+        before = loads.force.copy()
+        loads.force[:] = 0.0
+        if self._ball and self.state.ball:
+            contacts = self._ball.rest_load(self.state, self.state.ball, loads.force)
+        if held:
+            loads.force += held.force
+        try:
+            return compliance(system, self.state, contacts, held, softest=self._softest)
+        finally:
+            loads.force[:] = before
 
     def mesh_error(self) -> "MeshErrorReport | None":
         """Return the estimated error of the mesh at the effector now; None where the scene does not ask for it.
@@ -613,20 +621,3 @@ class Simulation:
         The report of a step has the last estimate, which may be some steps old.
         """
         return self._mesh_error.estimate(self.state) if self._mesh_error else None
-
-    def _held_compliance(self, system: System) -> Compliance:
-        """Return the compliance of a body in contact."""
-        from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact
-        from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415
-
-        held, self.left_out = rest_of(self._stepper, system, self.state, self._parts.rigid)
-        before, loads, contacts = system.loads, NodalLoads(system.rest), []
-        if self._ball and self.state.ball:
-            contacts = self._ball.rest_load(self.state, self.state.ball, loads.force)
-        if held:
-            loads.force += held.force
-        system.loads = loads
-        try:
-            return compliance(system, self.state, contacts, held)
-        finally:
-            system.loads = before

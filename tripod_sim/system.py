@@ -1,13 +1,13 @@
 """The potential that one step minimises, in nodes and in the unknowns that constraints leave.
 
-    Phi(x, modes) = E(x, modes) + V(x) + Q(x) + D(x)
+    Phi(x, modes) = E(x, modes) + D(x) + sum of V(x)
 
-strain energy, gravity, inertia (with mass damping) and stiffness damping; absent effects are None.
+strain energy, its damping, and whatever terms there are: gravity, inertia, clamps, loads ...
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -15,21 +15,17 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.reduction import Reduction, move_bodies, move_nodes, swing_nodes, write_levers
 from tripod_sim.forces.elastic import Elastic, ElasticTerm, Matrices
+from tripod_sim.forces.term import BlockTerm, Term
 from tripod_sim.linear.choice import LinearFactory, linear_factory
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same, scaled_norm_squared
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.forces.anchor import Anchor
-    from tripod_sim.forces.foundation import Foundation
-    from tripod_sim.forces.gravity import GravityForce
-    from tripod_sim.forces.loads import NodalLoads
     from tripod_sim.forces.rayleigh import StiffnessDamping
-    from tripod_sim.forces.spring_force import SpringDampers
-    from tripod_sim.forces.strain_bound import StrainBound
-    from tripod_sim.forces.support import Support
 
+
+T = TypeVar("T", bound=Term)
 
 DEFAULT_LINEAR = linear_factory("auto", 1e-8)
 
@@ -39,7 +35,8 @@ class System:
 
     Attributes:
         elastic: The strain energy: a sum of terms.
-        bound: Of the stretch of springs; its potential is no energy of the bodies.
+        terms: All others, those with blocks first.
+        damping: Stiffness damping of `elastic`; None without.
         gradient: dPhi/dx of the last `evaluate` [N], shape (n, 3).
         residual: Reduced gradient of the last `evaluate` [N, N m], shape (unknowns,).
         torques: dPhi/d angle of each driven frame [N m]: the torque that the servo exerts on the body, shape (s,).
@@ -47,24 +44,17 @@ class System:
         driven: Nodes of all driven frames, and those of prescribed motions.
         linear: Solves with the Hessian of the last `factor`.
         factored: Whether `linear` can solve after the last `factor`, be the matrix definite or not.
-        strain_energy, gravity_energy: Of the last `evaluate` [J]; the foundation's energy counts as strain.
         assembly: Bends bodies that do not fit together undeformed; None where all do.
     """
 
     def __init__(
         self,
         rest: FloatArray,
-        terms: Sequence[ElasticTerm],
+        elastic: Sequence[ElasticTerm],
         groups: Groups,
+        terms: Iterable[Term] = (),
         *,
-        gravity: "GravityForce | None" = None,
-        inertia: "Anchor | None" = None,
         damping: float = 0.0,
-        dampers: "SpringDampers | None" = None,
-        bound: "StrainBound | None" = None,
-        foundation: "Foundation | None" = None,
-        loads: "NodalLoads | None" = None,
-        support: "Support | None" = None,
         joined: Sequence[IndexArray] = (),
         linear: LinearFactory = DEFAULT_LINEAR,
     ) -> None:
@@ -72,27 +62,26 @@ class System:
 
         Args:
             rest: Undeformed positions [m], shape (n, 3).
-            terms: Of the strain energy.
+            elastic: Terms of the strain energy.
             groups: What holds nodes.
-            gravity, inertia, dampers, bound, foundation, loads, support: Further terms; None for none.
+            terms: All others.
             damping: b of the force -b K v [s].
             joined: Nodes that have entries with each other in the Hessian besides those of elements, shapes (m, k).
             linear: Makes the solver.
         """
         self.rest, self.groups = rest, groups
         self.assembly: Callable[[System], State] | None = None
-        self.gravity, self.inertia, self.dampers, self.bound = gravity, inertia, dampers, bound
-        self._springs = [t for t in (dampers, bound, support) if t]
-        self.foundation, self.loads = foundation, loads
+        given = list(terms)
+        self._blocks = [t for t in given if isinstance(t, BlockTerm)]
+        self.terms = [*self._blocks, *(t for t in given if not isinstance(t, BlockTerm))]
         frames = groups.driven
         self._arms = np.concatenate([f.nodes for f in frames] or [np.zeros(0, dtype=np.int64)])
         self._prescribed = groups.prescribed
         others = [self._prescribed.nodes] if self._prescribed else []
         self.driven = np.concatenate([self._arms, *others])
-        self.elastic = Elastic(terms, self.driven)
+        self.elastic = Elastic(elastic, self.driven)
         self.damping = self._damping(damping)
-        self._further = [t for t in (foundation, *self._springs) if t]
-        blocks = [t.elements for t in (*terms, *self._further)]
+        blocks = [*(t.elements for t in elastic), *(t.elements for t in self._blocks)]
         self.reduction = Reduction([*blocks, *joined], groups)
         free, bodies = self.reduction.free_count, self.reduction.bodies
         diagonal_blocks = np.append(3 * np.arange(free), 3 * free + 6 * np.arange(bodies + 1))
@@ -105,7 +94,6 @@ class System:
         self._no_weight = np.zeros(n)
         placed = groups.placed(rest)
         self._rest_centres = np.array([placed[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
-        self.strain_energy = self.gravity_energy = 0.0
         self._frame_of = np.repeat(np.arange(s), [len(f.nodes) for f in frames])
         swings = [(*f.swing(rest[f.nodes]), np.tile(f.inward, (len(f.nodes), 1))) for f in frames]
         self._swing = [np.concatenate([t[k] for t in swings] or [np.zeros((0, 3))]) for k in range(4)]
@@ -145,17 +133,26 @@ class System:
         sibling = getattr(self.linear, "sibling", None)
         return sibling() if sibling else self._new_linear()
 
+    def take(self, term: Term) -> None:
+        """Add a term that has no Hessian."""
+        self.terms.append(term)
+
+    def term(self, kind: type[T]) -> T | None:
+        """Return the first term of a kind, None if there is none."""
+        return next((t for t in self.terms if isinstance(t, kind)), None)
+
     @property
     def unknowns(self) -> int:
         """Number of unknowns, after elimination of constraints and incompatible modes."""
         return self.reduction.unknowns
 
     def potentials(self, state: State) -> tuple[float, float]:
-        """Return strain energy, the foundation's included, and potential of gravity [J]."""
-        strain = self.elastic.energy(state.positions, state.modes)
-        if self.foundation:
-            strain += self.foundation.add_gradient(state.positions, np.zeros_like(state.positions))
-        return strain, self.gravity.energy(state.positions) if self.gravity else 0.0
+        """Return strain energy, that of compliant clamps included, and potential in gravity [J]."""
+        strain, gravity = self.elastic.energy(state.positions, state.modes), 0.0
+        for term in self.terms:
+            stored, raised = term.energies(state.positions)
+            strain, gravity = strain + stored, gravity + raised
+        return strain, gravity
 
     def start_state(self, joints: FloatArray) -> State:
         """Return the state that a simulation begins from, with the joint values `joints`, as `State.joints`.
@@ -211,26 +208,13 @@ class System:
         """
         phi = self._evaluate_elastic(state)
         if not math.isfinite(phi):
-            self.strain_energy = phi
             return np.inf
         g = self.gradient
         g[:] = self._forces
         if self.damping:
             phi += self.damping.add_gradient(state.positions, phi, self._forces, g)
-        self.strain_energy = self._elastic_energy
-        if self.foundation:
-            bedding = self.foundation.add_gradient(state.positions, g)
-            self.strain_energy += bedding
-            phi += bedding
-        for term in self._springs:
+        for term in self.terms:
             phi += term.add_gradient(state.positions, g)
-        if self.gravity:
-            self.gravity_energy = self.gravity.add_gradient(state.positions, g)
-            phi += self.gravity_energy
-        if self.loads:
-            phi += self.loads.add_gradient(state.positions, g)
-        if self.inertia:
-            phi += self.inertia.add_gradient(state.positions, g)
         self.update_levers(state)
         self.reduction.gradient(g, self.lever, self.axes, self.residual, self.torques)
         return phi
@@ -270,22 +254,19 @@ class System:
             dx: What it moves each node by [m], shape (n, 3).
         """
         damping, change = self.damping, self._change
-        if self._further or (damping and damping.held):
+        if self._blocks or (damping and damping.held):
             change[:] = 0.0
-            if self.foundation:
-                self.foundation.add_gradient(dx, change)
-            for term in self._springs:
+            for term in self._blocks:
                 term.add_products(dx, change)
             if damping and damping.held:
                 self.elastic.add_products(damping.matrices, dx, damping.factor, change)
             self.reduction.gradient(change, self.lever, self.axes, self._reduced, self._unused)
             self.residual += self._reduced
         share = 1.0 / (1.0 + damping.factor) if damping and not damping.held else 1.0
-        weight = self.inertia.weight if self.inertia else self._no_weight
         change[:] = 0.0
         self.elastic.add_response(self.elastic.matrices, dx, 1.0, change)
         self._elastic_energy += self.reduction.relieve(
-            self.residual, share, weight, dx, change, self.lever, self._forces
+            self.residual, share, self._weight(), dx, change, self.lever, self._forces
         )
         self.residual[:] = 0.0
         self.torques += solution @ self.reduction.drive
@@ -311,7 +292,7 @@ class System:
         """Write the element matrices at `state`; return -1, or an element that is unstable without `project`."""
         if self.elastic.has_modes:
             self._known = False  # the condensed gradient belongs to the last assembly
-        for term in self._springs:
+        for term in self._blocks:
             term.stiffness(state.positions, project=project)
         return self.elastic.stiffness(state.positions, state.modes, project=project)
 
@@ -326,13 +307,16 @@ class System:
 
     def write_hessian(self, shift: float = 0.0) -> None:
         """Write the reduced Hessian into `reduction.pattern`, with the assembled matrices; see `factor`."""
-        weight = self.inertia.weight if self.inertia else self._no_weight
-        if shift:
-            weight = weight + shift
+        weight = self._weight() + shift if shift else self._weight()
         count = len(self.elastic.terms)
         parts = [(k, own, factor) for matrices, factor in self._tangents() for k, own in enumerate(matrices)]
-        parts += [(k, term.matrices, 1.0) for k, term in enumerate(self._further, count)]
+        parts += [(k, term.matrices, 1.0) for k, term in enumerate(self._blocks, count)]
         self.reduction.hessian(parts, weight, self.gradient, self.lever, self.axes)
+
+    def _weight(self) -> FloatArray:
+        """Return the sum of the terms' weights [N/m], shape (n,)."""
+        weights = [t.weight for t in self.terms if t.weight is not None]
+        return sum(weights[1:], start=weights[0]) if weights else self._no_weight
 
     def _tangents(self) -> list[tuple[Matrices, float]]:
         """Return the elastic part of the Hessian: element matrices of each term [N/m], with their factor."""
@@ -358,9 +342,7 @@ class System:
         self._change[:] = 0.0
         for matrices, factor in self._tangents():
             self.elastic.add_response(matrices, dx, factor, self._change)
-        if self.foundation:
-            self.foundation.add_gradient(dx, self._change)
-        for term in self._springs:
+        for term in self._blocks:
             term.add_products(dx, self._change)
         self.reduction.gradient(self._change, self.lever, self.axes, self._reduced, self._unused)
         self.residual += self._reduced

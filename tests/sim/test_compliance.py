@@ -6,6 +6,7 @@ import pytest
 from tests.scenes import SHARP
 from tripod_host.rotations import rotation_matrix
 from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.forces.gravity import GravityForce
 
 STATIC = ["inertia=off", "damping=off", "solver.tolerance=1e-9"]
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
@@ -76,7 +77,7 @@ def test_effector_rows_predict_the_sag_under_more_weight() -> None:
     nodes = base._system.groups.rigid[0]
     weight = -9.81 * base._mass[nodes].sum() * 1e-3
     heavier = Simulation(load_scene(SHARP, STATIC))
-    gradient = heavier._static.system.gravity._gradient  # only the disc grows heavier
+    gradient = heavier._static.system.term(GravityForce)._gradient  # only the disc grows heavier
     gradient[nodes] *= 1.001
     for k in range(1, 21):
         heavier.step(WORKING * k / 20)

@@ -9,6 +9,7 @@ from tripod_sim.ball.rest import carried
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.contact.rest import curvature
 from tripod_sim.contact.rest_rows import Carried, Points, Rest
+from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.integrators.sleep import Sleeping
 from tripod_sim.system import System
 
@@ -131,8 +132,8 @@ def test_effector_rows_are_those_of_the_held_body(standing: tuple[Simulation, fl
     held, free = (response(c)[2] for c in (simulation.compliance(), bare(simulation)))
     system = simulation._system
     assert isinstance(system, System)
-    assert system.gravity
-    disc, gravity = system.groups.rigid[0], system.gravity
+    disc, gravity = system.groups.rigid[0], system.term(GravityForce)
+    assert gravity
     arms = simulation.state.positions[disc] - simulation.state.centres[0]
     extra, ends = FORCE * carried(arms, place, force), []
     for sign in (1, -1):

@@ -5,6 +5,7 @@ import pytest
 
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
+from tripod_sim.forces.anchor import Anchor
 
 FREE = ["servos=off", "effector=off", "damping=off", "mesh.level=1", "solver.tolerance=1e-9"]
 
@@ -117,9 +118,10 @@ def test_the_residual_of_a_step_is_the_gradient_of_its_potential(held: bool) -> 
     simulation = Simulation(load_scene("silicone", ["mesh.level=1", "mesh.element=h8_mean", "servos=off"]))
     system, state, rng = simulation.system, simulation.state.copy(), np.random.default_rng(3)
     shape = state.positions.shape
-    assert system.inertia and system.damping
-    system.inertia.weight[:] = rng.uniform(1.0, 9.0, len(system.inertia.weight))
-    system.inertia.point[:] = state.positions + rng.normal(scale=1e-3, size=shape)
+    inertia = system.term(Anchor)
+    assert inertia and system.damping
+    inertia.weight[:] = rng.uniform(1.0, 9.0, len(inertia.weight))
+    inertia.point[:] = state.positions + rng.normal(scale=1e-3, size=shape)
     system.damping.factor = 0.7
     system.damping.start[:], system.damping.elastic[:] = state.positions, rng.normal(scale=1e-2, size=shape)
     assert system.assemble(state, project=True) < 0

@@ -110,11 +110,10 @@ def test_a_chain_as_a_term_moves_as_in_the_loops_of_springs(scheme: str, damping
     n, mass = len(body.nodes), np.array(body.mass)
     inertia = Anchor(n)
     terms = [SpringForce(body.ends, body.rest_length, body.stiffness, slack=body.slack, owner="chain")]
-    dampers = SpringDampers(body.ends, body.damping) if damping else None
-    gravity = GravityForce(mass, (0.0, 0.0, -9.81), body.nodes)
-    system = System(
-        body.nodes, terms, Groups(n, fixed=body.fixed), gravity=gravity, inertia=inertia, dampers=dampers
-    )
+    others = [GravityForce(mass, (0.0, 0.0, -9.81), body.nodes), inertia]
+    if damping:
+        others.append(SpringDampers(body.ends, body.damping))
+    system = System(body.nodes, terms, Groups(n, fixed=body.fixed), others)
     stepper = ImplicitScheme(scheme, ImplicitStage(Newton(system, 1e-6, 100), inertia, mass, 0.0), 8)
     state = system.start_state(np.zeros(1))
     for _ in range(40):

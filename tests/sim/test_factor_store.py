@@ -6,6 +6,7 @@ import numpy as np
 
 from tripod_sim import load_scene
 from tripod_sim.build import build
+from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.factor_store import MOST, FactorStore
 
 
@@ -65,7 +66,7 @@ def test_a_sibling_solves_with_a_factor_of_its_own() -> None:
     system: Any = build(load_scene("tripod", ["mesh.level=1"])).system
     first = system.linear
     state = system.start_state(np.zeros(4))
-    system.inertia.weight[:] = 1.0
+    system.term(Anchor).weight[:] = 1.0
     system.assemble(state, project=False)
     system.evaluate(state)
     system.factor()
@@ -73,7 +74,7 @@ def test_a_sibling_solves_with_a_factor_of_its_own() -> None:
     expected = first.solve(b)
     system.linear = system.another_linear()
     assert system.linear is not first
-    system.inertia.weight[:] = 100.0
+    system.term(Anchor).weight[:] = 100.0
     system.factor()
     assert np.abs(system.linear.solve(b) - expected).max() > 0.1 * np.abs(expected).max()
     np.testing.assert_array_equal(first.solve(b), expected)

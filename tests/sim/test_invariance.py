@@ -50,7 +50,8 @@ def hang(element: str, law: str, scheme: str, rotation: Rotation, change: Change
     gravity = GravityForce(load, tuple(weight), nodes)
     inertia = None if scheme == "static" else Anchor(len(nodes))
     damping = 1e-3 if inertia else 0.0
-    system = System(nodes, [solid], groups, gravity=gravity, inertia=inertia, damping=damping)
+    terms = [gravity, inertia] if inertia else [gravity]
+    system = System(nodes, [solid], groups, terms, damping=damping)
     newton = Newton(system, 1e-11, 200)
     stepper = (
         ImplicitScheme(scheme, ImplicitStage(newton, inertia, inert, 0.5), 8)

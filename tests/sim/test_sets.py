@@ -8,6 +8,7 @@ import pytest
 from numba import typeof
 
 from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.run import run
 
 BLOCK = """
@@ -105,7 +106,7 @@ def test_a_load_on_a_face_is_divided_as_the_element_asks(kind: str, element: str
 def test_evenly_shared_force_bends_the_end_out_of_its_plane(block: str) -> None:
     even = solved(block, "mesh.element=h20", ROLLERS, 'load=[{set="end", force=[0.5, 0, 0], share="even"}]')
     assert np.ptp(moved(even)[even._parts.watched[0], 0]) > 1e-6
-    assert even._system.gravity.force.sum(axis=0) == pytest.approx([0.5, 0, 0])
+    assert even._system.term(GravityForce).force.sum(axis=0) == pytest.approx([0.5, 0, 0])
 
 
 def test_dead_mass_weighs_and_resists(block: str) -> None:
@@ -141,7 +142,7 @@ def test_dead_mass_resists_at_every_node_of_its_faces(element: str, block: str) 
     assert mass.sum() == pytest.approx(0.01)
     assert mass[end].sum() == pytest.approx(0.01)
     assert mass[end].min() > 1e-5
-    weight = simulation._system.gravity.force[:, 2]
+    weight = simulation._system.term(GravityForce).force[:, 2]
     assert weight.sum() == pytest.approx(-0.01 * 9.81)
     moment = np.cross(simulation.mesh.nodes, np.outer(weight, [0, 0, 1])).sum(axis=0)
     np.testing.assert_allclose(moment[:2], weight.sum() * np.array([0.005, -0.02]), rtol=1e-6)

@@ -78,7 +78,7 @@ class BodyBall:
         self._numbers = np.array(
             [d.mass, d.radius, d.friction, d.restitution, d.rest_speed, d.rolling, d.substep, *gravity]
         )
-        self._gravity, self._loads, self._quasi_static = gravity, loads, quasi_static
+        self._gravity, self.loads, self._quasi_static = gravity, loads, quasi_static
         n = len(loads.force)
         boxes = [_box(frame) for frame in frames]
         self._servos = np.concatenate([*boxes, np.zeros((0, 3))])
@@ -114,7 +114,7 @@ class BodyBall:
                 f"ball.position {list(self.description.position)} m: the ball of radius {self.description.radius} m "
                 f"overlaps the body or a servo by {-gap:.3g} m; lift it"
             )
-        ball.nodal = np.zeros_like(self._loads.force)
+        ball.nodal = np.zeros_like(self.loads.force)
         return ball
 
     def gap(self, ball: BallState) -> float:
@@ -128,11 +128,11 @@ class BodyBall:
         """Write the loads of a step that begins at `state`, and remember where the surfaces are."""
         self._corners(state, self._before)
         if ball.nodal is not None:
-            self._loads.force[:] = ball.nodal
+            self.loads.force[:] = ball.nodal
 
     def follow(self, state: State, ball: BallState, dt: float) -> None:
         """Move `ball` over the step that ended at `state`, in place."""
-        force, n = self._loads.force, len(state.positions)
+        force, n = self.loads.force, len(state.positions)
         ball.load_work += float(np.vdot(force, state.positions) - np.vdot(force, self._before[:n]))
         self._corners(state, self._after)
         self._reaction[:] = 0.0

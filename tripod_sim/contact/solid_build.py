@@ -26,6 +26,7 @@ from tripod_sim.tables.motion import Contact
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.bodies.assembly import AssemblySkin
+    from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
 
@@ -117,6 +118,7 @@ def solid_parts(
     contact: Contact,
     plate: "Plate | None",
     ball: "MazeBall | BodyBall | None" = None,
+    bound: "StrainBound | None" = None,
 ) -> Parts:
     """Return the parts of a simulation of soft bodies, and rigid ones if there are any, among obstacles.
 
@@ -129,6 +131,7 @@ def solid_parts(
         scene, contact: What is described.
         plate: The maze on the disc; it touches nothing but its ball.
         ball: How that moves; None without one.
+        bound: Of the stretch of springs; None without one.
 
     Raises:
         SceneError: a body passes through something at the start.
@@ -137,7 +140,7 @@ def solid_parts(
     vertices = np.concatenate([s.nodes for s in found])
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stage = ImplicitStage(newton, inertia, mass, scene.damping.mass if scene.damping else 0.0)
-    nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance)
+    nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance, bound)
     rigid = None
     if rigids_of(scene):
         from tripod_sim.contact.rigid_build import rigid_set  # noqa: PLC0415 - an effect that is absent

@@ -9,7 +9,7 @@ Incompatible modes are no unknowns: at every move they are brought to the minimu
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
@@ -21,6 +21,9 @@ from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.state import State
 from tripod_sim.system_kernels import same
+
+if TYPE_CHECKING:  # an effect that is absent is not imported
+    from tripod_sim.forces.strain_bound import StrainBound
 
 HELD = 1e18
 """Stiffness with which driven nodes keep to their way [N/m]: no force that a body bears moves them by an atom."""
@@ -44,7 +47,14 @@ class SolidNodes:
         served: See `Body`.
     """
 
-    def __init__(self, stage: ImplicitStage, mass: FloatArray, nodes: IndexArray, tolerance: float) -> None:
+    def __init__(
+        self,
+        stage: ImplicitStage,
+        mass: FloatArray,
+        nodes: IndexArray,
+        tolerance: float,
+        bound: "StrainBound | None" = None,
+    ) -> None:
         """Take part in steps with contact.
 
         Args:
@@ -52,10 +62,11 @@ class SolidNodes:
             mass: Of nodes [kg].
             nodes: Of the surface.
             tolerance: Unbalanced force of modes that is let be [N].
+            bound: Of the stretch of springs, a term of the system; None without one.
         """
         self._stage, self._system, self._mass, self.nodes = stage, stage.newton.system, mass, nodes
         system, r = self._system, self._system.reduction
-        self._tolerance, self._bound = tolerance**2, system.bound
+        self._tolerance, self._bound = tolerance**2, bound
         self.bounded = self._bound is not None
         kind = r.kind[nodes]
         self._arms = np.flatnonzero(kind == Kind.DRIVEN)

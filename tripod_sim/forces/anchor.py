@@ -4,9 +4,10 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.forces.term import Term
 
 
-class Anchor:
+class Anchor(Term):
     """Potential Q(x) = 1/2 sum_i w_i |x_i - y_i|²; dQ/dx_i = w_i (x_i - y_i).
 
     Implicit Euler's inertia is w = m / dt², y = x_n + dt v_n; mass damping adds w = a m / dt, y = x_n.
@@ -15,6 +16,9 @@ class Anchor:
         weight: w [N/m], shape (n,).
         point: y [m], shape (n, 3).
     """
+
+    name = "inertia"
+    weight: FloatArray
 
     def __init__(self, size: int) -> None:
         self.weight, self.point = np.zeros(size), np.zeros((size, 3))

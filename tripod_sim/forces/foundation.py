@@ -16,15 +16,18 @@ from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import gauss
 from tripod_sim.elements.tetrahedron import T10
 from tripod_sim.forces.solid_kernels import add_element_products
+from tripod_sim.forces.term import LinearTerm
 
 
-class Foundation:
+class Foundation(LinearTerm):
     """The bedding of some elements on ghosts.
 
     Attributes:
         elements: Nodes of each clamped element and then their ghosts, shape (m, 2 n).
         matrices: kappa int [N_a N_b, -N_a N_b; -N_a N_b, N_a N_b] dV I [N/m], shape (m, 6 n, 6 n).
     """
+
+    name = "clamp"
 
     def __init__(
         self, kind: Element, rest: FloatArray, elements: IndexArray, ghosts: IndexArray, stiffness: float
@@ -53,3 +56,7 @@ class Foundation:
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
         """Add dE/dx [N] to `g` and return E [J]; both arrays of shape (nodes and ghosts, 3)."""
         return float(add_element_products(self.matrices, self.elements, self._all, x, 1.0, g))
+
+    def energies(self, x: FloatArray) -> tuple[float, float]:
+        """Return E, which is strain energy, and 0 [J]."""
+        return self.add_gradient(x, np.zeros_like(x)), 0.0

@@ -4,10 +4,13 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.forces.term import ForceTerm
 
 
-class GravityForce:
+class GravityForce(ForceTerm):
     """Potential V(x) = -sum_i (m_i a + f_i) . (x_i - X_i), zero in the undeformed shape X; dV/dx_i = -(m_i a + f_i)."""
+
+    name, works = "gravity", False
 
     def __init__(
         self,
@@ -27,9 +30,9 @@ class GravityForce:
         """Weight and dead load of each node [N], shape (n, 3)."""
         return -self._gradient
 
-    def energy(self, x: FloatArray) -> float:
-        """Return V [J]."""
-        return float(np.vdot(self._gradient, x)) - self._offset
+    def energies(self, x: FloatArray) -> tuple[float, float]:
+        """Return 0 and V [J]."""
+        return 0.0, float(np.vdot(self._gradient, x)) - self._offset
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
         """Add dV/dx [N] to `g` and return V [J]."""

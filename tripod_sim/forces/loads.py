@@ -3,14 +3,18 @@
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.forces.term import ForceTerm
 
 
-class NodalLoads:
+class NodalLoads(ForceTerm):
     """Potential V(x) = -sum_i f_i . (x_i - X_i), zero in the undeformed shape X; dV/dx_i = -f_i.
 
     Attributes:
         force: f [N], shape (n, 3); whoever loads the body writes it before a step.
     """
+
+    name = "ball"
+    force: FloatArray
 
     def __init__(self, rest: FloatArray) -> None:
         """`rest`: X [m], shape (n, 3)."""

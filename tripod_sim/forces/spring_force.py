@@ -5,6 +5,7 @@ from numba import njit
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.solid_kernels import add_element_products
+from tripod_sim.forces.term import DamperTerm, StageTerm
 from tripod_sim.springs.spring_kernels import (
     Links,
     add_gradient,
@@ -109,7 +110,31 @@ class SpringForce(SpringTangents):
         return np.inf, f"springs of {self._owner} move too far"
 
 
-class SpringDampers(SpringTangents):
+class Lengths(StageTerm):
+    """What dampers remember: the lengths that a stage takes their rates from, dl/dt = (l - l_0) / s.
+
+    Attributes:
+        reference: l_0 [m], shape (m,).
+        rate: 1 / s [1/s].
+    """
+
+    name = "springs"
+
+    def __init__(self, links: Links) -> None:
+        """`links`: the dampers, as kernels take them."""
+        self.links, self.rate = links, 0.0
+        self.reference, self.remembers = np.zeros(len(links.ends)), len(links.ends)
+
+    def remember(self, x: FloatArray, out: FloatArray) -> None:
+        """Write l of each at positions `x` [m], shape (n, 3), to `out`, shape (m,)."""
+        lengths(x, self.links, out)
+
+    def aim(self, s: float, known: FloatArray) -> None:
+        """Let the lengths before be `known` [m], shape (m,), in a stage of `s` [s]."""
+        self.rate, self.reference[:] = 1.0 / s, known
+
+
+class SpringDampers(SpringTangents, Lengths, DamperTerm):
     """Dampers along springs, whose force c dl/dt an implicit stage takes from how the lengths change in it.
 
     What a scheme does to positions it does to lengths: dl/dt = (l - l_0) / s. So the force is the gradient of
@@ -120,19 +145,14 @@ class SpringDampers(SpringTangents):
         elements: The ends of each damper, shape (m, 2).
         links: The dampers as springs without stiffness.
         matrices: Of the last `stiffness` [N/m], shape (m, 6, 6).
-        reference: l_0 [m], shape (m,).
-        rate: 1 / s [1/s].
     """
 
     def __init__(self, ends: IndexArray, damping: FloatArray) -> None:
         """`ends`: node indices, shape (m, 2); `damping`: c [N s/m], shape (m,)."""
         rest, stiffness = np.zeros((2, len(ends)))
-        super().__init__(links_of(ends, rest, stiffness, damping, False))
-        self.reference, self.rate = np.zeros(len(ends)), 0.0
-
-    def lengths(self, x: FloatArray, out: FloatArray) -> None:
-        """Write l of each at positions `x` [m], shape (n, 3), to `out`, shape (m,)."""
-        lengths(x, self.links, out)
+        links = links_of(ends, rest, stiffness, damping, False)
+        SpringTangents.__init__(self, links)
+        Lengths.__init__(self, links)
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
         """Add dD/dx [N] to `g`, shape (n, 3), and return D [J]."""

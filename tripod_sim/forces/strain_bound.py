@@ -14,6 +14,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.spring_force import SpringTangents
+from tripod_sim.forces.term import StageTerm
 from tripod_sim.springs.spring_kernels import add_gradient, lengths, links_of
 
 MARGIN = 1e-5
@@ -27,7 +28,10 @@ STIFF = 1e2
 """K at first, over the heaviest mass and s² of the stage."""
 
 
-class StrainBound(SpringTangents):
+NOTHING = np.zeros(0)
+
+
+class StrainBound(SpringTangents, StageTerm):
     """The term B, its tensions and how well they are found.
 
     Attributes:
@@ -36,6 +40,8 @@ class StrainBound(SpringTangents):
         longest: Longest length that is allowed [m], shape (m,).
         pulled: Whether there was a tension since somebody last made this False.
     """
+
+    name = "strain_limit"
 
     def __init__(self, ends: IndexArray, rest_length: FloatArray, stretch: float, mass: FloatArray) -> None:
         """Bound springs.
@@ -55,8 +61,8 @@ class StrainBound(SpringTangents):
         super().__init__(links)
         self.pulled = False
 
-    def aim(self, s: float) -> None:
-        """Prepare a stage of `s` [s]; the tensions stay."""
+    def aim(self, s: float, known: FloatArray = NOTHING) -> None:
+        """Prepare a stage of `s` [s]; the tensions stay, and nothing is `known`."""
         if s != self._s:
             self._s = s
             self._stiffen()

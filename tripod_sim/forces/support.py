@@ -9,15 +9,18 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.forces.solid_kernels import add_element_products
+from tripod_sim.forces.term import BlockTerm
 
 
-class Support:
+class Support(BlockTerm):
     """Points of a mesh that may be held.
 
     Attributes:
         elements: Nodes of the elements that have such points, shape (m, k).
         matrices: Second derivatives [N/m], shape (m, 3 k, 3 k).
     """
+
+    name = "mesh_error"
 
     def __init__(self, nodes: IndexArray, weights: FloatArray, stiffness: float) -> None:
         """Hold nothing yet.

@@ -48,8 +48,8 @@ class Doubling:
             len(parts.mesh.nodes) - (parts.rigid.count if parts.rigid else 0),
         )
         self._effector = bool(parts.system.groups.rigid)
-        if hasattr(parts.system, "loads"):
-            twin.system.loads = parts.system.loads  # type: ignore[union-attr]
+        if parts.ball and twin.ball:
+            twin.ball.loads.force = parts.ball.loads.force
         halved = self.awake if self._auto else self._twin
         steppers: list[Any] = [halved, getattr(halved, "inner", None)]
         for stepper in steppers:

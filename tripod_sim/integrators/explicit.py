@@ -29,6 +29,7 @@ from tripod_sim.constraints.groups import Kind
 from tripod_sim.constraints.rigid_kernels import Bodies
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.solid_arrays import SolidArrays, no_solid
+from tripod_sim.forces.term import DamperTerm, ForceTerm, LinearTerm, Term
 from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Nets, Solids
 from tripod_sim.integrators.frequency import LargestFrequency
@@ -72,17 +73,17 @@ class ExplicitSteps:
             divide: Whether a step is divided into stable parts; if not, instability shows.
 
         Raises:
-            SceneError: the masses of a rigid body lie in a line.
+            SceneError: the masses of a rigid body lie in a line, or there is a term that no explicit scheme can take.
         """
         self._system, self._scheme, self._divide, self._mass = system, scheme, divide, mass
         self._drag, self._rayleigh = drag, rayleigh
         self._frequency = LargestFrequency(system, mass, self._add_stiffness)
-        self._damping = (
-            LargestFrequency(system, mass, system.dampers.add_products) if system.dampers else None
-        )
+        self._take(system.terms)
+        dampers = self._dampers
+        self._damping = LargestFrequency(system, mass, dampers.add_products) if dampers else None
         terms = [t.arrays() for t in system.elastic.terms]
         self._solids = [(k, arrays) for k, arrays in enumerate(terms) if isinstance(arrays, SolidArrays)]
-        self._nets = _nets([t for t in terms if isinstance(t, Links)], system)
+        self._nets = _nets([t for t in terms if isinstance(t, Links)], [dampers.links] if dampers else [])
         self._rates = [
             np.zeros_like(system.elastic.of(system.elastic.rest_modes(), k)) for k, _ in self._solids
         ]
@@ -99,18 +100,36 @@ class ExplicitSteps:
             system.groups.held(), 0.0, mass[:, None]
         )  # of nodes whose motion is not prescribed
         self._fall = 0.0
-        if system.gravity:
-            weight = (system.gravity.force**2).sum(axis=1)
-            self._fall = float(np.divide(weight, mass, out=np.zeros(n), where=mass > 0).sum())
+        for term in self._forces:
+            if not term.works:
+                square = (term.force**2).sum(axis=1)
+                self._fall += float(np.divide(square, mass, out=np.zeros(n), where=mass > 0).sum())
         self._keep: State | None = None
         self._start_energy: float | None = None
         self._given = self._largest = 0.0
         self._limit = np.inf
         self._grew, self.finer = 0, 1
 
+    def _take(self, terms: Sequence[Term]) -> None:
+        """Sort the terms by what compiled loops do with them. Raises SceneError for one that they cannot take."""
+        self._forces, linear, dampers = list[ForceTerm](), list[LinearTerm](), list[DamperTerm]()
+        for term in terms:
+            if isinstance(term, ForceTerm):
+                self._forces.append(term)
+            elif isinstance(term, LinearTerm) and not linear:
+                linear.append(term)
+            elif isinstance(term, DamperTerm) and not dampers:
+                dampers.append(term)
+            else:
+                raise SceneError(
+                    f"inertia.scheme is {self._scheme!r}, whose compiled loops cannot take {term.name}; choose one of: "
+                    "implicit_euler, bdf2, tr_bdf2"
+                )
+        self._bed, self._dampers = next(iter(linear), None), next(iter(dampers), None)
+
     def _make_load(self) -> Load:
         system, mass = self._system, self._mass
-        n, bed = len(mass), system.foundation
+        n, bed = len(mass), self._bed
         free = system.reduction.kind == Kind.FREE
         inverse = np.divide(1.0, mass, out=np.zeros(n), where=free & (mass > 0))
         none, indices = np.zeros((0, 6, 6)), np.zeros((0, 2), dtype=np.int64)
@@ -172,8 +191,8 @@ class ExplicitSteps:
         system.elastic.limit()
         square = self._frequency.largest(state) * MARGIN**2
         rate = self._drag + self._rayleigh * square
-        if self._damping and system.dampers:
-            system.dampers.limit()
+        if self._damping and self._dampers:
+            self._dampers.limit()
             rate += self._damping.largest(state) * MARGIN**2
         omega = math.sqrt(square)
         self._limit = min(self._limit, longest_step(self._scheme, omega, rate))
@@ -183,8 +202,8 @@ class ExplicitSteps:
         """Add K dx to `out` [N], K that of all terms."""
         system = self._system
         system.elastic.add_products(system.elastic.matrices, dx, 1.0, out)
-        if system.foundation:
-            system.foundation.add_gradient(dx, out)
+        if self._bed:
+            self._bed.add_products(dx, out)
 
     def _advance(self, state: State, joints: FloatArray, dt: float) -> tuple[int, float]:
         """Move `state`, write torques and work; return parts and strain energy [J], or raise FloatingPointError."""
@@ -242,10 +261,8 @@ class ExplicitSteps:
                 prescribed.place(joints[-1], goal)
             frames.speed[:] = (goal[held] - frames.begin) / dt
         load.constant[:] = 0.0
-        if system.gravity:
-            load.constant[:] -= system.gravity.force
-        if system.loads:
-            load.constant[:] -= system.loads.force
+        for term in self._forces:
+            load.constant[:] -= term.force
         self._measure_jerk(state, dt)
         return load
 
@@ -267,8 +284,9 @@ class ExplicitSteps:
         )
         system.torques += self._jerked
         self._given += work
-        if system.loads and self._keep:
-            self._given += float(np.vdot(system.loads.force, state.positions - self._keep.positions))
+        for term in self._forces:
+            if term.works and self._keep:
+                self._given += float(np.vdot(term.force, state.positions - self._keep.positions))
 
     def _measure_jerk(self, state: State, dt: float) -> None:
         """Write the torques that change the speed of the frames from that of the last step to that of this one."""
@@ -284,7 +302,7 @@ class ExplicitSteps:
     def _energy(self, state: State, strain: float) -> tuple[float, float]:
         """Return the whole energy and that of motion and strain [J]; nodes of driven frames have no part in motion."""
         kinetic = 0.5 * float((self._moving * state.velocities**2).sum())
-        gravity = self._system.gravity.energy(state.positions) if self._system.gravity else 0.0
+        gravity = sum(term.energies(state.positions)[1] for term in self._forces)
         return kinetic + strain + gravity, kinetic + strain
 
     def _culprit(self, state: State) -> str:
@@ -293,9 +311,8 @@ class ExplicitSteps:
         return self._system.elastic.culprit(state.positions, state.modes)
 
 
-def _nets(springs: Sequence[Links], system: System) -> Nets:
-    """Return all springs that push and all that only pull; those that damp are among the first."""
-    dampers = [system.dampers.links] if system.dampers else []
+def _nets(springs: Sequence[Links], dampers: list[Links]) -> Nets:
+    """Return all springs that push and all that only pull; `dampers` are among the first."""
     nets = []
     for slack in (False, True):
         own = [net for net in springs if bool(net.slack) == slack] + ([] if slack else dampers)

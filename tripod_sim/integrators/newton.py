@@ -18,7 +18,8 @@ from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.system_kernels import dot, largest, same, write_moves
 
-if TYPE_CHECKING:  # only steps of changing length need it
+if TYPE_CHECKING:  # what is absent is not imported
+    from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.integrators.factor_store import FactorStore
 
 
@@ -63,6 +64,7 @@ class Newton:
         near: A solve also ends where no coordinate of a node is further than this from its solution [m], estimated by
             |dx| q / (1 - q) with q what the last step dx left of the unbalanced force [HairerWanner1996, section IV.8].
             0 goes on to the tolerance.
+        bound: Inequality that solves keep within; None without one.
         indefinite: Whether the tangent factored last had to be changed to be positive definite.
     """
 
@@ -82,6 +84,7 @@ class Newton:
             max_iterations: Linear solves before a solve is given up.
         """
         self.system, self.tolerance, self.max_iterations = system, tolerance, max_iterations
+        self.bound: StrainBound | None = None
         self._dx = np.zeros_like(system.rest)
         self._trial: State | None = None
         self._kept: float | None = None

@@ -13,6 +13,7 @@ from numba import njit
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.forces.anchor import Anchor
+from tripod_sim.forces.term import StageTerm
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.state import State
 
@@ -21,8 +22,8 @@ class ImplicitStage:
     """Solves stages for one system.
 
     Attributes:
-        known: z [m], u [m/s], with stiffness damping q [N], and with dampers the lengths l_0 [m] in as many rows as it
-            takes, the rest zero: written before each `solve`, shape (rows, n, 3).
+        known: z [m], u [m/s], with stiffness damping q [N], and what terms remember (the lengths l_0 [m] of dampers),
+            each in as many rows as it takes, the rest zero: written before each `solve`, shape (rows, n, 3).
     """
 
     def __init__(self, newton: Newton, inertia: Anchor, mass: FloatArray, mass_damping: float) -> None:
@@ -30,18 +31,21 @@ class ImplicitStage:
         self.newton, self._inertia, self._mass = newton, inertia, mass
         self._mass_damping = mass_damping
         system, n = newton.system, len(mass)
-        self._rows = 3 if system.damping else 2
-        dampers = len(system.dampers.reference) if system.dampers else 0
-        self.known = np.zeros((self._rows + -(-dampers // (3 * n)), n, 3))
+        self._kept, row = list[tuple[StageTerm, slice]](), 3 if system.damping else 2
+        for term in system.terms:
+            if isinstance(term, StageTerm):
+                self._kept.append((term, slice(3 * n * row, 3 * n * row + term.remembers)))
+                row += -(-term.remembers // (3 * n))
+        self.known = np.zeros((row, n, 3))
 
     def read(self, state: State, out: FloatArray) -> None:
-        """Write x, v, with stiffness damping g, and the dampers' lengths of `state` to `out`, as `known`."""
+        """Write x, v, with stiffness damping g, and what terms remember of `state` to `out`, as `known`."""
         system = self.newton.system
         out[0], out[1] = state.positions, state.velocities
         if system.damping:
             out[2] = system.elastic_forces(state)
-        if system.dampers:
-            system.dampers.lengths(state.positions, out[self._rows :].reshape(-1))
+        for term, part in self._kept:
+            term.remember(state.positions, out.reshape(-1)[part])
 
     def solve(self, state: State, joints: FloatArray, s: float) -> NewtonReport:
         """Move `state` to the end of the stage with what is `known`, in place, its driven frames at `joints`.
@@ -68,16 +72,13 @@ class ImplicitStage:
     def aim(self, s: float) -> None:
         """Make the system's potential that of a stage of `s` [s] with what is `known`."""
         system, inertia, (z, u) = self.newton.system, self._inertia, self.known[:2]
-        damping, dampers = system.damping, system.dampers
+        damping = system.damping
         aim_anchor(self._mass, self._mass_damping, s, z, u, inertia.weight, inertia.point)
-        if system.bound:
-            system.bound.aim(s)
+        for term, part in self._kept:
+            term.aim(s, self.known.reshape(-1)[part])
         if damping:
             damping.factor = damping.coefficient / s
             damping.start[:], damping.elastic[:] = z, self.known[2]
-        if dampers:
-            dampers.rate = 1.0 / s
-            dampers.reference[:] = self.known[self._rows :].reshape(-1)[: len(dampers.reference)]
 
 
 @njit(cache=True, error_model="numpy")

@@ -43,37 +43,38 @@ class BoundedNewton(Newton):
     def __init__(self, system: System, bound: StrainBound, tolerance: float, max_iterations: int) -> None:
         """`bound`: a term of `system`; the others as for `Newton`."""
         super().__init__(system, tolerance, max_iterations)
-        self._bound, self._asked, self._noise = bound, tolerance, (0.0, 0.0)
+        self.bound: StrainBound = bound
+        self._asked, self._noise = tolerance, (0.0, 0.0)
 
     def forget(self) -> None:
         """Drop the tensions too."""
         super().forget()
-        self._bound.relax()
+        self.bound.relax()
 
     def solve(self, state: State, joints: FloatArray, *, keep: float | None = None) -> NewtonReport:
         """Move `state` to the minimum within the bound, in place; see `Newton.solve`."""
         self._note_rounding(state)
         total, before = super().solve(state, joints, keep=keep), np.inf
         for _ in range(MOST_ROUNDS):
-            error = self._bound.settle(state.positions)
+            error = self.bound.settle(state.positions)
             if error <= 1.0:
                 return total
             if error > SLOW * before:
-                self._bound.harden()
+                self.bound.harden()
             self._note_rounding(state)
             before = error
             report = super().solve(state, joints, keep=keep)
             total.iterations += report.iterations
             total.factorisations += report.factorisations
             total.residual = report.residual
-        i, j = self._bound.worst(state.positions)
-        self._bound.relax()
+        i, j = self.bound.worst(state.positions)
+        self.bound.relax()
         raise NewtonError(
             f"strain_limit cannot be met by the spring of nodes {i} and {j}: what holds or moves nodes keeps them apart"
         )
 
     def _note_rounding(self, state: State) -> None:
-        self._noise = self._bound.rounding(state.positions)
+        self._noise = self.bound.rounding(state.positions)
         self.tolerance = max(self._asked, self._noise[0])
 
     def _slack(self, phi: float) -> float:
@@ -111,7 +112,7 @@ class StrainLimited:
         groups, rest = system.groups, system.start_state(np.zeros(len(system.groups.driven) + 1)).positions
         self._anchor = Anchor(len(rest))
         each = np.arange(len(rest))[:, None]  # nodes without springs have an entry, too
-        self._system = System(rest, [], groups, inertia=self._anchor, bound=bound, joined=[each])
+        self._system = System(rest, [], groups, [bound, self._anchor], joined=[each])
         own = np.unique(bound.elements)
         moved = own[mass[own] > 0]
         tolerance = SETTLED * float(mass[moved].min(initial=np.inf))

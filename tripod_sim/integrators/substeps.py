@@ -28,7 +28,7 @@ class Substeps(ABC):
         self.newton, self._max_halvings = newton, max_halvings
         self._backup: State | None = None
         self.errors: ErrorTransport | None = None
-        self._bound = newton.system.bound
+        self._bound = newton.bound
 
     @abstractmethod
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:

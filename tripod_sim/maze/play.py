@@ -33,6 +33,7 @@ class MazeBall:
     Attributes:
         plate: What it plays on.
         ball: Its motion on the plate.
+        loads: What it presses with, a term of the system.
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class MazeBall:
         self.plate = plate
         self.ball = BallOnPlate(description, plate.board.obstacles, gravity)
         self._gravity, self._weight = gravity, description.mass * gravity
-        self._loads, self._quasi_static = loads, quasi_static
+        self.loads, self._quasi_static = loads, quasi_static
         self._motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
         self._up = np.array([0.0, 0.0, plate.offset])
         self._before = np.zeros((len(plate.nodes), 3))
@@ -86,12 +87,12 @@ class MazeBall:
         arms = x - state.centres[0]
         force, moment = ball.wrench
         turn = np.linalg.solve(_inertia(arms), moment)
-        self._loads.force[nodes] = force / len(nodes) + arms @ skew(turn).T
+        self.loads.force[nodes] = force / len(nodes) + arms @ skew(turn).T
 
     def follow(self, state: State, ball: BallState, dt: float) -> None:
         """Move `ball` over the step that ended at `state`, in place."""
         motion, nodes = self._motion, self.plate.nodes
-        ball.load_work += float(np.vdot(self._loads.force[nodes], state.positions[nodes] - self._before))
+        ball.load_work += float(np.vdot(self.loads.force[nodes], state.positions[nodes] - self._before))
         motion.rotation[1] = state.rotations[0]
         motion.centre[1] = state.centres[0] + motion.rotation[1] @ self._up
         motion.twist[:] = self._twist(state, dt)

@@ -148,7 +148,7 @@ def _stepper(
     inertia = Anchor(len(system.mass))
     newton = SpringNewton(system, solver, predict=auto, end=end)
     stage = SpringStage(newton, inertia, system.mass, drag)
-    rates = end.add_rates if end and (system.dampers or rayleigh) else None
+    rates = end.add_rates if end and (system.terms or rayleigh) else None
     steps = implicit_steps(scene, stage, end, inertia, system.mass, rates)
     return steps, steps.errors
 

@@ -7,25 +7,13 @@ from scipy import sparse
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups
+from tripod_sim.forces.spring_force import Lengths
 from tripod_sim.springs.body import SpringBody
-from tripod_sim.springs.spring_kernels import Links, elastic_energy, lengths, links_of
+from tripod_sim.springs.spring_kernels import (
+    elastic_energy,
+    links_of,
+)
 from tripod_sim.state import State
-
-
-class Dampers:
-    """Lengths that a stage knows of the springs, for their dampers (see `forces.spring_force.SpringDampers`).
-
-    Attributes:
-        reference: l_0 [m], shape (m,).
-        rate: 1 / s [1/s].
-    """
-
-    def __init__(self, links: Links) -> None:
-        self._links, self.rate, self.reference = links, 0.0, np.zeros(len(links.ends))
-
-    def lengths(self, x: FloatArray, out: FloatArray) -> None:
-        """Write l of each at positions `x` [m], shape (n, 3), to `out`, shape (m,)."""
-        lengths(x, self._links, out)
 
 
 class SpringSystem:
@@ -44,16 +32,16 @@ class SpringSystem:
         groups: The fixed nodes as node groups.
         torques: Of servos: there are none, shape (0,).
         rest: As `body.nodes`.
-        dampers: None where no spring has one.
+        terms: What a stage has to remember of dampers; none where no spring has one.
     """
 
-    bound = damping = None
+    damping = None
 
     def __init__(self, body: SpringBody, acceleration: tuple[float, float, float] | None) -> None:
         """`acceleration`: of gravity [m/s²]; None for none."""
         self.body = body
         self.links = links_of(body.ends, body.rest_length, body.stiffness, body.damping, body.slack)
-        self.dampers = Dampers(self.links) if body.damping.any() else None
+        self.terms = [Lengths(self.links)] if body.damping.any() else []
         self.rest, self.force = body.nodes, np.zeros_like(body.nodes)
         if acceleration is not None:
             self.force += body.mass[:, None] * np.array(acceleration)

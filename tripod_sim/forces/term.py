@@ -1,0 +1,109 @@
+"""Terms of the potential of a step besides the strain energy (`elastic.ElasticTerm`): what a system asks of each.
+
+A system adds up whatever terms it is given and knows none by name. What a scheme cannot handle it refuses when it is
+built: explicit ones take forces that positions do not change, linear ones and dampers.
+"""
+
+from typing import TYPE_CHECKING
+
+from tripod_host.arrays import FloatArray, IndexArray
+
+if TYPE_CHECKING:  # only with springs
+    from tripod_sim.springs.spring_kernels import Links
+
+
+class Term:
+    """A part V(x) of the potential.
+
+    Attributes:
+        name: Of the effect that brings it, for messages.
+        weight: w of a Hessian w_i I at each node [N/m], shape (n,); None: it has none of this form.
+    """
+
+    name = ""
+    weight: FloatArray | None = None
+
+    def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
+        """Add dV/dx [N] at positions `x` [m] to `g`, both of shape (n, 3), and return V [J]."""
+        raise NotImplementedError
+
+    def energies(self, x: FloatArray) -> tuple[float, float]:
+        """Return what of V is strain energy of the bodies and what their potential in gravity [J]: none of it."""
+        return 0.0, 0.0
+
+
+class BlockTerm(Term):
+    """A term whose Hessian is a sum of blocks between few nodes.
+
+    Attributes:
+        elements: Nodes of each block, shape (m, k), the same while it lives.
+        matrices: The blocks of the last `stiffness` [N/m], shape (m, 3 k, 3 k).
+    """
+
+    elements: IndexArray
+    matrices: FloatArray
+
+    def stiffness(self, x: FloatArray, *, project: bool) -> None:
+        """Write `matrices` at `x`, with `project` positive semi-definite."""
+        raise NotImplementedError
+
+    def add_products(self, dx: FloatArray, g: FloatArray) -> None:
+        """Add the blocks times `dx` [m] to `g` [N], both of shape (n, 3)."""
+        raise NotImplementedError
+
+
+class LinearTerm(BlockTerm):
+    """A quadratic form in the positions: gradient K x, its blocks K the same everywhere."""
+
+    def stiffness(self, x: FloatArray, *, project: bool) -> None:
+        """Nothing changes with `x`."""
+
+    def add_products(self, dx: FloatArray, g: FloatArray) -> None:
+        """Add K dx to `g` [N]."""
+        self.add_gradient(dx, g)
+
+
+class ForceTerm(Term):
+    """Forces f that do not change with the positions: dV/dx_i = -f_i.
+
+    Attributes:
+        works: Whether V is no energy of the bodies, so that f does work on them.
+    """
+
+    works = True
+
+    @property
+    def force(self) -> FloatArray:
+        """f [N], shape (n, 3)."""
+        raise NotImplementedError
+
+
+class StageTerm(BlockTerm):
+    """A term that an implicit stage (`integrators.stage`) prepares.
+
+    Attributes:
+        remembers: How many numbers it keeps of a state, which schemes combine as they do positions.
+    """
+
+    remembers = 0
+
+    def remember(self, x: FloatArray, out: FloatArray) -> None:
+        """Write what it keeps of positions `x` [m], shape (n, 3), to `out`, shape (remembers,)."""
+
+    def aim(self, s: float, known: FloatArray) -> None:
+        """Prepare a stage of `s` [s]; `known`: what the scheme makes of the numbers kept, shape (remembers,)."""
+        raise NotImplementedError
+
+
+class DamperTerm(StageTerm):
+    """Dampers along springs, as compiled loops take them.
+
+    Attributes:
+        links: The dampers as springs without stiffness.
+    """
+
+    links: "Links"
+
+    def limit(self) -> None:
+        """Write matrices to `matrices` that the force of no motion exceeds [N s/m]."""
+        raise NotImplementedError
