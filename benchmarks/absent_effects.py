@@ -27,8 +27,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tripod_sim.effects import TABLE  # noqa: E402
-from tripod_sim.scene import EFFECTS  # noqa: E402
+from tripod_sim.effects import EFFECTS  # noqa: E402
 
 SOLID = (
     "tripod",
@@ -184,7 +183,7 @@ def measure(effect: str, couples: int, pairs: int, steps: int) -> Result:
     with tempfile.TemporaryDirectory() as folder:
         whole, less = Path(folder) / "whole", Path(folder) / "less"
         copied(whole, ())
-        deleted = copied(less, TABLE[effect].modules)
+        deleted = copied(less, EFFECTS[effect].modules)
         times = np.stack([couple((whole, less), scene, pairs, steps) for _ in range(couples)])
     ratios = np.median(times[..., 0] / times[..., 1], axis=1)
     low, high = interval(ratios)

@@ -15,7 +15,7 @@ from typing import Any
 from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
 # isort: split
-from tripod_sim.effects import TABLE, named
+from tripod_sim.effects import EFFECTS, named
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.explain.report import Explanation, explain
 from tripod_sim.scene_file import scene_names
@@ -47,7 +47,7 @@ def rows(found: Explanation, scale: float) -> dict[str, dict[str, Any]]:
     """Return what each effect costs [s], by name, `scale` times what was measured."""
     made: dict[str, dict[str, Any]] = {}
     for name in named(found.scene):
-        stages = TABLE[name].stages
+        stages = EFFECTS[name].steps
         own = [s.seconds for s in found.stages if stages and s.name.startswith(stages)]
         why = "" if own else "it has no stage of a step of its own"
         made[name] = {

@@ -33,8 +33,9 @@ from tripod_identify.measured import Measured
 from tripod_identify.model import Told, plainly, predict
 from tripod_identify.parameters import parameters, told
 from tripod_sim import StepError, load_scene
+from tripod_sim.effects.load import Load
 from tripod_sim.scene import Scene
-from tripod_sim.tables.sets import Load, NodeSet
+from tripod_sim.tables.sets import NodeSet
 
 MODEL = ("servos.slide=0.02",)
 TRUTHS = {

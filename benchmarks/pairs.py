@@ -26,12 +26,11 @@ sys.path.insert(0, str(ROOT))  # run as a script, too
 
 from benchmarks.doc_parts import DOCS, write_part  # noqa: E402
 from tripod_sim import Simulation, load_scene  # noqa: E402
-from tripod_sim.effects import words  # noqa: E402
+from tripod_sim.effects import EFFECTS, words  # noqa: E402
+from tripod_sim.effects.inertia import Inertia  # noqa: E402
 from tripod_sim.elements.catalogue import ELEMENTS  # noqa: E402
 from tripod_sim.errors import SceneError  # noqa: E402
-from tripod_sim.scene import EFFECTS  # noqa: E402
 from tripod_sim.tables.method import Solver  # noqa: E402
-from tripod_sim.tables.motion import Inertia  # noqa: E402
 
 STEPS = 3
 

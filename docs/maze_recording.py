@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import viser
 
+from tripod_host.rotations import quaternion
 from tripod_play.solve import solve
 from tripod_sim import Simulation, load_scene
-from tripod_sim.constraints.groups import quaternion
 
 OUT = Path(__file__).parent / "maze_game.html"
 RATE = 20.0

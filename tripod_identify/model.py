@@ -9,8 +9,9 @@ from tripod_host.arrays import FloatArray
 from tripod_identify.errors import DataError
 from tripod_identify.measured import Measured
 from tripod_identify.observe import Observer, Point, Sensor, plain_sensor, with_watched
-from tripod_sim.build import Parts, build
+from tripod_sim.build import build
 from tripod_sim.errors import SceneError, StepError
+from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State

@@ -36,7 +36,7 @@ from scipy.spatial import cKDTree
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.rotations import rotation_vector
 from tripod_sim.bodies.soft_build import assembled, sets_of
-from tripod_sim.build import Parts, body_mesh, build, reach_of
+from tripod_sim.build import build
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.loads import NodalLoads
@@ -45,10 +45,13 @@ from tripod_sim.integrators.newton import Newton, NewtonError
 from tripod_sim.integrators.quasi_static import QuasiStatic
 from tripod_sim.integrators.report import MeshErrorReport
 from tripod_sim.linear.choice import linear_factory
+from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.state import State
+from tripod_sim.steppers import reach_of
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.sets import NodeSet
@@ -127,7 +130,7 @@ def alone(scene: Scene, mesh: Mesh) -> Scene:
 def _has(scene: Scene, tables: tuple[NodeSet, ...], name: str) -> bool:
     """Return whether a set of `tables` has nodes of the scene's body."""
     bare = replace(scene, set=(), fixed=(), prescribed=(), load=())
-    assembly, _ = assembled(bare, body_mesh)
+    assembly, _ = assembled(bare, described_mesh)
     try:
         return bool(len(sets_of(replace(bare, set=tables), assembly).nodes(name, "")))
     except SceneError:

@@ -37,6 +37,7 @@ from tripod_graph.trajectory import Command, obey
 from tripod_graph.turns import short
 from tripod_host.arrays import FloatArray
 from tripod_sim import messages, realtime
+from tripod_sim.effects import EFFECTS
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.figures.errors import effector_error, mesh_error
 from tripod_sim.keep_up import PERIOD as LOOK_PERIOD
@@ -45,7 +46,7 @@ from tripod_sim.notices import known, notices, stalls
 from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.requests import Request, changed
 from tripod_sim.rerun import Rerun
-from tripod_sim.scene import EFFECTS, Scene
+from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.scene_short import Joints, effector_of
 from tripod_sim.scene_topics import SceneTopics

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.effects.fixed import Fixed
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.tables.sets import Fixed, NodeSet
+from tripod_sim.tables.sets import NodeSet
 
 ALL = "all"
 """The set of all nodes, which no table has to define."""

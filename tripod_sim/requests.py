@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from tripod_sim.accuracy.choice import asked
-from tripod_sim.effects import words
+from tripod_sim.effects import EFFECTS, words
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.scene import EFFECTS
 
 LONGEST = 1000
 """Of a request [characters]."""

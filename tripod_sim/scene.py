@@ -4,17 +4,46 @@ A table that is absent is an effect that is off: it is not imported, allocates n
 """
 
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
-from tripod_sim.scene_checks import CHECKS
+from tripod_sim.effects import EFFECTS, has
+from tripod_sim.effects.ball import Ball
+from tripod_sim.effects.clamp import Clamp
+from tripod_sim.effects.contact import Contact
+from tripod_sim.effects.damping import Damping
+from tripod_sim.effects.fixed import Fixed
+from tripod_sim.effects.gravity import Gravity
+from tripod_sim.effects.inertia import Inertia
+from tripod_sim.effects.initial_velocity import InitialVelocity
+from tripod_sim.effects.load import Load
+from tripod_sim.effects.maze import Maze
+from tripod_sim.effects.mesh_error import MeshError
+from tripod_sim.effects.prescribed import Prescribed
+from tripod_sim.effects.servo_dynamics import ServoDynamics
+from tripod_sim.effects.sleep import Sleep
+from tripod_sim.effects.strain_limit import StrainLimit
+from tripod_sim.effects.time_error import TimeError
+from tripod_sim.scene_checks import check_bodies, check_held, check_needs, check_tables
 from tripod_sim.tables.bodies import Body, Material, Mesh, Obstacle, Region, Rigid, Springs, Tie
 from tripod_sim.tables.fields import check_fields, number
-from tripod_sim.tables.method import MeshError, Solver, TimeError
-from tripod_sim.tables.motion import Contact, Damping, Gravity, Inertia, Sleep, StrainLimit
-from tripod_sim.tables.robot import Ball, Clamp, Effector, Maze, Motion, Platform, ServoDynamics, Servos
-from tripod_sim.tables.sets import Fixed, InitialVelocity, Load, Marker, NodeSet, Prescribed, Servo
+from tripod_sim.tables.method import Solver
+from tripod_sim.tables.robot import Effector, Motion, Platform, Servos
+from tripod_sim.tables.sets import Marker, NodeSet, Servo
+
+T = TypeVar("T")
+
+
+def with_effects(cls: type[T]) -> type[T]:
+    """Give a class a field for each effect; those named in its body are for readers and type checkers."""
+    for name, effect in EFFECTS.items():
+        if name not in cls.__annotations__:
+            cls.__annotations__[name] = tuple[effect.table, ...] if effect.several else effect.table | None  # type: ignore[name-defined]
+            setattr(cls, name, () if effect.several else None)
+    return cls
 
 
 @dataclass(frozen=True)
+@with_effects
 class Scene:
     """A soft body, what holds it and what acts on it: a solid (`mesh` and `material`) or `springs`; or rigid bodies.
 
@@ -83,36 +112,24 @@ class Scene:
 
     def __post_init__(self) -> None:
         check_fields(self, "")
-        for check in CHECKS:
-            check(self)
+        check_bodies(self)
+        for name, effect in EFFECTS.items():
+            if has(self, name):
+                check_needs(self, name, effect)
+        check_held(self)
+        check_tables(self)
+        for name, effect in EFFECTS.items():
+            if effect.check and has(self, name):
+                effect.check(getattr(self, name), self)
 
+    @property
+    def named(self) -> list[str]:
+        """The effects that it names."""
+        return [name for name in EFFECTS if getattr(self, name)]
 
-EFFECTS = (
-    "gravity",
-    "inertia",
-    "damping",
-    "fixed",
-    "prescribed",
-    "load",
-    "initial_velocity",
-    "servos",
-    "servo_dynamics",
-    "clamp",
-    "effector",
-    "strain_limit",
-    "maze",
-    "ball",
-    "contact",
-    "obstacles",
-    "rigid",
-    "time_error",
-    "mesh_error",
-    "sleep",
-)
-"""Tables of a scene that may be absent."""
 
 OPTIONAL = (*EFFECTS, "body", "tie", "platform", "region", "set", "servo", "marker", "motion")
-"""The same, with what is no effect."""
+"""Tables of a scene that may be absent: effects, and what is none."""
 
 
 def at_rest(scene: Scene) -> Scene:

@@ -7,25 +7,21 @@ a rigid body where there is contact. What comes behind asks `joints_of`, `discs_
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
 from tripod_sim.tables.bodies import Body, Rigid
+from tripod_sim.tables.fields import Described
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import NodeSet, Servo
-
-if TYPE_CHECKING:
-    from tripod_sim.scene import Scene
-
 
 FIRST, SECOND = "body", "springs"
 """Names of what the short form describes; where that is one body it has the first."""
 
 
-def soft_bodies(scene: "Scene") -> tuple[Body, ...]:
+def soft_bodies(scene: Described) -> tuple[Body, ...]:
     """Return the soft bodies of a scene, those of the short form first."""
     found = {body.name: body for body in _short(scene)}
     bodies = list(found.values())
@@ -36,18 +32,26 @@ def soft_bodies(scene: "Scene") -> tuple[Body, ...]:
     return tuple(bodies)
 
 
-def field_of(scene: "Scene", number: int) -> str:
+def field_of(scene: Described, number: int) -> str:
     """Return how a message names body `number`: nothing for the short form, else `body.0.` and so on."""
     first = len(_short(scene))
     return f"body.{number - first}." if number >= first else ""
 
 
-def springs_alone(scene: "Scene") -> bool:
-    """Return whether one body of springs is all, so that the compiled loops of `springs` can move it."""
-    return scene.springs is not None and len(soft_bodies(scene)) == 1
+LOOPS = {
+    "gravity", "inertia", "damping", "fixed", "initial_velocity", "strain_limit", "contact", "obstacles", "rigid",
+    "ball", "time_error", "sleep",
+}  # fmt: skip
+"""Effects that the compiled loops of springs know."""
 
 
-def _short(scene: "Scene") -> tuple[Body, ...]:
+def springs_alone(scene: Described) -> bool:
+    """Return whether one body of springs is all, with nothing that the compiled loops of `springs` do not know."""
+    alone = scene.springs is not None and len(soft_bodies(scene)) == 1
+    return alone and {*scene.named} <= LOOPS and all(len(table.axes) == 3 for table in scene.fixed)
+
+
+def _short(scene: Described) -> tuple[Body, ...]:
     found = []
     if scene.mesh or scene.material:
         found.append(Body(FIRST, mesh=scene.mesh, material=scene.material, region=scene.region))
@@ -59,12 +63,12 @@ def _short(scene: "Scene") -> tuple[Body, ...]:
 # rigid bodies ---------------------------------------------------------------------------------------------------------
 
 
-def ball_is_rigid(scene: "Scene") -> bool:
+def ball_is_rigid(scene: Described) -> bool:
     """Return whether the ball is one of the rigid bodies, the last: in contact, unless it plays on a plate."""
     return bool(scene.ball and scene.contact and not scene.maze)
 
 
-def rigids_of(scene: "Scene") -> list[tuple[str, Rigid]]:
+def rigids_of(scene: Described) -> list[tuple[str, Rigid]]:
     """Return the rigid bodies of a scene, each with its field."""
     found = [(f"rigid.{i}", body) for i, body in enumerate(scene.rigid)]
     if scene.ball and ball_is_rigid(scene):
@@ -166,7 +170,7 @@ class Joints:
         return max(*(arm.length for arm in self.arms), 0.005)
 
 
-def joints_of(scene: "Scene") -> Joints | None:
+def joints_of(scene: Described) -> Joints | None:
     """Return the servos of a scene; None where it has none."""
     tables = servo_tables(scene)
     if not tables:
@@ -180,7 +184,7 @@ def joints_of(scene: "Scene") -> Joints | None:
     return Joints(tuple(arms), tables[0][1].slide, min(table.slide_max for _, table, _ in tables))
 
 
-def servo_tables(scene: "Scene") -> list[tuple[str, Servos, Body]]:
+def servo_tables(scene: Described) -> list[tuple[str, Servos, Body]]:
     """Return each `[servos]` with its field and the body whose nodes they hold, about whose Z axis they stand."""
     bodies = soft_bodies(scene)
     found = []
@@ -240,7 +244,7 @@ def _placed(i: int, servo: Servo, table: Servos) -> Arm:
     )
 
 
-def posed(scene: "Scene", angles: FloatArray, slide: float) -> "Scene":
+def posed(scene: Described, angles: FloatArray, slide: float) -> Described:
     """Return a scene whose servos start at `angles` [rad], shape (count,), and `slide` [m]."""
     rest, tables = angles.tolist(), list[Servos]()
     for _, table, _ in servo_tables(scene):
@@ -254,7 +258,7 @@ def posed(scene: "Scene", angles: FloatArray, slide: float) -> "Scene":
 # discs ----------------------------------------------------------------------------------------------------------------
 
 
-def discs_of(scene: "Scene") -> list[tuple[str, Effector, Body]]:
+def discs_of(scene: Described) -> list[tuple[str, Effector, Body]]:
     """Return each `[effector]` with its field and its body; the first is the effector of the scene."""
     bodies = soft_bodies(scene)
     found = []
@@ -267,7 +271,7 @@ def discs_of(scene: "Scene") -> list[tuple[str, Effector, Body]]:
     ]
 
 
-def effector_of(scene: "Scene") -> Effector | None:
+def effector_of(scene: Described) -> Effector | None:
     """Return the effector of a scene, a disc or else a platform; None where it has none."""
     if found := discs_of(scene):
         return found[0][1]

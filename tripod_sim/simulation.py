@@ -13,17 +13,18 @@ from numpy.typing import NDArray
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion
 from tripod_sim.bodies.assembly import Assembly
-from tripod_sim.build import Parts, build
+from tripod_sim.build import build
 from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame
+from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import ball_is_rigid, discs_of, joints_of
 from tripod_sim.state import State
 from tripod_sim.system import System
-from tripod_sim.tables.motion import EXPLICIT
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.ball.body_ball import BodyBall
@@ -609,7 +610,7 @@ class Simulation:
         if self._ball and self.state.ball:
             contacts = self._ball.rest_load(self.state, self.state.ball, loads.force)
         if held:
-            loads.force += held.force
+            loads.force[:] += held.force
         try:
             return compliance(system, self.state, contacts, held, softest=self._softest)
         finally:

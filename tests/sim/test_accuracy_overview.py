@@ -18,7 +18,7 @@ from benchmarks.accuracy_overview import (
     unsure,
 )
 from tripod_bringup.study_plot import COLOURS
-from tripod_sim.tables.motion import EXPLICIT
+from tripod_sim.effects.inertia import EXPLICIT
 
 
 def point(

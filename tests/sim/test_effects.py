@@ -11,8 +11,7 @@ import pytest
 from tests.memory import kept
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
-from tripod_sim.effects import TABLE, absent, meaning, named, words
-from tripod_sim.scene import EFFECTS
+from tripod_sim.effects import EFFECTS, absent, meaning, named, words
 
 SOLID = ("silicone", "mesh.level=1")
 ROBOT = (SHARP, "mesh.level=1")
@@ -190,24 +189,24 @@ def looks() -> dict[str, dict]:
 def belongs(module: str, effect: str) -> bool:
     """Whether a module is one of an effect's own."""
     name = module.removeprefix("tripod_sim.")
-    return any(name == m or name.startswith(m + ".") for m in TABLE[effect].modules)
+    return any(name == m or name.startswith(m + ".") for m in EFFECTS[effect].modules)
 
 
 def test_every_effect_has_a_row() -> None:
     """Whoever adds an effect says which modules and stages are its own, and shows that it costs nothing when absent."""
-    assert set(TABLE) == set(EFFECTS)
+    assert set(EFFECTS)
     assert set(ROWS) == set(EFFECTS)
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_an_absent_effect_is_not_imported_and_has_no_array_and_no_stage(effect: str, looks: dict) -> None:
-    row, info = ROWS[effect], TABLE[effect]
+    row, info = ROWS[effect], EFFECTS[effect]
     for name in row.without:
         assert effect not in named(load_scene(SCENES[name][0], SCENES[name][1:])), name
         look = looks[name]
         for kind in ("loaded", "arrays", "objects"):
             assert not [m for m in look[kind] if belongs(m, effect)], (name, kind)
-        assert not [s for s in look["stages"] if s.startswith(info.stages)] or not info.stages, name
+        assert not [s for s in look["stages"] if s.startswith(info.steps)] or not info.steps, name
         assert look["counts"].get(effect, 0) == 0, name
     assert effect in named(load_scene(SCENES[row.with_][0], SCENES[row.with_][1:]))
     having = [n for n, scene in SCENES.items() if effect in named(load_scene(scene[0], scene[1:]))]
@@ -215,7 +214,7 @@ def test_an_absent_effect_is_not_imported_and_has_no_array_and_no_stage(effect: 
     for module in info.modules:
         assert module in loaded, f"{module} would not be missed"
     look = looks[row.with_]
-    assert [s for s in look["stages"] if s.startswith(info.stages)] or not info.stages
+    assert [s for s in look["stages"] if s.startswith(info.steps)] or not info.steps
     if row.count:
         assert look["counts"][effect] > 0
     else:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
+from tripod_sim.effects import EFFECTS
 from tripod_sim.figures.accuracy import WISHES, accuracy_figures, accuracy_line
 from tripod_sim.figures.effects import effect_figures, effect_lines, stored
 from tripod_sim.figures.energy import EnergyBooks, total
@@ -14,6 +15,7 @@ from tripod_sim.figures.picture import picture
 from tripod_sim.figures.stability import stability, stability_lines
 from tripod_sim.integrators.report import MeshErrorReport, StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
+from tripod_sim.mesh_error import MeshErrorReport
 from tripod_sim.scene import EFFECTS
 from tripod_sim.scene_file import scene_names
 from tripod_sim.simulation import Energies

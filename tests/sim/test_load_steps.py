@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from tripod_sim import Simulation, load_scene
-from tripod_sim.build import build, reach_of
+from tripod_sim.build import build
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.state import State
+from tripod_sim.steppers import reach_of
 from tripod_sim.system import System
 
 STATIC = ("inertia=off", "damping=off", "mesh.level=1")

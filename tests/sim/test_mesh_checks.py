@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from tripod_sim.build import build
+from tripod_sim.effects.fixed import Fixed
+from tripod_sim.effects.inertia import Inertia
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh import solid_mesh
@@ -18,8 +20,6 @@ from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.scene import Scene
 from tripod_sim.tables.bodies import Material
 from tripod_sim.tables.bodies import Mesh as SceneMesh
-from tripod_sim.tables.motion import Inertia
-from tripod_sim.tables.sets import Fixed
 
 BRICK = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks import pairs
 from benchmarks.doc_parts import DOCS
-from tripod_sim.scene import EFFECTS
+from tripod_sim.effects import EFFECTS
 
 FEW = ("solid", "springs", "gravity", "damping", "contact", "h8", "bdf2", "statics")
 

@@ -16,13 +16,20 @@ from hypothesis import strategies as st
 
 import tripod_sim
 from tripod_sim import SceneError, load_scene, scene_names
-from tripod_sim.scene import EFFECTS, Scene
+from tripod_sim.effects import EFFECTS
+from tripod_sim.effects.damping import Damping
+from tripod_sim.effects.fixed import Fixed
+from tripod_sim.effects.gravity import Gravity
+from tripod_sim.effects.inertia import Inertia
+from tripod_sim.effects.initial_velocity import InitialVelocity
+from tripod_sim.effects.load import Load
+from tripod_sim.effects.prescribed import Prescribed
+from tripod_sim.scene import Scene
 from tripod_sim.scene_file import MAX_BYTES, scene_to_toml
 from tripod_sim.tables.bodies import Material, Mesh
 from tripod_sim.tables.method import Solver
-from tripod_sim.tables.motion import Damping, Gravity, Inertia
 from tripod_sim.tables.robot import Effector, Servos
-from tripod_sim.tables.sets import Fixed, InitialVelocity, Load, Marker, NodeSet, Prescribed
+from tripod_sim.tables.sets import Marker, NodeSet
 
 FUZZ = settings(max_examples=300, deadline=None, derandomize=True, database=None)
 

@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 from tests.scenes import SHARP
 from tripod_bringup import cli
 from tripod_sim import Simulation, load_scene
+from tripod_sim.effects.damping import Damping
+from tripod_sim.effects.inertia import Inertia
 from tripod_sim.elements.catalogue import ELEMENTS
-from tripod_sim.tables.motion import Damping, Inertia
 
 
 def test_the_free_piece_falls_undeformed() -> None:

@@ -12,9 +12,9 @@ import pytest
 from tests.memory import kept
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
+from tripod_sim.effects.servo_dynamics import ServoDynamics
 from tripod_sim.robot.servo import ServoMotion
 from tripod_sim.run import run
-from tripod_sim.tables.robot import ServoDynamics
 
 COARSE = ["mesh.level=1"]
 REAL = [*COARSE, "servo_dynamics={}"]

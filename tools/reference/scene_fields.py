@@ -6,7 +6,8 @@ from dataclasses import MISSING, Field, fields, is_dataclass
 from typing import Any, get_args, get_origin, get_type_hints
 
 from tools.reference.docstrings import cell, docstring
-from tripod_sim.scene import EFFECTS, Scene
+from tripod_sim.effects import EFFECTS
+from tripod_sim.scene import Scene
 
 HEAD = """\
 # Fields of a scene

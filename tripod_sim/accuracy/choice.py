@@ -16,10 +16,10 @@ from typing import Any
 
 from tripod_sim.accuracy.machine import product_time
 from tripod_sim.accuracy.stored import NUMBERS, StoredPoint, StoredStudy, Value, read_study, stored_studies
+from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
-from tripod_sim.tables.motion import EXPLICIT
 
 MARGIN = 3.0
 """Error in other cases over that in a study's own, where it was not measured."""

@@ -13,10 +13,10 @@ from tripod_sim.ball.plate_kernels import SKIN, fall
 from tripod_sim.ball.rest import carried, rolling_stiffness
 from tripod_sim.ball.surface_kernels import advance_on_surface, workspace
 from tripod_sim.constraints.groups import DrivenFrame
+from tripod_sim.effects.ball import Ball
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.state import State
-from tripod_sim.tables.robot import Ball
 
 HEAVIEST = 1 / 32
 """Mass of the ball over that of the body up to which the delayed load is stable."""

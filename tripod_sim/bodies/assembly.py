@@ -48,6 +48,11 @@ class SoftBody:
         """Its elements or springs in the numbering of all bodies."""
         return self.nodes[self.mesh.elements]
 
+    def among(self, nodes: FloatArray) -> SolidMesh:
+        """Return the mesh of a solid in the numbering of all bodies, whose `nodes` are given [m], shape (n, 3)."""
+        assert self.solid
+        return replace(self.solid, nodes=nodes, elements=self.blocks, groups={})
+
     def moved(self, nodes: FloatArray) -> "SoftBody":
         """Return it with the places of its nodes taken from those of all bodies [m], shape (n, 3)."""
         return self.placed(nodes[self.nodes])

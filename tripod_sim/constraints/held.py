@@ -1,21 +1,15 @@
 """What fixed regions and prescribed motions hold, and which motions of a body as a whole they leave free."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tripod_host.arrays import BoolArray, FloatArray, IndexArray
-from tripod_sim.constraints.groups import DrivenFrame, Groups
+from tripod_sim.constraints.groups import Groups
+from tripod_sim.effect import Draft, Holding
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts
-from tripod_sim.node_sets import NodeSets
-from tripod_sim.scene import Scene
-
-if TYPE_CHECKING:
-    from tripod_sim.constraints.prescribed import Prescribed
-
 
 AXES = "xyz"
 
@@ -23,35 +17,13 @@ LOOSE = 1e-12
 """Square of how firmly a motion as a whole is held, as a share of the firmest, below which it is free."""
 
 
-def held_groups(
-    scene: Scene,
-    sets: NodeSets,
-    nodes: FloatArray,
-    rigid: tuple[IndexArray, ...],
-    driven: tuple[DrivenFrame, ...],
-) -> Groups:
-    """Return all groups of a body.
-
-    Args:
-        scene: What holds it.
-        sets: Of the body.
-        nodes: Undeformed [m], shape (n, 3).
-        rigid, driven: Its rigid bodies and driven frames.
-
-    Raises:
-        SceneError: there is no such set, or it is empty; two hold one node.
-    """
+def held_groups(draft: Draft) -> Groups:
+    """Return all groups of the bodies. Raises SceneError where two of what holds nodes hold one along the same axis."""
+    nodes = draft.rest
     owner, names = np.full(nodes.shape, -1), []
-    groups = [(f"rigid body {i}", body, AXES) for i, body in enumerate(rigid)]
-    groups += [(f"servo {i}", frame.nodes, AXES) for i, frame in enumerate(driven)]
-    fixed = [
-        (f"fixed.{i}", sets.held(table, f"fixed.{i}"), table.axes) for i, table in enumerate(scene.fixed)
-    ]
-    moved = [
-        (f"prescribed.{i}", sets.nodes(table.set, f"prescribed.{i}.set"), table.axes)
-        for i, table in enumerate(scene.prescribed)
-    ]
-    for name, held, axes in (*groups, *fixed, *moved):
+    groups = [Holding(f"rigid body {i}", body, AXES) for i, body in enumerate(draft.rigid)]
+    groups += [Holding(f"servo {i}", frame.nodes, AXES) for i, frame in enumerate(draft.driven)]
+    for name, held, axes in (*groups, *draft.fixed, *draft.moved):
         names.append(name)
         for axis in map(AXES.index, axes):
             before = owner[held, axis]
@@ -67,23 +39,8 @@ def held_groups(
     whole = np.flatnonzero(own.all(axis=1))
     single = own.copy()
     single[whole] = False
-    prescribed = _prescribed(scene, nodes, [held for _, held, _ in moved]) if moved else None
-    return Groups(len(nodes), rigid, driven, whole, np.argwhere(single), prescribed)
-
-
-def _prescribed(scene: Scene, nodes: FloatArray, sets: Sequence[IndexArray]) -> "Prescribed":
-    from tripod_sim.constraints.prescribed import Motion, Prescribed  # noqa: PLC0415 - an effect that is absent
-    from tripod_sim.timeline import parse_timeline  # noqa: PLC0415
-
-    motions = []
-    for i, (table, held) in enumerate(zip(scene.prescribed, sets, strict=True)):
-        lines = [
-            parse_timeline(text or "0: 0,0,0", 3, f"prescribed.{i}.{name}", unit)
-            for name, text, unit in (("move", table.move, "m"), ("turn", table.turn, "rad"))
-        ]
-        axes = tuple(map(AXES.index, table.axes))
-        motions.append(Motion(held, axes, nodes[held], np.array(table.centre), *lines))
-    return Prescribed(motions)
+    rigid = tuple(draft.rigid)
+    return Groups(len(nodes), rigid, draft.driven, whole, np.argwhere(single), draft.prescribed)
 
 
 def free_motion(joined: Sequence[IndexArray], nodes: FloatArray, held: BoolArray) -> str:

@@ -7,17 +7,17 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
-from tripod_sim.build import reach_of
 from tripod_sim.contact.bodies import Nodes
 from tripod_sim.contact.response import Law
 from tripod_sim.contact.stepper import ContactStepper
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.contact.world import World
+from tripod_sim.effects.contact import Contact
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import joints_of
-from tripod_sim.tables.motion import Contact
+from tripod_sim.steppers import reach_of
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet

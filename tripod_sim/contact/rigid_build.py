@@ -15,7 +15,7 @@ from tripod_sim.scene_short import rigids_of
 from tripod_sim.tables.bodies import Rigid
 
 if TYPE_CHECKING:
-    from tripod_sim.build import Parts
+    from tripod_sim.parts import Parts
 
 
 def rigid_set(scene: Scene) -> RigidSet:
@@ -43,9 +43,9 @@ def _shape(body: Rigid, field: str) -> Shape:
 
 def build_rigid(scene: Scene) -> "Parts":
     """Return the parts of a simulation of rigid bodies alone. Raises SceneError."""
-    from tripod_sim.build import Parts  # noqa: PLC0415 - it imports this module
     from tripod_sim.contact.contact_build import contact_stepper, place_rigid  # noqa: PLC0415
     from tripod_sim.contact.rigid_set import RigidSystem  # noqa: PLC0415
+    from tripod_sim.parts import Parts  # noqa: PLC0415 - it imports this module
 
     assert scene.contact
     rigid = rigid_set(scene)

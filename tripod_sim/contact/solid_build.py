@@ -1,34 +1,27 @@
 """Scene to soft bodies in contact, finite-element solids and springs."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.bodies.assembly import Assembly
-from tripod_sim.build import Parts
+from tripod_sim.bodies.soft_build import shown
 from tripod_sim.contact.contact_build import contact_stepper, obstacle_parts, place_rigid, upward
 from tripod_sim.contact.solid_nodes import SolidNodes
 from tripod_sim.contact.start import check_apart, check_itself, check_start, lift, passing
 from tripod_sim.contact.surfaces import Part
+from tripod_sim.effect import Draft
+from tripod_sim.effects.contact import Contact
 from tripod_sim.errors import SceneError
-from tripod_sim.forces.anchor import Anchor
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.stage import ImplicitStage
-from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.node_sets import NodeSets
+from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import rigids_of
 from tripod_sim.system import System
-from tripod_sim.tables.motion import Contact
-
-if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.ball.body_ball import BodyBall
-    from tripod_sim.bodies.assembly import AssemblySkin
-    from tripod_sim.forces.strain_bound import StrainBound
-    from tripod_sim.maze.plate import Plate
-    from tripod_sim.maze.play import MazeBall
 
 MODES = 1e-3
 """Unbalanced force that incompatible modes may keep, as a share of the solver's tolerance."""
@@ -107,40 +100,19 @@ def placed_bodies(assembly: Assembly, sets: NodeSets, scene: Scene, contact: Con
     return assembly.moved(lambda body: moves.get(body.tied, np.zeros(3)))
 
 
-def solid_parts(
-    assembly: Assembly,
-    mesh: "SolidMesh | Assembly",
-    skin: "AssemblySkin | None",
-    system: System,
-    inertia: Anchor,
-    mass: FloatArray,
-    scene: Scene,
-    contact: Contact,
-    plate: "Plate | None",
-    ball: "MazeBall | BodyBall | None" = None,
-    bound: "StrainBound | None" = None,
-) -> Parts:
+def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     """Return the parts of a simulation of soft bodies, and rigid ones if there are any, among obstacles.
 
-    Args:
-        assembly: The soft bodies.
-        mesh, skin: What is shown of them.
-        system: Their potential.
-        inertia: The system's inertia term.
-        mass: Of the system's nodes [kg].
-        scene, contact: What is described.
-        plate: The maze on the disc; it touches nothing but its ball.
-        ball: How that moves; None without one.
-        bound: Of the stretch of springs; None without one.
-
-    Raises:
-        SceneError: a body passes through something at the start.
+    Raises SceneError: a body passes through something at the start.
     """
+    scene, assembly, mass, inertia = draft.scene, draft.assembly, draft.inert, draft.inertia
+    assert inertia
+    mesh, skin, _ = shown(assembly)
     found = surfaces(assembly, contact)
     vertices = np.concatenate([s.nodes for s in found])
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stage = ImplicitStage(newton, inertia, mass, scene.damping.mass if scene.damping else 0.0)
-    nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance, bound)
+    nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance, draft.bound)
     rigid = None
     if rigids_of(scene):
         from tripod_sim.contact.rigid_build import rigid_set  # noqa: PLC0415 - an effect that is absent
@@ -163,11 +135,9 @@ def solid_parts(
 
     check = check_start_of if scene.servos else None
     if not rigid:
-        return Parts(mesh, mass, system, stepper, skin=skin, plate=plate, ball=ball, check_start=check)
+        return Parts(mesh, mass, system, stepper, skin=skin, check_start=check)
     from tripod_sim.contact.rigid_build import shown_with  # noqa: PLC0415 - an effect that is absent
     from tripod_sim.contact.rigid_start import check_beside  # noqa: PLC0415
 
     both, both_skin = shown_with(rigid, mesh, skin)
-    return Parts(
-        both, mass, system, stepper, skin=both_skin, plate=plate, ball=ball, rigid=rigid, check_start=check
-    )
+    return Parts(both, mass, system, stepper, skin=both_skin, rigid=rigid, check_start=check)

@@ -1,5 +1,6 @@
 """Which methods of which classes are the stages of a step. Classes go by name, so that looking imports no effect."""
 
+from tripod_sim.effects import EFFECTS
 from tripod_sim.explain.objects import walk
 from tripod_sim.explain.stopwatch import Stopwatch
 from tripod_sim.simulation import Simulation
@@ -12,9 +13,8 @@ LOOP = "compiled loop"
 ELASTIC, ASSEMBLY, REDUCTION = "elastic forces", "Hessian assembly", "reduction"
 FACTORISATION, SOLUTION = "factorisation", "back-substitution"
 ITERATION, SCHEME, MOVES = "Newton and line search", "time scheme", "moving the nodes"
-ARMS, BALL, CONTACT = "servo arms", "ball", "contact"
 
-STAGES: dict[str, dict[str, str]] = {
+CORE: dict[str, dict[str, str]] = {
     "system.System": {
         "_evaluate_elastic": ELASTIC,
         "evaluate": "gradient",
@@ -22,16 +22,9 @@ STAGES: dict[str, dict[str, str]] = {
         "assemble": ASSEMBLY,
         "factor": REDUCTION,
         "move": MOVES,
-        "drive": ARMS,
-        "add_driven": ARMS,
     },
     "constraints.reduction.Reduction": {"gradient": REDUCTION, "hessian": REDUCTION, "moves": MOVES},
-    "forces.gravity.GravityForce": {"add_gradient": "gravity"},
-    "forces.anchor.Anchor": {"add_gradient": "inertia"},
-    "forces.rayleigh.StiffnessDamping": {"add_gradient": "damping", "hold": "damping"},
     "forces.spring_force.SpringDampers": {"add_gradient": "dampers", "stiffness": ASSEMBLY},
-    "forces.foundation.Foundation": {"add_gradient": "clamp"},
-    "forces.loads.NodalLoads": {"add_gradient": BALL},
     "linear.ldl.Ldl": {"factor": FACTORISATION, "is_positive": FACTORISATION, "solve": SOLUTION},
     "linear.cholmod.Cholmod": {"factor": FACTORISATION, "is_positive": FACTORISATION, "solve": SOLUTION},
     "linear.cg.ConjugateGradients": {"factor": "preconditioner", "solve": "conjugate gradients"},
@@ -39,58 +32,19 @@ STAGES: dict[str, dict[str, str]] = {
     "integrators.load_steps.LoadSteps": {"carry": "load increments"},
     "integrators.stage.ImplicitStage": {"read": SCHEME, "solve": SCHEME},
     "integrators.substeps.Substeps": {"step": SCHEME},
-    "integrators.explicit.ExplicitSteps": {
-        "step": SCHEME,
-        "_longest_part": "stability limit",
-        "_advance": "explicit parts",
-        "_energy": "watch over the energy",
-    },
-    "integrators.frequency.LargestFrequency": {"largest": "stability limit"},
-    "integrators.time_error.ErrorTransport": {
-        "keep_residual": "time error",
-        "euler": "time error",
-        "bdf2": "time error",
-        "tr_bdf2": "time error",
-        "would_add": "time error",
-        "report": "time error",
-    },
-    "integrators.doubling.Doubling": {"step": "time error"},
-    "mesh_error.MeshError": {"follow": "mesh error"},
-    "integrators.sleep.Sleeping": {"step": "sleep"},
-    "robot.servo.ServoMotion": {"advance": "servo dynamics", "stalled": "servo dynamics"},
-    "maze.play.MazeBall": {"load": BALL, "follow": BALL},
-    "ball.body_ball.BodyBall": {"load": BALL, "follow": BALL},
-    "contact.stepper.ContactStepper": {"step": f"{CONTACT}: bookkeeping"},
-    "contact.world.World": {"step": f"{CONTACT}: bookkeeping", "_finish": f"{CONTACT}: end of the step"},
-    "contact.detection.Detector": {
-        "near": f"{CONTACT}: near pairs",
-        "met": f"{CONTACT}: continuous detection",
-    },
-    "contact.response.Response": {"solve": f"{CONTACT}: response"},
-    "contact.few.FewContacts": {"solve": f"{CONTACT}: compliance"},
-    "contact.problem.StepProblem": {
-        "descend": ITERATION,
-        "_evaluate": f"{CONTACT}: gradient",
-        "gradient": "gradient",
-        "_assemble": ASSEMBLY,
-        "_factor": f"{CONTACT}: Hessian",
-        "_solve": SOLUTION,
-        "solve_bodies": SOLUTION,
-        "rows": SOLUTION,
-    },
+    "integrators.explicit.ExplicitSteps": {"step": SCHEME, "_energy": "watch over the energy"},
     "springs.stage.SpringNewton": {"solve_stage": LOOP},
     "springs.implicit.StaticSprings": {"step": LOOP},
     "springs.automatic.AutomaticSprings": {"step": LOOP},
     "springs.explicit.ExplicitSprings": {"step": LOOP},
-    "forces.strain_bound.StrainBound": {
-        "add_gradient": "strain limit",
-        "stiffness": "strain limit",
-        "settle": "strain limit",
-    },
-    "integrators.strain_limit.StrainLimited": {"step": "strain limit"},
 }
-"""Methods by class, below `tripod_sim`, with the name of their stage. A method's time counts without that of the stages
-called by it."""
+"""What no effect brings: methods by class, below `tripod_sim`, with the name of their stage."""
+
+STAGES: dict[str, dict[str, str]] = {
+    name: dict(pair for table in (CORE, *(e.stages for e in EFFECTS.values())) for pair in table.get(name, {}).items())
+    for name in dict.fromkeys([*CORE, *(name for e in EFFECTS.values() for name in e.stages)])
+}  # fmt: skip
+"""With those of effects. A method's time counts without that of the stages called by it."""
 
 
 def time_stages(simulation: Simulation, watch: Stopwatch) -> None:

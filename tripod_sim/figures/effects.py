@@ -11,8 +11,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from tripod_sim.effects import meaning
-from tripod_sim.scene import EFFECTS, Scene
+from tripod_sim.effects import EFFECTS, meaning
+from tripod_sim.scene import Scene
 
 FILE = "effect_costs.json"
 

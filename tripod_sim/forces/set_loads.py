@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.effects.load import Load
 from tripod_sim.elements.element import Element
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.node_sets import NodeSets
-from tripod_sim.tables.sets import Load
 
 
 class SetLoads(NamedTuple):

@@ -18,15 +18,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.effects.time_error import TimeError
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
 from tripod_sim.integrators.time_error_kernels import furthest
 from tripod_sim.state import State, TwinState
-from tripod_sim.tables.method import TimeError
 
 if TYPE_CHECKING:
-    from tripod_sim.build import Parts
+    from tripod_sim.parts import Parts
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
 """Of the length that the tolerance allows; least and largest change from part to part."""
@@ -49,7 +49,7 @@ class Doubling:
         )
         self._effector = bool(parts.system.groups.rigid)
         if parts.ball and twin.ball:
-            twin.ball.loads.force = parts.ball.loads.force
+            twin.ball.loads.share(parts.ball.loads)
         halved = self.awake if self._auto else self._twin
         steppers: list[Any] = [halved, getattr(halved, "inner", None)]
         for stepper in steppers:

@@ -22,8 +22,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.build import Stepper
 from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.parts import Stepper
 from tripod_sim.state import State
 
 if TYPE_CHECKING:  # an effect that is absent is not imported

@@ -45,6 +45,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.effects.inertia import ORDER
+from tripod_sim.effects.time_error import TimeError
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton
 from tripod_sim.integrators.report import StepReport
@@ -57,13 +59,14 @@ from tripod_sim.integrators.way_kernels import (
     write_lengths,
 )
 from tripod_sim.state import State, WayState
-from tripod_sim.tables.method import TimeError
-from tripod_sim.tables.motion import ORDER
 
 if TYPE_CHECKING:
-    from tripod_sim.build import Parts
+    from tripod_sim.parts import Parts
+
+if TYPE_CHECKING:
     from tripod_sim.contact.world import World
     from tripod_sim.maze.play import MazeBall
+    from tripod_sim.parts import Parts
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
 """Of the length that the errors allow; least and largest change from part to part."""

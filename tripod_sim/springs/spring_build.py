@@ -5,20 +5,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tripod_sim.build import Parts, Stepper, implicit_steps
+from tripod_sim.effects.contact import Contact
+from tripod_sim.effects.inertia import EXPLICIT
+from tripod_sim.effects.time_error import carried
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
+from tripod_sim.parts import Parts, Stepper
 from tripod_sim.scene import Scene
-from tripod_sim.scene_checks import carried
 from tripod_sim.scene_short import rigids_of
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
 from tripod_sim.springs.spring_system import SpringSystem
+from tripod_sim.steppers import implicit_steps
 from tripod_sim.tables.bodies import Springs
-from tripod_sim.tables.motion import EXPLICIT, Contact
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.surfaces import Part

@@ -1,12 +1,15 @@
 """How the tables of a scene declare their fields: units, ranges, choices."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, field, fields, is_dataclass
 from functools import partial
 from typing import Any
 
 from tripod_sim.errors import SceneError, shown
+
+Described = Any
+"""A `tripod_sim.scene.Scene`, for what that is made of: none of it may import the whole."""
 
 
 def number(
@@ -100,3 +103,25 @@ def allowed(meta: Any) -> str:
     if meta["high"] is not None:
         bounds.append(f"at most {meta['high']:g}{unit}")
     return "it must be " + (" and ".join(bounds) if bounds else f"a finite number{unit}")
+
+
+def check_box(where: str, low: Sequence[float] | None, high: Sequence[float] | None) -> None:
+    """Raise SceneError if corners of a box [m] are in the wrong order."""
+    if low is not None and high is not None and not all(a <= b for a, b in zip(low, high, strict=True)):
+        raise SceneError(f"{where}: low {low} must not exceed high {high} [m]")
+
+
+def check_axes(where: str, axes: str) -> None:
+    """Raise SceneError if a text is not some of the axes x, y, z."""
+    if not axes or sorted(set(axes) & set("xyz")) != sorted(axes):
+        raise SceneError(f"{where}.axes is {shown(axes)}; allowed: one or more of x, y, z")
+
+
+def check_unit(where: str, quaternion: tuple[float, ...]) -> None:
+    """Raise SceneError if a quaternion is far from having norm 1."""
+    size = sum(c * c for c in quaternion) ** 0.5
+    if not abs(size - 1) <= 0.01:
+        raise SceneError(
+            f"{where} is {quaternion}, of norm {size:.4g}; it must be a unit quaternion x, y, z, w; divide it by its "
+            "norm"
+        )

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from tripod_sim.tables.fields import number, one_of
+from tripod_sim.tables.fields import number
 
 Vector = tuple[float, float, float]
 
@@ -43,42 +43,6 @@ class NodeSet:
 
 
 @dataclass(frozen=True)
-class Fixed:
-    """Nodes that never move, or not along some axes: a set, or those whose undeformed place lies in a box.
-
-    Attributes:
-        set: Name of the set; empty: the box.
-        low: Smallest corner of the box [m].
-        high: Largest corner [m].
-        axes: Along which they stay: `xyz`, or fewer, for rollers and planes of symmetry.
-    """
-
-    set: str = ""
-    low: Vector | None = number(None, unit="m")
-    high: Vector | None = number(None, unit="m")
-    axes: str = "xyz"
-
-
-@dataclass(frozen=True)
-class Prescribed:
-    """Nodes that move along a timeline: a node X stands at centre + R(turn) (X - centre) + move.
-
-    Attributes:
-        set: Name of the set.
-        move: Displacement over time [s], [m], from zero: `0: 0,0,0; 1: 0,0,0.01`; linear in between, then as at last.
-        turn: Rotation vector over time [s], [rad], likewise.
-        centre: Of the rotation [m].
-        axes: Along which they are moved; along the others they are free.
-    """
-
-    set: str
-    move: str = ""
-    turn: str = ""
-    centre: Vector = number((0.0, 0.0, 0.0), unit="m")
-    axes: str = "xyz"
-
-
-@dataclass(frozen=True)
 class Servo:
     """Where a servo stands and what it holds; without any they stand evenly about Z. `[servos]` has what all share:
     their number, range, slide and start.
@@ -94,44 +58,6 @@ class Servo:
     hub: Vector = number(unit="m")
     axis: Vector = number()
     inward: Vector | None = number(None)
-
-
-@dataclass(frozen=True)
-class Load:
-    """A dead load on a set, constant in size and direction: a force, a pressure or a mass; one of the three.
-
-    Attributes:
-        set: Name of the set.
-        force: Of all its nodes together [N].
-        pressure: On the faces of the surface whose nodes are all in the set [Pa], along the normals of the undeformed
-            surface, inwards: it does not follow the surface.
-        mass: Of all its nodes together [kg]: weight where there is gravity, inertia where there is that.
-        share: How force and mass are divided: `area`, evenly over the same faces (consistent nodal loads), or `even`,
-            the same for each node.
-    """
-
-    set: str
-    force: Vector | None = number(None, unit="N")
-    pressure: float | None = number(None, unit="Pa")
-    mass: float | None = number(None, unit="kg", above=0, high=1e6)
-    share: str = one_of("area", "even", default="area")
-
-
-@dataclass(frozen=True)
-class InitialVelocity:
-    """Velocity of a set at the start: v + spin x (x - centre). Needs inertia.
-
-    Attributes:
-        set: Name of the set.
-        velocity: v [m/s].
-        spin: [rad/s].
-        centre: Of the spin [m].
-    """
-
-    set: str = "all"
-    velocity: Vector = number((0.0, 0.0, 0.0), unit="m/s", low=-1e4, high=1e4)
-    spin: Vector = number((0.0, 0.0, 0.0), unit="rad/s", low=-1e5, high=1e5)
-    centre: Vector = number((0.0, 0.0, 0.0), unit="m")
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.build import body_mesh
+from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError
+from tripod_sim.mesh.described import described_mesh
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, value_of
 from tripod_sim.scene_short import effector_of, joints_of
@@ -28,7 +29,6 @@ from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
 from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, Value, grid, points_of
 from tripod_sim.study.task import Measured
-from tripod_sim.tables.motion import EXPLICIT
 
 FILE, STATE, INTERVAL, SAMPLES = "scene.file", "scene.state", "watch.interval", "watch.samples"
 """What a task is told besides fields: the scene, a digest of its files, and when it is looked at [s]."""
@@ -246,7 +246,7 @@ def _corners(source: str, fields: str) -> FloatArray:
     own = {k: v for k, v in json.loads(fields).items() if k not in ("mesh.element", "mesh.refine")}
     described = scene_of(source, own).mesh
     assert described
-    mesh = body_mesh(described)
+    mesh = described_mesh(described)
     corners = np.unique(np.asarray(mesh.elements)[:, : mesh.kind.corners])
     some = np.unique(np.linspace(0, len(corners) - 1, min(len(corners), PROBES)).round().astype(np.int64))
     return np.asarray(mesh.nodes[corners[some]])

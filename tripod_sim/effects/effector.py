@@ -1,0 +1,20 @@
+"""Effect: a rigid disc in the centre of the piece."""
+
+from tripod_sim.effect import Draft, Effect
+from tripod_sim.scene_short import discs_of, pose_of
+from tripod_sim.tables.robot import Effector
+
+
+def hold(effector: Effector, draft: Draft) -> None:
+    """Make the nodes of each disc rigid."""
+    from tripod_sim.robot.disc import effector_disc
+
+    own = {body.table.name: body.nodes for body in draft.assembly.bodies}
+    for field, table, body in discs_of(draft.scene):
+        nodes, (position, turn) = own[body.name], pose_of(body)
+        draft.rigid.append(nodes[effector_disc((draft.rest[nodes] - position) @ turn, table, field)])
+
+
+EFFECT = Effect(
+    Effector, rank=110, there=lambda scene: bool(discs_of(scene)), modules=("robot.disc",), hold=hold
+)

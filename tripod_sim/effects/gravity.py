@@ -1,0 +1,34 @@
+"""Effect: weight."""
+
+from dataclasses import dataclass
+
+from tripod_sim.effect import Draft, Effect
+from tripod_sim.tables.fields import number
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Weight.
+
+    Attributes:
+        acceleration: [m/s²], three components in world.
+    """
+
+    acceleration: tuple[float, float, float] = number((0.0, 0.0, -9.81), unit="m/s²", low=-1e6, high=1e6)
+
+
+def act(gravity: Gravity, draft: Draft) -> None:
+    """Add the weight of the nodes, dead loads with it."""
+    from tripod_sim.forces.gravity import GravityForce
+
+    draft.terms.append(GravityForce(draft.load, gravity.acceleration, draft.rest, draft.dead))
+
+
+EFFECT = Effect(
+    Gravity,
+    rank=10,
+    modules=("forces.gravity",),
+    stages={"forces.gravity.GravityForce": {"add_gradient": "gravity"}},
+    steps=("gravity",),
+    act=act,
+)

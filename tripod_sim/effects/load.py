@@ -1,0 +1,70 @@
+"""Effect: dead loads on sets of nodes."""
+
+from dataclasses import dataclass
+
+from tripod_sim.effect import Described, Draft, Effect
+from tripod_sim.errors import SceneError
+from tripod_sim.tables.fields import number, one_of
+from tripod_sim.tables.sets import Vector
+
+
+@dataclass(frozen=True)
+class Load:
+    """A dead load on a set, constant in size and direction: a force, a pressure or a mass; one of the three.
+
+    Attributes:
+        set: Name of the set.
+        force: Of all its nodes together [N].
+        pressure: On the faces of the surface whose nodes are all in the set [Pa], along the normals of the undeformed
+            surface, inwards: it does not follow the surface.
+        mass: Of all its nodes together [kg]: weight where there is gravity, inertia where there is that.
+        share: How force and mass are divided: `area`, evenly over the same faces (consistent nodal loads), or `even`,
+            the same for each node.
+    """
+
+    set: str
+    force: Vector | None = number(None, unit="N")
+    pressure: float | None = number(None, unit="Pa")
+    mass: float | None = number(None, unit="kg", above=0, high=1e6)
+    share: str = one_of("area", "even", default="area")
+
+
+def check(tables: tuple[Load, ...], scene: Described) -> None:
+    """Raise SceneError if a load is described wrongly."""
+    for i, load in enumerate(tables):
+        given = [name for name in ("force", "pressure", "mass") if getattr(load, name) is not None]
+        if len(given) != 1:
+            raise SceneError(
+                f"load.{i} has {' and '.join(given) or 'none of them'}; give one of force, pressure, mass"
+            )
+        if load.mass is not None and not (scene.gravity or scene.inertia):
+            raise SceneError(f"load.{i}.mass needs gravity or inertia: without them it does nothing")
+
+
+def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
+    """Add dead masses, and find the dead forces."""
+    from tripod_sim.forces.set_loads import set_loads
+
+    solids = [body.among(draft.assembly.nodes) for body in draft.assembly.bodies if body.solid]
+    draft.dead, weighing, lumped = set_loads(tables, draft.sets, solids, len(draft.rest))
+    draft.load, draft.inert = draft.load + weighing, draft.inert + lumped
+
+
+def act(tables: tuple[Load, ...], draft: Draft) -> None:
+    """Add the forces where there is no weight that has them."""
+    if not draft.scene.gravity:
+        from tripod_sim.forces.gravity import GravityForce
+
+        draft.terms.append(GravityForce(draft.load, (0.0, 0.0, 0.0), draft.rest, draft.dead))
+
+
+EFFECT = Effect(
+    Load,
+    rank=60,
+    several=True,
+    check=check,
+    modules=("forces.set_loads",),
+    words=('load=[{set="all", force=[0.01, 0.0, 0.0], share="even"}]',),
+    weigh=weigh,
+    act=act,
+)

@@ -1,0 +1,23 @@
+"""Effect: surfaces that stand still."""
+
+from tripod_sim.effect import Described, Effect
+from tripod_sim.errors import SceneError
+from tripod_sim.tables.bodies import Obstacle
+from tripod_sim.tables.fields import check_unit
+
+
+def check(tables: tuple[Obstacle, ...], scene: Described) -> None:
+    """Raise SceneError if nothing touches them, or an orientation is none."""
+    if not scene.contact:
+        raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
+    for i, obstacle in enumerate(tables):
+        check_unit(f"obstacles.{i}.orientation", obstacle.orientation)
+
+
+EFFECT = Effect(
+    Obstacle,
+    rank=160,
+    several=True,
+    check=check,
+)
+"""Surfaces among those that contact is built of, no code of their own."""

@@ -1,0 +1,51 @@
+"""Effect: servo arms that hold the ends of the strips."""
+
+from tripod_sim.effect import Described, Draft, Effect
+from tripod_sim.errors import SceneError
+from tripod_sim.scene_short import joints_of, servo_tables, soft_bodies
+from tripod_sim.tables.robot import Servos
+
+
+def check(servos: Servos, scene: Described) -> None:
+    """Raise SceneError if servos start out of their limits, or have another number of values than of servos."""
+    tables = servo_tables(scene)
+    for field, s, body in tables:
+        if len(s.angles) != s.count:
+            raise SceneError(
+                f"{field}.angles has {len(s.angles)} values; it needs {s.count}, one for each servo"
+            )
+        for i, angle in enumerate(s.angles):
+            if not s.angle_min <= angle <= s.angle_max:
+                raise SceneError(
+                    f"{field}.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
+                )
+        if not 0 <= s.slide <= s.slide_max:
+            raise SceneError(f"{field}.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
+        if s.slide != tables[0][1].slide:
+            raise SceneError(
+                f"{field}.slide is {s.slide} m, {tables[0][0]}.slide {tables[0][1].slide} m; all servo bodies slide by "
+                "the same"
+            )
+        if scene.clamp and body.name != soft_bodies(scene)[0].name:
+            raise SceneError(f"clamp is of the first body: {field} need ideal clamps; leave clamp out")
+
+
+def hold(servos: Servos, draft: Draft) -> None:
+    """Let each arm drive what it holds."""
+    from tripod_sim.robot.arms import servo_arms
+
+    joints = joints_of(draft.scene)
+    assert joints
+    draft.driven = servo_arms(joints, draft.sets)
+
+
+EFFECT = Effect(
+    Servos,
+    rank=80,
+    there=lambda scene: bool(servo_tables(scene)),
+    check=check,
+    modules=("robot.arms",),
+    stages={"system.System": {"drive": "servo arms", "add_driven": "servo arms"}},
+    steps=("servo arms",),
+    hold=hold,
+)

@@ -1,0 +1,45 @@
+"""Effect: bodies at rest are left alone until something changes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from tripod_sim.effect import Described, Effect, Need
+from tripod_sim.tables.fields import number
+
+if TYPE_CHECKING:
+    from tripod_sim.parts import Parts
+
+
+@dataclass(frozen=True)
+class Sleep:
+    """Bodies at rest are not solved for until something changes. Needs inertia.
+
+    Attributes:
+        speed: Root mean square speed of a body below which it can be at rest [m/s].
+        time: For twice this long it must have been slow, have gone nowhere and not have fallen [s].
+    """
+
+    speed: float = number(0.003, unit="m/s", above=0, high=10.0)
+    time: float = number(0.25, unit="s", above=0, high=1e3)
+
+
+def finish(table: Sleep, scene: Described, parts: "Parts", build: "Callable[[Described], Parts]") -> "Parts":
+    """Take steps only while something moves."""
+    from tripod_sim.integrators.sleep import Sleeping
+
+    stepper = Sleeping(
+        parts.stepper, parts.system, parts.mass, speed=table.speed, time=table.time, rigid=parts.rigid
+    )
+    return replace(parts, stepper=stepper)
+
+
+EFFECT = Effect(
+    Sleep,
+    rank=200,
+    needs=(Need("inertia", "without velocity every step is at rest"),),
+    modules=("integrators.sleep",),
+    stages={"integrators.sleep.Sleeping": {"step": "sleep"}},
+    steps=("sleep",),
+    finish=finish,
+)

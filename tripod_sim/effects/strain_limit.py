@@ -1,0 +1,55 @@
+"""Effect: springs that cannot be stretched beyond a bound."""
+
+from dataclasses import dataclass
+
+from tripod_sim.effect import Described, Draft, Effect
+from tripod_sim.effects.inertia import EXPLICIT
+from tripod_sim.errors import SceneError
+from tripod_sim.scene_short import soft_bodies
+from tripod_sim.tables.fields import number
+
+
+@dataclass(frozen=True)
+class StrainLimit:
+    """Springs that cannot be stretched beyond a bound. Needs springs and inertia.
+
+    Attributes:
+        stretch: Largest elongation of a spring, as a share of its rest length.
+    """
+
+    stretch: float = number(0.1, low=1e-4, high=10.0)
+
+
+def check(table: StrainLimit, scene: Described) -> None:
+    """Raise SceneError if there are no springs, or nothing moves."""
+    if not (scene.inertia and any(body.springs for body in soft_bodies(scene))):
+        raise SceneError(
+            "strain_limit needs springs and inertia: it bounds how far springs stretch in motion"
+        )
+
+
+def act(table: StrainLimit, draft: Draft) -> None:
+    """Bound the springs: in implicit stages as a term, after explicit steps by moving nodes."""
+    from tripod_sim.bodies.soft_build import strain_bound
+
+    draft.bound = strain_bound(draft.assembly, draft.groups, draft.inert, table.stretch)
+    if draft.scene.inertia.scheme not in EXPLICIT:
+        draft.terms.append(draft.bound)
+
+
+EFFECT = Effect(
+    StrainLimit,
+    rank=120,
+    check=check,
+    modules=("forces.strain_bound", "integrators.strain_limit"),
+    stages={
+        "forces.strain_bound.StrainBound": {
+            "add_gradient": "strain limit",
+            "stiffness": "strain limit",
+            "settle": "strain limit",
+        },
+        "integrators.strain_limit.StrainLimited": {"step": "strain limit"},
+    },
+    steps=("strain limit",),
+    act=act,
+)

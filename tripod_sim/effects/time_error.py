@@ -1,0 +1,158 @@
+"""Effect: the error of the time steps, estimated while the scene runs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from tripod_sim.effect import Described, Effect, Need
+from tripod_sim.effects.inertia import EXPLICIT, ORDER
+from tripod_sim.errors import SceneError
+from tripod_sim.scene_short import soft_bodies, springs_alone
+from tripod_sim.tables.fields import number, one_of
+
+if TYPE_CHECKING:
+    from tripod_sim.parts import Parts
+
+
+@dataclass(frozen=True)
+class TimeError:
+    """The error of the time steps is estimated while the scene runs. Needs inertia.
+
+    Attributes:
+        steps: `fixed`: every step has the length dt; `auto`: it is divided, as coarsely as `tolerance` allows. A scene
+            file or override says `dt = "auto"` for short; dt stays the interval of commands and outputs.
+        accuracy: With `steps = "auto"`: share of the way gone that errors may add up to, such as 0.05, in any scene; 0:
+            parts may add `tolerance`.
+        tolerance: Error that a part of a step may add to the position of any node [m].
+        shortest: Length of a part that is accepted whatever its error [s].
+        estimate: `global`: the error since the start is carried along and told; `local`: only what each part of a step
+            adds is estimated, which is all that `steps = "auto"` needs, and cheaper; `auto`: `local` with automatic
+            steps, else `global`.
+    """
+
+    steps: str = one_of("fixed", "auto", default="fixed")
+    accuracy: float = number(0.0, low=0.0, high=1.0)
+    tolerance: float = number(1e-6, unit="m", above=0, high=1.0)
+    shortest: float = number(1e-6, unit="s", low=1e-9, high=1.0)
+    estimate: str = one_of("auto", "global", "local", default="auto")
+
+    @property
+    def carries(self) -> bool:
+        """Whether the error since the start is carried along."""
+        return self.estimate == "global" or (self.estimate == "auto" and self.steps == "fixed")
+
+
+def halves(scene: Described) -> bool:
+    """Return whether steps of half the length tell the error of the time steps (see `integrators.doubling`)."""
+    explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
+    return explicit or scene.contact is not None or scene.strain_limit is not None
+
+
+def by_way(scene: Described) -> bool:
+    """Return whether steps are chosen by what they err over their way (see `integrators.way_steps`)."""
+    wanted = scene.time_error
+    if not (wanted and scene.inertia and wanted.steps == "auto"):
+        return False
+    return wanted.accuracy > 0 or (halves(scene) and scene.inertia.scheme not in EXPLICIT)
+
+
+def carried(scene: Described) -> TimeError | None:
+    """Return what a scene asks of the error of the time steps where the scheme itself carries that along."""
+    wanted: TimeError | None = scene.time_error
+    return None if halves(scene) or by_way(scene) else wanted
+
+
+def check(wanted: TimeError, scene: Described) -> None:
+    """Raise SceneError if the estimate lacks what it needs."""
+    chosen = wanted.steps == "auto" and scene.inertia is not None and scene.inertia.scheme == "auto"
+    if wanted.accuracy and wanted.steps == "fixed":
+        raise SceneError(
+            f"time_error.accuracy is {wanted.accuracy:g}, but steps of a fixed dt do not follow it; set dt = "
+            "'auto', or leave it out"
+        )
+    explicit = springs_alone(scene) and chosen and not (halves(scene) or by_way(scene))
+    if wanted.estimate == "local" and wanted.steps == "fixed":
+        raise SceneError(
+            "time_error.estimate is 'local', but steps of a fixed dt are not chosen by it; set dt = 'auto', or "
+            "time_error.estimate to auto or global"
+        )
+    if explicit and wanted.estimate == "global":
+        raise SceneError(
+            "time_error.estimate is 'global', but the explicit steps of springs that dt = 'auto' takes by itself carry "
+            "no error along; name an implicit inertia.scheme, such as tr_bdf2, or set time_error.estimate to auto"
+        )
+    if halves(scene) and wanted.steps == "auto" and wanted.estimate == "global":
+        raise SceneError(
+            "time_error.estimate is 'global', but with contact, strain_limit or an explicit scheme dt = 'auto' carries "
+            "none along; "
+            "name a dt, or set time_error.estimate to auto"
+        )
+    if wanted.steps == "auto" and wanted.shortest > scene.dt:
+        raise SceneError(
+            f"time_error.shortest is {wanted.shortest:g} s; it must be at most dt, {scene.dt:g} s, which it divides"
+        )
+
+
+def prepare(wanted: TimeError, scene: Described) -> Described:
+    """Choose a scheme for steps that are chosen by their way, where that is left open."""
+    if not by_way(scene) or scene.inertia.scheme != "auto":
+        return scene
+    scheme = "bdf2" if halves(scene) else "tr_bdf2"  # hits make both restart; the former is cheaper there
+    return replace(scene, inertia=replace(scene.inertia, scheme=scheme))
+
+
+def finish(
+    wanted: TimeError, scene: Described, parts: "Parts", build: "Callable[[Described], Parts]"
+) -> "Parts":
+    """Let steps be chosen by their way, or find their error by others of half the length."""
+    if by_way(scene):
+        from tripod_sim.integrators.way_steps import WaySteps
+
+        distance = scene.contact.contact_distance if scene.contact else 0.0
+        in_maze: Any = parts.ball if scene.maze else None
+        solid = any(body.springs is None for body in soft_bodies(scene))
+        steps = WaySteps(parts, wanted, scene.inertia.scheme, distance, in_maze, solid=solid)
+        return replace(parts, stepper=steps, chosen=steps)
+    if parts.errors:
+        return parts
+    from tripod_sim.integrators.doubling import Doubling
+
+    twin = build(replace(scene, dt=0.5 * scene.dt, time_error=None))
+    order = 1 if scene.contact or scene.strain_limit else ORDER[scene.inertia.scheme]
+    doubling = Doubling(parts, twin, order, wanted)
+    return replace(parts, stepper=doubling, doubling=doubling)
+
+
+TIME_ERROR = "time error"
+
+EFFECT = Effect(
+    TimeError,
+    rank=180,
+    needs=(Need("inertia", "at rest no time passes that steps could divide"),),
+    check=check,
+    modules=(
+        "integrators.time_error",
+        "integrators.time_error_kernels",
+        "integrators.auto_steps",
+        "integrators.doubling",
+        "integrators.factor_store",
+        "integrators.way_kernels",
+        "integrators.way_steps",
+        "springs.automatic",
+        "springs.automatic_kernels",
+    ),
+    stages={
+        "integrators.time_error.ErrorTransport": {
+            "keep_residual": TIME_ERROR,
+            "euler": TIME_ERROR,
+            "bdf2": TIME_ERROR,
+            "tr_bdf2": TIME_ERROR,
+            "would_add": TIME_ERROR,
+            "report": TIME_ERROR,
+        },
+        "integrators.doubling.Doubling": {"step": TIME_ERROR},
+    },
+    steps=(TIME_ERROR,),
+    prepare=prepare,
+    finish=finish,
+)

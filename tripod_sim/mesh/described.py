@@ -1,0 +1,41 @@
+"""The mesh of a solid as a scene describes it."""
+
+from pathlib import Path
+
+from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
+from tripod_sim.tables.bodies import Mesh
+
+
+def described_mesh(description: Mesh) -> SolidMesh:
+    """Return the mesh that a scene describes. Raises SceneError."""
+    kind = ELEMENTS[description.element]
+    if description.source == "y_piece":
+        from tripod_sim.mesh.y_piece import LEVELS, YShape, divided, y_piece  # noqa: PLC0415 - only where it is described
+
+        level = divided(LEVELS[description.level], 2**description.refine)
+        shape = YShape(legs=description.legs)
+        mesh = y_piece(level, shape, kind) if kind.corners == 8 else y_piece(level, shape)
+    elif description.source == "block":
+        from tripod_sim.mesh.block import block  # noqa: PLC0415 - only where it is described
+
+        mesh = block(description.corners, description.cells)
+    elif "." in description.source:
+        from tripod_sim.mesh.read import read_solid  # noqa: PLC0415 - only where it is described
+
+        mesh = read_solid(Path(description.source), description.scale, kind.name)
+    else:
+        raise SceneError(
+            f"mesh.source is {description.source!r}; allowed: y_piece, block, or the path of a mesh file"
+        )
+    if mesh.kind is not kind:
+        from tripod_sim.mesh.convert import convert  # noqa: PLC0415 - only where it is described
+
+        mesh = convert(mesh, kind.name)
+    for _ in range(0 if description.source == "y_piece" else description.refine):
+        from tripod_sim.mesh.refine import refine  # noqa: PLC0415 - only where it is described
+
+        mesh = refine(mesh)
+    check_mesh(mesh, f"mesh.source {description.source!r}")
+    return mesh

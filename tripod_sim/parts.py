@@ -1,0 +1,79 @@
+"""What a simulation is made of."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.integrators.substeps import StepReport
+from tripod_sim.state import State
+
+if TYPE_CHECKING:
+    from tripod_sim.ball.body_ball import BodyBall
+    from tripod_sim.bodies.assembly import Assembly, AssemblySkin
+    from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet, RigidSystem
+    from tripod_sim.integrators.doubling import Doubling
+    from tripod_sim.integrators.time_error import ErrorTransport
+    from tripod_sim.integrators.way_steps import WaySteps
+    from tripod_sim.maze.plate import Plate
+    from tripod_sim.maze.play import MazeBall
+    from tripod_sim.mesh.solid_mesh import SolidMesh
+    from tripod_sim.robot.servo import ServoMotion
+    from tripod_sim.springs.automatic import AutomaticSprings
+    from tripod_sim.springs.body import SpringBody
+    from tripod_sim.springs.skin import ChainSkin
+    from tripod_sim.springs.spring_system import SpringSystem
+    from tripod_sim.system import System
+
+
+class Stepper(Protocol):
+    """Advances a state by one step."""
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """Advance in place, or raise StepError and leave `state` as it was."""
+
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps, so that the next depends on its state alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What `build` made of a scene.
+
+    Attributes:
+        mesh: The solid's mesh, the body of springs, or several bodies.
+        mass: Of nodes [kg], shape (n,); zero for ghosts of a compliant clamp, which follow the mesh's nodes.
+        system: The potential.
+        stepper: The time integrator or the static solver.
+        servos: How the servos turn; None where their angles are ideal.
+        skin: What shows a body that has no surface of its own.
+        plate: The maze on the disc; None without one.
+        ball: How the ball moves; None without one.
+        errors: Carries the error of the time steps along; None where the scene does not ask for it.
+        doubling: Finds that error by steps of half the length; None where nobody asks, or `errors` does.
+        chosen: Chooses the steps by what they err over their way, those of the ball among them; None: nothing does.
+        rigid: The rigid bodies, which `mesh` shows behind the soft one; None without any.
+        check_start: Raises SceneError if positions of nodes at the start [m] pass through something; None: they do not.
+        notes: What users should know of them, one sentence each.
+        soft: How many of the nodes that show the simulation belong to each soft body; empty: all that are not rigid.
+        velocities: Of nodes at the start [m/s], shape (n, 3); None: at rest.
+        watched: Nodes of each marker.
+    """
+
+    mesh: "SolidMesh | SpringBody | Assembly | JoinedMesh"
+    mass: FloatArray
+    system: "System | SpringSystem | RigidSystem"
+    stepper: Stepper
+    servos: "ServoMotion | None" = None
+    skin: "ChainSkin | AssemblySkin | JoinedSkin | None" = None
+    plate: "Plate | None" = None
+    ball: "MazeBall | BodyBall | None" = None
+    errors: "ErrorTransport | AutomaticSprings | None" = None
+    doubling: "Doubling | None" = None
+    chosen: "WaySteps | None" = None
+    rigid: "RigidSet | None" = None
+    check_start: Callable[[FloatArray], None] | None = None
+    notes: tuple[str, ...] = ()
+    soft: tuple[int, ...] = ()
+    velocities: FloatArray | None = None
+    watched: tuple[IndexArray, ...] = ()

@@ -1,0 +1,113 @@
+"""Scene to what makes its steps: time integrators and the static solver, for terms of any kind."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from tripod_host.arrays import FloatArray
+from tripod_sim.constraints.held import free_motion
+from tripod_sim.effect import Draft
+from tripod_sim.effects.time_error import by_way, carried
+from tripod_sim.integrators.newton import Newton
+from tripod_sim.integrators.substeps import Substeps
+from tripod_sim.parts import Stepper
+from tripod_sim.scene import Scene
+from tripod_sim.scene_short import joints_of, servo_tables, soft_bodies
+from tripod_sim.system import System
+
+if TYPE_CHECKING:
+    from tripod_sim.forces.anchor import Anchor
+    from tripod_sim.integrators.explicit import ExplicitSteps
+    from tripod_sim.integrators.stage import ImplicitStage
+    from tripod_sim.integrators.strain_limit import StrainLimited
+
+
+def reach_of(scene: Scene) -> float:
+    """Return the length of the arms by which a slide counts as a turn [m]."""
+    joints = joints_of(scene)
+    return joints.reach if joints else 0.03
+
+
+def stepper_of(draft: Draft, system: System) -> Stepper:
+    """Return the time integrator or the static solver of soft bodies that touch nothing."""
+    scene, inertia, mass = draft.scene, draft.inertia, draft.inert
+    newton = _newton(draft, system)
+    if not scene.inertia:
+        from tripod_sim.integrators.quasi_static import QuasiStatic
+
+        watch = not any(body.springs for body in soft_bodies(scene))  # slack ones have no stiffness to watch
+        solver = scene.solver
+        return QuasiStatic(newton, solver.max_halvings, solver.max_turn, reach_of(scene), watch=watch)
+    drag = scene.damping.mass if scene.damping else 0.0
+    if not inertia:
+        return _explicit_steps(draft, system, drag)
+    from tripod_sim.integrators.stage import ImplicitStage
+
+    rates = draft.dampers.add_products if draft.dampers else None
+    return implicit_steps(scene, ImplicitStage(newton, inertia, mass, drag), system, inertia, mass, rates)
+
+
+def _newton(draft: Draft, system: System) -> Newton:
+    """Return what solves the stages of a step."""
+    scene, solver = draft.scene, draft.scene.solver
+    if draft.bound and draft.inertia:
+        from tripod_sim.integrators.strain_limit import BoundedNewton
+
+        return BoundedNewton(system, draft.bound, solver.tolerance, solver.max_iterations)
+    groups = system.groups
+    one_solve = scene.inertia and solver.mode == "one_solve"  # statics goes to the tolerance
+    one_solve = one_solve and not draft.bound  # one solve does not find which springs are at it
+    if one_solve and not servo_tables(
+        scene
+    ):  # where nothing holds a body errors of the momentum would add up
+        one_solve = not free_motion([*system.reduction.blocks, *groups.rigid], system.rest, groups.held())
+    if not one_solve:
+        return Newton(system, solver.tolerance, solver.max_iterations)
+    from tripod_sim.integrators.one_solve import OneSolve
+
+    return OneSolve(system, solver.tolerance, solver.max_iterations, solver.position_tolerance)
+
+
+def _explicit_steps(draft: Draft, system: System, drag: float) -> "ExplicitSteps | StrainLimited":
+    """Return an explicit scheme, within the bound of springs if there is one."""
+    from tripod_sim.integrators.explicit import ExplicitSteps
+
+    scene, mass = draft.scene, draft.inert
+    rayleigh = scene.damping.stiffness if scene.damping else 0.0
+    divide = scene.inertia.substeps == "auto"
+    stepper = ExplicitSteps(system, mass, scene.inertia.scheme, drag=drag, rayleigh=rayleigh, divide=divide)
+    if not draft.bound:
+        return stepper
+    from tripod_sim.integrators.strain_limit import StrainLimited
+
+    blocks = [term.elements for term in system.elastic.terms]
+    return StrainLimited(stepper, system, draft.bound, mass, blocks, scene.solver.max_iterations)
+
+
+def implicit_steps(
+    scene: Scene,
+    stage: "ImplicitStage",
+    system: Any,
+    inertia: "Anchor",
+    mass: FloatArray,
+    rates: Callable[[FloatArray, FloatArray], None] | None,
+) -> Substeps:
+    """Return the implicit time integrator of a scene; all but the scene and the stage are as for `ErrorTransport`."""
+    from tripod_sim.integrators.schemes import ImplicitScheme
+
+    assert scene.inertia
+    most, wanted = scene.solver.max_halvings, carried(scene)
+    mixed = scene.inertia.scheme == "auto" and wanted is not None and wanted.steps == "auto"
+    scheme = ImplicitScheme("tr_bdf2" if mixed else scene.inertia.scheme, stage, most)
+    if by_way(scene):
+        stage.newton.keep_several()
+    if not wanted:
+        return scheme
+    from tripod_sim.integrators.time_error import ErrorTransport
+
+    auto = wanted.steps == "auto"
+    scheme.errors = ErrorTransport(system, inertia, mass, local=auto, carried=wanted.carries, rates=rates)
+    if not auto:
+        return scheme
+    from tripod_sim.integrators.auto_steps import AutoSteps
+
+    return AutoSteps(scheme, stage.newton, most, wanted.tolerance, wanted.shortest, mixed=mixed)
