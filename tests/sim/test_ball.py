@@ -10,7 +10,6 @@ from tripod_host.rotations import rotation_matrix, rotation_vector
 from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion, account
 from tripod_sim.ball.obstacle_kernels import MISSES, box_distance, distance, sweep, triangle_distance
 from tripod_sim.ball.obstacles import Obstacles
-from tripod_sim.constraints.groups import rotation_matrix, rotation_vector
 from tripod_sim.effects.ball import Ball
 from tripod_sim.effects.maze import Maze
 from tripod_sim.maze.board import make_board

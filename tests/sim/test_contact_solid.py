@@ -10,7 +10,6 @@ from tests.sim.contact_scenes import assert_same_after_reset, refusal
 from tripod_host.rotations import rotation_matrix, rotation_vector
 from tripod_sim import Simulation, load_scene
 from tripod_sim.bodies.soft_build import assembled
-from tripod_sim.constraints.groups import rotation_matrix, rotation_vector
 from tripod_sim.contact.crossings import Crossings
 from tripod_sim.contact.group_kernels import add_residual
 from tripod_sim.contact.solid_build import surfaces

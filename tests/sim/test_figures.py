@@ -15,8 +15,6 @@ from tripod_sim.figures.picture import picture
 from tripod_sim.figures.stability import stability, stability_lines
 from tripod_sim.integrators.report import MeshErrorReport, StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
-from tripod_sim.mesh_error import MeshErrorReport
-from tripod_sim.scene import EFFECTS
 from tripod_sim.scene_file import scene_names
 from tripod_sim.simulation import Energies
 

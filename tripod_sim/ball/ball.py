@@ -11,7 +11,6 @@ from tripod_sim.ball import plate_kernels as k
 from tripod_sim.ball.obstacles import Obstacles
 from tripod_sim.copied import Copied
 from tripod_sim.effects.ball import Ball
-from tripod_sim.state import Copied
 
 
 class Place(IntEnum):

@@ -23,7 +23,6 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.parts import Stepper
 from tripod_sim.state import State
 
