@@ -1,13 +1,16 @@
 """A scene pays only for what it names: no import, no array, no stage; adding and removing restores the same bits."""
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tripod_sim
 from tests.memory import kept
 from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
@@ -272,3 +275,119 @@ def test_a_steady_step_allocates_no_growing_memory() -> None:
     joints = [np.array([-0.001 * k, 0, 0, 0]) for k in range(60)]
     # a report and a few numbers, no array of the mesh (the smallest has 3,000 bytes a step)
     assert kept(simulation.step, joints) < 4_000
+
+
+WIND = '''
+"""Effect: a wind that pushes all nodes alike."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tripod_sim.effect import Effect, Need
+from tripod_sim.forces.term import ForceTerm
+from tripod_sim.tables.fields import number
+
+
+@dataclass(frozen=True)
+class Wind:
+    """A steady wind.
+
+    Attributes:
+        force: On all nodes together [N].
+    """
+
+    force: tuple[float, float, float] = number((0.01, 0.0, 0.0), unit="N", low=-1.0, high=1.0)
+
+
+class Push(ForceTerm):
+    name, force = "wind", None
+
+    def __init__(self, force, rest):
+        self.force, self._rest = np.tile(np.array(force) / len(rest), (len(rest), 1)), rest
+
+    def add_gradient(self, x, g):
+        g -= self.force
+        return -float(np.vdot(self.force, x - self._rest))
+
+
+EFFECT = Effect(
+    Wind,
+    rank=65,
+    needs=(Need("gravity", "air has weight"),),
+    stages={"effects.wind.Push": {"add_gradient": "wind"}},
+    steps=("wind",),
+    act=lambda wind, draft: draft.terms.append(Push(wind.force, draft.rest)),
+)
+'''
+
+BLOWN = """
+import json, sys
+import numpy as np
+from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.effects import absent, meaning, named
+from tripod_sim.explain.report import explain
+def ends(*words):
+    simulation = Simulation(load_scene("silicone", ["mesh.level=1", *words]))
+    for _ in range(10):
+        simulation.step()
+    return simulation.state.positions.tolist()
+def refusal(*words):
+    try:
+        Simulation(load_scene(words[0], words[1:]))
+    except SceneError as error:
+        return str(error)
+pushed = 'load=[{set="all", force=[0.01, 0.0, 0.0], share="even"}]'
+explicit = ("inertia.scheme=semi_implicit_euler", "dt=1e-4", "damping.stiffness=0")
+print(json.dumps(dict(
+    named=named(load_scene("silicone", ["wind={}"])), absent=absent(load_scene("silicone")), meaning=meaning("wind"),
+    still=ends(), blown=ends("wind={}"), loaded=ends(pushed), back=ends("wind={}", "wind=off"),
+    explicit=[ends(*explicit, "wind={}"), ends(*explicit, pushed)],
+    springs=[type(Simulation(load_scene("pendulum", ["inertia.scheme=bdf2", *w])).system).__name__
+             for w in ((), ("wind={}",))],
+    stages=[s.name for s in explain("silicone", ["mesh.level=1", "wind={}"], at=0.0, costs=False).stages],
+    refused=[refusal("silicone", "wind.force=[2.0, 0.0, 0.0]"), refusal("silicone", "gravity=off", "wind={}"),
+             refusal("stack", "wind={}")],
+)))
+"""
+
+
+def test_an_effect_is_one_file(tmp_path: Path) -> None:
+    """A file beside the others is an effect of scenes, overrides, messages, schemes and `explain`; nothing lists it."""
+    package = Path(tripod_sim.__file__).parent
+    for folder, here in (
+        (package, tmp_path / "tripod_sim"),
+        (package / "effects", tmp_path / "tripod_sim" / "effects"),
+    ):
+        here.mkdir()
+        for entry in folder.iterdir():
+            if entry.name not in ("effects", "__pycache__") or (
+                entry.name == "__pycache__" and folder == package
+            ):
+                (here / entry.name).symlink_to(entry)
+    (tmp_path / "tripod_sim" / "effects" / "wind.py").write_text(WIND)
+    path = os.pathsep.join([str(tmp_path), str(package.parent)])
+    done = subprocess.run(
+        [sys.executable, "-c", BLOWN],
+        check=False,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert "wind" in found["named"] and "wind" in found["absent"]
+    assert found["meaning"] == "A steady wind."
+    still, blown = np.array(found["still"]), np.array(found["blown"])
+    assert np.abs(blown - still).max() > 1e-5
+    np.testing.assert_allclose(blown, found["loaded"], rtol=0, atol=1e-12)
+    assert found["back"] == found["still"]
+    np.testing.assert_allclose(*found["explicit"], rtol=0, atol=1e-12)
+    assert found["springs"] == ["SpringSystem", "System"]  # loops that do not know it are not taken
+    assert "wind" in found["stages"]
+    over, needs, rigid = found["refused"]
+    assert over == "wind.force is (2.0, 0.0, 0.0); it must be at least -1 N and at most 1 N"
+    assert needs == "wind needs gravity: air has weight"
+    assert rigid.startswith("wind needs a soft body")
