@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.arrays import FloatArray, IndexArray, freeze
 from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import H8_MODES
 from tripod_sim.errors import SceneError
@@ -48,10 +48,7 @@ class SolidMesh:
     groups: Mapping[str, IndexArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, kind in (("nodes", np.float64), ("elements", np.int64)):
-            array = np.array(getattr(self, name), dtype=kind)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        freeze(self, nodes=np.float64, elements=np.int64)
 
     @cached_property
     def boundary(self) -> IndexArray:

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.arrays import FloatArray, IndexArray, freeze
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SAME, names_of
 from tripod_sim.mesh.topology import coincident, directed_edges, edge_uses
@@ -27,10 +27,7 @@ class SurfaceMesh:
     triangles: IndexArray
 
     def __post_init__(self) -> None:
-        for name, kind in (("vertices", np.float64), ("triangles", np.int64)):
-            array = np.array(getattr(self, name), dtype=kind)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        freeze(self, vertices=np.float64, triangles=np.int64)
 
     @cached_property
     def watertight(self) -> bool:

@@ -10,8 +10,8 @@ from tripod_sim.integrators.time_error import ErrorState, TimeErrorReport
 from tripod_sim.springs import automatic_kernels as kernels
 from tripod_sim.springs.explicit import MOST_PARTS, load_of
 from tripod_sim.springs.explicit_kernels import FINE
+from tripod_sim.springs.frequency_bound import fastest
 from tripod_sim.springs.spring_system import SpringSystem
-from tripod_sim.springs.stability import fastest
 from tripod_sim.state import State
 
 SHARE = 0.9

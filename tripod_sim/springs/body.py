@@ -3,12 +3,10 @@
 import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.arrays import FloatArray, IndexArray, freeze
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 
@@ -50,10 +48,8 @@ class SpringBody:
     triangles: IndexArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
 
     def __post_init__(self) -> None:
-        for name in ("nodes", "rest_length", "stiffness", "damping", "mass"):
-            self._keep(name, np.float64)
-        for name in ("ends", "fixed", "triangles"):
-            self._keep(name, np.int64)
+        freeze(self, **dict.fromkeys(("nodes", "rest_length", "stiffness", "damping", "mass"), np.float64))
+        freeze(self, **dict.fromkeys(("ends", "fixed", "triangles"), np.int64))
         n = len(self.nodes)
         if (bad := np.flatnonzero(((self.ends < 0) | (self.ends >= n)).any(axis=1))).size:
             raise SceneError(f"springs {names_of(bad)} name nodes outside 0..{n - 1}")
@@ -69,11 +65,6 @@ class SpringBody:
             raise SceneError(f"fixed nodes {names_of(bad)} do not exist; the body has nodes 0..{n - 1}")
         if len(np.unique(self.fixed)) == n:
             raise SceneError("every node is fixed; nothing is free to move")
-
-    def _keep(self, name: str, kind: type) -> None:
-        array: NDArray[Any] = np.array(getattr(self, name), dtype=kind)
-        array.flags.writeable = False
-        object.__setattr__(self, name, array)
 
     @property
     def elements(self) -> IndexArray:

@@ -9,8 +9,8 @@ from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step
 from tripod_sim.springs import explicit_kernels as kernels
+from tripod_sim.springs.frequency_bound import fastest
 from tripod_sim.springs.spring_system import SpringSystem
-from tripod_sim.springs.stability import fastest
 from tripod_sim.state import State
 
 MOST_PARTS = 10_000_000
