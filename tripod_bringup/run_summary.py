@@ -81,9 +81,8 @@ def _figure_rows(figures: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     from tripod_sim.figures.effects import EffectFigure, effect_lines  # noqa: PLC0415 - not needed for the help
     from tripod_sim.figures.stability import stability_lines  # noqa: PLC0415
 
-    shown = [
-        row for row in stability_lines(figures["stability"]) if row[0] in ("energy balance", "penetration")
-    ]
+    told = ("energy balance", "penetration", "snap")
+    shown = [row for row in stability_lines(figures["stability"]) if row[0] in told]
     effects = effect_lines([EffectFigure(**effect) for effect in figures["effects"]])
     return [*shown, ("accuracy", figures["accuracy"]), *effects]
 

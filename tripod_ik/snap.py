@@ -15,11 +15,12 @@ import numpy as np
 
 from tripod_ik.row_limits import LimitRows, RowLimit
 from tripod_ik.state import LinearState
+from tripod_sim.softness import NEAR
 
 SNAP = "snap"
 """Name of the limit."""
 
-SOFTEST = 0.07
+SOFTEST = NEAR
 """Firmness at which a branch ends, for inverse kinematics."""
 
 WITHIN = 0.9

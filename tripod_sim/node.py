@@ -40,6 +40,7 @@ from tripod_sim import messages, realtime
 from tripod_sim.effects import EFFECTS
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.figures.errors import effector_error, mesh_error
+from tripod_sim.figures.stability import snap_words
 from tripod_sim.keep_up import PERIOD as LOOK_PERIOD
 from tripod_sim.keep_up import KeepUp, Settings
 from tripod_sim.notices import known, notices, stalls
@@ -573,7 +574,9 @@ class SimNode(Node):
             return Level.ERROR, self._physics.failure, values
         latest = self._physics.latest
         ignored = next(self._authority.notices(time.monotonic()), "")
-        if trouble := stalls(latest) or latest.report.instability or ignored or self._kept():
+        snap = snap_words(*firmness) if (firmness := self._teller.firmness) else ""
+        near = f"a snap is {snap}" if snap else ""
+        if trouble := stalls(latest) or latest.report.instability or ignored or near or self._kept():
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:

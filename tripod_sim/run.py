@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tripod_host import stop
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.figures.accuracy import accuracy_figures, accuracy_line
 from tripod_sim.figures.effects import effect_figures
 from tripod_sim.figures.energy import EnergyBooks
@@ -100,6 +100,7 @@ def run(
         dict.fromkeys(("worst_effector", "worst", "worst_added", "worst_ball"), np.nan),
         {"worst": np.nan},
     )
+    least = Firmness(simulation, steps)
     stalled_steps, unstable = [0] * len(simulation.torques), array("d")
     kept = partial(recording.save, out) if recording and out else lambda: None
     stop.before(kept)  # also a run that is interrupted keeps what it has
@@ -112,6 +113,7 @@ def run(
             for name in totals:
                 totals[name] += getattr(report, name)
             _note_errors(report, worst, worst_mesh)
+            least.look()
             if report.unstable:
                 unstable.append(simulation.state.time)
             if joints is not None or description.prescribed:  # what works on the body
@@ -128,7 +130,10 @@ def run(
         kept()
         stop.no_more(kept)
     books.add(simulation.energies(), simulation.state.joints, simulation.torques, simulation.state.time)
-    figures = stability(simulation.report, totals["halvings"], books.balance, description.dt)
+    rest = not description.inertia
+    figures = stability(
+        simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
+    )
     pose, ball = simulation.effector, simulation.ball
     return {
         "scene": description.name,
@@ -166,6 +171,39 @@ def run(
         **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
         **_contact_summary(simulation),
     }
+
+
+LOOKS = 20
+"""Times in a run at which is looked how firm the body is."""
+
+
+class Firmness:
+    """The least firmness of a run.
+
+    Attributes:
+        seen: It, and when that was [s]; None where it is not known.
+    """
+
+    def __init__(self, simulation: Simulation, steps: int) -> None:
+        """Look at the start, and then `LOOKS` times."""
+        self._simulation, self._every = simulation, max(1, steps // LOOKS)
+        self._known = (
+            bool(simulation.effector) and not simulation.scene.contact and bool(simulation.scene.mesh)
+        )
+        self.seen: tuple[float, float] | None = None
+        self.look()
+
+    def look(self) -> None:
+        """Note how firm the body is, if it is time to."""
+        state = self._simulation.state
+        if not self._known or state.step % self._every:
+            return
+        try:
+            softness = self._simulation.compliance().softness
+        except StepError:  # singular just here
+            return
+        if softness and (self.seen is None or softness.firmness < self.seen[0]):
+            self.seen = softness.firmness, state.time
 
 
 def _unstable(times: Sequence[float], steps: int) -> list[str]:

@@ -29,6 +29,10 @@ from tripod_sim.system import System
 FIRM = 0.45
 """Firmness above which no snap is near, and the slope is not looked for."""
 
+NEAR, SOFT = 0.07, 0.25
+"""Firmness below which a snap is near, as inverse kinematics has it; and below which a mesh a little too stiff may lead
+to another equilibrium at rest, or err by far more than elsewhere (`benchmarks/promise_branches.py`)."""
+
 MOVE = 2e-5
 """ε |u|: how far a node is moved, at most [m]."""
 

@@ -33,6 +33,7 @@ class Teller:
     """Publishes `sim/picture` when it changes and `sim/figures` while somebody listens; hears `sim/request`.
 
     Attributes:
+        firmness: The last that somebody asked for (see `softness`), and when [s]; None before.
         notice: What became of the newest request; empty: nothing to say.
         standing: Tells what else is to be said where that is empty.
     """
@@ -85,6 +86,7 @@ class Teller:
         with self._lock:
             self._books = EnergyBooks(first.energies, first.joints, first.torques, first.time)
             self._halvings, self._latest = 0, first
+            self.firmness: tuple[float, float] | None = None
 
     def keep(self, snapshot: Snapshot) -> None:
         """Enter a step into the books; called in the thread of the physics."""
@@ -92,6 +94,8 @@ class Teller:
             self._books.add(snapshot.energies, snapshot.joints, snapshot.torques, snapshot.time)
             self._halvings += snapshot.report.halvings
             self._latest = snapshot
+            if snapshot.compliance and (soft := snapshot.compliance.softness):
+                self.firmness = soft.firmness, snapshot.time
 
     def publish_scene(self) -> None:
         """Tell what there is to draw, and what accuracy and effects cost."""
@@ -117,7 +121,10 @@ class Teller:
             return
         with self._lock:
             latest, balance, halvings = self._latest, self._books.balance, self._halvings
-        figures = asdict(stability(latest.report, halvings, balance, self._scene.dt))
+        rest = not self._scene.inertia
+        figures = asdict(
+            stability(latest.report, halvings, balance, self._scene.dt, self.firmness, at_rest=rest)
+        )
         lines = stability_lines(figures)
         told = {
             "errors": errors_line(latest.report),

@@ -8,6 +8,7 @@ from typing import Any
 
 from tripod_sim.figures.energy import SWAY, TINY, Balance
 from tripod_sim.integrators.report import StepReport
+from tripod_sim.softness import NEAR, SOFT
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,8 @@ class Stability:
         smallest_gap: Beyond the contact distance [m]; None without contacts.
         penetration: How deep bodies sink in at most, beyond the contact distance [m]; None without contact.
         contact_error: Largest error of gap, complementarity or slip [m]; None without contact.
+        firmness: Least firmness that was seen (see `softness`), and when [s]; None where it is not known.
+        at_rest: Whether every step is an equilibrium.
         unstable: What an unstable scheme does, in words; empty where it is stable.
     """
 
@@ -37,10 +40,20 @@ class Stability:
     smallest_gap: float | None = None
     penetration: float | None = None
     contact_error: float | None = None
+    firmness: tuple[float, float] | None = None
+    at_rest: bool = False
     unstable: str = ""
 
 
-def stability(report: StepReport, halvings: int, balance: Balance, dt: float) -> Stability:
+def stability(
+    report: StepReport,
+    halvings: int,
+    balance: Balance,
+    dt: float,
+    firmness: tuple[float, float] | None = None,
+    *,
+    at_rest: bool = False,
+) -> Stability:
     """Return how stable a run is after a step.
 
     Args:
@@ -48,6 +61,8 @@ def stability(report: StepReport, halvings: int, balance: Balance, dt: float) ->
         halvings: Since the start.
         balance: Of its energy.
         dt: Of the scene [s].
+        firmness: Least that was seen, and when [s].
+        at_rest: Whether every step is an equilibrium.
     """
     explicit = math.isfinite(report.dt_limit)
     found: dict[str, Any] = {}
@@ -66,6 +81,8 @@ def stability(report: StepReport, halvings: int, balance: Balance, dt: float) ->
         energy=asdict(balance),
         dt=dt,
         dt_limit=report.dt_limit if explicit else None,
+        firmness=firmness,
+        at_rest=at_rest,
         unstable=report.instability,
         **found,
     )
@@ -87,9 +104,23 @@ def stability_lines(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     if figures["contacts"] is not None:
         rows.append(("contacts", f"{figures['contacts']}, {figures['pressed']} of them pressed"))
         rows.append(("penetration", f"{1e3 * figures['penetration']:.2g} mm beyond the contact distance"))
+    if figures["firmness"] and (words := snap_words(*figures["firmness"], at_rest=figures["at_rest"])):
+        rows.append(("snap", words))
     if figures["unstable"]:
         rows.append(("unstable", figures["unstable"]))
     return rows
+
+
+def snap_words(firmness: float, time: float, *, at_rest: bool = False) -> str:
+    """Return what is to say of a body's firmness at a time [s], in motion or `at_rest`; empty where it is firm."""
+    if firmness < NEAR:
+        return f"near, firmness {firmness:.2f} at {time:.4g} s: another equilibrium may be close by"
+    if at_rest and firmness < SOFT:
+        return (
+            f"firmness {firmness:.2f} at {time:.4g} s: so soft a pose errs more often by more than is promised, or has "
+            "another equilibrium"
+        )
+    return ""
 
 
 def _balance(energy: Mapping[str, Any]) -> str:
