@@ -24,12 +24,12 @@ BALL = [
     "contact={contact_distance=5e-4, alarm_distance=1.5e-3}",
     'rigid=[{shape="ball", radius=0.008, mass=0.0005, position=[0.001,0.0005,0.015]}]',
 ]
-"""The ball of `tripod_ball` as a rigid body."""
+"""The ball of `tripod_ball`."""
 
 FIRST_SECOND: list[tuple[str, str, list[str]]] = [
     *((name, name, []) for name in ("drape", "silicone_drop", "stack")),
     ("ball on `tripod`", "tripod", BALL),
-    ("rigid ball in `tripod_ball`", "tripod_ball", ["ball=off", *BALL]),
+    ("`tripod_ball`", "tripod_ball", []),
 ]
 """What is timed, with the words that change the scene."""
 

@@ -98,7 +98,11 @@ SPECIAL: dict[str, Thing] = {
     "effector": Thing(("effector={}",), ("solid",)),
     "maze": Thing(("maze={}",), ("effector",)),
     "mesh_error": Thing(("clamp.stiffness=1.4e10", "mesh_error={}"), ("clamp", "effector")),
-    "ball": Thing(("ball={radius=0.002, mass=1e-4, position=[0.012, 0.0, 0.01]}",), ("gravity", "solid")),
+    "ball": Thing(
+        ("ball={radius=0.002, mass=1e-4, position=[0.012, 0.0, 0.0046]}",),
+        ("gravity",),
+        on={"springs": ("ball={radius=0.002, mass=1e-4, position=[-0.019, -0.0373, 0.0051]}",)},
+    ),
     "strain_limit": Thing(("strain_limit={stretch=0.05}",), ("springs",)),
     "contact": Thing(
         ("contact={contact_distance=1e-4, alarm_distance=5e-4, self_contact=true}",),
@@ -158,7 +162,7 @@ WHY: tuple[tuple[str, str, str], ...] = (
         PHYSICS,
         "contact forces follow from where a step ends",
     ),
-    ("rigid needs inertia", PHYSICS, "nothing determines where a free body rests"),
+    ("(rigid|ball) needs inertia", PHYSICS, "nothing determines where a free body rests"),
     ("nothing holds the body", PHYSICS, "a free body has no equilibrium"),
     ("initial_velocity needs inertia", PHYSICS, "at rest nothing has a velocity"),
     (r"\w+ needs a solid", LATER, "servos and disc hold nodes of a solid's mesh only"),

@@ -21,7 +21,7 @@ from tripod_sim.bodies.soft_build import (
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.constraints.held import free_motion, held_groups
 from tripod_sim.effect import Draft, Effect
-from tripod_sim.effects import EFFECTS, has
+from tripod_sim.effects import EFFECTS, has, table_of
 from tripod_sim.errors import SceneError
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.linear.choice import linear_factory
@@ -59,7 +59,7 @@ def _effects(scene: Scene) -> Iterator[tuple[Effect, Any]]:
     """Yield the effects of a scene, each with its table."""
     for name, effect in EFFECTS.items():
         if has(scene, name):
-            yield effect, getattr(scene, name)
+            yield effect, table_of(scene, name)
 
 
 def _built(scene: Scene, progress: Progress | None = None) -> Parts:
@@ -116,7 +116,7 @@ def _of_terms(scene: Scene, progress: Progress | None) -> Parts:
         return System(
             draft.rest, elastic_terms(assembly, draft.sets, draft.rest, held), held,
             [*draft.terms, *([draft.inertia] if draft.inertia else [])], damping=draft.damping,
-            joined=spring_sides(assembly) if scene.contact else (),
+            joined=spring_sides(assembly) if has(scene, "contact") else (),
             linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
         )  # fmt: skip
 

@@ -12,7 +12,6 @@ coupling to the angles and K_ss theirs, and H_e the rows of the effector,
 unknowns that it has to do with: nothing is factored again.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -66,7 +65,6 @@ class Compliance:
 def compliance(
     system: System,
     state: State,
-    contacts: Sequence[tuple[IndexArray, FloatArray]] = (),
     held: "Rest | None" = None,
     rest: "RestState | None" = None,
     softest: "SoftestMove | None" = None,
@@ -76,8 +74,6 @@ def compliance(
     Args:
         system: Without inertia and damping: the static potential. Its factorisation is overwritten.
         state: Where it is linearised; need not be an equilibrium.
-        contacts: What else resists: nodes of a side of an element, shape (k,), and the stiffness between them [N/m],
-            shape (3 k, 3 k).
         held: What contact holds; its forces must be among the loads of `system`.
         rest: The state of rest that goes along with `state`: the tangent is that of rest then.
         softest: Tells the softness; None where nobody asks for it. With contact it is not told.
@@ -89,7 +85,7 @@ def compliance(
     if not system.groups.rigid:
         raise SceneError("the scene has no effector, so it has no compliance; add [effector]")
     s = len(system.groups.driven)
-    at = _factored(system, state, contacts, rest)
+    at = _factored(system, state, rest)
     torques, soft = system.torques.copy(), None
     first = 3 * system.reduction.free_count
     effector = first + np.arange(6)
@@ -107,7 +103,7 @@ def compliance(
                 if not (rest and rest.misses(-answers[:, -1])):
                     break
                 rest.correct(-answers[:, 6:-1], -answers[:, -1], stable=system.linear.is_positive())
-                at = _factored(system, state, contacts, rest)
+                at = _factored(system, state, rest)
                 answers = _answers(system, effector)
             torques = system.torques.copy()
             answer = _response(system, effector, answers)
@@ -142,9 +138,7 @@ def compliance(
     )  # fmt: skip
 
 
-def _factored(
-    system: System, state: State, contacts: Sequence[tuple[IndexArray, FloatArray]], rest: "RestState | None"
-) -> State:
+def _factored(system: System, state: State, rest: "RestState | None") -> State:
     """Return where `system` is linearised, evaluated and factored: at rest, or as it is where that fails.
 
     Raises:
@@ -154,8 +148,6 @@ def _factored(
         for project in (False, True):
             if system.assemble(at, project=project) < 0:
                 break
-        for nodes, stiffness in contacts:
-            system.elastic.add_stiffness(nodes, stiffness)
         system.evaluate(at)
         system.factor()
         if system.factored:

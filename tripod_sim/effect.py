@@ -119,6 +119,7 @@ class Effect:
         several: Whether a scene may have several of the tables.
         needs: Others that it cannot be without.
         there: Whether a scene has it, where not its own field alone says so.
+        found: Returns the table of a scene, or None, where that need not be its own field.
         check: Raises SceneError where the table does not go with the rest of the scene.
         modules: Modules or packages below `tripod_sim` that no other effect needs: the code works without their files
             wherever no scene names the effect.
@@ -138,6 +139,7 @@ class Effect:
     several: bool = False
     needs: tuple[Need, ...] = ()
     there: Callable[[Described], bool] | None = None
+    found: Callable[[Described], Any] | None = None
     check: Callable[[Any, Described], None] | None = None
     modules: tuple[str, ...] = ()
     stages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

@@ -9,7 +9,6 @@ from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.state import State
 
 if TYPE_CHECKING:
-    from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.bodies.assembly import Assembly, AssemblySkin
     from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet, RigidSystem
     from tripod_sim.integrators.doubling import Doubling
@@ -48,7 +47,7 @@ class Parts:
         servos: How the servos turn; None where their angles are ideal.
         skin: What shows a body that has no surface of its own.
         plate: The maze on the disc; None without one.
-        ball: How the ball moves; None without one.
+        ball: How the ball in the maze moves; None without one.
         errors: Carries the error of the time steps along; None where the scene does not ask for it.
         doubling: Finds that error by steps of half the length; None where nobody asks, or `errors` does.
         chosen: Chooses the steps by what they err over their way, those of the ball among them; None: nothing does.
@@ -67,7 +66,7 @@ class Parts:
     servos: "ServoMotion | None" = None
     skin: "ChainSkin | AssemblySkin | JoinedSkin | None" = None
     plate: "Plate | None" = None
-    ball: "MazeBall | BodyBall | None" = None
+    ball: "MazeBall | None" = None
     errors: "ErrorTransport | AutomaticSprings | None" = None
     doubling: "Doubling | None" = None
     chosen: "WaySteps | None" = None

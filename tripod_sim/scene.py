@@ -6,7 +6,7 @@ A table that is absent is an effect that is off: it is not imported, allocates n
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from tripod_sim.effects import EFFECTS, has
+from tripod_sim.effects import EFFECTS, has, table_of
 from tripod_sim.effects.ball import Ball
 from tripod_sim.effects.clamp import Clamp
 from tripod_sim.effects.contact import Contact
@@ -120,7 +120,7 @@ class Scene:
         check_tables(self)
         for name, effect in EFFECTS.items():
             if effect.check and has(self, name):
-                effect.check(getattr(self, name), self)
+                effect.check(table_of(self, name), self)
 
     @property
     def named(self) -> list[str]:

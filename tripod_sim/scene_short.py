@@ -1,12 +1,14 @@
 """Short forms of a scene written out.
 
 `[mesh]` with `[material]`, and `[springs]`, are its first bodies. `[servos]` and `[effector]` are those of the first
-body, about the Z axis of the world; `[body.servos]` and `[body.effector]` those of another, about its own. `[ball]` is
-a rigid body where there is contact. What comes behind asks `joints_of`, `discs_of` and `rigids_of` alone.
+body, about the Z axis of the world; `[body.servos]` and `[body.effector]` those of another, about its own. `[ball]`
+outside of a maze is a rigid body in contact. What comes behind asks `joints_of`, `discs_of`, `rigids_of` and
+`contact_of` alone.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +18,10 @@ from tripod_sim.tables.bodies import Body, Rigid
 from tripod_sim.tables.fields import Described
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import NodeSet, Servo
+
+if TYPE_CHECKING:
+    from tripod_sim.effects.ball import Ball
+    from tripod_sim.effects.contact import Contact
 
 FIRST, SECOND = "body", "springs"
 """Names of what the short form describes; where that is one body it has the first."""
@@ -63,19 +69,34 @@ def _short(scene: Described) -> tuple[Body, ...]:
 # rigid bodies ---------------------------------------------------------------------------------------------------------
 
 
-def ball_is_rigid(scene: Described) -> bool:
-    """Return whether the ball is one of the rigid bodies, the last: in contact, unless it plays on a plate."""
-    return bool(scene.ball and scene.contact and not scene.maze)
+BALL = "ball"
+"""Field of the ball among the rigid bodies."""
+
+NEAR, ALARM = 1 / 16, 3 / 16
+"""Contact and alarm distance of a ball in a scene without [contact], in its radii."""
 
 
 def rigids_of(scene: Described) -> list[tuple[str, Rigid]]:
-    """Return the rigid bodies of a scene, each with its field."""
+    """Return the rigid bodies of a scene, each with its field; the ball, unless it plays in a maze, is the last."""
     found = [(f"rigid.{i}", body) for i, body in enumerate(scene.rigid)]
-    if scene.ball and ball_is_rigid(scene):
-        ball = scene.ball
+    if (ball := scene.ball) and not scene.maze:
         body = Rigid(shape="ball", radius=ball.radius, mass=ball.mass, position=ball.position)
-        found.append(("ball", body))
+        found.append((BALL, body))
     return found
+
+
+def contact_of(scene: Described) -> "Contact | None":
+    """Return the contact of a scene: its table, or what a ball outside of a maze brings along."""
+    from tripod_sim.effects.contact import Contact  # noqa: PLC0415 - effects ask this module
+
+    ball: Ball | None = scene.ball
+    own: Contact | None = scene.contact
+    if own or not ball or scene.maze:
+        return own
+    return Contact(
+        contact_distance=NEAR * ball.radius, alarm_distance=ALARM * ball.radius, friction=ball.friction,
+        restitution=ball.restitution, rest_speed=ball.rest_speed,
+    )  # fmt: skip
 
 
 # servos ---------------------------------------------------------------------------------------------------------------

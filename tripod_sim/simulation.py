@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,13 @@ from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_short import ball_is_rigid, discs_of, joints_of
+from tripod_sim.scene_short import BALL, contact_of, discs_of, joints_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
-    from tripod_sim.ball.body_ball import BodyBall
     from tripod_sim.contact.rigid_set import RigidSystem
+    from tripod_sim.contact.world import World
     from tripod_sim.integrators.report import MeshErrorReport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
@@ -38,6 +38,9 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.softness import SoftestMove
     from tripod_sim.springs.spring_system import SpringSystem
 
+
+LOST = 0.1
+"""How far below all else a ball counts as lost [m]."""
 
 REHEARSED = 0.01
 """Motion of the servos that a rehearsal tries [rad]: more than at rest, so that equations are solved; and the share of
@@ -127,7 +130,7 @@ class Simulation:
         self._ball = parts.ball
         undeformed = self.state.copy()
         static = self._static.system
-        if static.groups.rigid and isinstance(static, System) and not scene.contact:
+        if static.groups.rigid and isinstance(static, System) and not contact_of(scene):
             from tripod_sim.softness import softest_move  # noqa: PLC0415 - only with an effector
 
             self._softest = softest_move(static, self.state)
@@ -380,14 +383,17 @@ class Simulation:
 
         Raises SceneError: the scene has no ball, or something is in that place now.
         """
-        rigid = self._parts.rigid
-        if rigid and self.state.rigid and ball_is_rigid(self.scene):
+        rigid, number = self._parts.rigid, self._rigid_ball
+        if rigid and self.state.rigid and number is not None:
             from tripod_sim.contact.rigid_start import put_back  # noqa: PLC0415 - only with contact
             from tripod_sim.contact.surfaces import Part  # noqa: PLC0415
 
             triangles = self.mesh.surface[: len(self.mesh.surface) - len(rigid.triangles)]
             soft = Part(self.positions[: len(self.mesh.nodes) - rigid.count], triangles)
-            put_back(rigid, self.state.rigid, len(rigid.shapes) - 1, soft if len(triangles) else None)
+            beside = [("the soft body", soft)] if len(triangles) else []
+            if led := self._world.led:
+                beside += led.placed()
+            put_back(rigid, self.state.rigid, number, beside)
             self._stepper.forget()
             return
         if not (self._ball and self.state.ball):
@@ -540,14 +546,20 @@ class Simulation:
     @property
     def ball(self) -> Pose | None:
         """Pose of the ball; None in a scene without one."""
-        if ball_is_rigid(self.scene):
-            return self.rigid[-1]
+        if (number := self._rigid_ball) is not None:
+            return self.rigid[number]
         b = self.state.ball
         return Pose(b.position.copy(), b.quaternion.copy()) if b else None
 
     @property
-    def ball_game(self) -> "MazeBall | BodyBall | None":
-        """How the ball moves; None without one, and where it is a rigid body. Its state is `state.ball`."""
+    def _rigid_ball(self) -> int | None:
+        """Which rigid body is the ball; None if none is."""
+        fields = self._parts.rigid.fields if self._parts.rigid else ()
+        return fields.index(BALL) if BALL in fields else None
+
+    @property
+    def ball_game(self) -> "MazeBall | None":
+        """How the ball moves in the maze; None without one. Its state is `state.ball`."""
         return self._ball
 
     @property
@@ -564,7 +576,20 @@ class Simulation:
     @property
     def ball_event(self) -> str:
         """What has become of the ball, in words; empty while nothing has, and without a ball."""
-        return self.state.ball.event if self.state.ball else ""
+        if self.state.ball:
+            return self.state.ball.event
+        rigid, state, number = self._parts.rigid, self.state.rigid, self._rigid_ball
+        if not (rigid and state) or number is None:
+            return ""
+        others = np.concatenate([self.state.positions, self._world.obstacles])
+        lost = rigid.below(state, number, others) > LOST
+        return f"ball lost: it is more than {LOST:g} m below all else" if lost else ""
+
+    @property
+    def _world(self) -> "World":
+        """The bodies in contact, of a scene that has it."""
+        stepper: Any = getattr(self._stepper, "awake", self._stepper)
+        return stepper.world
 
     def energies(self) -> Energies:
         """Return the energies of the present state."""
@@ -593,7 +618,7 @@ class Simulation:
         if not isinstance(system, System):
             raise SceneError("springs and rigid bodies have no effector, so they have no compliance")
         held = None
-        if self.scene.contact:
+        if contact_of(self.scene):
             from tripod_sim.contact.rest import rest_of  # noqa: PLC0415 - only with contact
 
             held, self.left_out = rest_of(self._stepper, system, self.state, self._parts.rigid)
@@ -601,18 +626,18 @@ class Simulation:
             return compliance(system, self.state, rest=self._rest, softest=self._softest)
         from tripod_sim.forces.loads import NodalLoads  # noqa: PLC0415 - only where something presses
 
-        loads, contacts = system.term(NodalLoads), []
+        loads = system.term(NodalLoads)
         if loads is None:
             loads = NodalLoads(system.rest)
             system.take(loads)
         before = loads.force.copy()
         loads.force[:] = 0.0
         if self._ball and self.state.ball:
-            contacts = self._ball.rest_load(self.state, self.state.ball, loads.force)
+            self._ball.rest_load(self.state, self.state.ball, loads.force)
         if held:
             loads.force[:] += held.force
         try:
-            return compliance(system, self.state, contacts, held, softest=self._softest)
+            return compliance(system, self.state, held, softest=self._softest)
         finally:
             loads.force[:] = before
 

@@ -18,6 +18,10 @@ GOAL: Rgb = (30, 160, 70)
 START: Rgb = (60, 120, 210)
 
 
+COVER = 1.004
+"""Times its radius as which a ball is drawn: it hides the facets of the rigid body that it may be."""
+
+
 class Game:
     """Draws what it is told, from the thread of ROS only; without maze and ball it draws nothing."""
 
@@ -91,9 +95,10 @@ class Game:
             self._ball = None
         if radius is not None:
             self._ball = self._api.add_frame("/ball", show_axes=False, visible=False)
-            self._api.add_icosphere("/ball/sphere", radius, BALL, cast_shadow=False, receive_shadow=False)
+            covers = COVER * radius
+            self._api.add_icosphere("/ball/sphere", covers, BALL, cast_shadow=False, receive_shadow=False)
             self._api.add_cylinder(
-                "/ball/belt", 1.005 * radius, 0.2 * radius, BELT, cast_shadow=False, receive_shadow=False
+                "/ball/belt", 1.005 * covers, 0.2 * radius, BELT, cast_shadow=False, receive_shadow=False
             )
 
     def place_ball(self, pose: Pose) -> None:

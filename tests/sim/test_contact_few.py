@@ -104,6 +104,20 @@ def test_what_lies_still_is_factored_no_more() -> None:
     assert all(report.contact.way == "compliance" for report in taken)
 
 
+def test_what_friction_wedges_in_a_hole_needs_no_other_way() -> None:
+    """The strips jump up by 0.9 rad in 20 ms: the ball is pressed into the hole by twenty times its weight."""
+    words = ["servos.angles=[-1.4,-1.4,-1.4]", "ball.position=[0,0,0.002]"]
+    simulation = Simulation(load_scene("tripod_ball", words))
+    for _ in range(60):
+        simulation.step()
+    weight, forces = 9.81 * simulation.scene.ball.mass, []
+    for k in range(4):
+        report = simulation.step(np.array([*np.full(3, -1.4 + 0.225 * (k + 1)), 0.0]))
+        assert report.contact.way == "compliance"
+        forces.append(report.contact.force)
+    assert max(forces) > 10 * weight
+
+
 def test_the_report_tells_the_way() -> None:
     words = ["springs.source=grid", "springs.nodes=5", "springs.size=0.3", "springs.position=[0,0,0.3]"]
     assert Simulation(load_scene("drape", words)).step().contact.way == "multipliers"
@@ -120,7 +134,7 @@ def test_turns_count_by_what_they_move_points_by() -> None:
     assert isinstance(stepper, ContactStepper)
     problem = stepper.world.problem
     turn = np.zeros(problem.unknowns)
-    turn[-1] = 1e-6
+    turn[problem.slices[1].stop - 1] = 1e-6  # the servos' bodies come last
     assert problem.size(turn) == pytest.approx(8e-9)
     disc = problem.slices[0].stop - 1
     while problem.reach[disc] == 1.0:

@@ -360,7 +360,7 @@ def test_a_start_inside_an_obstacle_is_refused_or_lifted() -> None:
 
 
 def test_bad_contact_of_a_solid_is_named() -> None:
-    assert "allowed with contact: implicit_euler, bdf2, tr_bdf2" in refused(
+    assert "allowed with contact or a ball: implicit_euler, bdf2, tr_bdf2" in refused(
         "silicone_drop", "inertia.scheme=rk4"
     )
     assert (

@@ -152,7 +152,7 @@ def test_a_pause_is_no_lack_of_time(start: Callable[..., Run], tmp_path: Path) -
 @pytest.mark.parametrize(
     ("source", "words", "why"),
     [
-        ("drape", (), "its settings cannot change while it runs: it has [contact]"),
+        ("drape", (), "its settings cannot change while it runs: it has contact"),
         ("tripod", ("mesh.element=t10", "inertia=off", "damping=off"), "study tripod_static has no point with these"),
         ("pendulum", ("dt=0.01",), "study pendulum has nothing cheaper that it could go on with"),
         ("tripod_sofa", ("mesh.level=1",), "there is no study of scene 'tripod_sofa'"),

@@ -248,38 +248,3 @@ def test_an_open_stl_surface_is_a_maze_and_said_to_be_open(tmp_path: Path) -> No
     assert account(ball).gap > 0
     with pytest.raises(SceneError, match=r"maze.start is \[0.03, 0.0\] m; the surface of 'tray.stl' covers"):
         Simulation(load_scene("maze", [*source, "maze.start=[0.03, 0.0]"]))
-
-
-def test_the_ball_sits_in_the_centre_hole_and_falls_off_when_tilted() -> None:
-    """Step 6 of the workshop. The rim is round, of radius R = 5 mm: the centre stands sqrt(r² - R²) above it."""
-    simulation = Simulation(load_scene("tripod_ball", ["mesh.level=1"]))
-    ball = simulation.state.ball
-    assert ball
-    for _ in range(200):
-        simulation.step()
-    effector = simulation.effector
-    assert effector
-    assert np.linalg.norm(ball.position[:2]) < 5e-4
-    assert np.linalg.norm(ball.velocity) < 1e-3
-    # the mesh's rim is a polygon, its sides nearer to the axis than its corners by at most 1 - cos(pi / 6)
-    low, high = (np.sqrt(0.008**2 - (0.005 * f) ** 2) + 0.0025 for f in (1.0, np.cos(np.pi / 6)))
-    assert low - 5e-5 < ball.position[2] - effector.position[2] < high + 5e-5
-    assert ball.nodal is not None
-    np.testing.assert_allclose(ball.nodal.sum(axis=0), [0, 0, -5e-4 * 9.81], rtol=0, atol=1e-4 * 9.81)
-    joints = simulation.command
-    for k in range(400):
-        joints[:3] = np.array([-0.5, 0.6, 0.6]) * min(k / 80, 1)
-        simulation.step(joints)
-        if ball.place is not Place.PLAYING:
-            break
-    assert simulation.ball_event.startswith("ball lost")
-    assert account(ball).gap > 0
-
-
-def test_a_ball_that_overlaps_the_body_is_refused() -> None:
-    with pytest.raises(SceneError, match=r"overlaps the body or a servo by 0.00.* m; lift it"):
-        Simulation(load_scene("tripod_ball", ["mesh.level=1", "ball.position=[0.02, 0.0, 0.004]"]))
-    with pytest.raises(
-        SceneError, match=r"on the soft body it must be at most 1/32 of material.mass, 0.001 kg"
-    ):
-        Simulation(load_scene("tripod_ball", ["mesh.level=1", "ball.mass=0.01"]))

@@ -14,7 +14,7 @@ import pytest
 from tripod_sim import SceneError, StepError, load_scene, scene_names
 from tripod_sim import run as run_module
 from tripod_sim.run import run
-from tripod_sim.scene_short import effector_of, joints_of, soft_bodies
+from tripod_sim.scene_short import effector_of, joints_of, rigids_of, soft_bodies
 
 COARSE = ["mesh.level=1"]
 TRIPOD = [*COARSE, "mesh.element=h8_modes", "inertia.scheme=implicit_euler", "dt=0.005"]
@@ -193,12 +193,12 @@ def test_every_shipped_scene_runs(name: str, tmp_path: Path) -> None:
         assert all(np.isfinite(arrays[n]).all() for n in arrays if arrays[n].dtype.kind == "f")
         corners = arrays["vertices" if "vertices" in arrays else "positions"].shape[1]
         assert sum(arrays["bodies"]) == corners > arrays["triangles"].max()
-        assert len(arrays["bodies"]) == max(1, len(soft_bodies(scene))) + len(scene.rigid)
+        assert len(arrays["bodies"]) == max(1, len(soft_bodies(scene))) + len(rigids_of(scene))
         assert (arrays["bodies"][0] > 0) == bool(soft_bodies(scene))
         assert ("ball" in arrays) == (scene.ball is not None)
         assert ("maze_vertices" in arrays) == (scene.maze is not None)
         assert ("still_vertices" in arrays) == bool(scene.obstacles)
-        assert ("rigid" in arrays) == bool(scene.rigid)
+        assert ("rigid" in arrays) == bool(rigids_of(scene))
 
 
 def steps(**options: Any) -> int:

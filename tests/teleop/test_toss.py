@@ -6,7 +6,6 @@ import pytest
 from tripod_graph.command import CommandFollower, CommandLimits
 from tripod_graph.names import SERVOS, SLIDE
 from tripod_sim import Simulation, load_scene
-from tripod_sim.ball.ball import account
 from tripod_teleop.drive import Drive
 from tripod_teleop.keys import KEYS
 from tripod_teleop.operate import Operator
@@ -60,11 +59,12 @@ def test_after_the_working_pose_z_throws_the_ball_and_it_is_caught_again(speed: 
         if key == "z":
             assert highest > seat + least
         assert last == pytest.approx(seat, abs=5e-5)
-        ball = player.simulation.state.ball
-        assert ball
-        assert np.linalg.norm(ball.velocity) < 1e-3
-        assert np.linalg.norm(ball.position[:2]) < 5e-4
-        assert account(ball).gap > 0
+        rigid, contact = player.simulation.state.rigid, player.simulation.report.contact
+        assert rigid
+        assert contact
+        assert np.linalg.norm(rigid.velocities[0]) < 1e-3
+        assert np.linalg.norm(rigid.centres[0, :2]) < 5e-4
+        assert contact.smallest_gap > -1e-6
     angle = {"Q": -np.pi / 3, "z": -np.pi / 4}
     assert player.follower.joints == pytest.approx([angle["z"]] * 3 + [0.035])
     assert player.simulation.ball_event == ""

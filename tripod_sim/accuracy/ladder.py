@@ -20,7 +20,7 @@ from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, read_study
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
-from tripod_sim.scene_short import joints_of
+from tripod_sim.scene_short import contact_of, joints_of
 from tripod_sim.study.front import front
 
 SETTINGS = ("mesh", "material", "clamp", "inertia", "dt", "solver", "ball")
@@ -105,10 +105,10 @@ def ladder(
 
 def rigid(scene: Scene) -> str:
     """Return why the settings of a scene cannot change while it runs, empty if they can."""
-    for name in ("contact", "rigid", "platform", "body", "time_error", "prescribed"):
+    for name in ("rigid", "platform", "body", "time_error", "prescribed"):
         if getattr(scene, name):
             return f"it has [{name}]"
-    return "its ball lies on the soft body" if scene.ball and not scene.maze else ""
+    return "it has contact" if contact_of(scene) else ""
 
 
 def follows(scene: Scene, other: Scene) -> bool:

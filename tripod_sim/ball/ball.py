@@ -43,7 +43,6 @@ class BallState(Copied):
         lost_time: When it was lost [s]; NaN before.
         twist: Velocity [m/s] and angular velocity [rad/s] of the plate at the end of the last step, shape (2, 3).
         wrench: Force [N] of the ball on the robot during the next step and its moment about the effector [N m], (2, 3).
-        nodal: Instead, on the soft body itself: force on each node [N], shape (n, 3); None in a maze.
         load_work: Of that force on the robot since the start [J]; with the account's work it would sum to zero if the
             force were not a step late.
     """
@@ -56,7 +55,6 @@ class BallState(Copied):
     twist: FloatArray = field(default_factory=lambda: np.zeros((2, 3)))
     wrench: FloatArray = field(default_factory=lambda: np.zeros((2, 3)))
     load_work: float = 0.0
-    nodal: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if not self.ledger[k.GAP]:
@@ -93,8 +91,6 @@ class BallState(Copied):
         """As `State.copy_to`."""
         other.numbers[:], other.ledger[:], other.twist[:] = self.numbers, self.ledger, self.twist
         other.wrench[:], other.load_work = self.wrench, self.load_work
-        if self.nodal is not None and other.nodal is not None:
-            other.nodal[:] = self.nodal
         other.place, other.goal_time, other.lost_time = self.place, self.goal_time, self.lost_time
 
 

@@ -28,24 +28,3 @@ def carried(arms: FloatArray, place: FloatArray, force: FloatArray) -> FloatArra
     out = arms - middle
     share = 1.0 / len(arms) + out @ np.linalg.solve(out.T @ out, place - middle)
     return np.asarray(share[:, None] * force)
-
-
-def rolling_stiffness(corners: FloatArray, normal: FloatArray, radius: float, load: FloatArray) -> FloatArray:
-    """Return the stiffness of the load of a ball that lies on one triangle, between the corners [N/m], shape (9, 9).
-
-    The ball does not turn with the triangle: where that tilts by dn, the contact moves along it by -r dn, and the
-    shares w_c of the corners, f_c = w_c F, change. With dn = -Σ ∇w_j (n . dx_j),
-
-        K_cj = -df_c / dx_j = -r (∇w_c . ∇w_j) (F . n) n nᵀ,
-
-    where of F only what is along n counts: a ball at rest leans hardly.
-
-    Args:
-        corners: [m], shape (3, 3).
-        normal: n, from the triangle to the ball.
-        radius: r [m].
-        load: F on the triangle [N], shape (3,).
-    """
-    slopes = np.linalg.pinv(np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1))
-    slopes = np.stack([-slopes.sum(axis=0), *slopes])
-    return -radius * float(load @ normal) * np.kron(slopes @ slopes.T, np.outer(normal, normal))

@@ -16,11 +16,12 @@ from tripod_sim.effects.contact import Contact
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import joints_of
+from tripod_sim.scene_short import joints_of, rigids_of
 from tripod_sim.steppers import reach_of
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSet
+    from tripod_sim.contact.servo_bodies import ServoBodies
 
 PATIENCE = 10
 """How many times `contact.max_solves` a step may take where an accuracy is asked for: what is wrong with forces that
@@ -57,7 +58,19 @@ def place_rigid(rigid: "RigidSet", scene: Scene, contact: Contact, soft: list[tu
     from tripod_sim.contact.rigid_start import place_bodies  # noqa: PLC0415 - an effect that is absent
 
     others = [(f"obstacles.{i}", part) for i, part in enumerate(obstacle_parts(scene))] + soft
+    if led := _servo_bodies(scene):
+        others += led.placed()
     place_bodies(rigid, others, upward(scene), contact.contact_distance, lifts=contact.start == "lift")
+
+
+def _servo_bodies(scene: Scene) -> "ServoBodies | None":
+    """Return the bodies of the servos; None where there are none, or no rigid body that could meet them."""
+    joints = joints_of(scene)
+    if not (joints and rigids_of(scene)):
+        return None
+    from tripod_sim.contact.servo_bodies import servo_bodies  # noqa: PLC0415 - only with servos
+
+    return servo_bodies(joints)
 
 
 def contact_stepper(
@@ -75,7 +88,7 @@ def contact_stepper(
     bodies = (rigid.bodies(), rigid.parts) if rigid else None
     world = World(
         law, contact.alarm_distance, scene.inertia.scheme if scene.inertia else "implicit_euler",
-        obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies,
+        obstacles=obstacle_parts(scene), nodes=soft, rigid=bodies, led=_servo_bodies(scene),
     )  # fmt: skip
     if scene.inertia:
         return ContactStepper(world)

@@ -107,6 +107,7 @@ class Detector:
         against_fixed("balls", balls, fixed_balls[:, None], fixed_balls, met_kernels.BALLS)
         numbers = {"points": points, "faces": faces, "edges": edges, "balls": balls}
         self._compare_moving(numbers, shapes, boxes)
+        self._compare_led()
         used = [q.boxes for q in self._queries] + [q.target for q in self._queries if q.tree in self._trees]
         self._boxes = list({id(b): b for b in used}.values())
 
@@ -153,6 +154,22 @@ class Detector:
                 tree = Tree(target)
                 self._trees.append(tree)
                 self._queries.append(_Query(asked, tree, target, mine, theirs, first, False))
+
+    def _compare_led(self) -> None:
+        """Add the queries of rigid bodies among those that are led, if there are any."""
+        s = self._surfaces
+        rigid = s.rigid[s.body]
+        points = s.moving_points[rigid[s.moving_points]]
+        faces = s.moving_triangles[rigid[s.triangles[s.moving_triangles, 0]]]
+        edges = s.moving_edges[rigid[s.edges[s.moving_edges, 0]]]
+        for one, two, first in (
+            (points, s.led_triangles, 1), (s.led_points, faces, 1), (edges, s.led_edges, 2),
+        ):  # fmt: skip
+            if len(one) and len(two):
+                target = Boxes(s.triangles[two] if first == 1 else s.edges[two])
+                self._trees.append(tree := Tree(target))
+                asked = Boxes(one[:, None] if first == 1 else s.edges[one])
+                self._queries.append(_Query(asked, tree, target, one, two, first, False))
 
     def _sweep(self, start: FloatArray, end: FloatArray, margin: float) -> None:
         for boxes in self._boxes:

@@ -16,11 +16,15 @@ from tripod_sim.contact.contact_set import Contacts
 from tripod_sim.contact.hessian_kernels import curvature, jacobian
 from tripod_sim.contact.response_kernels import add_gradient, forces, relative, set_limits
 
-STEPS, ROUNDS = 12, 60
-"""Of Newton's method in a round of multipliers, and rounds."""
+STEPS, ROUNDS, MORE = 12, 60, 90
+"""Of Newton's method in a round of multipliers; rounds; and with those in which a slow one makes contacts stiffer."""
 
 SHORTEST = 1e-4
 """Smallest fraction of a Newton step."""
+
+SLOW, STIFFER = 0.5, 4.0
+"""Share of the error that a slow round leaves, at least, and how many times stiffer that makes contacts along surfaces:
+what is held between them, as a ball in a hole, needs it."""
 
 NORMAL, TANGENTIAL = 60.0, 5.0
 """Stiffness of contacts over that of the bodies at the contact: the error falls by about this factor a round. Softer
@@ -282,8 +286,8 @@ def settle(
     """
     m = len(z)
     K, g, after, p, trial = np.empty((m, m)), np.empty(m), np.empty(m), np.empty(m), np.empty(m)
-    error = 0.0  # the forces that it begins with may be the right ones
-    for rounds in range(1, ROUNDS + 1):
+    error, before = 0.0, np.inf  # the forces that it begins with may be the right ones
+    for rounds in range(1, MORE + 1):
         set_limits(c, count, mu)
         phi, size = _potential(c, count, S, y, z, g, state), np.inf
         for _ in range(STEPS):
@@ -318,7 +322,10 @@ def settle(
         c.pressure[:count], c.friction[:count] = pressure[:count], friction[:count]
         if not error > aim and size <= max(0.1 * aim, 0.02 * error):
             return rounds, error
-    return ROUNDS, error
+        if rounds >= ROUNDS and error > SLOW * before:
+            c.stiffness[:count, 1] *= STIFFER
+        before = error
+    return MORE, error
 
 
 @njit(cache=True, error_model="numpy")

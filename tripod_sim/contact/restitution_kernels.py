@@ -12,6 +12,19 @@ HELD = 0.999
 
 
 @njit(cache=True, error_model="numpy")
+def bounces(c: Contacts, count: int, before: Array, slowest: float) -> bool:
+    """Return whether any contact was hit so that it bounces; the arguments are those of `restitute`."""
+    base, lump, moment, width = c.base, c.lump, c.moment, c.width
+    for k in range(count):
+        if c.pressure[k] > 0.0:
+            n = c.normal[k]
+            d0, d1, d2 = relative(base, lump, moment, width, k, before)
+            if n[0] * d0 + n[1] * d1 + n[2] * d2 <= -slowest:
+                return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
 def restitute(
     c: Contacts, count: int, before: Array, v: Array, give: Array, restitution: float, slowest: float, rounds: int,
     impulse: Array,

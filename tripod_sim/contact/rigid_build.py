@@ -11,7 +11,7 @@ from tripod_sim.contact.rigid_shapes import Shape, ball, box, solid_of
 from tripod_sim.contact.rigid_state import RigidState
 from tripod_sim.mesh.read_surface import read_surface
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import rigids_of
+from tripod_sim.scene_short import contact_of, rigids_of
 from tripod_sim.tables.bodies import Rigid
 
 if TYPE_CHECKING:
@@ -47,10 +47,11 @@ def build_rigid(scene: Scene) -> "Parts":
     from tripod_sim.contact.rigid_set import RigidSystem  # noqa: PLC0415
     from tripod_sim.parts import Parts  # noqa: PLC0415 - it imports this module
 
-    assert scene.contact
+    contact = contact_of(scene)
+    assert contact
     rigid = rigid_set(scene)
-    place_rigid(rigid, scene, scene.contact, [])
-    stepper = contact_stepper(scene, scene.contact, None, rigid)
+    place_rigid(rigid, scene, contact, [])
+    stepper = contact_stepper(scene, contact, None, rigid)
     return Parts(JoinedMesh(None, rigid), np.zeros(0), RigidSystem(rigid), stepper, rigid=rigid)
 
 

@@ -65,6 +65,16 @@ class RigidSet:
         first = np.cumsum([0, *[len(s.vertices) for s in self.shapes]])
         return np.concatenate([s.triangles + k for s, k in zip(self.shapes, first, strict=False)])
 
+    def below(self, state: RigidState, number: int, others: FloatArray) -> float:
+        """Return how far body `number` is below all `others`, shape (k, 3), and bodies [m]; 0 without gravity."""
+        size = float(np.linalg.norm(self.gravity))
+        if not size:
+            return 0.0
+        bodies = np.repeat(np.arange(len(self.shapes)), [len(s.vertices) for s in self.shapes])
+        depth, lowest = self.vertices(state) @ self.gravity, (others @ self.gravity).max(initial=-np.inf)
+        lowest = depth[bodies != number].max(initial=lowest)
+        return float(depth[bodies == number].min() - lowest) / size
+
     def energies(self, state: RigidState) -> tuple[FloatArray, FloatArray]:
         """Return kinetic energy and potential of gravity, zero at the start, of each body [J], shape (b,)."""
         turned = np.einsum("kji,kj->ki", state.rotations, state.spins)  # in the body's frame

@@ -98,14 +98,14 @@ def check_beside(rigid: RigidSet, soft: Part) -> None:
             )
 
 
-def put_back(rigid: RigidSet, state: RigidState, number: int, soft: Part | None) -> None:
+def put_back(rigid: RigidSet, state: RigidState, number: int, beside: list[tuple[str, Part]]) -> None:
     """Put a body to where it begins, at rest, others staying where they are.
 
     Args:
         rigid: The bodies.
         state: Where they are; changed.
         number: Of the body.
-        soft: The surface of the soft bodies now; None for none.
+        beside: What else may be there now, by name.
 
     Raises:
         SceneError: something is there now; `state` is as it was.
@@ -116,10 +116,8 @@ def put_back(rigid: RigidSet, state: RigidState, number: int, soft: Part | None)
         return replace(shape, vertices=of.centres[k] + shape.vertices @ of.rotations[k].T)
 
     here = placed(number, rigid.start)
-    others = {rigid.fields[k]: placed(k, state) for k in range(len(rigid.parts)) if k != number}
-    if soft:
-        others["the soft body"] = soft
-    for name, other in others.items():
+    others = [(rigid.fields[k], placed(k, state)) for k in range(len(rigid.parts)) if k != number]
+    for name, other in others + beside:
         if overlaps(here, other):
             raise SceneError(f"{rigid.fields[number]} cannot go back to where it begins: {name} is there now")
     for of, begin in zip(vars(state).values(), vars(rigid.start).values(), strict=True):

@@ -72,6 +72,8 @@ class ContactStepper:
             self.world.nodes.load(state, joints, dt)
         if self.world.rigid and state.rigid:
             self.world.rigid.load(state.rigid)
+        if self.world.led:
+            self.world.led.load(state, joints, dt)
 
     def _advance(self, dt: float) -> ContactReport:
         """Advance the bodies by `dt` [s]. Raises DescentError."""

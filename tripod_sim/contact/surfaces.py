@@ -23,6 +23,7 @@ class Part:
         rigid: Whether it moves as a whole: then it is touched where it is sharp, as if it were fixed.
         radius: Of the sphere about each vertex [m]; positive for a ball, which is a single vertex.
         self_contact: Whether it may touch itself.
+        led: Whether it moves as it is told: rigid bodies alone meet it.
     """
 
     vertices: FloatArray
@@ -32,6 +33,7 @@ class Part:
     rigid: bool = False
     radius: float = 0.0
     self_contact: bool = False
+    led: bool = False
 
     @property
     def reach(self) -> float:
@@ -54,7 +56,9 @@ class Surfaces:
         first_edge, edge_list: The edges at vertex v are edge_list[first_edge[v] : first_edge[v + 1]].
         fixed_triangles, fixed_edges, fixed_points: Of parts that never move; of edges and vertices only the sharp ones:
             a flat one, and a hollow one of a closed surface, cannot be touched but where something else is.
-        moving_triangles, moving_edges, moving_points: Of all others; of rigid ones only the sharp edges.
+        moving_triangles, moving_edges, moving_points: Of others that are not led; of rigid ones only the sharp edges.
+        rigid: Whether each part moves as a whole, freely, shape (parts,).
+        led_triangles, led_edges, led_points: Of led parts; of edges only the sharp ones.
     """
 
     body: IndexArray
@@ -72,6 +76,10 @@ class Surfaces:
     moving_triangles: IndexArray
     moving_edges: IndexArray
     moving_points: IndexArray
+    rigid: BoolArray
+    led_triangles: IndexArray
+    led_edges: IndexArray
+    led_points: IndexArray
 
 
 def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
@@ -97,15 +105,18 @@ def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
     first_edge = np.searchsorted(np.sort(ends), np.arange(n + 1))
     closed = np.bincount(body[edges[faces[:, 1] < 0, 0]], minlength=len(parts)) == 0
     sharp = _sharp(vertices, triangles, edges, faces, closed[body[edges[:, 0]]])
-    still, stiff = fixed[body], np.array([p.rigid for p in parts])[body]
+    stiff, led = np.array([[p.rigid, p.led] for p in parts]).T
+    still, free = fixed[body], ~(fixed | led)[body]
     pointed = np.bincount(edges[sharp].ravel(), minlength=n) > 0
     surfaces = Surfaces(
         body, np.array([p.self_contact for p in parts]), np.repeat([p.radius for p in parts], counts).astype(float),
         triangles, edges, sides, faces, first_edge, edge_list,
         np.flatnonzero(still[triangles[:, 0]]), np.flatnonzero(still[edges[:, 0]] & sharp),
         np.flatnonzero(still & pointed),
-        np.flatnonzero(~still[triangles[:, 0]]), np.flatnonzero(~still[edges[:, 0]] & (sharp | ~stiff[edges[:, 0]])),
-        np.flatnonzero(~still),
+        np.flatnonzero(free[triangles[:, 0]]),
+        np.flatnonzero(free[edges[:, 0]] & (sharp | ~stiff[body[edges[:, 0]]])), np.flatnonzero(free),
+        stiff & ~led, np.flatnonzero(led[body[triangles[:, 0]]]), np.flatnonzero(led[body[edges[:, 0]]] & sharp),
+        np.flatnonzero(led[body]),
     )  # fmt: skip
     return surfaces, vertices
 

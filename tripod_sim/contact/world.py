@@ -26,12 +26,13 @@ from tripod_sim.contact.contact_set import ContactSet, inherit
 from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.problem import DescentError, StepProblem
 from tripod_sim.contact.response import Law, Outcome, Response
-from tripod_sim.contact.restitution_kernels import hits, meets, restitute
+from tripod_sim.contact.restitution_kernels import bounces, hits, meets, restitute
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.integrators.looking_back import Stage, implicit_euler, stages
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_bodies import RigidBodies
+    from tripod_sim.contact.servo_bodies import ServoBodies
 
 
 TINY = 1e-12
@@ -83,6 +84,8 @@ class World:
         nodes: The deformable bodies; None for none.
         soft: How many surfaces these have, the first ones.
         rigid: The rigid bodies; None for none.
+        led: The bodies of servos; None for none.
+        obstacles: Vertices of what never moves [m], shape (k, 3).
         positions: Of all surface vertices at the start of the step [m].
         contacts: Of the last step.
         problem: Potential of the step.
@@ -113,6 +116,7 @@ class World:
         obstacles: list[Part],
         nodes: tuple[Nodes, list[Part]] | None = None,
         rigid: "tuple[RigidBodies, list[Part]] | None" = None,
+        led: "ServoBodies | None" = None,
     ) -> None:
         """Join the surfaces.
 
@@ -123,17 +127,21 @@ class World:
             obstacles: Fixed bodies.
             nodes: The deformable bodies and their surfaces, in the order of the vertices.
             rigid: The rigid bodies and their surfaces, vertices about the centre.
+            led: The bodies of servos.
         """
         self.law, self._slow = law, min(0.5 * alarm, alarm - law.distance)
         self.nodes, self.rigid = nodes[0] if nodes else None, rigid[0] if rigid else None
-        parts = (nodes[1] if nodes else []) + (rigid[1] if rigid else []) + obstacles
-        self.soft = len(nodes[1]) if nodes else 0
+        self.led, self.soft = led, len(nodes[1]) if nodes else 0
+        moving = (nodes[1] if nodes else []) + (rigid[1] if rigid else [])
+        parts = moving + (led.parts if led else []) + obstacles
         self.surfaces, self.positions = join(parts)
         first = np.concatenate([[0], np.cumsum([len(p.vertices) for p in parts])]).astype(np.int64)
         n = int(first[-1])
         base, width = np.full(n, -1, dtype=np.int64), np.full(n, 3, dtype=np.int64)
         self._arm, at, bodies = np.zeros((n, 3)), 0, list[Body]()
         self._node_range = slice(0, int(first[self.soft]))
+        self._led_range = slice(int(first[len(moving)]), int(first[len(parts) - len(obstacles)]))
+        self.obstacles = self.positions[self._led_range.stop :].copy()
         if nodes:
             base[self._node_range], width[self._node_range] = nodes[0].base, nodes[0].width
             at = nodes[0].unknowns
@@ -145,12 +153,16 @@ class World:
                 rigid[0].reach.reshape(-1, 6)[k - self.soft, 3:] = part.reach
                 self._arm[own] = part.vertices
             bodies.append(rigid[0])
+        if led:
+            base[self._led_range] = led.base + sum(body.unknowns for body in bodies)
+            bodies.append(led)
         self._shape_arm, self._end_arm = self._arm.copy(), np.empty_like(self._arm)
         self._first = first[self.soft : self.soft + len(rigid[1]) + 1] if rigid else first[:1]
         self._free = kernels.Freedom(base, width, self._arm, self.surfaces.radius)
         self._yields = np.repeat(base[:, None] >= 0, 3, axis=1)
         if nodes:
             self._yields[self._node_range] = ~nodes[0].held
+        self._yields[self._led_range] = False
         self.some_held = bool(nodes and nodes[0].held.any())
         self.contacts, self._kept = ContactSet(), ContactSet()
         self.problem = StepProblem(bodies, self.contacts)
@@ -163,21 +175,21 @@ class World:
         self.response = Response(
             law, self.problem, self.contacts, self._bounded, apart=rigid is not None or self.soft > 1
         )
-        self._ends = np.zeros_like(self.positions)
-        self._u = np.zeros(self.problem.unknowns)
+        self._ends, self._u = np.zeros_like(self.positions), np.zeros(self.problem.unknowns)
         self._place()
         held = np.asarray(~self._yields.any(axis=1))
         self.detector = Detector(self.surfaces, self.positions, law.distance, alarm, held)
         self._impulse = np.zeros(64)
         self._start_rate, self._end_rate = np.zeros((2, len(self._u)))
-        self.detector.warm_up(self.positions)
-        self.response.warm_up()
         self._warm_up()
 
     def _warm_up(self) -> None:
         """Compile what is needed only when something hits, so that the first hit is no slower than others."""
+        self.detector.warm_up(self.positions)
+        self.response.warm_up()
         c, law, none = self.contacts.arrays, self.law, np.zeros_like(self._u)
         if law.restitution > 0:
+            bounces(c, 0, none, law.rest_speed)
             restitute(c, 0, none, none, none, law.restitution, law.rest_speed, 0, self._impulse)
         if self._looks_back:
             hits(c, 0, none, none, 0.0, 0.0, 0.0, 0.0)
@@ -220,6 +232,8 @@ class World:
             self.nodes.place(self.positions[self._node_range], self._arm[self._node_range])
         if self.rigid:
             self.rigid.place(self._first, self._shape_arm, self._arm, self.positions)
+        if self.led:
+            self.led.place(self.positions[self._led_range])
 
     def _ends_of(self, u: FloatArray) -> None:
         """Write where vertices are after the moves `u`."""
@@ -228,7 +242,10 @@ class World:
         if self.nodes:
             self.nodes.ends(u[parts[0]], self._ends[self._node_range])
         if self.rigid:
-            self.rigid.ends(u[parts[-1]], self._first, self._shape_arm, self._end_arm, self._ends)
+            own = u[parts[1 if self.nodes else 0]]
+            self.rigid.ends(own, self._first, self._shape_arm, self._end_arm, self._ends)
+        if self.led:
+            self.led.ends(u[parts[-1]], self._ends[self._led_range])
 
     def forces(self) -> FloatArray:
         """Return what contacts pressed and pulled all surface vertices with in the last step [N], shape (n, 3)."""
@@ -462,11 +479,14 @@ class World:
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.finish(u[part], None if kick is None else kick[part])
 
-    def _kick(self, u: FloatArray) -> FloatArray:
-        """Return what restitution adds to the velocities after the moves `u`."""
+    def _kick(self, u: FloatArray) -> FloatArray | None:
+        """Return what restitution adds to the velocities after the moves `u`; None where nothing bounces."""
         before, after, give = self._start_rate, self._end_rate, np.zeros_like(u)
         for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.rate_at_start(before[part])
+        if not bounces(self.contacts.arrays, self.contacts.count, before, self.law.rest_speed):
+            return None
+        for body, part in zip(self._bodies, self.problem.slices, strict=True):
             body.rate_at_end(u[part], after[part])
             body.give(give[part])
         c, law = self.contacts, self.law

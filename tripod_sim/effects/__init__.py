@@ -6,6 +6,7 @@ What a scene does not name is not imported beyond its table, allocates nothing a
 
 from importlib import import_module
 from pkgutil import iter_modules
+from typing import Any
 
 from tripod_sim.effect import Described, Effect
 
@@ -33,7 +34,13 @@ def absent(scene: Described) -> list[str]:
 def has(scene: Described, name: str) -> bool:
     """Return whether a scene has an effect, by its own table or by one of a body."""
     there = EFFECTS[name].there
-    return there(scene) if there else bool(getattr(scene, name))
+    return there(scene) if there else bool(table_of(scene, name))
+
+
+def table_of(scene: Described, name: str) -> Any:
+    """Return the table that a scene has of an effect, or all of them where there may be several."""
+    found = EFFECTS[name].found
+    return found(scene) if found else getattr(scene, name)
 
 
 def words(name: str) -> tuple[str, ...]:

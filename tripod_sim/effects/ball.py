@@ -1,30 +1,20 @@
-"""Effect: a rigid ball, on the maze or on the soft body itself."""
+"""Effect: a rigid ball, in the maze or among what touches."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from tripod_sim.effect import Described, Draft, Effect, Need
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import ball_is_rigid, soft_bodies
 from tripod_sim.tables.fields import number
-
-if TYPE_CHECKING:
-    from tripod_sim.parts import Parts
-
-
-RIGID = (
-    "beside contact the ball is a rigid body: it touches with contact.friction, restitution and rest_speed; its own, "
-    "rolling and substep are of no account"
-)
-"""What users should know of it."""
 
 
 @dataclass(frozen=True)
 class Ball:
-    """A rigid ball: on the maze if there is one, else on the soft body itself. Needs gravity.
+    """A rigid ball: in the maze if there is one, else a rigid body in contact. Needs gravity.
+
+    Outside of a maze and without [contact] a scene with a ball has that of the ball's friction, restitution and
+    rest_speed, at a sixteenth of its radius; with [contact] that counts for the ball, too.
 
     Attributes:
         radius: [m].
@@ -32,8 +22,8 @@ class Ball:
         friction: Coulomb's coefficient.
         restitution: Normal speed after an impact over that before it.
         rest_speed: Impacts below it do not bounce [m/s].
-        rolling: Rolling resistance: moment over load and radius.
-        substep: Longest part of a step in which the ball moves [s].
+        rolling: Rolling resistance in the maze: moment over load and radius.
+        substep: Longest part of a step in which it moves in the maze [s].
         position: Of the centre at the start [m]; in a maze it starts there where the maze says.
     """
 
@@ -48,38 +38,32 @@ class Ball:
 
 
 def check(ball: Ball, scene: Described) -> None:
-    """Raise SceneError if there is nothing that it could lie on."""
-    bodies = soft_bodies(scene)
-    if not ball_is_rigid(scene) and not (bodies and bodies[0].mesh):
-        raise SceneError("ball needs contact where the first body is no solid; add [contact]")
+    """Raise SceneError if it has what only one in a maze has, or what contact has for all."""
+    if scene.maze:
+        return
+    plain, elsewhere = (
+        Ball(),
+        dict.fromkeys(("rolling", "substep"), "only a ball in a maze has it; leave it out"),
+    )
+    if scene.contact:
+        for name in ("friction", "restitution", "rest_speed"):
+            elsewhere[name] = f"what touches has contact.{name}; set that instead"
+    for name, why in elsewhere.items():
+        if (value := getattr(ball, name)) != getattr(plain, name):
+            raise SceneError(f"ball.{name} is {value:g}, but {why}")
 
 
 def act(ball: Ball, draft: Draft) -> None:
-    """Let it move beside the body, which feels it as loads on nodes."""
-    scene = draft.scene
-    if ball_is_rigid(scene):
+    """Let it move in the maze, which feels it as loads on nodes."""
+    if not draft.plate:
         return
     from tripod_sim.forces.loads import NodalLoads
+    from tripod_sim.maze.play import MazeBall
 
+    scene = draft.scene
     loads, gravity = NodalLoads(draft.rest), np.array(scene.gravity.acceleration)
     draft.terms.append(loads)
-    if draft.plate:
-        from tripod_sim.maze.play import MazeBall
-
-        draft.ball = MazeBall(ball, draft.plate, gravity, loads, quasi_static=not scene.inertia)
-        return
-    from tripod_sim.ball.body_ball import BodyBall
-
-    body, groups = draft.assembly.bodies[0], draft.groups
-    draft.ball = BodyBall(
-        ball, body.solid.surface, groups.driven, body.table.material.mass, gravity, loads,
-        quasi_static=not scene.inertia, disc=groups.rigid[0] if groups.rigid else None,
-    )  # fmt: skip
-
-
-def finish(ball: Ball, scene: Described, parts: "Parts", build: "Callable[[Described], Parts]") -> "Parts":
-    """Say what is of no account."""
-    return replace(parts, notes=(*parts.notes, RIGID)) if ball_is_rigid(scene) else parts
+    draft.ball = MazeBall(ball, draft.plate, gravity, loads, quasi_static=not scene.inertia)
 
 
 BALL = "ball"
@@ -93,9 +77,7 @@ EFFECT = Effect(
     stages={
         "forces.loads.NodalLoads": {"add_gradient": BALL},
         "maze.play.MazeBall": {"load": BALL, "follow": BALL},
-        "ball.body_ball.BodyBall": {"load": BALL, "follow": BALL},
     },
     steps=(BALL,),
     act=act,
-    finish=finish,
 )

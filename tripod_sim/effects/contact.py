@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import rigids_of, soft_bodies
+from tripod_sim.scene_short import contact_of, rigids_of, soft_bodies
 from tripod_sim.tables.fields import number, one_of
 
 if TYPE_CHECKING:
@@ -52,12 +52,12 @@ def check(contact: Contact, scene: Described) -> None:
     if scene.inertia and scene.inertia.scheme in EXPLICIT:
         raise SceneError(
             f"inertia.scheme is {scene.inertia.scheme!r}, whose steps solve nothing, while contact forces follow from "
-            "where a step ends; allowed with contact: implicit_euler, bdf2, tr_bdf2"
+            "where a step ends; allowed with contact or a ball: implicit_euler, bdf2, tr_bdf2"
         )
     bodies = rigids_of(scene)
     if bodies and not scene.inertia:
         raise SceneError(
-            f"{'rigid' if scene.rigid else 'ball beside contact'} needs inertia: nothing holds the bodies but what "
+            f"{'rigid' if scene.rigid else 'ball'} needs inertia: nothing holds the bodies but what "
             "they happen to lie on, so where they rest is not determined; add [inertia], or make "
             "what stands still one of the [[obstacles]]"
         )
@@ -103,6 +103,7 @@ CONTACT = "contact"
 EFFECT = Effect(
     Contact,
     rank=150,
+    found=contact_of,
     check=check,
     modules=("contact",),
     stages={

@@ -2,13 +2,14 @@
 
 from tripod_sim.effect import Described, Effect
 from tripod_sim.errors import SceneError
+from tripod_sim.scene_short import contact_of
 from tripod_sim.tables.bodies import Obstacle
 from tripod_sim.tables.fields import check_unit
 
 
 def check(tables: tuple[Obstacle, ...], scene: Described) -> None:
     """Raise SceneError if nothing touches them, or an orientation is none."""
-    if not scene.contact:
+    if not contact_of(scene):
         raise SceneError("obstacles need contact: without it nothing touches them; add [contact]")
     for i, obstacle in enumerate(tables):
         check_unit(f"obstacles.{i}.orientation", obstacle.orientation)

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tripod_sim.effect import Described, Effect, Need
 from tripod_sim.effects.inertia import EXPLICIT, ORDER
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import soft_bodies, springs_alone
+from tripod_sim.scene_short import contact_of, soft_bodies, springs_alone
 from tripod_sim.tables.fields import number, one_of
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class TimeError:
 def halves(scene: Described) -> bool:
     """Return whether steps of half the length tell the error of the time steps (see `integrators.doubling`)."""
     explicit = scene.inertia is not None and scene.inertia.scheme in EXPLICIT
-    return explicit or scene.contact is not None or scene.strain_limit is not None
+    return explicit or contact_of(scene) is not None or scene.strain_limit is not None
 
 
 def by_way(scene: Described) -> bool:
@@ -108,17 +108,17 @@ def finish(
     if by_way(scene):
         from tripod_sim.integrators.way_steps import WaySteps
 
-        distance = scene.contact.contact_distance if scene.contact else 0.0
-        in_maze: Any = parts.ball if scene.maze else None
+        contact = contact_of(scene)
+        distance = contact.contact_distance if contact else 0.0
         solid = any(body.springs is None for body in soft_bodies(scene))
-        steps = WaySteps(parts, wanted, scene.inertia.scheme, distance, in_maze, solid=solid)
+        steps = WaySteps(parts, wanted, scene.inertia.scheme, distance, solid=solid)
         return replace(parts, stepper=steps, chosen=steps)
     if parts.errors:
         return parts
     from tripod_sim.integrators.doubling import Doubling
 
     twin = build(replace(scene, dt=0.5 * scene.dt, time_error=None))
-    order = 1 if scene.contact or scene.strain_limit else ORDER[scene.inertia.scheme]
+    order = 1 if contact_of(scene) or scene.strain_limit else ORDER[scene.inertia.scheme]
     doubling = Doubling(parts, twin, order, wanted)
     return replace(parts, stepper=doubling, doubling=doubling)
 

@@ -179,22 +179,6 @@ class Elastic:
         """Return the largest entry of the matrices [N/m]."""
         return max((float(np.abs(t.matrices).max(initial=0.0)) for t in self.terms), default=0.0)
 
-    def add_stiffness(self, nodes: IndexArray, stiffness: FloatArray) -> None:
-        """Add a `stiffness` between `nodes` to the matrices until the next assembly.
-
-        Args:
-            nodes: All of one element, shape (k,); where no element that can deform has them, nothing is added.
-            stiffness: [N/m], shape (3 k, 3 k).
-        """
-        for term in self.terms:
-            having = np.flatnonzero(np.isin(term.elements, nodes).sum(axis=1) == len(nodes))
-            if having.size:
-                e = having[0]
-                places = [int(np.flatnonzero(term.elements[e] == node)[0]) for node in nodes]
-                rows = (3 * np.array(places)[:, None] + np.arange(3)).ravel()
-                term.matrices[e][np.ix_(rows, rows)] += stiffness
-                return
-
     def culprit(self, x: FloatArray, modes: FloatArray) -> str:
         """Return in words what is worst of all elements."""
         found = [t.culprit(x, self.of(modes, k)) for k, t in enumerate(self.terms)]

@@ -61,11 +61,7 @@ from tripod_sim.integrators.way_kernels import (
 from tripod_sim.state import State, WayState
 
 if TYPE_CHECKING:
-    from tripod_sim.parts import Parts
-
-if TYPE_CHECKING:
     from tripod_sim.contact.world import World
-    from tripod_sim.maze.play import MazeBall
     from tripod_sim.parts import Parts
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
@@ -111,7 +107,6 @@ class WaySteps:
         wanted: TimeError,
         scheme: str,
         distance: float,
-        maze: "MazeBall | None" = None,
         *,
         solid: bool = False,
     ) -> None:
@@ -122,7 +117,6 @@ class WaySteps:
             wanted: The scene's table.
             scheme: Its time integrator.
             distance: Of contact [m], 0 without.
-            maze: The ball in a maze, if there is one.
             solid: Whether a body is a solid.
         """
         self._order, self._fast = ORDER[scheme], FAST if scheme == "tr_bdf2" else 1.0
@@ -155,8 +149,8 @@ class WaySteps:
         kind = 0 if not solid else 1 if self._world else 2
         share = SHARE[kind] * (wanted.accuracy / 0.1) ** FINER[kind]
         self._accuracy = min(share, 1.0) * wanted.accuracy
-        self._maze = maze if wanted.accuracy else None
-        self._shifted = maze.shifted() if maze and wanted.accuracy else None
+        self._maze = self._ball if wanted.accuracy else None
+        self._shifted = self._maze.shifted() if self._maze else None
         size = float(np.linalg.norm(np.ptp(parts.mesh.nodes, axis=0)))
         self._floor = max(wanted.tolerance, self._accuracy * max(distance, FINE * size))
         self._origin: State | None = None

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tripod_host.arrays import FloatArray, IndexArray
+from tripod_host.arrays import FloatArray
 from tripod_host.rotations import axial, rotation_matrix, skew
 from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion
 from tripod_sim.ball.obstacle_kernels import MISSES, sweep
@@ -127,9 +127,7 @@ class MazeBall:
 
         return follow
 
-    def rest_load(
-        self, state: State, ball: BallState, out: FloatArray
-    ) -> list[tuple[IndexArray, FloatArray]]:
+    def rest_load(self, state: State, ball: BallState, out: FloatArray) -> None:
         """Write the static load of the ball on the nodes [N], shape (n, 3): while in play its weight, where it lies.
 
         It goes along with the plate, as a ball does that friction and rolling resistance hold. Of a ball that rolls or
@@ -139,7 +137,6 @@ class MazeBall:
         if ball.place is Place.PLAYING:
             nodes, centre = self.plate.nodes, state.centres[0]
             out[nodes] = carried(state.positions[nodes] - centre, ball.position - centre, self._weight)
-        return []
 
     def _twist(self, state: State, dt: float) -> FloatArray:
         """Return velocity and angular velocity of the plate at the end of the step, shape (2, 3)."""

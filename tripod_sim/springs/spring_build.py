@@ -14,7 +14,7 @@ from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts, Stepper
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import rigids_of
+from tripod_sim.scene_short import contact_of, rigids_of
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
@@ -36,16 +36,16 @@ LARGE = 60_000
 def build_springs(scene: Scene, description: Springs) -> Parts:
     """Return the parts of a simulation of `scene`, whose body `description` describes. Raises SceneError."""
     body = spring_body(scene, description)
-    if scene.contact:
-        body = _placed(body, scene, scene.contact)
+    if contact := contact_of(scene):
+        body = _placed(body, scene, contact)
     system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
     skin, bound = None if len(body.triangles) else ChainSkin(body), None
     if scene.strain_limit:
         from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
 
         bound = StrainBound(body.ends, body.rest_length, scene.strain_limit.stretch, system.mass)
-    if scene.contact:
-        return _touching(system, scene, scene.contact, skin, bound)
+    if contact:
+        return _touching(system, scene, contact, skin, bound)
     stepper, errors = _stepper(scene, system)
     if bound:
         from tripod_sim.integrators.strain_limit import StrainLimited  # noqa: PLC0415 - an effect that is absent

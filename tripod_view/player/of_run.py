@@ -98,10 +98,10 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
     triangles, found = np.asarray(arrays["triangles"]), []
     first = np.cumsum([0, *np.asarray(arrays["bodies"]).tolist()])
     for i, (low, high) in enumerate(pairwise(first.tolist())):
-        if low == high:
+        k = i - rigid
+        if low == high or k == len(scene.get("rigid", ())):  # the ball is a piece of its own
             continue
         own = triangles[((triangles >= low) & (triangles < high)).all(axis=1)] - low
-        k = i - rigid
         name, colour = soft[i] if k < 0 else (f"rigid.{k}", RIGID[k % len(RIGID)])
         found.append(Deforming(name, own, shown[:, low:high], colour))
     return found

@@ -23,7 +23,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene, value_of
-from tripod_sim.scene_short import effector_of, joints_of
+from tripod_sim.scene_short import contact_of, effector_of, joints_of
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
@@ -277,7 +277,7 @@ class _Tries:
 
     def cost(self, settings: Settings) -> float:
         """Return about what a step costs [s]. It is not measured: a study that is resumed must be the same one."""
-        return float(SOLVE * self.unknowns(settings) ** GROWTH * (TOUCHING if self.made.contact else 1.0))
+        return float(SOLVE * self.unknowns(settings) ** GROWTH * (TOUCHING if contact_of(self.made) else 1.0))
 
 
 def _default(scene: Scene) -> dict[str, Value]:
