@@ -81,7 +81,7 @@ class Solid:
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
-        kernels.update_modes(modes, self._arrays, self._arrays.y, dx, scale, out)
+        kernels.update_modes(modes, self.elements, self._arrays.X, self._arrays.y, dx, scale, out)
 
     def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
         """Bring `modes` to the least E at `x`, in place, until |dE/d modes|² <= `tolerance` [N²]; return that square.

@@ -282,9 +282,10 @@ def invert(matrix: Array) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def update_modes(modes: Array, solid: SolidArrays, y: Array, dx: Array, scale: float, out: Array) -> None:
+def update_modes(
+    modes: Array, elements: Array, X: Array, y: Array, dx: Array, scale: float, out: Array
+) -> None:
     """Write modes + scale (-y - X dx) to `out` (m, k, 3); dx (n, 3) is the move of the nodes [m]."""
-    elements, X = solid.elements, solid.X
     for e in range(elements.shape[0]):
         for r in range(X.shape[1]):
             total = y[e, r]

@@ -164,7 +164,8 @@ def _evaluate_solids(x: Array, solids: Solids, load: Load, scratch: ForceScratch
 def _follow_nodes(solids: Solids, move: Array) -> None:
     """Move the modes as a Newton step does in which the nodes move by `move` [m], shape (n, 3)."""
     for solid in solids:
-        update_modes(solid.modes, solid.arrays, solid.arrays.y, move, 1.0, solid.modes)
+        s = solid.arrays
+        update_modes(solid.modes, s.elements, s.X, s.y, move, 1.0, solid.modes)
 
 
 @njit(cache=True, error_model="numpy")
@@ -197,7 +198,8 @@ def _add_rates(x: Array, v: Array, solids: Solids, load: Load, scratch: ForceScr
 def _follow_rates(solids: Solids, move: Array) -> None:
     """Change the modes' rates as a Newton step does in which those of the nodes change by `move` [m/s], (n, 3)."""
     for solid in solids:
-        update_modes(solid.rates, solid.arrays, solid.rate_y, move, 1.0, solid.rates)
+        s = solid.arrays
+        update_modes(solid.rates, s.elements, s.X, solid.rate_y, move, 1.0, solid.rates)
 
 
 @njit(cache=True, error_model="numpy")
