@@ -20,6 +20,7 @@ from tripod_sim.integrators.schemes import ImplicitScheme
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.materials.lame import lame_constants
+from tripod_sim.materials.law import vector
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
 from tripod_sim.state import State
@@ -52,8 +53,8 @@ def lumped(mesh: SolidMesh, mass: float) -> tuple[FloatArray, FloatArray]:
 
 def elastic(mesh: SolidMesh, young: float, poisson: float, law: str = "neo_hooke") -> Solid:
     """Return the elastic solid on a mesh; `young` in Pa."""
-    lam, mu = lame_constants(young, poisson)
-    return Solid(np.array(mesh.nodes), np.array(mesh.elements), mesh.kind, law, lam, mu)
+    parameters = vector(law, *lame_constants(young, poisson))
+    return Solid(np.array(mesh.nodes), np.array(mesh.elements), mesh.kind, law, parameters)
 
 
 @dataclass(eq=False)

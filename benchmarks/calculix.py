@@ -28,6 +28,7 @@ from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import gauss
 from tripod_sim.elements.tetrahedron import T10
 from tripod_sim.materials.lame import lame_constants
+from tripod_sim.materials.law import initial_young
 from tripod_sim.robot.disc import effector_disc
 from tripod_sim.scene import Scene
 
@@ -194,7 +195,7 @@ def write_input(simulation: Simulation, case: str, discs: FloatArray, file: Path
     """
     s, mesh = simulation.scene, simulation.mesh
     assert s.gravity
-    lam, mu = lame_constants(s.material.young, s.material.poisson)
+    lam, mu = lame_constants(initial_young(s.material), s.material.poisson)
     volume = node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum()
     g = np.array(s.gravity.acceleration)
     size, disc = float(np.linalg.norm(g)), disc_nodes(simulation)

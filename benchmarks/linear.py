@@ -24,6 +24,7 @@ from tripod_sim.linear.cg import ConjugateGradients
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.linear.ldl import Ldl
 from tripod_sim.materials.lame import lame_constants
+from tripod_sim.materials.law import vector
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.system import System
 
@@ -67,7 +68,7 @@ def boxes(sizes: list[tuple[int, int, int]]) -> Iterator[tuple[str, System]]:
         corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
         cells = [index[tuple(slice(a, a + n) for a, n in zip(c, size, strict=True))].ravel() for c in corners]
         elements = np.ascontiguousarray(np.stack(cells, axis=1))
-        solid = Solid(nodes, elements, kind, "neo_hooke", *lame_constants(250e3, 0.45))
+        solid = Solid(nodes, elements, kind, "neo_hooke", vector("neo_hooke", *lame_constants(250e3, 0.45)))
         system = System(nodes, [solid], Groups(len(nodes), fixed=np.flatnonzero(nodes[:, 0] < 1e-9)))
         state = system.start_state(np.zeros(1))
         system.assemble(state, project=False)

@@ -57,27 +57,42 @@ def assert_symmetric(matrix: FloatArray, rel: float = 1e-12) -> None:
     np.testing.assert_allclose(matrix, matrix.T, rtol=0, atol=rel * np.abs(matrix).max())
 
 
+def law_vector(law: str, lam: float, mu: float) -> FloatArray:
+    """Return parameters of any law that for small strains has Lame's constants [Pa]; its own are of mixed size."""
+    from tripod_sim.materials.law import law_named, vector
+
+    found = law_named(law)
+    if not found.PARAMETERS:
+        return vector(law, lam, mu)
+    own = np.array([1.0, 1.7, -0.4, -2.3, 0.05, 5.1])[: found.COUNTS[-1]]
+    moduli = np.array([name.endswith("[Pa]") for name in found.PARAMETERS])
+    return vector(law, lam, mu, tuple(np.where(moduli, own * mu / found.shear(tuple(own)), own)))
+
+
 class Law:
     """A material's compiled functions behind plain Python calls, for tests."""
 
     def __init__(self, name: str, young: float = 250e3, poisson: float = 0.45) -> None:
-        from tripod_sim.materials import laws
+        from tripod_sim.materials import calls
         from tripod_sim.materials.lame import lame_constants
+        from tripod_sim.materials.law import law_named
 
-        self.laws, self.number = laws, laws.LAWS[name]
+        self.module, self.tangents = law_named(name), calls.tangent
+        self.law = calls.addresses(self.module)
         self.lam, self.mu = lame_constants(young, poisson)
+        self.p = law_vector(name, self.lam, self.mu)
 
     def energy(self, F: FloatArray) -> float:
-        return float(self.laws.energy(self.number, np.ascontiguousarray(F), self.lam, self.mu))
+        return float(self.module.energy(np.ascontiguousarray(F), self.p))
 
     def stress(self, F: FloatArray) -> FloatArray:
         P = np.zeros((3, 3))
-        self.laws.stress(self.number, np.ascontiguousarray(F), self.lam, self.mu, P)
+        self.module.stress(np.ascontiguousarray(F), self.p, P)
         return P
 
     def tangent(self, F: FloatArray, *, project: bool = False) -> FloatArray:
         C = np.zeros((9, 9))
-        self.laws.tangent(self.number, np.ascontiguousarray(F), self.lam, self.mu, project, C)
+        self.tangents(self.law, np.ascontiguousarray(F), self.p, project, C)
         return C
 
 

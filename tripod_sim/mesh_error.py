@@ -46,6 +46,7 @@ from tripod_sim.integrators.quasi_static import QuasiStatic
 from tripod_sim.integrators.report import MeshErrorReport
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.described import described_mesh
+from tripod_sim.materials.law import initial_young
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
@@ -303,7 +304,7 @@ class Others:
             self._world = stepper.world
             self._surface = np.unique(mesh.surface)
             volume = float(node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum())
-            stiffness = STIFF * body.material.young * volume ** (1 / 3)
+            stiffness = STIFF * initial_young(body.material) * volume ** (1 / 3)
             self._support = Support(self._nodes[self._surface], self._weights[self._surface], stiffness)
             self._stuck = np.zeros(len(self._surface), dtype=bool)
             self._along = np.zeros((len(self._surface), 3, 3))

@@ -7,8 +7,9 @@ from tripod_sim.effect import Effect
 from tripod_sim.effects import has
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError, shown
+from tripod_sim.materials.law import check
 from tripod_sim.scene_short import field_of, rigids_of, servo_tables, soft_bodies
-from tripod_sim.tables.bodies import Body
+from tripod_sim.tables.bodies import Body, Material
 from tripod_sim.tables.fields import Described, check_box, check_unit
 
 
@@ -38,6 +39,7 @@ def check_bodies(scene: Described) -> None:
                 f"{field}like and {field}mesh, {field}material exclude each other: leave one out"
             )
         _check_kind(body, field)
+        _check_materials(body, field)
     if scene.region and not scene.mesh:
         raise SceneError("region needs mesh: it is a part of a solid")
     if scene.tie and len(bodies) < 2:
@@ -65,6 +67,13 @@ def _check_kind(body: Body, field: str) -> None:
     for name in ("region", "servos", "effector"):
         if getattr(body, name) and not body.mesh:
             raise SceneError(f"{field}{name} needs {field}mesh: it is of a solid")
+
+
+def _check_materials(body: Body, field: str) -> None:
+    """Raise SceneError if a material or region gives what its law does not take, or lacks what it does."""
+    for name, table in (("material", body.material), *((f"region.{i}", r) for i, r in enumerate(body.region))):
+        if table and (table.parameters or table.law != Material.law):
+            check(table, f"{field}{name}")
 
 
 def check_needs(scene: Described, name: str, effect: Effect) -> None:

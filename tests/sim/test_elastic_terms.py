@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from tests.checks import assert_derivative, assert_gradient
+from tests.checks import assert_derivative, assert_gradient, law_vector
 from tripod_sim import load_scene
 from tripod_sim.build import build
 from tripod_sim.constraints.groups import Groups
@@ -28,7 +28,7 @@ def halves(law: str, kind_of_second: str = "same") -> tuple[Elastic, Elastic, np
     every, half = np.array(mesh.elements), len(mesh.elements) // 2
 
     def solid(elements: np.ndarray) -> Solid:
-        return Solid(mesh.nodes, np.ascontiguousarray(elements), mesh.kind, law, 1e5, 1e5)
+        return Solid(mesh.nodes, np.ascontiguousarray(elements), mesh.kind, law, law_vector(law, 1e5, 1e5))
 
     return (
         Elastic([solid(every)], NONE),
@@ -66,7 +66,9 @@ def test_springs_beside_a_solid_have_the_gradient_and_hessian_of_their_energy() 
     ends = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
     length = np.linalg.norm(np.diff(mesh.nodes, axis=0), axis=1)
     springs = SpringForce(ends, 0.9 * length, np.full(n - 1, 300.0), slack=False, owner="net")
-    solid = Solid(mesh.nodes, np.array(mesh.elements), mesh.kind, "neo_hooke", 1e4, 1e4)
+    solid = Solid(
+        mesh.nodes, np.array(mesh.elements), mesh.kind, "neo_hooke", law_vector("neo_hooke", 1e4, 1e4)
+    )
     system = System(mesh.nodes, [springs, solid], Groups(n))
     state = system.start_state(np.zeros(1))
     state.positions += 1e-4 * rng.standard_normal((n, 3))

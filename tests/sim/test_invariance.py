@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from benchmarks.blocks import brick, lumped
+from tests.checks import law_vector
 from tripod_sim.constraints.groups import Groups
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.forces.anchor import Anchor
@@ -44,7 +45,7 @@ def hang(element: str, law: str, scheme: str, rotation: Rotation, change: Change
         nodes, elements, order = change(nodes, elements)
         load, inert = (np.bincount(order, m) for m in (load, inert))
     nodes = rotation.apply(nodes)
-    solid = Solid(nodes, elements, mesh.kind, law, LAM, MU)
+    solid = Solid(nodes, elements, mesh.kind, law, law_vector(law, LAM, MU))
     groups = Groups(len(nodes), rigid=(np.sort(order[plate]),), fixed=np.sort(order[held]))
     weight = rotation.apply([2.0, 1.0, -9.0])
     gravity = GravityForce(load, tuple(weight), nodes)

@@ -3,21 +3,24 @@
 import numpy as np
 import pytest
 
-from tests.checks import assert_gradient, assert_symmetric, random_rotation
+from tests.checks import assert_gradient, assert_symmetric, law_vector, random_rotation
 from tests.sim.test_elements import block
 from tripod_sim.elements.element import reference_gradients
 from tripod_sim.elements.hexahedron import H8, H8_MODES
 from tripod_sim.elements.mean_dilatation import H8_MEAN
 from tripod_sim.forces.solid import Solid
-from tripod_sim.materials import dilatation, laws
+from tripod_sim.materials import calls
 from tripod_sim.materials.lame import lame_constants
+from tripod_sim.materials.law import law_named
+from tripod_sim.materials.laws import KAPPA, NAMES
+from tripod_sim.materials.volume import RATIO
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 LAM, MU = 3.0, 0.7
 
 
-@pytest.fixture(params=sorted(laws.LAWS))
+@pytest.fixture(params=NAMES)
 def law(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -35,32 +38,33 @@ def shaken(cells: tuple[int, int, int] = (2, 1, 1)) -> tuple[SolidMesh, np.ndarr
 
 @pytest.mark.parametrize("F", gradients())
 def test_slope_is_the_derivative_of_the_volume(law: str, F: np.ndarray) -> None:
-    number, H = laws.LAWS[law], np.zeros((3, 3))
-    assert dilatation.volume_slope(number, F, H) == pytest.approx(dilatation.volume(number, F), rel=1e-14)
+    measure, H, scratch = law_named(law).VOLUME, np.zeros((3, 3)), np.zeros((3, 3))
+    s = np.linalg.svd(F, compute_uv=False)
+    assert measure.slope(F, H) == pytest.approx(measure.derivatives(s, s.copy(), scratch), rel=1e-14)
     rng = np.random.default_rng(0)
-    assert_gradient(lambda f: dilatation.volume(number, f), H, F, rng, h=1e-5, rel=1e-7)
+    assert_gradient(lambda f: measure.slope(f, scratch), H, F, rng, h=1e-5, rel=1e-7)
 
 
 @pytest.mark.parametrize("F", gradients())
 def test_at_its_own_volume_a_point_has_the_tangent_of_the_law(law: str, F: np.ndarray) -> None:
-    number, H = laws.LAWS[law], np.zeros((3, 3))
+    found, p, H = calls.addresses(law_named(law)), law_vector(law, LAM, MU), np.zeros((3, 3))
     at_mean, whole = np.zeros((9, 9)), np.zeros((9, 9))
-    v = dilatation.volume_slope(number, F, H)
-    dilatation.tangent_at_mean(number, F, v, LAM, MU, False, at_mean)
-    laws.tangent(number, F, LAM, MU, False, whole)
-    kappa = dilatation.modulus(number, LAM, MU)
+    v = law_named(law).VOLUME.slope(F, H)
+    calls.tangent_at_mean(found, F, v, p, False, at_mean)
+    calls.tangent(found, F, p, False, whole)
+    kappa = p[KAPPA]
     size = np.abs(whole).max()
     assert kappa * (H * H).sum() > 0.1 * size
     np.testing.assert_allclose(at_mean + kappa * np.outer(H, H), whole, atol=1e-9 * size)
 
 
 def test_projection_lifts_only_negative_eigenvalues(law: str) -> None:
-    lifted = 0
+    lifted, found, p = 0, calls.addresses(law_named(law)), law_vector(law, LAM, MU)
     for F in gradients(8):
         exact, projected = np.zeros((9, 9)), np.zeros((9, 9))
-        for mean in (0.6, 1.0) if law in ("neo_hooke", "stable_neo_hooke") else (-0.4, 2.5):
-            dilatation.tangent_at_mean(laws.LAWS[law], F, mean, LAM, MU, False, exact)
-            dilatation.tangent_at_mean(laws.LAWS[law], F, mean, LAM, MU, True, projected)
+        for mean in (0.6, 1.0) if law_named(law).VOLUME is RATIO else (-0.4, 2.5):
+            calls.tangent_at_mean(found, F, mean, p, False, exact)
+            calls.tangent_at_mean(found, F, mean, p, True, projected)
             w, v = np.linalg.eigh(exact)
             lifted += int((w < -1e-6 * MU).sum())
             nearest = (v * np.maximum(w, 1e-6 * MU)) @ v.T
@@ -72,7 +76,7 @@ def test_energy_is_that_of_plain_points_with_the_mean_in_the_second_term() -> No
     """Worked out again in NumPy for neo-Hooke: mu/2 (J^(-2/3) I1 - 3) + K/2 (J* - 1)^2."""
     mesh, x = shaken()
     elements = np.array(mesh.elements)
-    solid = Solid(mesh.nodes, elements, H8_MEAN, "neo_hooke", LAM, MU)
+    solid = Solid(mesh.nodes, elements, H8_MEAN, "neo_hooke", law_vector("neo_hooke", LAM, MU))
     G, weight = reference_gradients(H8_MEAN, mesh.nodes[elements])
     F = np.einsum("eai,eqaj->eqij", x[elements], G)
     J = np.linalg.det(F)
@@ -86,7 +90,7 @@ def test_energy_is_that_of_plain_points_with_the_mean_in_the_second_term() -> No
 
 def test_force_is_the_energy_gradient_and_the_tangent_its_derivative(law: str) -> None:
     mesh, x = shaken()
-    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MEAN, law, LAM, MU)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MEAN, law, law_vector(law, LAM, MU))
     modes, rng = solid.rest_modes(), np.random.default_rng(1)
 
     def gradient(x: np.ndarray) -> np.ndarray:
@@ -105,7 +109,7 @@ def test_force_is_the_energy_gradient_and_the_tangent_its_derivative(law: str) -
 
 def test_projected_element_matrices_are_positive(law: str) -> None:
     mesh, x = shaken()
-    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MEAN, law, LAM, MU)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MEAN, law, law_vector(law, LAM, MU))
     squeezed = 0.5 * x * [1.0, 1.0, 1.6]
     lowest = {}
     for project in (False, True):
@@ -118,7 +122,7 @@ def test_projected_element_matrices_are_positive(law: str) -> None:
 
 def test_a_rotation_of_the_frame_rotates_forces_and_costs_nothing(law: str) -> None:
     mesh, x = shaken()
-    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MEAN, law, LAM, MU)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), H8_MEAN, law, law_vector(law, LAM, MU))
     modes, g, turned = solid.rest_modes(), np.zeros_like(x), np.zeros_like(x)
     Q, shift = random_rotation(np.random.default_rng(2)), np.array([0.3, -2.0, 1.0])
     energy = solid.add_gradient(x, modes, g)
@@ -144,7 +148,7 @@ def tip_deflection(kind: str, cells: tuple[int, int, int], poisson: float, law: 
         SolidMesh(straight.nodes * [length / cells[0], 1 / cells[1], 1 / cells[2]], straight.elements), kind
     )
     lam, mu = lame_constants(young, poisson)
-    solid = Solid(mesh.nodes, np.array(mesh.elements), mesh.kind, law, lam, mu)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), mesh.kind, law, law_vector(law, lam, mu))
     assert solid.stiffness(np.array(mesh.nodes), solid.rest_modes(), project=False) == -1
     K = assembled(solid, mesh)
     free = np.flatnonzero(np.repeat(mesh.nodes[:, 0] > 1e-9, 3))

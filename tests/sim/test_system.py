@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from tests.checks import assert_symmetric, random_rotation
+from tests.checks import assert_symmetric, law_vector, random_rotation
 from tests.scenes import SHARP
 from tripod_sim import load_scene
 from tripod_sim.build import build
@@ -64,7 +64,7 @@ def along(system: System, state: State, solution: np.ndarray, turn: np.ndarray) 
 @pytest.mark.parametrize("law", LAWS)
 def test_solid_force_is_minus_the_energy_gradient(law: str) -> None:
     mesh, rng = y_piece(LEVELS[1]), np.random.default_rng(1)
-    solid = Solid(mesh.nodes, np.array(mesh.elements), mesh.kind, law, 1e5, 1e5)
+    solid = Solid(mesh.nodes, np.array(mesh.elements), mesh.kind, law, law_vector(law, 1e5, 1e5))
     x = mesh.nodes + 2e-4 * rng.standard_normal(mesh.nodes.shape)
     modes, g = 1e-4 * rng.standard_normal(solid.rest_modes().shape), np.zeros_like(x)
     solid.add_gradient(

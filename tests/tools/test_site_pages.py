@@ -71,7 +71,7 @@ def test_docstrings_are_taken_apart() -> None:
 
 def test_fields_of_scenes_have_unit_range_and_text() -> None:
     page = scene_fields.page()
-    assert "| `young` | `250000.0` | Pa | above 0, at most 1e+13 | E. |" in page
+    assert "| `poisson` | `0.45` |  | 0 to 0.499 | Nu for small strains. |" in page
     assert "## servo_dynamics" in page
     assert "\\|" not in page.split("## The scene itself")[0]
 

@@ -12,7 +12,7 @@ from tripod_sim.constraints.groups import Groups, Kind
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.elastic import ElasticTerm
-from tripod_sim.materials.lame import lame_constants
+from tripod_sim.materials.law import parameters_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.suited import suited, width_note
 from tripod_sim.node_sets import NodeSets
@@ -158,8 +158,8 @@ def elastic_terms(assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: 
         for k, part in enumerate(parts):
             chosen = np.ascontiguousarray(body.blocks[moving & (of == k)])
             if len(chosen):
-                lam, mu = lame_constants(part.young, part.poisson)
-                terms.append(Solid(rest, chosen, mesh.kind, part.law, lam, mu, "" if alone else name))
+                own = parameters_of(part)
+                terms.append(Solid(rest, chosen, mesh.kind, part.law, own, "" if alone else name))
     return terms
 
 

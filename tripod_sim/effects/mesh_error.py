@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from tripod_sim.effect import Described, Effect, Need
 from tripod_sim.errors import SceneError
+from tripod_sim.materials.law import initial_young
 from tripod_sim.scene_short import discs_of, soft_bodies
 from tripod_sim.tables.fields import number
 
@@ -38,7 +39,7 @@ def check(table: MeshError, scene: Described) -> None:
             "of them gets wrong says nothing of the platform"
         )
     material, stiffness = bodies[0].material, scene.clamp.stiffness
-    shear = material.young / (2 + 2 * material.poisson)
+    shear = initial_young(material) / (2 + 2 * material.poisson)
     if stiffness > shear / SLIP**2:
         raise SceneError(
             f"mesh_error: clamp.stiffness is {stiffness:g} N/m⁴, by which strips of this material slip over "

@@ -12,7 +12,7 @@ from numba import njit
 from tripod_host.arrays import Array
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import constants, invert
-from tripod_sim.materials import laws
+from tripod_sim.materials import calls
 
 MOST_STEPS, MOST_HALVINGS = 30, 12
 """Of one element."""
@@ -20,7 +20,7 @@ MOST_STEPS, MOST_HALVINGS = 30, 12
 SERVES = 0.01
 """Factor by which a step lowers the square of the force for the inverse to serve on."""
 
-_stress, _tangent = laws.stress, laws.tangent
+_stress, _tangent = calls.stress, calls.tangent
 
 
 @njit(cache=True, error_model="numpy")
@@ -32,7 +32,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
     Returns:
         |f_a|² [N²], infinite where a point has no energy at the start.
     """
-    elements, G, weight, law, lam, mu, _ = constants(solid)
+    elements, G, weight, law, p, _ = constants(solid)
     nodes, count, points = elements.shape[1], modes.shape[1], G.shape[1]
     base, force, ahead = np.empty((points, 3, 3)), np.empty((count, 3)), np.empty((count, 3))
     trial, step, C = np.empty((count, 3)), np.empty((count, 3)), np.empty((9, 9))
@@ -46,7 +46,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
                         entry += x[elements[e, a], i] * G[e, q, j, a]
                     base[q, i, j] = entry
         at, Ge, we = modes[e], G[e, :, :, nodes:], weight[e]
-        energy, left = _force(at, base, Ge, we, law, lam, mu, force)
+        energy, left = _force(at, base, Ge, we, law, p, force)
         if not np.isfinite(energy):
             return np.inf
         fresh = False
@@ -59,7 +59,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
                 for k in range(count):
                     for i in range(3):
                         trial[k, i] = at[k, i] - scale * step[k, i]
-                after, smaller = _force(trial, base, Ge, we, law, lam, mu, ahead)
+                after, smaller = _force(trial, base, Ge, we, law, p, ahead)
                 if fresh:
                     moved = np.isfinite(after) and (after < energy or smaller < left)
                 else:
@@ -70,7 +70,7 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
             if moved:
                 at[:], force[:] = trial, ahead
                 fresh, energy, left = False, after, smaller
-            elif fresh or not _renew(at, base, Ge, we, law, lam, mu, C, solid.inverse[e]):
+            elif fresh or not _renew(at, base, Ge, we, law, p, C, solid.inverse[e]):
                 break
             else:
                 fresh = True
@@ -91,7 +91,7 @@ def _deformation(modes: Array, base: Array, G: Array, F: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _force(
-    modes: Array, base: Array, G: Array, weight: Array, law: int, lam: float, mu: float, force: Array
+    modes: Array, base: Array, G: Array, weight: Array, law: Array, p: Array, force: Array
 ) -> tuple[float, float]:
     """Write f_a (k, 3) [N] of one element; return its energy [J], infinite for none, and |f_a|² [N²]."""
     F, P = np.empty((3, 3)), np.empty((3, 3))
@@ -99,7 +99,7 @@ def _force(
     force[:] = 0.0
     for q in range(base.shape[0]):
         _deformation(modes, base[q], G[q], F)
-        density = _stress(law, F, lam, mu, P)
+        density = _stress(law, F, p, P)
         if not np.isfinite(density):
             return np.inf, np.inf
         energy += weight[q] * density
@@ -129,9 +129,8 @@ def _renew(
     base: Array,
     G: Array,
     weight: Array,
-    law: int,
-    lam: float,
-    mu: float,
+    law: Array,
+    p: Array,
     C: Array,
     inverse: Array,
 ) -> bool:
@@ -142,7 +141,7 @@ def _renew(
         inverse[:] = 0.0
         for q in range(base.shape[0]):
             _deformation(modes, base[q], G[q], F)
-            _tangent(law, F, lam, mu, project, C)
+            _tangent(law, F, p, project, C)
             for k in range(count):
                 for i in range(3):
                     for c in range(9):

@@ -16,10 +16,10 @@ from numba import njit
 from tripod_host.arrays import Array
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import condense_forces, constants, gather
-from tripod_sim.materials import dilatation, laws
+from tripod_sim.materials import calls
+from tripod_sim.materials.laws import KAPPA
 
-_tangent, _modulus = laws.tangent, dilatation.modulus
-_volume_slope, _tangent_at_mean = dilatation.volume_slope, dilatation.tangent_at_mean
+_tangent, _volume_slope, _tangent_at_mean = calls.tangent, calls.volume_slope, calls.tangent_at_mean
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
@@ -33,11 +33,12 @@ def add_solid_rates(
         modes, rates: Amplitudes [m] of the modes and their rates [m/s], shape (m, k, 3).
         factor: b of stiffness damping [s].
     """
-    elements, G, weight, law, lam, mu, mean = constants(solid)
+    elements, G, weight, law, p, mean = constants(solid)
     count = G.shape[3]
     xe, ve, f = np.empty((3, count)), np.empty((3, count)), np.empty((3, count))
-    (F, D, P, slope), C = np.empty((4, 3, 3)), np.empty((9, 9))
-    B, kappa, unbalanced = np.empty((3, count)), _modulus(law, lam, mu), 0.0
+    F, D, C = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 9))
+    P, slope = np.empty((3, 3)), np.empty((3, 3))
+    B, kappa, unbalanced = np.empty((3, count)), p[KAPPA], 0.0
     project = bool(0)  # `False` is a type of its own, for which the laws would be compiled once more
     for e in range(elements.shape[0]):
         gather(e, x, modes, elements, xe)
@@ -65,9 +66,9 @@ def add_solid_rates(
             Ge, w = G[e, q], weight[e, q]
             _two_sums(xe, ve, Ge, F, D)
             if mean:
-                _tangent_at_mean(law, F, shared, lam, mu, project, C)
+                _tangent_at_mean(law, F, shared, p, project, C)
             else:
-                _tangent(law, F, lam, mu, project, C)
+                _tangent(law, F, p, project, C)
             for i in range(3):
                 for j in range(3):
                     total = 0.0

@@ -7,7 +7,8 @@ from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
 from tripod_sim.forces.mode_kernels import settle_modes
 from tripod_sim.forces.solid_arrays import SolidArrays
-from tripod_sim.materials.laws import LAWS
+from tripod_sim.materials.calls import addresses
+from tripod_sim.materials.law import law_named
 
 
 class Solid:
@@ -28,12 +29,11 @@ class Solid:
         elements: IndexArray,
         kind: Element,
         law: str,
-        lam: float,
-        mu: float,
+        parameters: FloatArray,
         owner: str = "",
     ) -> None:
-        """`nodes`: undeformed positions [m], shape (n, 3); `lam`, `mu`: Lame's constants [Pa]; `owner`: name."""
-        self.elements, self._owner = elements, owner
+        """`nodes`: undeformed positions [m], shape (n, 3); `parameters`: of the law (`materials.laws`)."""
+        self.elements, self._owner, functions = elements, owner, addresses(law_named(law))
         gradients, weight = reference_gradients(kind, nodes[elements])
         G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
         count, dofs = len(elements), 3 * elements.shape[1]
@@ -41,7 +41,7 @@ class Solid:
         extra = 3 * self._modes
         self.matrices = np.zeros((count, dofs, dofs))
         self._arrays = SolidArrays(
-            elements, np.arange(count), G, weight, LAWS[law], lam, mu, kind.mean_dilatation, self.matrices,
+            elements, np.arange(count), G, weight, functions, parameters, kind.mean_dilatation, self.matrices,
             np.zeros((count, extra, dofs)), np.zeros((count, extra, extra)), np.zeros((count, extra)),
         )  # fmt: skip
 

@@ -17,9 +17,8 @@ class SolidArrays(NamedTuple):
     every: Array
     G: Array
     weight: Array
-    law: int
-    lam: float
-    mu: float
+    law: Array
+    p: Array
     mean: bool
     matrices: Array
     X: Array
@@ -31,6 +30,6 @@ def no_solid() -> SolidArrays:
     """Return a solid without elements."""
     zeros = np.zeros
     return SolidArrays(
-        zeros((0, 0), dtype=np.int64), zeros(0, dtype=np.int64), zeros((0, 0, 0, 0)), zeros((0, 0)), 0, 0.0, 0.0,
-        False, zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0)),
+        zeros((0, 0), dtype=np.int64), zeros(0, dtype=np.int64), zeros((0, 0, 0, 0)), zeros((0, 0)),
+        zeros(6, dtype=np.int64), zeros(3), False, zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0)),
     )  # fmt: skip

@@ -1,14 +1,15 @@
 """Element loops of the solid: energy, gradient and condensed stiffness of all elements, compiled.
 
 Arrays: x (n, 3) positions [m]; modes (m, k, 3) amplitudes of the incompatible modes [m]; G (m, q, 3, c) reference
-gradients of the 8 shape functions and then the k modes [1/m], c = 8 + k; weight (m, q) volumes [m³]. Within an
-element, components come first, (3, c): the inner loops then run over contiguous numbers.
+gradients of the 8 shape functions and then the k modes [1/m], c = 8 + k; weight (m, q) volumes [m³]; law (6,) and p
+functions of a law and its parameters (`materials.calls`). Within an element, components come first, (3, c): the inner
+loops then run over contiguous numbers.
 
 Condensation: with f_u, f_a the gradients with respect to nodes and modes and K_ua, K_aa the blocks of the tangent,
 
     X = K_aa^-1 K_au,   y = K_aa^-1 f_a,   g = f_u - X^T f_a,   K = K_uu - K_ua X,   d_modes = -y - X d_x.
 
-Mean dilatation (`mean`; v, kappa: see `dilatation`): with v* = sum_q w v / sum_q w the density at a point becomes
+Mean dilatation (`mean`; v, kappa: see `materials.laws`): with v* = sum_q w v / sum_q w the density at a point becomes
 psi - kappa/2 (v - v*)^2, its stress P + kappa (v* - v) dv/dF, and the tangent of an element gains
 kappa b b^T / sum_q w, b = sum_q w dv/dx.
 """
@@ -18,16 +19,12 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.forces.solid_arrays import SolidArrays
-from tripod_sim.materials import dilatation, laws
+from tripod_sim.materials import calls
+from tripod_sim.materials.laws import KAPPA
 from tripod_sim.materials.spectral import determinant
 
-_energy, _stress, _tangent = laws.energy, laws.stress, laws.tangent
-_volume, _volume_slope, _tangent_at_mean = (
-    dilatation.volume,
-    dilatation.volume_slope,
-    dilatation.tangent_at_mean,
-)
-_modulus = dilatation.modulus
+_energy, _stress, _tangent = calls.energy, calls.stress, calls.tangent
+_volume_slope, _tangent_at_mean = calls.volume_slope, calls.tangent_at_mean
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
@@ -42,9 +39,9 @@ def deformation(xe: Array, Ge: Array, F: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def constants(solid: SolidArrays) -> tuple[Array, Array, Array, int, float, float, bool]:
-    """Return what does not change of a solid: its elements, G, weight, law, lam, mu, mean."""
-    return solid.elements, solid.G, solid.weight, solid.law, solid.lam, solid.mu, solid.mean
+def constants(solid: SolidArrays) -> tuple[Array, Array, Array, Array, Array, bool]:
+    """Return what does not change of a solid: its elements, G, weight, law, p, mean."""
+    return solid.elements, solid.G, solid.weight, solid.law, solid.p, solid.mean
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -80,12 +77,12 @@ def condense_forces(e: int, f: Array, solid: SolidArrays, factor: float, y: Arra
 
 
 @njit(cache=True, error_model="numpy")
-def _mean_volume(xe: Array, G: Array, weight: Array, law: int, F: Array) -> float:
-    """Return v* of one element, G (q, 3, c) and weight (q,) its own; F is scratch."""
+def _mean_volume(xe: Array, G: Array, weight: Array, law: Array, F: Array, slope: Array) -> float:
+    """Return v* of one element, G (q, 3, c) and weight (q,) its own; F and slope are scratch."""
     total = size = 0.0
     for q in range(G.shape[0]):
         deformation(xe, G[q], F)
-        total += weight[q] * _volume(law, F)
+        total += weight[q] * _volume_slope(law, F, slope)
         size += weight[q]
     return total / size
 
@@ -93,19 +90,24 @@ def _mean_volume(xe: Array, G: Array, weight: Array, law: int, F: Array) -> floa
 @njit(cache=True, error_model="numpy")
 def solid_energy(x: Array, modes: Array, solid: SolidArrays) -> float:
     """Return the strain energy [J]; infinite as soon as a point has none."""
-    elements, G, weight, law, lam, mu, mean = constants(solid)
-    xe, F = np.empty((3, G.shape[3])), np.empty((3, 3))
-    total, shared, kappa = 0.0, 0.0, _modulus(law, lam, mu)
+    elements, G, weight, law, p, mean = constants(solid)
+    xe, F, slope = np.empty((3, G.shape[3])), np.empty((3, 3)), np.empty((3, 3))
+    total = first = 0.0
     for e in range(elements.shape[0]):
         gather(e, x, modes, elements, xe)
-        if mean:
-            shared = _mean_volume(xe, G[e], weight[e], law, F)
+        size = once = twice = 0.0  # sums of w, w (v - first), w (v - first)²
         for q in range(G.shape[1]):
             deformation(xe, G[e, q], F)
-            density = _energy(law, F, lam, mu)
+            w = weight[e, q]
+            total += w * _energy(law, F, p)
             if mean:
-                density -= 0.5 * kappa * (_volume(law, F) - shared) ** 2
-            total += weight[e, q] * density
+                v = _volume_slope(law, F, slope)
+                first = v if q == 0 else first
+                size += w
+                once += w * (v - first)
+                twice += w * (v - first) ** 2
+        if mean:
+            total -= 0.5 * p[KAPPA] * (twice - once * once / size)
         if not np.isfinite(total):
             return np.inf
     return total
@@ -118,21 +120,21 @@ def solid_gradient(x: Array, modes: Array, solid: SolidArrays, g: Array) -> tupl
     Returns:
         The strain energy [J], infinite if a point has none (then `g` is not to be used), and |f_a|² [N²].
     """
-    elements, G, weight, law, lam, mu, mean = constants(solid)
+    elements, G, weight, law, p, mean = constants(solid)
     count = G.shape[3]
     xe, f = np.empty((3, count)), np.empty((3, count))
     F, P, slope = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    shared, kappa = 0.0, _modulus(law, lam, mu)
+    shared, kappa = 0.0, p[KAPPA]
     total = unbalanced = 0.0
     for e in range(elements.shape[0]):
         gather(e, x, modes, elements, xe)
         f[:] = 0.0
         if mean:
-            shared = _mean_volume(xe, G[e], weight[e], law, F)
+            shared = _mean_volume(xe, G[e], weight[e], law, F, slope)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
             deformation(xe, Ge, F)
-            density = _stress(law, F, lam, mu, P)
+            density = _stress(law, F, p, P)
             if not np.isfinite(density):
                 return np.inf, np.inf
             if mean:
@@ -160,23 +162,23 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, project: bool) -
     Returns:
         -1, or the first element whose K_aa is not positive definite.
     """
-    elements, G, weight, law, lam, mu, mean = constants(solid)
+    elements, G, weight, law, p, mean = constants(solid)
     nodes, count = elements.shape[1], G.shape[3]
     xe, B, F, slope = np.empty((3, count)), np.empty((3, count)), np.empty((3, 3)), np.empty((3, 3))
     C, CB, K = np.empty((9, 9)), np.empty((3, 3, 3 * count)), np.empty((3, count, 3 * count))
-    shared, kappa = 0.0, _modulus(law, lam, mu)
+    shared, kappa = 0.0, p[KAPPA]
     coupling = np.empty((3 * (count - nodes), 3 * nodes))
     for e in range(elements.shape[0]):
         gather(e, x, modes, elements, xe)
         K[:] = 0.0
         B[:] = 0.0
         if mean:
-            shared = _mean_volume(xe, G[e], weight[e], law, F)
+            shared = _mean_volume(xe, G[e], weight[e], law, F, slope)
         for q in range(G.shape[1]):
             Ge, w = G[e, q], weight[e, q]
             deformation(xe, Ge, F)
             if mean:
-                _tangent_at_mean(law, F, shared, lam, mu, project, C)
+                _tangent_at_mean(law, F, shared, p, project, C)
                 _volume_slope(law, F, slope)
                 for i in range(3):
                     for a in range(count):
@@ -184,7 +186,7 @@ def solid_stiffness(x: Array, modes: Array, solid: SolidArrays, project: bool) -
                             slope[i, 0] * Ge[0, a] + slope[i, 1] * Ge[1, a] + slope[i, 2] * Ge[2, a]
                         )
             else:
-                _tangent(law, F, lam, mu, project, C)
+                _tangent(law, F, p, project, C)
             for i in range(3):
                 for j in range(3):
                     for k in range(i + 1):

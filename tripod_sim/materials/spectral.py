@@ -165,6 +165,37 @@ def eigen3(A: Array, w: Array, Q: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def add_power_sum(
+    s: Array, alpha: float, slope: float, curvature: float, first: Array, second: Array
+) -> None:
+    """Add the derivatives by s of an energy W(m), m = b_1^alpha + b_2^alpha + b_3^alpha with b_i = J^(-1/3) s_i.
+
+    Args:
+        s: Singular values, of a product J > 0.
+        alpha: Of the sum; 2 makes it the first invariant without change of volume, -2 the second.
+        slope, curvature: dW/dm and d²W/dm² [Pa].
+        first, second: dW/ds and d²W/ds² are added, shapes (3,) and (3, 3).
+    """
+    scale = (s[0] * s[1] * s[2]) ** (-alpha / 3)
+    if alpha == 2.0:
+        part = (scale * s[0] * s[0], scale * s[1] * s[1], scale * s[2] * s[2])
+    else:
+        part = (scale * s[0] ** alpha, scale * s[1] ** alpha, scale * s[2] ** alpha)
+    third = (part[0] + part[1] + part[2]) / 3
+    slopes = (
+        alpha * (part[0] - third) / s[0],
+        alpha * (part[1] - third) / s[1],
+        alpha * (part[2] - third) / s[2],
+    )
+    for i in range(3):
+        first[i] += slope * slopes[i]
+        second[i, i] += slope * (alpha * alpha * part[i] - alpha * (part[i] - third)) / (s[i] * s[i])
+        for k in range(3):
+            mixed = alpha * alpha * (third - part[i] - part[k]) / (3 * s[i] * s[k])
+            second[i, k] += slope * mixed + curvature * slopes[i] * slopes[k]
+
+
+@njit(cache=True, error_model="numpy")
 def tangent_from_stretches(
     U: Array, s: Array, V: Array, first: Array, second: Array, clamp: bool, floor: float, C: Array
 ) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from tripod_sim.materials.laws import NAMES
 from tripod_sim.tables.fields import number, one_of
 from tripod_sim.tables.robot import Effector, Servos
 
@@ -44,18 +45,18 @@ class Material:
     """The solid's elastic law.
 
     Attributes:
-        law: `neo_hooke`, `corotational`, `stable_neo_hooke` or `st_venant_kirchhoff`.
-        young: E [Pa].
-        poisson: nu.
+        law: A file of `materials/laws`; it takes `young` or, as `yeoh` does, `parameters`, and `poisson`.
+        young: E [Pa]; 250e3 where neither it nor `parameters` is given.
+        poisson: nu for small strains.
+        parameters: Of a law that takes them, in its own order and units; E follows.
         mass: Of the whole solid [kg], spread evenly over its volume.
         density: [kg/m³]; where it is given the mass follows from it.
     """
 
-    law: str = one_of(
-        "neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff", default="neo_hooke"
-    )
-    young: float = number(250e3, unit="Pa", above=0, high=1e13)
+    law: str = one_of(*NAMES, default="neo_hooke")
+    young: float | None = number(None, unit="Pa", above=0, high=1e13)
     poisson: float = number(0.45, low=0, high=0.499)
+    parameters: tuple[float, ...] = number((), low=-1e13, high=1e13)
     mass: float = number(0.032, unit="kg", above=0, high=1e6)
     density: float | None = number(None, unit="kg/m³", above=0, high=1e6)
 
@@ -66,15 +67,14 @@ class Region:
 
     Attributes:
         set: Name of the set; of elements in two regions the later one counts.
-        law, young, poisson, density: As of the material; without a density that of the rest.
+        law, young, poisson, parameters, density: As of the material; without a density that of the rest.
     """
 
     set: str
-    law: str = one_of(
-        "neo_hooke", "corotational", "stable_neo_hooke", "st_venant_kirchhoff", default="neo_hooke"
-    )
-    young: float = number(250e3, unit="Pa", above=0, high=1e13)
+    law: str = one_of(*NAMES, default="neo_hooke")
+    young: float | None = number(None, unit="Pa", above=0, high=1e13)
     poisson: float = number(0.45, low=0, high=0.499)
+    parameters: tuple[float, ...] = number((), low=-1e13, high=1e13)
     density: float | None = number(None, unit="kg/m³", above=0, high=1e6)
 
 

@@ -12,26 +12,31 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.materials.spectral import cofactor, determinant, squared
+from tripod_sim.materials.laws import KAPPA, SHEAR
+from tripod_sim.materials.spectral import add_power_sum, cofactor, determinant, squared
+from tripod_sim.materials.volume import RATIO, bulk_term
+
+PARAMETERS = ()
+VOLUME, volume_term = RATIO, bulk_term
 
 
 @njit(cache=True, error_model="numpy")
-def energy(F: Array, lam: float, mu: float) -> float:
+def energy(F: Array, p: Array) -> float:
     """Return psi [J/m³], infinite where J <= 0."""
     J = determinant(F)
     if not J > 0:
         return np.inf
-    bulk = lam + 2 * mu / 3
+    bulk, mu = p[KAPPA], p[SHEAR]
     return 0.5 * mu * (squared(F) * J ** (-2 / 3) - 3) + 0.5 * bulk * (J - 1) ** 2
 
 
 @njit(cache=True, error_model="numpy")
-def stress(F: Array, lam: float, mu: float, P: Array) -> float:
+def stress(F: Array, p: Array, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]; J must be positive, else psi is infinite and P untouched."""
     J = determinant(F)
     if not J > 0:
         return np.inf
-    bulk = lam + 2 * mu / 3
+    bulk, mu = p[KAPPA], p[SHEAR]
     I1 = squared(F)
     a = mu * J ** (-2 / 3)
     cofactor(F, P)
@@ -43,11 +48,13 @@ def stress(F: Array, lam: float, mu: float, P: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def tangent(F: Array, lam: float, mu: float, C: Array) -> None:
-    """Write d²psi/dF², shape (9, 9), index 3 i + J. J > 0."""
+def tangent(F: Array, p: Array, project: bool, C: Array) -> bool:
+    """Write d²psi/dF², shape (9, 9), index 3 i + J; return False where it is to be projected. J > 0."""
+    if project:
+        return False
     B = np.empty((3, 3))  # F^-T
     J, I1 = cofactor(F, B), squared(F)
-    bulk = lam + 2 * mu / 3
+    bulk, mu = p[KAPPA], p[SHEAR]
     a = mu * J ** (-2 / 3)
     for i in range(3):
         for j in range(3):
@@ -66,3 +73,10 @@ def tangent(F: Array, lam: float, mu: float, C: Array) -> None:
                         + c4 * B[i, m] * B[k, j]
                     )
             C[r, r] += a
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def stretches(s: Array, p: Array, first: Array, second: Array) -> None:
+    """Add dpsi_0/ds [Pa], shape (3,), and d²psi_0/ds² [Pa], shape (3, 3)."""
+    add_power_sum(s, 2.0, 0.5 * p[SHEAR], 0.0, first, second)

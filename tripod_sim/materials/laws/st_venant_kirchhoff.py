@@ -12,6 +12,16 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.materials.laws import KAPPA, SHEAR
+from tripod_sim.materials.volume import STRAIN
+
+PARAMETERS = ()
+VOLUME = STRAIN
+
+
+def volume_term(lam: float, mu: float) -> tuple[float, float]:
+    """Return kappa [Pa] and c."""
+    return lam, 0.0
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -26,18 +36,18 @@ def _green(F: Array, E: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def energy(F: Array, lam: float, mu: float) -> float:
+def energy(F: Array, p: Array) -> float:
     """Return psi [J/m³]."""
     E = np.empty((3, 3))
-    trace = _green(F, E)
+    trace, lam, mu = _green(F, E), p[KAPPA], p[SHEAR]
     return mu * (E * E).sum() + 0.5 * lam * trace * trace
 
 
 @njit(cache=True, error_model="numpy")
-def stress(F: Array, lam: float, mu: float, P: Array) -> float:
+def stress(F: Array, p: Array, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]."""
     E = np.empty((3, 3))
-    trace = _green(F, E)
+    trace, lam, mu = _green(F, E), p[KAPPA], p[SHEAR]
     for i in range(3):
         for j in range(3):
             total = lam * trace * F[i, j]
@@ -48,10 +58,12 @@ def stress(F: Array, lam: float, mu: float, P: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def tangent(F: Array, lam: float, mu: float, C: Array) -> None:
-    """Write d²psi/dF², shape (9, 9), index 3 i + J."""
+def tangent(F: Array, p: Array, project: bool, C: Array) -> bool:
+    """Write d²psi/dF², shape (9, 9), index 3 i + J; return False where it is to be projected."""
+    if project:
+        return False
     E, B = np.empty((3, 3)), np.empty((3, 3))  # B = F F^T
-    trace = _green(F, E)
+    trace, lam, mu = _green(F, E), p[KAPPA], p[SHEAR]
     for i in range(3):
         for k in range(3):
             B[i, k] = F[i, 0] * F[k, 0] + F[i, 1] * F[k, 1] + F[i, 2] * F[k, 2]
@@ -65,3 +77,12 @@ def tangent(F: Array, lam: float, mu: float, C: Array) -> None:
                     if i == k:
                         value += 2 * mu * E[j, m] + (lam * trace if j == m else 0.0)
                     C[3 * i + j, 3 * k + m] = value
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def stretches(s: Array, p: Array, first: Array, second: Array) -> None:
+    """Add dpsi_0/ds [Pa], shape (3,), and d²psi_0/ds² [Pa], shape (3, 3)."""
+    for i in range(3):
+        first[i] += p[SHEAR] * (s[i] ** 2 - 1) * s[i]
+        second[i, i] += p[SHEAR] * (3 * s[i] ** 2 - 1)

@@ -17,7 +17,17 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.materials.laws import KAPPA, SHEAR
 from tripod_sim.materials.spectral import cofactor, eigen3, svd3
+from tripod_sim.materials.volume import STRETCH
+
+PARAMETERS = ()
+VOLUME = STRETCH
+
+
+def volume_term(lam: float, mu: float) -> tuple[float, float]:
+    """Return kappa [Pa] and c."""
+    return lam, 3.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,16 +78,16 @@ def _rotation(F: Array, R: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def energy(F: Array, lam: float, mu: float) -> float:
+def energy(F: Array, p: Array) -> float:
     """Return psi [J/m³]."""
-    return stress(F, lam, mu, np.empty((3, 3)))
+    return stress(F, p, np.empty((3, 3)))
 
 
 @njit(cache=True, error_model="numpy")
-def stress(F: Array, lam: float, mu: float, P: Array) -> float:
+def stress(F: Array, p: Array, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]."""
     _rotation(F, P)
-    trace = -3.0
+    lam, mu, trace = p[KAPPA], p[SHEAR], -3.0
     for i in range(3):
         for j in range(3):
             trace += P[i, j] * F[i, j]
@@ -91,14 +101,14 @@ def stress(F: Array, lam: float, mu: float, P: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def tangent(F: Array, lam: float, mu: float, project: bool, C: Array) -> bool:
+def tangent(F: Array, p: Array, project: bool, C: Array) -> bool:
     """Write d²psi/dF², shape (9, 9), index 3 i + J; return False where F is too near singular for its quick rotation.
 
     `project` lifts its negative eigenvalues to 1e-6 mu.
     """
     R = np.empty((3, 3))
     if polar_rotation(F, R):
-        _add_twists(F, R, lam, mu, project, C)
+        _add_twists(F, R, p[KAPPA], p[SHEAR], project, C)
         return True
     return False
 
@@ -163,3 +173,11 @@ def _clamp_twists(G: Array, weight: float, mu: float, H: Array) -> None:
     for i in range(3):
         for j in range(3):
             H[i, j] = Q[i, 0] * h[0] * Q[j, 0] + Q[i, 1] * h[1] * Q[j, 1] + Q[i, 2] * h[2] * Q[j, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def stretches(s: Array, p: Array, first: Array, second: Array) -> None:
+    """Add dpsi_0/ds [Pa], shape (3,), and d²psi_0/ds² [Pa], shape (3, 3)."""
+    for i in range(3):
+        first[i] += 2 * p[SHEAR] * (s[i] - 1)
+        second[i, i] += 2 * p[SHEAR]
