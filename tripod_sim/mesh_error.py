@@ -45,8 +45,8 @@ from tripod_sim.integrators.newton import Newton, NewtonError
 from tripod_sim.integrators.quasi_static import QuasiStatic
 from tripod_sim.integrators.report import MeshErrorReport
 from tripod_sim.linear.choice import linear_factory
-from tripod_sim.mesh.described import described_mesh
 from tripod_sim.materials.law import initial_young
+from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest

@@ -71,7 +71,10 @@ def _check_kind(body: Body, field: str) -> None:
 
 def _check_materials(body: Body, field: str) -> None:
     """Raise SceneError if a material or region gives what its law does not take, or lacks what it does."""
-    for name, table in (("material", body.material), *((f"region.{i}", r) for i, r in enumerate(body.region))):
+    for name, table in (
+        ("material", body.material),
+        *((f"region.{i}", r) for i, r in enumerate(body.region)),
+    ):
         if table and (table.parameters or table.law != Material.law):
             check(table, f"{field}{name}")
 

@@ -40,9 +40,17 @@ def test_every_element(element):
     assert_slopes(StaticModel(scene, SLIDE, POSE), POSE, 1e-3)
 
 
-@pytest.mark.parametrize("law", ["corotational", "stable_neo_hooke", "st_venant_kirchhoff"])
-def test_every_law(law):
-    scene = load_scene(SHARP, ["mesh.level=1", f"material.law={law}", "solver.tolerance=1e-9"])
+@pytest.mark.parametrize(
+    "material",
+    [
+        *(f"material.law={law}" for law in ("corotational", "stable_neo_hooke", "st_venant_kirchhoff")),
+        "material={law='mooney_rivlin', parameters=[30e3, 13e3], mass=0.032}",
+        "material={law='yeoh', parameters=[43e3, -2e3, 1e3], mass=0.032}",
+        "material={law='ogden', parameters=[60e3, 1.6, -19e3, -4.0], mass=0.032}",
+    ],
+)
+def test_every_law(material):
+    scene = load_scene(SHARP, ["mesh.level=1", material, "solver.tolerance=1e-9"])
     assert_slopes(StaticModel(scene, 0.0, 0.3 * POSE), 0.3 * POSE, 1e-3)
 
 
