@@ -309,3 +309,12 @@ def test_fixed_steps_follow_no_accuracy() -> None:
         SceneError, match=r"time_error.accuracy is 0.05, but steps of a fixed dt do not follow it"
     ):
         load_scene("bounce", ["time_error={accuracy=0.05}"])
+
+
+def test_the_first_step_of_a_ball_on_silicone_may_be_taken_back() -> None:
+    simulation = made("tripod_ball", "mesh.level=1", "motion=off", "dt=auto", "time_error.accuracy=0.02")
+    assert simulation.step().rejected
+    for _ in range(5):
+        simulation.step()
+    assert simulation.ball
+    assert simulation.ball.position[2] == pytest.approx(0.015 - 9.81 / 2 * 0.03**2, abs=5e-5), "it falls"

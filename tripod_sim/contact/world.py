@@ -221,9 +221,9 @@ class World:
     def recall_history(self) -> None:
         """Let the next step look back on what that of `keep_history` would have; forces stay a first guess."""
         self._before, past = self._history
-        for array, kept in zip(
-            [a for body in self._bodies for a in body.past()], past, strict=self._before > 0.0
-        ):
+        if not self._before:  # it looks back on nothing
+            return
+        for array, kept in zip([a for body in self._bodies for a in body.past()], past, strict=True):
             array[:] = kept
 
     def _place(self) -> None:
