@@ -117,6 +117,9 @@ class Effect:
         table: Its dataclass; the first sentence of the docstring says what it is.
         rank: Place among the others, in lists and in each phase.
         several: Whether a scene may have several of the tables.
+        springs: Whether the compiled loops of springs that are alone know it.
+        rigid: Whether rigid bodies that are alone may have it.
+        rest: Whether a body at rest has it, on its own.
         needs: Others that it cannot be without.
         there: Whether a scene has it, where not its own field alone says so.
         found: Returns the table of a scene, or None, where that need not be its own field.
@@ -137,6 +140,9 @@ class Effect:
     table: type
     rank: int
     several: bool = False
+    springs: bool = False
+    rigid: bool = False
+    rest: bool = True
     needs: tuple[Need, ...] = ()
     there: Callable[[Described], bool] | None = None
     found: Callable[[Described], Any] | None = None

@@ -4,8 +4,9 @@ A table that is absent is an effect that is off: it is not imported, allocates n
 """
 
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from tripod_sim.effect import Effect
 from tripod_sim.effects import EFFECTS, has, table_of
 from tripod_sim.effects.ball import Ball
 from tripod_sim.effects.clamp import Clamp
@@ -123,9 +124,9 @@ class Scene:
                 effect.check(table_of(self, name), self)
 
     @property
-    def named(self) -> list[str]:
+    def effects(self) -> dict[str, Effect]:
         """The effects that it names."""
-        return [name for name in EFFECTS if getattr(self, name)]
+        return {name: effect for name, effect in EFFECTS.items() if getattr(self, name)}
 
 
 OPTIONAL = (*EFFECTS, "body", "tie", "platform", "region", "set", "servo", "marker", "motion")
@@ -134,7 +135,5 @@ OPTIONAL = (*EFFECTS, "body", "tie", "platform", "region", "set", "servo", "mark
 
 def at_rest(scene: Scene) -> Scene:
     """Return the static scene: without what only a body in motion has, or other bodies."""
-    return replace(
-        scene, inertia=None, damping=None, servo_dynamics=None, ball=None, time_error=None, mesh_error=None, sleep=None,
-        strain_limit=None, contact=None, obstacles=(), rigid=(), initial_velocity=(),
-    )  # fmt: skip
+    off: dict[str, Any] = {name: () if e.several else None for name, e in EFFECTS.items() if not e.rest}
+    return replace(scene, **off)

@@ -146,10 +146,6 @@ def _check_platform(scene: Described) -> None:
                 raise SceneError(f"platform and {name} exclude each other: leave one out")
 
 
-RIGID_ALONE = {"gravity", "inertia", "contact", "obstacles", "rigid", "ball", "time_error", "sleep"}
-"""Effects that scenes without a soft body may have."""
-
-
 def check_tables(scene: Described) -> None:
     """Raise SceneError if sets, servos or platforms are described wrongly, or soft bodies are missing."""
     _check_sets(scene)
@@ -160,5 +156,5 @@ def check_tables(scene: Described) -> None:
     if soft_bodies(scene):
         return
     tables = [name for name in ("set", "marker") if getattr(scene, name)]
-    for name in (*(n for n in scene.named if n not in RIGID_ALONE), *tables):
+    for name in (*(name for name, effect in scene.effects.items() if not effect.rigid), *tables):
         raise SceneError(f"{name} needs a soft body (mesh and material, or springs): rigid bodies have none")

@@ -44,17 +44,11 @@ def field_of(scene: Described, number: int) -> str:
     return f"body.{number - first}." if number >= first else ""
 
 
-LOOPS = {
-    "gravity", "inertia", "damping", "fixed", "initial_velocity", "strain_limit", "contact", "obstacles", "rigid",
-    "ball", "time_error", "sleep",
-}  # fmt: skip
-"""Effects that the compiled loops of springs know."""
-
-
 def springs_alone(scene: Described) -> bool:
     """Return whether one body of springs is all, with nothing that the compiled loops of `springs` do not know."""
     alone = scene.springs is not None and len(soft_bodies(scene)) == 1
-    return alone and {*scene.named} <= LOOPS and all(len(table.axes) == 3 for table in scene.fixed)
+    known = all(effect.springs for effect in scene.effects.values())
+    return alone and known and all(len(table.axes) == 3 for table in scene.fixed)
 
 
 def _short(scene: Described) -> tuple[Body, ...]:

@@ -104,6 +104,9 @@ EFFECT = Effect(
     Contact,
     rank=150,
     found=contact_of,
+    springs=True,
+    rigid=True,
+    rest=False,
     check=check,
     modules=("contact",),
     stages={

@@ -29,6 +29,8 @@ def act(damping: Damping, draft: Draft) -> None:
 EFFECT = Effect(
     Damping,
     rank=30,
+    springs=True,
+    rest=False,
     needs=(Need("inertia", "without velocity there is nothing to damp"),),
     modules=("forces.rayleigh",),
     stages={"forces.rayleigh.StiffnessDamping": {"add_gradient": "damping", "hold": "damping"}},

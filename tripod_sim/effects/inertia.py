@@ -52,6 +52,9 @@ def act(inertia: Inertia, draft: Draft) -> None:
 EFFECT = Effect(
     Inertia,
     rank=20,
+    springs=True,
+    rigid=True,
+    rest=False,
     modules=(
         "forces.anchor",
         "integrators.schemes",

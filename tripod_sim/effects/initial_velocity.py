@@ -53,6 +53,8 @@ EFFECT = Effect(
     InitialVelocity,
     rank=70,
     several=True,
+    springs=True,
+    rest=False,
     needs=(Need("inertia", "without it nothing has a velocity"),),
     words=("initial_velocity=[{velocity=[0.01, 0.0, 0.0]}]",),
     start=start,

@@ -51,6 +51,7 @@ def check(table: MeshError, scene: Described) -> None:
 EFFECT = Effect(
     MeshError,
     rank=190,
+    rest=False,
     needs=(
         Need("effector", "it is the error of its position"),
         Need(

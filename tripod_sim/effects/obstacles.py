@@ -19,6 +19,9 @@ EFFECT = Effect(
     Obstacle,
     rank=160,
     several=True,
+    springs=True,
+    rigid=True,
+    rest=False,
     check=check,
 )
 """Surfaces among those that contact is built of, no code of their own."""

@@ -40,6 +40,7 @@ def finish(
 EFFECT = Effect(
     ServoDynamics,
     rank=90,
+    rest=False,
     needs=(Need("servos", "without them there is nothing that turns"),),
     modules=("robot.servo",),
     stages={"robot.servo.ServoMotion": {"advance": "servo dynamics", "stalled": "servo dynamics"}},

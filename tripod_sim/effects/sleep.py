@@ -37,6 +37,9 @@ def finish(table: Sleep, scene: Described, parts: "Parts", build: "Callable[[Des
 EFFECT = Effect(
     Sleep,
     rank=200,
+    springs=True,
+    rigid=True,
+    rest=False,
     needs=(Need("inertia", "without velocity every step is at rest"),),
     modules=("integrators.sleep",),
     stages={"integrators.sleep.Sleeping": {"step": "sleep"}},

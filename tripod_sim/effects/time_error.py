@@ -128,6 +128,9 @@ TIME_ERROR = "time error"
 EFFECT = Effect(
     TimeError,
     rank=180,
+    springs=True,
+    rigid=True,
+    rest=False,
     needs=(Need("inertia", "at rest no time passes that steps could divide"),),
     check=check,
     modules=(
