@@ -4,6 +4,7 @@ import ast
 import json
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -107,13 +108,21 @@ def modules() -> dict[str, Path]:
     return found
 
 
+def loaded(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield the nodes of a text that are not inside a function: what loading imports, and what types name."""
+    for node in ast.iter_child_nodes(tree):
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            yield node
+            yield from loaded(node)
+
+
 @cache
-def imports(module: str) -> frozenset[str]:
+def imports(module: str, walk: Callable[[ast.AST], Iterator[ast.AST]] = ast.walk) -> frozenset[str]:
     """What `module` imports anywhere in its text, also inside functions; modules of the suite by their full name."""
     path = modules()[module]
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -233,6 +242,29 @@ def test_importing_a_package_alone_loads_nothing_heavy(package: str) -> None:
     assert package in loaded
     assert not loaded & {*HOME, "numpy", "scipy"}
     assert not {m for m in loaded if is_ros(m)}
+
+
+def circle(module: str) -> list[str]:
+    """Return the modules of a shortest way by which `module` imports itself, for types too; empty for none.
+
+    Imports inside functions do not count: building imports what a scene names.
+    """
+    first = imports(module, loaded)
+    ways, waiting = {m: [module, m] for m in sorted(first & modules().keys())}, [*first]
+    while waiting and module not in ways:
+        now = waiting.pop(0)
+        for target in sorted(
+            (imports(now, loaded) if now in modules() else set()) & modules().keys() - ways.keys()
+        ):
+            ways[target] = [*ways[now], target]
+            waiting.append(target)
+    return ways.get(module, [])
+
+
+@pytest.mark.parametrize("package", [*MAY_IMPORT, "tripod_bringup"])
+def test_no_module_imports_itself_by_way_of_others(package: str) -> None:
+    found = {m: circle(m) for m in modules() if package_of(m) == package}
+    assert not {" -> ".join(way) for way in found.values() if way}
 
 
 def test_types_of_arrays_are_named_in_one_module() -> None:

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
     from tripod_sim.forces.spring_force import SpringDampers
     from tripod_sim.forces.strain_bound import StrainBound
     from tripod_sim.forces.term import Term
-    from tripod_sim.parts import Parts
+
+
+Parts = Any
+"""The `tripod_sim.parts.Parts` of a simulation, which name all of physics."""
 
 
 class Holding(NamedTuple):
@@ -156,7 +159,7 @@ class Effect:
     extend: Phase | None = None
     weigh: Phase | None = None
     act: Phase | None = None
-    step: "Callable[[Any, Draft, Any], Parts] | None" = None
+    step: Callable[[Any, Draft, Any], Parts] | None = None
     start: Callable[[Any, Any, FloatArray, BoolArray], FloatArray] | None = None
     prepare: Callable[[Any, Described], Described] | None = None
-    finish: "Callable[[Any, Described, Parts, Callable[[Described], Parts]], Parts] | None" = None
+    finish: Callable[[Any, Described, Parts, Callable[[Described], Parts]], Parts] | None = None

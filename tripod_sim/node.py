@@ -41,6 +41,7 @@ from tripod_sim.effects import EFFECTS
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.figures.errors import effector_error, mesh_error
 from tripod_sim.figures.stability import snap_words
+from tripod_sim.joints import Joints
 from tripod_sim.keep_up import PERIOD as LOOK_PERIOD
 from tripod_sim.keep_up import KeepUp, Settings
 from tripod_sim.notices import known, notices, stalls
@@ -49,7 +50,7 @@ from tripod_sim.requests import Request, changed
 from tripod_sim.rerun import Rerun
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
-from tripod_sim.scene_short import Joints, effector_of
+from tripod_sim.scene_short import effector_of
 from tripod_sim.scene_topics import SceneTopics
 from tripod_sim.simulated_clock import SimulatedClock
 from tripod_sim.simulation import Simulation

@@ -2,18 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.integrators.substeps import StepReport
-from tripod_sim.state import State
+from tripod_sim.state import State, TwinState, WayState
 
 if TYPE_CHECKING:
     from tripod_sim.bodies.assembly import Assembly, AssemblySkin
     from tripod_sim.contact.rigid_set import JoinedMesh, JoinedSkin, RigidSet, RigidSystem
-    from tripod_sim.integrators.doubling import Doubling
     from tripod_sim.integrators.time_error import ErrorTransport
-    from tripod_sim.integrators.way_steps import WaySteps
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
     from tripod_sim.mesh.solid_mesh import SolidMesh
@@ -33,6 +31,23 @@ class Stepper(Protocol):
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
+
+
+T_co = TypeVar("T_co", covariant=True)
+
+
+class Remembers(Protocol[T_co]):
+    """What keeps something of its own in a state."""
+
+    def start(self, state: State) -> T_co:
+        """Return what it remembers at the start."""
+
+
+class Chooses(Remembers[WayState], Protocol):
+    """What chooses the steps of bodies and of a ball."""
+
+    def ball_starts(self, state: State) -> None:
+        """Take notice that the ball of `state` begins anew."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +83,8 @@ class Parts:
     plate: "Plate | None" = None
     ball: "MazeBall | None" = None
     errors: "ErrorTransport | AutomaticSprings | None" = None
-    doubling: "Doubling | None" = None
-    chosen: "WaySteps | None" = None
+    doubling: "Remembers[TwinState] | None" = None
+    chosen: "Chooses | None" = None
     rigid: "RigidSet | None" = None
     check_start: Callable[[FloatArray], None] | None = None
     notes: tuple[str, ...] = ()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tripod_host import stop
+from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.figures.accuracy import accuracy_figures, accuracy_line
 from tripod_sim.figures.effects import effect_figures
@@ -188,7 +189,7 @@ class Firmness:
         """Look at the start, and then `LOOKS` times."""
         self._simulation, self._every = simulation, max(1, steps // LOOKS)
         self._known = (
-            bool(simulation.effector) and not simulation.scene.contact and bool(simulation.scene.mesh)
+            bool(simulation.effector) and not contact_of(simulation.scene) and bool(simulation.scene.mesh)
         )
         self.seen: tuple[float, float] | None = None
         self.look()

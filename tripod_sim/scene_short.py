@@ -6,22 +6,17 @@ outside of a maze is a rigid body in contact. What comes behind asks `joints_of`
 `contact_of` alone.
 """
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_matrix
+from tripod_sim.joints import Arm, Joints
 from tripod_sim.tables.bodies import Body, Rigid
 from tripod_sim.tables.fields import Described
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import NodeSet, Servo
-
-if TYPE_CHECKING:
-    from tripod_sim.effects.ball import Ball
-    from tripod_sim.effects.contact import Contact
 
 FIRST, SECOND = "body", "springs"
 """Names of what the short form describes; where that is one body it has the first."""
@@ -66,9 +61,6 @@ def _short(scene: Described) -> tuple[Body, ...]:
 BALL = "ball"
 """Field of the ball among the rigid bodies."""
 
-NEAR, ALARM = 1 / 16, 3 / 16
-"""Contact and alarm distance of a ball in a scene without [contact], in its radii."""
-
 
 def rigids_of(scene: Described) -> list[tuple[str, Rigid]]:
     """Return the rigid bodies of a scene, each with its field; the ball, unless it plays in a maze, is the last."""
@@ -79,110 +71,7 @@ def rigids_of(scene: Described) -> list[tuple[str, Rigid]]:
     return found
 
 
-def contact_of(scene: Described) -> "Contact | None":
-    """Return the contact of a scene: its table, or what a ball outside of a maze brings along."""
-    from tripod_sim.effects.contact import Contact  # noqa: PLC0415 - effects ask this module
-
-    ball: Ball | None = scene.ball
-    own: Contact | None = scene.contact
-    if own or not ball or scene.maze:
-        return own
-    return Contact(
-        contact_distance=NEAR * ball.radius, alarm_distance=ALARM * ball.radius, friction=ball.friction,
-        restitution=ball.restitution, rest_speed=ball.rest_speed,
-    )  # fmt: skip
-
-
 # servos ---------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Arm:
-    """A servo: its arm turns about an axis and holds a set.
-
-    Attributes:
-        held: The set, or its name.
-        field: How messages begin that are about it.
-        hub: A point on the axis, before sliding [m].
-        axis: Unit vector of the axis.
-        inward: Unit vector of a positive slide; zero where it does not slide.
-        angle: At the start [rad].
-        table: What it shares with others: range, and what it looks like.
-    """
-
-    held: NodeSet | str
-    field: str
-    hub: FloatArray
-    axis: FloatArray
-    inward: FloatArray
-    angle: float
-    table: Servos
-
-    @property
-    def low(self) -> float:
-        """Smallest angle [rad]."""
-        return self.table.angle_min
-
-    @property
-    def high(self) -> float:
-        """Largest angle [rad]."""
-        return self.table.angle_max
-
-    @property
-    def length(self) -> float:
-        """From the axis to what it holds, as it is drawn [m]."""
-        return self.table.axis_depth
-
-    @cached_property
-    def frame(self) -> FloatArray:
-        """Axes of the servo's body in columns: x outward, y against the axis, z along the arm at angle 0."""
-        y = -self.axis
-        outward = -self.inward if self.inward.any() else np.cross(y, [0.0, 0.0, 1.0])
-        outward = outward - (outward @ y) * y
-        if not np.linalg.norm(outward) > 1e-9:
-            outward = np.cross(y, [1.0, 0.0, 0.0])
-        x = outward / np.linalg.norm(outward)
-        return np.column_stack([x, y, np.cross(x, y)])
-
-
-@dataclass(frozen=True, eq=False)
-class Joints:
-    """The servos of a scene, in the order of its bodies, and the slide that they share.
-
-    Attributes:
-        arms: The servos.
-        slide: At the start [m].
-        slide_max: Largest [m].
-    """
-
-    arms: tuple[Arm, ...]
-    slide: float
-    slide_max: float
-
-    @property
-    def count(self) -> int:
-        """Number of servos."""
-        return len(self.arms)
-
-    @cached_property
-    def low(self) -> FloatArray:
-        """Smallest angles [rad], shape (count,)."""
-        return np.array([arm.low for arm in self.arms])
-
-    @cached_property
-    def high(self) -> FloatArray:
-        """Largest angles [rad], shape (count,)."""
-        return np.array([arm.high for arm in self.arms])
-
-    @property
-    def start(self) -> FloatArray:
-        """Angles [rad] and slide [m] at the start, shape (count + 1,)."""
-        return np.array([*(arm.angle for arm in self.arms), self.slide])
-
-    @property
-    def reach(self) -> float:
-        """Length by which a slide counts as a turn [m]: that of the longest arm."""
-        return max(*(arm.length for arm in self.arms), 0.005)
 
 
 def joints_of(scene: Described) -> Joints | None:

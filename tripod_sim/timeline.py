@@ -11,7 +11,7 @@ from tripod_sim.errors import SceneError, shown
 from tripod_sim.tables.fields import OTHER_UNITS, other_unit, with_unit
 
 if TYPE_CHECKING:
-    from tripod_sim.scene_short import Joints
+    from tripod_sim.joints import Joints
 
 
 MOST_KEYS = 100_000

@@ -17,10 +17,11 @@ from tripod_sim.accuracy.choice import (
 )
 from tripod_sim.accuracy.machine import product_time
 from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, read_study
+from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
-from tripod_sim.scene_short import contact_of, joints_of
+from tripod_sim.scene_short import joints_of
 from tripod_sim.study.front import front
 
 SETTINGS = ("mesh", "material", "clamp", "inertia", "dt", "solver", "ball")

@@ -14,7 +14,7 @@ from tripod_sim.contact.rigid_shapes import box
 from tripod_sim.contact.solid_nodes import HELD
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.integrators.looking_back import Stage
-from tripod_sim.scene_short import Joints
+from tripod_sim.joints import Joints
 from tripod_sim.state import State
 
 SIZE = (0.0118, 0.0225, 0.0227)

@@ -1,17 +1,13 @@
 """Effect: nothing passes through anything."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, cast
 
-from tripod_sim.effect import Described, Draft, Effect
+from tripod_sim.effect import Described, Draft, Effect, Parts
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import contact_of, rigids_of, soft_bodies
+from tripod_sim.scene_short import rigids_of, soft_bodies
 from tripod_sim.tables.fields import number, one_of
-
-if TYPE_CHECKING:
-    from tripod_sim.parts import Parts
-    from tripod_sim.system import System
 
 
 @dataclass(frozen=True)
@@ -45,6 +41,21 @@ class Contact:
     start: str = one_of("refuse", "lift", default="refuse")
     tolerance: float = number(1e-3, low=1e-9, high=0.1)
     max_solves: int = number(30, low=1, high=10_000)
+
+
+NEAR, ALARM = 1 / 16, 3 / 16
+"""Contact and alarm distance of a ball in a scene without [contact], in its radii."""
+
+
+def contact_of(scene: Described) -> Contact | None:
+    """Return the contact of a scene: its table, or what a ball outside of a maze brings along."""
+    ball, own = scene.ball, scene.contact
+    if own or not ball or scene.maze:
+        return cast("Contact | None", own)
+    return Contact(
+        contact_distance=NEAR * ball.radius, alarm_distance=ALARM * ball.radius, friction=ball.friction,
+        restitution=ball.restitution, rest_speed=ball.rest_speed,
+    )  # fmt: skip
 
 
 def check(contact: Contact, scene: Described) -> None:
@@ -91,7 +102,7 @@ def act(contact: Contact, draft: Draft) -> None:
         draft.inertia = Anchor(len(draft.rest))
 
 
-def step(contact: Contact, draft: Draft, system: "System") -> "Parts":
+def step(contact: Contact, draft: Draft, system: Any) -> Parts:
     """Let contact make the steps."""
     from tripod_sim.contact.solid_build import solid_parts
 

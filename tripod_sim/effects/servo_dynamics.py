@@ -2,13 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
-from tripod_sim.effect import Described, Effect, Need
+from tripod_sim.effect import Described, Effect, Need, Parts
 from tripod_sim.tables.fields import number
-
-if TYPE_CHECKING:
-    from tripod_sim.parts import Parts
 
 
 @dataclass(frozen=True)
@@ -29,8 +25,8 @@ class ServoDynamics:
 
 
 def finish(
-    table: ServoDynamics, scene: Described, parts: "Parts", build: "Callable[[Described], Parts]"
-) -> "Parts":
+    table: ServoDynamics, scene: Described, parts: Parts, build: Callable[[Described], Parts]
+) -> Parts:
     """Let the servos turn as described."""
     from tripod_sim.robot.servo import ServoMotion
 

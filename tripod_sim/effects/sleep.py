@@ -2,13 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
-from tripod_sim.effect import Described, Effect, Need
+from tripod_sim.effect import Described, Effect, Need, Parts
 from tripod_sim.tables.fields import number
-
-if TYPE_CHECKING:
-    from tripod_sim.parts import Parts
 
 
 @dataclass(frozen=True)
@@ -24,7 +20,7 @@ class Sleep:
     time: float = number(0.25, unit="s", above=0, high=1e3)
 
 
-def finish(table: Sleep, scene: Described, parts: "Parts", build: "Callable[[Described], Parts]") -> "Parts":
+def finish(table: Sleep, scene: Described, parts: Parts, build: Callable[[Described], Parts]) -> Parts:
     """Take steps only while something moves."""
     from tripod_sim.integrators.sleep import Sleeping
 

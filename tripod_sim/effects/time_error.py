@@ -2,16 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
-from tripod_sim.effect import Described, Effect, Need
+from tripod_sim.effect import Described, Effect, Need, Parts
+from tripod_sim.effects.contact import contact_of
 from tripod_sim.effects.inertia import EXPLICIT, ORDER
 from tripod_sim.errors import SceneError
-from tripod_sim.scene_short import contact_of, soft_bodies, springs_alone
+from tripod_sim.scene_short import soft_bodies, springs_alone
 from tripod_sim.tables.fields import number, one_of
-
-if TYPE_CHECKING:
-    from tripod_sim.parts import Parts
 
 
 @dataclass(frozen=True)
@@ -101,9 +98,7 @@ def prepare(wanted: TimeError, scene: Described) -> Described:
     return replace(scene, inertia=replace(scene.inertia, scheme=scheme))
 
 
-def finish(
-    wanted: TimeError, scene: Described, parts: "Parts", build: "Callable[[Described], Parts]"
-) -> "Parts":
+def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[Described], Parts]) -> Parts:
     """Let steps be chosen by their way, or find their error by others of half the length."""
     if by_way(scene):
         from tripod_sim.integrators.way_steps import WaySteps

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tripod_sim.effects.contact import Contact
+from tripod_sim.effects.contact import Contact, contact_of
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.effects.time_error import carried
 from tripod_sim.errors import SceneError
@@ -14,7 +14,7 @@ from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts, Stepper
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import contact_of, rigids_of
+from tripod_sim.scene_short import rigids_of
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
