@@ -216,7 +216,7 @@ def test_what_lies_on_a_servo_s_top_rides_along_and_what_it_holds_passes_it(sche
         joints[-1] = 0.01 * (1 - np.cos(np.pi * min(k / 100, 1)))
         simulation.step(joints)
     assert simulation.rigid[0].position - start == pytest.approx([-0.02, 0.0, -2e-5], abs=3e-5)
-    hubs = [f"{{set='end_{k}', hub=[{x}, {y}, 0.01], axis=[{a}, {b}, 0.0]}}" for k, x, y, a, b in (
+    hubs = [f"{{set='end_{k}', hub=[{x}, {y}, -0.0027], axis=[{a}, {b}, 0.0]}}" for k, x, y, a, b in (
         (0, 0.03, 0.0, 0.0, -1.0), (1, -0.015, 0.026, 0.866, 0.5), (2, -0.015, -0.026, -0.866, 0.5),
     )]  # fmt: skip
     ends = [f"{{name='end_{k}', along=[{x}, {y}, 0.0], beyond=0.045}}" for k, x, y in (
