@@ -191,7 +191,7 @@ class Firmness:
         self._known = (
             bool(simulation.effector) and not contact_of(simulation.scene) and bool(simulation.scene.mesh)
         )
-        self.seen: tuple[float, float] | None = None
+        self.seen: list[float] | None = None
         self.look()
 
     def look(self) -> None:
@@ -204,7 +204,7 @@ class Firmness:
         except StepError:  # singular just here
             return
         if softness and (self.seen is None or softness.firmness < self.seen[0]):
-            self.seen = softness.firmness, state.time
+            self.seen = [softness.firmness, state.time]
 
 
 def _unstable(times: Sequence[float], steps: int) -> list[str]:
@@ -267,8 +267,9 @@ def _contact_summary(simulation: Simulation) -> dict[str, Any]:
             "cut": contact.cut,
         }
     }
-    if simulation.rigid:
-        poses = simulation.rigid
+    if poses := simulation.rigid[
+        : len(simulation.scene.rigid)
+    ]:  # the ball, if it is one, is told by its name
         found["rigid"] = [
             {"position": p.position.tolist(), "quaternion": p.quaternion.tolist()} for p in poses
         ]

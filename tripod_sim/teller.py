@@ -86,7 +86,7 @@ class Teller:
         with self._lock:
             self._books = EnergyBooks(first.energies, first.joints, first.torques, first.time)
             self._halvings, self._latest = 0, first
-            self.firmness: tuple[float, float] | None = None
+            self.firmness: list[float] | None = None
 
     def keep(self, snapshot: Snapshot) -> None:
         """Enter a step into the books; called in the thread of the physics."""
@@ -95,7 +95,7 @@ class Teller:
             self._halvings += snapshot.report.halvings
             self._latest = snapshot
             if snapshot.compliance and (soft := snapshot.compliance.softness):
-                self.firmness = soft.firmness, snapshot.time
+                self.firmness = [soft.firmness, snapshot.time]
 
     def publish_scene(self) -> None:
         """Tell what there is to draw, and what accuracy and effects cost."""

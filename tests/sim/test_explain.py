@@ -161,7 +161,7 @@ def test_arrays_are_found_once_and_by_their_owner() -> None:
     assert len({id(a) for a, _ in arrays}) == len(arrays)
     owners = {id(a): owner for a, owner in arrays}
     matrices = owned(simulation._system.elastic.terms[0].matrices)
-    assert owners[id(matrices)] == "tripod_sim.forces.solid"
+    assert owners[id(matrices)] == "tripod_sim.forces.solid_arrays"
     parts = memory(simulation)
     assert parts["solid"] >= matrices.nbytes
     mine = {id(a): a.nbytes for a, _ in arrays}

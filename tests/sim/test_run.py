@@ -43,7 +43,7 @@ FIRM = {"servo": "0:-1.4965,-1.4965,-1.4965", "slide": "0:0.035"}
 """The working pose."""
 
 
-def least(**options: Any) -> tuple[float, float]:
+def least(**options: Any) -> list[float]:
     """Return the least firmness of a run at rest, and when it was."""
     figures = run("tripod", overrides=REST, **options)["figures"]["stability"]
     assert figures["at_rest"]

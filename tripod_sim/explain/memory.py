@@ -13,6 +13,7 @@ PARTS = {
     "simulation": "states",
     "mesh": "mesh",
     "forces.solid": "solid",
+    "forces.solid_arrays": "solid",
     "forces.elastic": "solid",
     "forces.spring_force": "springs",
     "elements": "solid",

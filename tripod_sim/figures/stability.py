@@ -40,7 +40,7 @@ class Stability:
     smallest_gap: float | None = None
     penetration: float | None = None
     contact_error: float | None = None
-    firmness: tuple[float, float] | None = None
+    firmness: list[float] | None = None
     at_rest: bool = False
     unstable: str = ""
 
@@ -50,7 +50,7 @@ def stability(
     halvings: int,
     balance: Balance,
     dt: float,
-    firmness: tuple[float, float] | None = None,
+    firmness: list[float] | None = None,
     *,
     at_rest: bool = False,
 ) -> Stability:
