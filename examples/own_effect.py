@@ -2,10 +2,10 @@
 
     python examples/own_effect.py
 
-A scene knows no water, and a table for it means a change of the library (docs/architecture.md, "Adding a force field").
-From outside there is this way: build the parts of a simulation, give their system loads on the nodes, and write the
-forces before each step. A force is then constant within a step, as that of the ball is: a strong damper or a stiff
-spring needs a short dt, or the change of the library.
+A scene that is to know water needs a file in the library (docs/architecture.md, "Adding an effect"). From outside there
+is this way: build the parts of a simulation, let their system take loads on the nodes, and write the forces before each
+step. A force is then constant within a step, as that of a ball in a maze is: a strong damper or a stiff spring needs a
+short dt, or a term of its own with a Hessian (`forces.term.BlockTerm`) when the system is made.
 """
 
 import numpy as np
@@ -24,10 +24,11 @@ def fall(overrides: list[str], *, lift: float, drag: float) -> tuple[np.ndarray,
     scene = load_scene("silicone", [*overrides, "solver.tolerance=1e-9"])
     parts = build(scene)
     system, stepper, mass = parts.system, parts.stepper, parts.mass[:, None]
-    system.loads = NodalLoads(system.rest)
+    loads = NodalLoads(system.rest)
+    system.take(loads)
     state = system.start_state(np.zeros(1))
     for _ in range(round(0.5 / scene.dt)):
-        system.loads.force[:] = -lift * mass * G - drag * mass * state.velocities  # [N], one row a node
+        loads.force[:] = -lift * mass * G - drag * mass * state.velocities  # [N], one row a node
         stepper.step(state, state.joints.copy(), scene.dt)
     return state.positions, state.velocities
 
