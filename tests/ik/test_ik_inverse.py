@@ -1,5 +1,7 @@
 """Solving to the end on the quasi-static Tripod: reached, closest, on the branch, independent of the way."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -182,27 +184,44 @@ def everywhere():
 
 
 BOX = (np.array([-0.006, -0.005, -0.012]), np.array([0.005, 0.006, -0.004]))
+WEAK = Limits(torque=0.135)
+TARGETS = np.random.default_rng(5).uniform([-0.012, -0.012, -0.02], [0.012, 0.012, 0.006], (8, 3))
+
+
+@pytest.fixture(scope="module")
+def solved(everywhere):
+    """A function that tells, for limits and start, what to solve with, where to begin, and the best of each target."""
+    model = everywhere.model
+
+    @cache
+    def solve(limits, start):
+        rows = [TorqueLimit(limits.torque, hard=True)] if np.isfinite(limits.torque) else []
+        rows += [EffectorBox(limits.low, limits.high, hard=True)] if np.isfinite(limits.low).all() else []
+        solver, found = InverseSolver(model, NARROW, row_limits=rows), []
+        model.move(np.array(start))
+        home = model.save()
+        for target in TARGETS:
+            model.restore(home)
+            found.append(solver.solve([PositionTask(target)], everywhere=True))
+        return solver, home, found
+
+    return solve
 
 
 @pytest.mark.parametrize(
     ("limits", "start"),
     [
-        (Limits(low=BOX[0], high=BOX[1]), [-1.5, -1.5, -1.5]),
-        (Limits(torque=0.135), [-1.1, -1.1, -1.1]),
-        (Limits(0.14, *BOX), [-1.1, -1.7, -1.3]),
+        (Limits(low=BOX[0], high=BOX[1]), (-1.5, -1.5, -1.5)),
+        (WEAK, (-1.1, -1.1, -1.1)),
+        (Limits(0.14, *BOX), (-1.1, -1.7, -1.3)),
     ],
 )
-def test_where_torque_or_box_is_active_the_pose_is_the_closest_within_the_limits(everywhere, limits, start):
+def test_where_torque_or_box_is_active_the_pose_is_the_closest_within_the_limits(
+    everywhere, solved, limits, start
+):
     """More of them, with several seeds, are in benchmarks/ik_reach.py."""
-    model = everywhere.model
-    rows = [TorqueLimit(limits.torque, hard=True)] if np.isfinite(limits.torque) else []
-    rows += [EffectorBox(limits.low, limits.high, hard=True)] if np.isfinite(limits.low).all() else []
-    solver, active = InverseSolver(model, NARROW, row_limits=rows), 0
-    model.move(np.array(start))
-    home = model.save()
-    for target in np.random.default_rng(5).uniform([-0.012, -0.012, -0.02], [0.012, 0.012, 0.006], (8, 3)):
-        model.restore(home)
-        solution = solver.solve([PositionTask(target)], everywhere=True)
+    active = 0
+    for target, solution in zip(TARGETS, solved(limits, start)[2], strict=True):
         assert solution.kkt < 1e-6
         assert solution.passed < 1e-6
         assert limits.room(solution.state)[0].min() > -2e-6  # of 10 mm and of 0.1 N m
@@ -215,22 +234,18 @@ def test_where_torque_or_box_is_active_the_pose_is_the_closest_within_the_limits
     assert active > 1
 
 
-def test_where_a_torque_limit_parts_the_poses_the_closest_is_beyond_the_gap(everywhere):
+def test_where_a_torque_limit_parts_the_poses_the_closest_is_beyond_the_gap(everywhere, solved):
     """From where the search begins no way leads there that keeps to the limit; only a search everywhere finds it."""
-    model, limits = everywhere.model, Limits(torque=0.135)
-    solver = InverseSolver(model, NARROW, row_limits=[TorqueLimit(0.135, hard=True)])
-    model.move(np.full(3, -1.1))
-    home, parted = model.save(), 0
-    for target in np.random.default_rng(5).uniform([-0.012, -0.012, -0.02], [0.012, 0.012, 0.006], (8, 3)):
+    model, parted = everywhere.model, 0
+    solver, home, found = solved(WEAK, (-1.1, -1.1, -1.1))
+    for target, best in zip(TARGETS, found, strict=True):
         model.restore(home)
         near = solver.solve([PositionTask(target)])
-        model.restore(home)
-        best = solver.solve([PositionTask(target)], everywhere=True)
         assert best.residual <= near.residual + 1e-9
         if best.residual < near.residual - 5e-5:
             parted += 1
             way = np.linspace(near.state.angles, best.state.angles, 12)[1:-1]
-            assert min(limits.room(model.move(a))[0].min() for a in way) < -1e-3
+            assert min(WEAK.room(model.move(a))[0].min() for a in way) < -1e-3
     assert parted
 
 
