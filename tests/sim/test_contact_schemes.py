@@ -58,7 +58,7 @@ def top(scheme: str, steps: int) -> tuple[np.ndarray, np.ndarray, float]:
 def test_a_tumbling_top_in_free_flight_has_the_order_of_the_scheme_and_keeps_its_angular_momentum(
     scheme: str, expected: int
 ) -> None:
-    exact = top("tr_bdf2", 3200)[0]
+    exact = top("tr_bdf2", 1600)[0]
     found = [top(scheme, n) for n in (50, 100, 200)]
     turned = [float(np.abs(rotation - exact).max()) for rotation, _, _ in found]
     flown = [float(np.abs(c - [0.5, 0.0, 10 + 2.5 - G / 8]).max()) for _, c, _ in found]
@@ -94,9 +94,8 @@ def test_where_free_moves_show_a_hit_the_step_is_solved_once(scheme: str) -> Non
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize("speed", [0.1, 0.13, 0.17])
 @pytest.mark.parametrize("dt", [0.002, 0.0005])
-def test_a_block_that_friction_stops_stays_where_it_stops(scheme: str, speed: float, dt: float) -> None:
+def test_a_block_that_friction_stops_stays_where_it_stops(scheme: str, dt: float) -> None:
     """Pushed up an incline on which it just sticks: a scheme that looked back over the stop would let it slide down."""
     lean = np.radians(20)
     friction = 1.02 * np.tan(lean)
@@ -104,18 +103,21 @@ def test_a_block_that_friction_stops_stays_where_it_stops(scheme: str, speed: fl
         load_scene("incline", [f"contact.friction={friction}", f"inertia.scheme={scheme}", f"dt={dt}"])
     )
     up = np.array([-np.cos(lean), 0.0, np.sin(lean)])
-    assert simulation.state.rigid
+    brake = G * (np.sin(lean) + friction * np.cos(lean))
     for _ in range(round(0.2 / dt)):
         simulation.step()
-    simulation.state.rigid.velocities[0] = speed * up
-    simulation._stepper.forget()
-    start = simulation.state.rigid.centres[0].copy()
-    for _ in range(round(0.3 / dt)):
-        simulation.step()
-    brake = G * (np.sin(lean) + friction * np.cos(lean))
-    gone = float((simulation.state.rigid.centres[0] - start) @ up)
-    assert gone == pytest.approx(speed**2 / (2 * brake), abs=speed * dt)
-    assert np.abs(simulation.state.rigid.velocities[0] @ up) < 2e-4
+    settled = simulation.save()
+    for speed in (0.1, 0.13, 0.17):
+        simulation.restore(settled)
+        assert simulation.state.rigid
+        simulation.state.rigid.velocities[0] = speed * up
+        simulation._stepper.forget()
+        start = simulation.state.rigid.centres[0].copy()
+        for _ in range(round(0.3 / dt)):
+            simulation.step()
+        gone = float((simulation.state.rigid.centres[0] - start) @ up)
+        assert gone == pytest.approx(speed**2 / (2 * brake), abs=speed * dt), speed
+        assert np.abs(simulation.state.rigid.velocities[0] @ up) < 2e-4, speed
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

@@ -31,10 +31,10 @@ def moved(simulation: Simulation, end: float) -> Simulation:
         ("pendulum", ("inertia.scheme=semi_implicit_euler", "dt=0.005"), 0.5, "dt=5e-5"),
         ("pendulum", ("inertia.scheme=rk4", "dt=0.05"), 0.5, "dt=1e-4"),
         ("pendulum", ("inertia.scheme=rk4", "dt=0.02", *BOUND[:2]), 0.1, "dt=1e-4"),
-        ("pendulum", ("inertia.scheme=implicit_euler", *BOUND), 0.5, "dt=1e-4"),
-        ("pendulum", ("inertia.scheme=bdf2", *BOUND), 0.5, "dt=1e-4"),
-        ("bounce", ("dt=0.002",), 0.3, "dt=1e-4"),
-        ("bounce", ("dt=0.002",), 0.5, "dt=1e-4"),
+        ("pendulum", ("inertia.scheme=implicit_euler", *BOUND), 0.5, "dt=2e-4"),
+        ("pendulum", ("inertia.scheme=bdf2", *BOUND), 0.5, "dt=2e-4"),
+        ("bounce", ("dt=0.002",), 0.3, "dt=2e-4"),
+        ("bounce", ("dt=0.002",), 0.5, "dt=2e-4"),
         ("incline", (), 0.5, "dt=2e-4"),
         ("silicone_drop", ("mesh.level=1", "dt=0.004"), 0.2, "dt=5e-4"),
     ],
@@ -54,15 +54,16 @@ def test_the_estimate_is_the_true_error_and_leaves_the_motion_alone(
     assert np.isnan(report.added)
 
 
-@pytest.mark.parametrize("scheme", ["semi_implicit_euler", "rk4"])
-def test_an_explicit_solid_is_divided_twice_as_finely(scheme: str) -> None:
+@pytest.mark.parametrize(("scheme", "finer"), [("semi_implicit_euler", 16), ("rk4", 4)])
+def test_an_explicit_solid_is_divided_twice_as_finely(scheme: str, finer: int) -> None:
     words = (*EXPLICIT_SOLID, f"inertia.scheme={scheme}")
     simulation, exact = made("silicone", *words, "time_error={}"), made("silicone", *words)
-    exact._stepper.finer = 16
+    exact._stepper.finer = finer
     for _ in range(3):
         simulation.step()
         exact.step()
-    assert exact.report.parts > 10 * simulation.report.parts > 100
+    assert simulation.report.parts > 100
+    assert exact.report.parts > 0.9 * finer * simulation.report.parts
     true = np.linalg.norm(exact.positions - simulation.positions, axis=1).max()
     assert simulation.report.time_error.largest == pytest.approx(true, rel=0.2)
 
@@ -70,14 +71,14 @@ def test_an_explicit_solid_is_divided_twice_as_finely(scheme: str) -> None:
 def test_the_effector_has_its_share() -> None:
     words = ("mesh.level=1", "inertia.scheme=semi_implicit_euler", "dt=0.001", "time_error={}")
     simulation, exact = made("tripod", *words), made("tripod", *words[:-1])
-    exact._stepper.finer = 8
+    exact._stepper.finer = 4
     goal = simulation.command
     for k in range(2):
         goal[0] = -0.005 * (k + 1)
         simulation.step(goal)
         exact.step(goal)
     true = (
-        8 / 7 * np.linalg.norm(exact.state.centres[0] - simulation.state.centres[0])
+        4 / 3 * np.linalg.norm(exact.state.centres[0] - simulation.state.centres[0])
     )  # of a first-order scheme
     assert simulation.report.time_error.effector == pytest.approx(true, rel=0.1)
     report = simulation.report.time_error
