@@ -15,12 +15,11 @@ import numpy as np
 
 from tripod_ik.row_limits import LimitRows, RowLimit
 from tripod_ik.state import LinearState
-from tripod_sim.softness import NEAR
 
 SNAP = "snap"
 """Name of the limit."""
 
-SOFTEST = NEAR
+SOFTEST = 0.07
 """Firmness at which a branch ends, for inverse kinematics."""
 
 WITHIN = 0.9

@@ -14,7 +14,7 @@ from tripod_ik.snap import BARRIER, SOFTEST, SnapLimit, firm_enough
 from tripod_ik.tasks import PositionTask
 from tripod_ik.tracker import Activity, Tracker
 from tripod_ik.tracker_settings import TrackerSettings
-from tripod_sim import Simulation, load_scene
+from tripod_sim import Simulation, load_scene, softness
 
 DT = 0.02  # [s]
 
@@ -22,6 +22,10 @@ DT = 0.02  # [s]
 def towards(servo: int, radius: float) -> np.ndarray:
     angle = 2 * np.pi / 3 * servo
     return radius * np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
+def test_a_snap_is_near_for_whoever_runs_a_scene_where_a_branch_ends():
+    assert softness.NEAR == SOFTEST
 
 
 @pytest.mark.parametrize("radius", [0.008, 0.01])
