@@ -94,7 +94,9 @@ class Block:
         """Return kinetic energy, and the sum of kinetic, strain and gravity [J]."""
         s = self.state
         kinetic = 0.5 * float(self.mass @ (s.velocities**2).sum(axis=1))
-        return kinetic, kinetic + self.solid.energy(s.positions, s.modes) + self.gravity.energy(s.positions)
+        return kinetic, kinetic + self.solid.energy(s.positions, s.modes) + self.gravity.energies(
+            s.positions
+        )[1]
 
     def momenta(self) -> tuple[FloatArray, FloatArray]:
         """Return linear [kg m/s] and angular momentum about the origin [kg m²/s]."""

@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 
 from tests.sim.test_bodies import assert_nothing_passes
 from tripod_sim import SceneError, Simulation, StepError, load_scene
-from tripod_sim.forces.strain_bound import MARGIN
+from tripod_sim.forces.strain_bound import MARGIN, StrainBound
+from tripod_sim.system import System
 
 IMPLICIT = ("implicit_euler", "bdf2", "tr_bdf2")
 SCHEMES = (*IMPLICIT, "semi_implicit_euler", "rk4")
@@ -72,7 +73,9 @@ def hung(folder: Path, text: str, *words: str) -> Simulation:
 
 
 def bound_of(simulation: Simulation):  # type: ignore[no-untyped-def]
-    found = getattr(simulation._system, "bound", None) or getattr(simulation._stepper, "_bound", None)
+    system = simulation._system
+    found = system.term(StrainBound) if isinstance(system, System) else None
+    found = found or getattr(simulation._stepper, "_bound", None)
     assert found
     return found
 
