@@ -267,9 +267,8 @@ def _contact_summary(simulation: Simulation) -> dict[str, Any]:
             "cut": contact.cut,
         }
     }
-    if poses := simulation.rigid[
-        : len(simulation.scene.rigid)
-    ]:  # the ball, if it is one, is told by its name
+    own = len(simulation.scene.rigid)  # a ball that is one of them is told by its name
+    if poses := simulation.rigid[:own]:
         found["rigid"] = [
             {"position": p.position.tolist(), "quaternion": p.quaternion.tolist()} for p in poses
         ]

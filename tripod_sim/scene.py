@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from tripod_sim.effect import Effect
-from tripod_sim.effects import EFFECTS, has, table_of
+from tripod_sim.effects import EFFECTS, has, named, table_of
 from tripod_sim.effects.ball import Ball
 from tripod_sim.effects.clamp import Clamp
 from tripod_sim.effects.contact import Contact
@@ -126,7 +126,7 @@ class Scene:
     @property
     def effects(self) -> dict[str, Effect]:
         """The effects that it names."""
-        return {name: effect for name, effect in EFFECTS.items() if getattr(self, name)}
+        return {name: EFFECTS[name] for name in named(self)}
 
 
 OPTIONAL = (*EFFECTS, "body", "tie", "platform", "region", "set", "servo", "marker", "motion")
