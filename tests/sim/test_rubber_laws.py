@@ -10,7 +10,7 @@ from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.forces.solid import Solid
 from tripod_sim.forces.solid_arrays import no_solid
-from tripod_sim.forces.solid_kernels import solid_energy, solid_gradient
+from tripod_sim.forces.solid_kernels import solid_gradient
 from tripod_sim.materials import calls
 from tripod_sim.materials.lame import lame_constants
 from tripod_sim.materials.law import initial_young, law_named, vector
@@ -259,8 +259,6 @@ def test_an_unknown_law_raises_compiled_or_not() -> None:
         mesh.nodes, np.array(mesh.elements), mesh.kind, "neo_hooke", law_vector("neo_hooke", 1.0, 1.0)
     )
     x, modes, lost = np.array(mesh.nodes), solid.rest_modes(), solid.arrays()._replace(law=none)
-    with pytest.raises(ValueError, match="of no elastic law"):
-        solid_energy(x, modes, lost)
     with pytest.raises(ValueError, match="of no elastic law"):
         solid_gradient(x, modes, lost, np.zeros_like(x))
     with pytest.raises(ValueError, match="of no elastic law"):

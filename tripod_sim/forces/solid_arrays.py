@@ -31,5 +31,5 @@ def no_solid() -> SolidArrays:
     zeros = np.zeros
     return SolidArrays(
         zeros((0, 0), dtype=np.int64), zeros(0, dtype=np.int64), zeros((0, 0, 0, 0)), zeros((0, 0)),
-        zeros(6, dtype=np.int64), zeros(3), False, zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0)),
+        zeros(5, dtype=np.int64), zeros(3), False, zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0, 0)), zeros((0, 0)),
     )  # fmt: skip

@@ -1,7 +1,7 @@
-"""Element loops of the solid: energy, gradient and condensed stiffness of all elements, compiled.
+"""Element loops of the solid: energy with gradient, and condensed stiffness of all elements, compiled.
 
 Arrays: x (n, 3) positions [m]; modes (m, k, 3) amplitudes of the incompatible modes [m]; G (m, q, 3, c) reference
-gradients of the 8 shape functions and then the k modes [1/m], c = 8 + k; weight (m, q) volumes [m³]; law (6,) and p
+gradients of the 8 shape functions and then the k modes [1/m], c = 8 + k; weight (m, q) volumes [m³]; law (5,) and p
 functions of a law and its parameters (`materials.calls`). Within an element, components come first, (3, c): the inner
 loops then run over contiguous numbers.
 
@@ -23,7 +23,7 @@ from tripod_sim.materials import calls
 from tripod_sim.materials.laws import KAPPA
 from tripod_sim.materials.spectral import determinant
 
-_energy, _stress, _tangent = calls.energy, calls.stress, calls.tangent
+_stress, _tangent = calls.stress, calls.tangent
 _volume_slope, _tangent_at_mean = calls.volume_slope, calls.tangent_at_mean
 
 
@@ -85,32 +85,6 @@ def _mean_volume(xe: Array, G: Array, weight: Array, law: Array, F: Array, slope
         total += weight[q] * _volume_slope(law, F, slope)
         size += weight[q]
     return total / size
-
-
-@njit(cache=True, error_model="numpy")
-def solid_energy(x: Array, modes: Array, solid: SolidArrays) -> float:
-    """Return the strain energy [J]; infinite as soon as a point has none."""
-    elements, G, weight, law, p, mean = constants(solid)
-    xe, F, slope = np.empty((3, G.shape[3])), np.empty((3, 3)), np.empty((3, 3))
-    total = first = 0.0
-    for e in range(elements.shape[0]):
-        gather(e, x, modes, elements, xe)
-        size = once = twice = 0.0  # sums of w, w (v - first), w (v - first)²
-        for q in range(G.shape[1]):
-            deformation(xe, G[e, q], F)
-            w = weight[e, q]
-            total += w * _energy(law, F, p)
-            if mean:
-                v = _volume_slope(law, F, slope)
-                first = v if q == 0 else first
-                size += w
-                once += w * (v - first)
-                twice += w * (v - first) ** 2
-        if mean:
-            total -= 0.5 * p[KAPPA] * (twice - once * once / size)
-        if not np.isfinite(total):
-            return np.inf
-    return total
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})

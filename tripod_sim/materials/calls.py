@@ -20,11 +20,10 @@ _F, _p, _law = (
     types.Array(*kind, "C") for kind in ((types.float64, 2), (types.float64, 1), (types.int64, 1))
 )
 
-ENERGY, STRESS, TANGENT, STRETCHES, SLOPE, DERIVATIVES = range(6)
+STRESS, TANGENT, STRETCHES, SLOPE, DERIVATIVES = range(5)
 """Places of the addresses."""
 
 SIGNATURES: Final = (
-    types.float64(_F, _p),
     types.float64(_F, _p, _F),
     types.boolean(_F, _p, types.boolean, _F),
     types.none(_p, _p, _p, _F),
@@ -34,8 +33,8 @@ SIGNATURES: Final = (
 
 
 def addresses(law: ModuleType) -> IndexArray:
-    """Return where the compiled functions of a law are, shape (6,); they are compiled here, if they are not yet."""
-    functions = (law.energy, law.stress, getattr(law, "tangent", None), law.stretches, *law.VOLUME)
+    """Return where the compiled functions of a law are, shape (5,); they are compiled here, if they are not yet."""
+    functions = (law.stress, getattr(law, "tangent", None), law.stretches, *law.VOLUME)
     return np.array([_address(f, s) for f, s in zip(functions, SIGNATURES, strict=True)])
 
 
@@ -67,12 +66,6 @@ def _through(place: int) -> Any:
         return found
 
     return own.return_type(_law, *own.args), code
-
-
-@intrinsic
-def energy(typing: Any, law: Any, F: Any, p: Any) -> Any:
-    """Return psi [J/m³]."""
-    return _through(ENERGY)
 
 
 @intrinsic

@@ -2,8 +2,7 @@
 
 A law is compiled functions of F and of its vector p of parameters, and what turns a scene's table into that vector:
 
-    energy(F, p) -> psi                 [J/m³]
-    stress(F, p, P) -> psi              writes P = dpsi/dF [Pa]
+    stress(F, p, P) -> psi [J/m³]       writes P = dpsi/dF [Pa]; psi is infinite where there is none
     stretches(s, p, first, second)      adds dpsi_0/ds [Pa], shape (3,), and d²psi_0/ds² [Pa], shape (3, 3)
     tangent(F, p, project, C) -> bool   writes d²psi/dF² [Pa], shape (9, 9), index 3 i + J, or returns False: then it is
                                         made of `stretches`, as it is where a law has no `tangent` of its own

@@ -78,12 +78,6 @@ def _rotation(F: Array, R: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def energy(F: Array, p: Array) -> float:
-    """Return psi [J/m³]."""
-    return stress(F, p, np.empty((3, 3)))
-
-
-@njit(cache=True, error_model="numpy")
 def stress(F: Array, p: Array, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]."""
     _rotation(F, P)

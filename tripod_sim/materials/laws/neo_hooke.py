@@ -21,16 +21,6 @@ VOLUME, volume_term = RATIO, bulk_term
 
 
 @njit(cache=True, error_model="numpy")
-def energy(F: Array, p: Array) -> float:
-    """Return psi [J/m³], infinite where J <= 0."""
-    J = determinant(F)
-    if not J > 0:
-        return np.inf
-    bulk, mu = p[KAPPA], p[SHEAR]
-    return 0.5 * mu * (squared(F) * J ** (-2 / 3) - 3) + 0.5 * bulk * (J - 1) ** 2
-
-
-@njit(cache=True, error_model="numpy")
 def stress(F: Array, p: Array, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]; J must be positive, else psi is infinite and P untouched."""
     J = determinant(F)

@@ -31,12 +31,6 @@ def shear(own: tuple[float, ...]) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def energy(F: Array, p: Array) -> float:
-    """Return psi [J/m³], infinite where J <= 0."""
-    return stress(F, p, np.empty((3, 3)))
-
-
-@njit(cache=True, error_model="numpy")
 def stress(F: Array, p: Array, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]; J must be positive, else psi is infinite and P untouched."""
     J = determinant(F)

@@ -36,14 +36,6 @@ def _green(F: Array, E: Array) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def energy(F: Array, p: Array) -> float:
-    """Return psi [J/m³]."""
-    E = np.empty((3, 3))
-    trace, lam, mu = _green(F, E), p[KAPPA], p[SHEAR]
-    return mu * (E * E).sum() + 0.5 * lam * trace * trace
-
-
-@njit(cache=True, error_model="numpy")
 def stress(F: Array, p: Array, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]."""
     E = np.empty((3, 3))

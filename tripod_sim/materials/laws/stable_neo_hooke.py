@@ -12,7 +12,7 @@ from numba import njit
 
 from tripod_host.arrays import Array
 from tripod_sim.materials.laws import KAPPA, REST, SHEAR
-from tripod_sim.materials.spectral import cofactor, determinant, squared
+from tripod_sim.materials.spectral import cofactor, squared
 from tripod_sim.materials.volume import RATIO
 
 PARAMETERS = ()
@@ -25,23 +25,10 @@ def volume_term(lam: float, mu: float) -> tuple[float, float]:
     return kappa, 1 + 0.75 * (4 * mu / 3) / kappa
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def _constants(p: Array) -> tuple[float, float, float]:
-    return 4 * p[SHEAR] / 3, p[KAPPA], p[REST]
-
-
-@njit(cache=True, error_model="numpy")
-def energy(F: Array, p: Array) -> float:
-    """Return psi [J/m³], zero at rest."""
-    m, k, a = _constants(p)
-    I1, J = squared(F), determinant(F)
-    return 0.5 * m * (I1 - 3 - np.log((I1 + 1) / 4)) + 0.5 * k * ((J - a) ** 2 - (1 - a) ** 2)
-
-
 @njit(cache=True, error_model="numpy")
 def stress(F: Array, p: Array, P: Array) -> float:
     """Write P [Pa] and return psi [J/m³]."""
-    m, k, a = _constants(p)
+    m, k, a = 4 * p[SHEAR] / 3, p[KAPPA], p[REST]
     I1, J = squared(F), cofactor(F, P)
     c, d = m * (1 - 1 / (I1 + 1)), k * (J - a)
     for i in range(3):
@@ -55,7 +42,7 @@ def tangent(F: Array, p: Array, project: bool, C: Array) -> bool:
     """Write d²psi/dF², shape (9, 9), index 3 i + J; return False where it is to be projected."""
     if project:
         return False
-    m, k, a = _constants(p)
+    m, k, a = 4 * p[SHEAR] / 3, p[KAPPA], p[REST]
     H = np.empty((3, 3))
     I1, J = squared(F), cofactor(F, H)
     c, e, d = m * (1 - 1 / (I1 + 1)), 2 * m / (I1 + 1) ** 2, k * (J - a)
