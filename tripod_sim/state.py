@@ -89,13 +89,11 @@ class TwinState(Copied):
         twin: Where the twin is.
         last: Where the body was at the end of the last step: if it is elsewhere, somebody has moved it.
         known: Whether both are; 0 or 1.
-        proposed: Length of the next part, where the simulator chooses it [s]; 0 before the first.
     """
 
     twin: State
     last: State
     known: int = 0
-    proposed: float = 0.0
 
 
 @dataclass(eq=False)

@@ -48,9 +48,7 @@ def halves(scene: Described) -> bool:
 def by_way(scene: Described) -> bool:
     """Return whether steps are chosen by what they err over their way (see `integrators.way_steps`)."""
     wanted = scene.time_error
-    if not (wanted and scene.inertia and wanted.steps == "auto"):
-        return False
-    return wanted.accuracy > 0 or (halves(scene) and scene.inertia.scheme not in EXPLICIT)
+    return bool(wanted and scene.inertia and wanted.steps == "auto" and (wanted.accuracy > 0 or halves(scene)))
 
 
 def carried(scene: Described) -> TimeError | None:
@@ -114,7 +112,7 @@ def finish(wanted: TimeError, scene: Described, parts: Parts, build: Callable[[D
 
     twin = build(replace(scene, dt=0.5 * scene.dt, time_error=None))
     order = 1 if contact_of(scene) or scene.strain_limit else ORDER[scene.inertia.scheme]
-    doubling = Doubling(parts, twin, order, wanted)
+    doubling = Doubling(parts, twin, order)
     return replace(parts, stepper=doubling, doubling=doubling)
 
 

@@ -6,10 +6,8 @@ velocities jump, and x_h, x_h/2 the two positions, the exact one less x_h is [Ha
 
     (x_h/2 - x_h) / (1 - 2^-p).
 
-With `steps = "fixed"` the twin goes along from the start on, so that this is the whole error. With `steps = "auto"`, of
-explicit schemes (`way_steps` has the others), it begins each part where the body is and takes it in one step; the body
-takes it in two and adds |x_h/2 - x_h| / (2^p - 1). A part that is taken back, and the twin's step, remember nothing of
-those before.
+The twin goes along from the start on, so that this is the whole error; steps of a length that is chosen know what they
+add (`way_steps`).
 """
 
 from dataclasses import fields
@@ -18,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.effects.time_error import TimeError
 from tripod_sim.errors import StepError
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.time_error import TimeErrorReport
@@ -28,9 +25,6 @@ from tripod_sim.state import State, TwinState
 if TYPE_CHECKING:
     from tripod_sim.parts import Parts
 
-SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
-"""Of the length that the tolerance allows; least and largest change from part to part."""
-
 
 class Doubling:
     """A time integrator whose error is estimated by a twin with steps of half the length.
@@ -39,10 +33,9 @@ class Doubling:
         awake: The time integrator itself.
     """
 
-    def __init__(self, parts: "Parts", twin: "Parts", order: int, wanted: TimeError) -> None:
-        """`twin`: of the same scene; `order`: p; `wanted`: the scene's table."""
-        self.awake, self._twin = parts.stepper, twin.stepper
-        self._order, self._wanted, self._auto = order, wanted, wanted.steps == "auto"
+    def __init__(self, parts: "Parts", twin: "Parts", order: int) -> None:
+        """`twin`: of the same scene; `order`: p."""
+        self.awake, self._twin, self._share = parts.stepper, twin.stepper, 1.0 / (1.0 - 2.0**-order)
         self._rigid, self._nodes = (
             parts.rigid,
             len(parts.mesh.nodes) - (parts.rigid.count if parts.rigid else 0),
@@ -50,12 +43,9 @@ class Doubling:
         self._effector = bool(parts.system.groups.rigid)
         if parts.ball and twin.ball:
             twin.ball.loads.share(parts.ball.loads)
-        halved = self.awake if self._auto else self._twin
-        steppers: list[Any] = [halved, getattr(halved, "inner", None)]
+        steppers: list[Any] = [self._twin, getattr(self._twin, "inner", None)]
         for stepper in steppers:
-            if hasattr(
-                stepper, "finer"
-            ):  # an explicit scheme divides half of a step into as many parts as a whole one
+            if hasattr(stepper, "finer"):  # an explicit scheme divides half a step as finely as a whole one
                 stepper.finer = 2
         self._keep: State | None = None
 
@@ -76,13 +66,13 @@ class Doubling:
             self._keep = state.copy()
         state.copy_to(self._keep)
         try:
-            return (self._chosen if self._auto else self._whole)(state, remembered, joints, dt)
+            return self._advance(state, remembered, joints, dt)
         except StepError:
             self._keep.copy_to(state)
             self.forget()
             raise
 
-    def _whole(self, state: State, errors: TwinState, joints: FloatArray, dt: float) -> StepReport:
+    def _advance(self, state: State, errors: TwinState, joints: FloatArray, dt: float) -> StepReport:
         """Take the step, and the twin's."""
         if not (errors.known and _same(state, errors.last)):
             state.copy_to(errors.twin)
@@ -93,53 +83,12 @@ class Doubling:
         self._twin.step(errors.twin, joints, 0.5 * dt)
         state.copy_to(errors.last)
         errors.known = 1
-        share = 1.0 / (1.0 - 2.0**-self._order)
         largest, node = furthest(self._shown(errors.twin) - self._shown(state))
         of_effector = np.nan
         if self._effector:
-            of_effector = share * float(np.linalg.norm(errors.twin.centres[0] - state.centres[0]))
-        report.time_error = TimeErrorReport(of_effector, share * float(largest), int(node), np.nan)
+            of_effector = self._share * float(np.linalg.norm(errors.twin.centres[0] - state.centres[0]))
+        report.time_error = TimeErrorReport(of_effector, self._share * float(largest), int(node), np.nan)
         return report
-
-    def _chosen(self, state: State, errors: TwinState, joints: FloatArray, dt: float) -> StepReport:
-        """Take the step in parts as long as the tolerance allows."""
-        begin, total, start = state.joints.copy(), StepReport(), (state.time, state.step)
-        length, done, worst, again = errors.proposed or dt, 0.0, 0.0, False
-        origin, coarse, order = errors.last, errors.twin, self._order
-        while done < dt:
-            pieces = np.ceil((dt - done) / length - 1e-9)
-            h = (dt - done) / pieces
-            state.copy_to(origin)
-            state.copy_to(coarse)
-            goals = [begin + min(1.0, (done + part * h) / dt) * (joints - begin) for part in (0.5, 1.0)]
-            self._twin.forget()
-            try:
-                self._twin.step(coarse, goals[1], h)
-                reports = [self.awake.step(state, goal, 0.5 * h) for goal in goals]
-                added = float(furthest(self._shown(state) - self._shown(coarse))[0]) / (2.0**order - 1.0)
-            except StepError:
-                if h <= self._wanted.shortest:
-                    raise
-                added, reports = np.inf, []
-            ratio = added / self._wanted.tolerance
-            if not ratio <= 1.0 and h > self._wanted.shortest * (1 + 1e-9):
-                origin.copy_to(state)
-                self.awake.forget()
-                total.rejected += 1
-                change = SAFETY * ratio ** (-1.0 / (order + 1)) if np.isfinite(ratio) else 0.5
-                length, again = max(h * max(change, SHRINK), self._wanted.shortest), True
-                continue
-            for report in reports:
-                whole, total = total, report.after(total)
-                total.parts, total.rejected = whole.parts, whole.rejected
-            total.parts += 1
-            change = SAFETY * ratio ** (-1.0 / (order + 1)) if ratio > 0 else GROW
-            length = min(max(h * min(max(change, SHRINK), 1.0 if again else GROW), self._wanted.shortest), dt)
-            done, again, worst = dt if pieces == 1 else done + h, False, max(worst, added)
-        errors.proposed = length
-        state.time, state.step = start[0] + dt, start[1] + 1
-        total.time_error = TimeErrorReport(np.nan, np.nan, -1, worst)
-        return total
 
     def _shown(self, state: State) -> FloatArray:
         """Return the positions of all nodes and vertices [m], as the simulation shows them."""
