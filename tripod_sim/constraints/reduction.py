@@ -23,7 +23,7 @@ from tripod_host.arrays import Array, FloatArray, IndexArray
 from tripod_sim.constraints.groups import Groups, Kind
 from tripod_sim.errors import SceneError
 from tripod_sim.linear.keys import distinct
-from tripod_sim.rotation_kernels import turned
+from tripod_sim.rotation_kernels import cross, turned
 
 FREE, RIGID, DRIVEN, FIXED = int(Kind.FREE), int(Kind.RIGID), int(Kind.DRIVEN), int(Kind.FIXED)
 
@@ -199,6 +199,7 @@ class Reduction:
 def _gradient(
     g: Array, lever: Array, axes: Array, kind: Array, number: Array, base: Array, out: Array, torque: Array
 ) -> None:
+    moment = np.empty(3)
     out[:] = 0.0
     torque[:] = 0.0
     for n in range(g.shape[0]):
@@ -208,17 +209,14 @@ def _gradient(
         elif kind[n] == FIXED:
             continue
         else:
-            r, f = lever[n], g[n]
-            m0, m1, m2 = r[1] * f[2] - r[2] * f[1], r[2] * f[0] - r[0] * f[2], r[0] * f[1] - r[1] * f[0]
+            cross(lever[n], g[n], moment)
             if kind[n] == RIGID:
                 for i in range(3):
-                    out[base[n] + i] += f[i]
-                out[base[n] + 3] += m0
-                out[base[n] + 4] += m1
-                out[base[n] + 5] += m2
+                    out[base[n] + i] += g[n, i]
+                    out[base[n] + 3 + i] += moment[i]
             else:
                 a = axes[number[n]]
-                torque[number[n]] += a[0] * m0 + a[1] * m1 + a[2] * m2
+                torque[number[n]] += a[0] * moment[0] + a[1] * moment[1] + a[2] * moment[2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -403,13 +401,17 @@ def move_nodes(
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _jacobian(r: Array, J: Array) -> None:
-    """Write dx / d(c, theta) = [I, -[r]x], shape (3, 6)."""
-    J[:] = 0.0
-    J[0, 0] = J[1, 1] = J[2, 2] = 1.0
-    J[0, 4], J[0, 5] = r[2], -r[1]
-    J[1, 3], J[1, 5] = -r[2], r[0]
-    J[2, 3], J[2, 4] = r[1], -r[0]
+def _jacobian(kind: int, r: Array, axes: Array, number: int, J: Array) -> int:
+    """Write dx of a node by the motion of its body, [I, -[r]x], or by the angle of its frame, a x r; return how many."""
+    if kind == RIGID:
+        J[:] = 0.0
+        J[0, 0] = J[1, 1] = J[2, 2] = 1.0
+        J[0, 4], J[0, 5] = r[2], -r[1]
+        J[1, 3], J[1, 5] = -r[2], r[0]
+        J[2, 3], J[2, 4] = r[1], -r[0]
+        return 6
+    cross(axes[number], r, J[:, 0])
+    return 1
 
 
 @njit(cache=True, error_model="numpy")
@@ -428,8 +430,7 @@ def _add_elements(
     drive_drive: Array,
     body: Array,
 ) -> None:
-    J, JA, B = np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6))
-    j, ja = np.empty(3), np.empty(3)
+    J, JA, B, C = np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6)), np.empty((6, 6))
     size = elements.shape[1]
     for e in range(elements.shape[0]):
         K = stiffness[e]
@@ -438,71 +439,45 @@ def _add_elements(
             kb = kind[nb]
             if kb == FIXED:
                 continue
-            if kb == RIGID:
-                _jacobian(lever[nb], J)
-            elif kb == DRIVEN:
-                a3, r = axes[number[nb]], lever[nb]
-                j[0], j[1], j[2] = (
-                    a3[1] * r[2] - a3[2] * r[1],
-                    a3[2] * r[0] - a3[0] * r[2],
-                    a3[0] * r[1] - a3[1] * r[0],
-                )
+            if kb != FREE:
+                width = _jacobian(kb, lever[nb], axes, number[nb], J)
             for a in range(size):
                 na = elements[e, a]
                 ka = kind[na]
-                if ka == FIXED:
+                if ka == FIXED or (kb == FREE and ka != FREE) or (kb == RIGID and ka == DRIVEN):
                     continue
                 if kb == FREE:
-                    if ka != FREE or base[na] > base[nb]:
+                    if base[na] > base[nb]:
                         continue
                     for c in range(3):
                         start = slots[e, a, b, c]
                         for i in range(3 if na != nb else c + 1):
                             data[start + i] += factor * K[3 * a + i, 3 * b + c]
-                elif kb == RIGID:
-                    if ka == DRIVEN:
-                        continue
-                    for i in range(3):
-                        for c in range(6):
-                            B[i, c] = factor * (
-                                K[3 * a + i, 3 * b] * J[0, c]
-                                + K[3 * a + i, 3 * b + 1] * J[1, c]
-                                + K[3 * a + i, 3 * b + 2] * J[2, c]
-                            )
-                    if ka == FREE:
-                        for c in range(6):
-                            start = slots[e, a, b, c]
-                            for i in range(3):
-                                data[start + i] += B[i, c]
-                    else:
-                        _jacobian(lever[na], JA)
-                        for k in range(6):
-                            for c in range(6):
-                                body[number[nb], k, c] += (
-                                    JA[0, k] * B[0, c] + JA[1, k] * B[1, c] + JA[2, k] * B[2, c]
-                                )
-                else:
-                    s = number[nb]
-                    for i in range(3):
-                        ja[i] = factor * (
-                            K[3 * a + i, 3 * b] * j[0]
-                            + K[3 * a + i, 3 * b + 1] * j[1]
-                            + K[3 * a + i, 3 * b + 2] * j[2]
-                        )
-                    if ka == FREE:
+                    continue
+                for i in range(3):
+                    for c in range(width):
+                        k0, k1, k2 = K[3 * a + i, 3 * b], K[3 * a + i, 3 * b + 1], K[3 * a + i, 3 * b + 2]
+                        B[i, c] = C[i, c] = factor * (k0 * J[0, c] + k1 * J[1, c] + k2 * J[2, c])
+                if ka == FREE and kb == RIGID:
+                    for c in range(6):
+                        start = slots[e, a, b, c]
                         for i in range(3):
-                            drive[base[na] + i, s] += ja[i]
-                    elif ka == RIGID:
-                        _jacobian(lever[na], JA)
-                        for k in range(6):
-                            drive[base[na] + k, s] += JA[0, k] * ja[0] + JA[1, k] * ja[1] + JA[2, k] * ja[2]
+                            data[start + i] += B[i, c]
+                    continue
+                high = 3
+                if ka != FREE:
+                    high = _jacobian(ka, lever[na], axes, number[na], JA)
+                    for k in range(high):
+                        for c in range(width):
+                            C[k, c] = JA[0, k] * B[0, c] + JA[1, k] * B[1, c] + JA[2, k] * B[2, c]
+                for k in range(high):
+                    if kb == RIGID:
+                        for c in range(6):
+                            body[number[nb], k, c] += C[k, c]
+                    elif ka == DRIVEN:
+                        drive_drive[number[na], number[nb]] += C[k, 0]
                     else:
-                        a3, r = axes[number[na]], lever[na]
-                        drive_drive[number[na], s] += (
-                            (a3[1] * r[2] - a3[2] * r[1]) * ja[0]
-                            + (a3[2] * r[0] - a3[0] * r[2]) * ja[1]
-                            + (a3[0] * r[1] - a3[1] * r[0]) * ja[2]
-                        )
+                        drive[base[na] + k, number[nb]] += C[k, 0]
 
 
 @njit(cache=True, error_model="numpy")
@@ -528,7 +503,7 @@ def _add_nodes(
     for n in range(g.shape[0]):
         if kind[n] == RIGID:
             r, f, D = lever[n], g[n], body[number[n]]
-            _jacobian(r, J)
+            _jacobian(RIGID, r, axes, number[n], J)
             for k in range(6):
                 for c in range(6):
                     D[k, c] += mass[n] * (J[0, k] * J[0, c] + J[1, k] * J[1, c] + J[2, k] * J[2, c])
