@@ -1,11 +1,12 @@
-"""The live estimate of the mesh's error beside the true one: random poses and motions of the Tripod.
+"""The live estimate of the mesh's error beside the true one: random poses and motions of the shipped Tripod.
 
 The truth is the same scene with quadratic elements (`h20`) on a fine level, same clamp, steps and scheme, so that only
 the mesh differs. Poses: every angle anywhere in the servos' range, the slide in proportion to their mean as far as the
-working pose, so that the strips stay stretched; gone to from the flat piece, by statics. Motions: from the working pose
-to a random one in 0.1 to 0.4 s, each servo on by up to 0.5 rad in 30 to 150 ms, then 0.1 s of rest; the effectivity of
-a motion is the largest estimate over the largest true error, once with an estimate after each step, once with those
-that 20 % of the steps' time allows.
+working pose, so that the strips stay stretched; gone to from the flat piece, by statics. Moves: those by which
+`--accuracy` is judged (`promise_cases.dynamic_case`), about the working pose. Wide motions: from the working pose to a
+random one in 0.1 to 0.4 s, each servo on by up to 0.5 rad in 30 to 150 ms, then 0.1 s of rest; there strips hang slack
+and snap. The effectivity of a motion is the largest estimate over the largest true error, once with an estimate after
+each step, once with those that 20 % of the steps' time allows.
 
 The seed is the date unless given. Each case is a line of a file as soon as it is done; a run that is broken off goes on
 there. `python benchmarks/mesh_error.py --write` also writes docs/accuracy.md.
@@ -15,6 +16,7 @@ import argparse
 import datetime
 import json
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,38 +25,48 @@ from calibration import calibration  # it sets the number of threads, so it come
 # isort: split
 import numpy as np
 from doc_parts import write_part
+from promise_cases import dynamic_case, dynamic_turn
 
-from tests.scenes import SHARP
 from tripod_sim import Simulation, StepError, load_scene
 
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
 FOUND = Path("build/mesh_error")
 LEAST, MOST = 0.5, 2.0
 EVERY = "mesh_error.share=1e6"
+POSE, MOVE, WIDE = "poses", "moves", "wide motions"
 
 
-def simulation(element: str, level: int, clamp: str, *words: str) -> Simulation:
+def simulation(element: str, level: int, *words: str) -> Simulation:
     """Return the Tripod on a mesh."""
-    mesh = (f"mesh.element={element}", f"mesh.level={level}", f"clamp.stiffness={clamp}")
-    return Simulation(load_scene(SHARP, [*mesh, "solver.max_turn=0.3", *words]))
+    mesh = (f"mesh.element={element}", f"mesh.level={level}")
+    return Simulation(load_scene("tripod", [*mesh, "solver.max_turn=0.3", *words]))
 
 
-def in_motion(element: str, level: int, clamp: str, *words: str) -> Simulation:
-    """Return it in the working pose, in motion."""
+def working(element: str, level: int, *words: str) -> Simulation:
+    """Return it in the working pose."""
     at = (f"servos.angles={WORKING[:3].tolist()}", f"servos.slide={WORKING[3]}")
-    return simulation(element, level, clamp, *at, *words)
+    return simulation(element, level, *at, *words)
 
 
 def pose(rng: np.random.Generator) -> np.ndarray:
     """Return random joints."""
-    servos = load_scene(SHARP).servos
+    servos = load_scene("tripod").servos
     assert servos
     angles = rng.uniform(servos.angle_min, servos.angle_max, 3)
     return np.append(angles, np.clip(angles.mean() / WORKING[0], 0.0, 1.0) * WORKING[3])
 
 
+def move(seed: int, start: np.ndarray, dt: float) -> np.ndarray:
+    """Return joints for each step of a move of `promise_cases` from `start`, shape (steps, 4)."""
+    turn, ramp = dynamic_turn(seed)
+    share = np.minimum(dt * np.arange(1, round(0.12 / dt) + 1) / ramp, 1.0)
+    way = np.repeat(start[None], len(share), axis=0)
+    way[:, :3] = np.clip(start[:3] + np.outer(share, turn), -2.1, 0.6)
+    return way
+
+
 def motion(rng: np.random.Generator, dt: float) -> np.ndarray:
-    """Return random joints for each step of a motion, shape (steps, 4)."""
+    """Return random joints for each step of a wide motion, shape (steps, 4)."""
     there = np.append(rng.uniform(-1.9, -0.4, 3), WORKING[3])
     on = there + np.append(rng.uniform(-0.5, 0.5, 3).clip(-2.1 - there[:3], 0.6 - there[:3]), 0.0)
     first, second = rng.uniform(0.1, 0.4), rng.uniform(0.03, 0.15)
@@ -83,16 +95,13 @@ def largest(vectors: np.ndarray) -> float:
 
 
 class Case:
-    """One mesh and clamp against a finer one."""
+    """One mesh against a finer one."""
 
-    def __init__(self, element: str, level: int, clamp: str, truth: int, poses: int, motions: int) -> None:
-        self.mesh, self.truth, self.poses, self.motions = (
-            (element, level, clamp),
-            ("h20", truth, clamp),
-            poses,
-            motions,
-        )
-        self.name = f"{element}, level {level}, clamp {clamp}"
+    def __init__(self, element: str, level: int, truth: int, poses: int, moves: int, motions: int) -> None:
+        """`truth`: mesh level of the truth; `poses`, `moves`, `motions`: how many."""
+        self.mesh, self.truth = (element, level), ("h20", truth)
+        self.kinds = ((POSE, poses, self._poses), (MOVE, moves, self._moves), (WIDE, motions, self._motions))
+        self.name = f"{element}, level {level}"
 
     def run(self, seed: int) -> list[dict[str, Any]]:
         """Return the rows of all cases, made or read."""
@@ -100,72 +109,79 @@ class Case:
         path = FOUND / f"{seed}-{'-'.join(map(str, self.mesh))}.jsonl"
         rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
         with path.open("a") as out:
-            for kind, count in (("pose", self.poses), ("motion", self.motions)):
+            for kind, count, make in self.kinds:
                 done = sum(row["kind"] == kind for row in rows)
-                made = self._poses(seed, done, count) if kind == "pose" else self._motions(seed, done, count)
-                for row in made:
-                    rows.append(row)
-                    out.write(json.dumps(row) + "\n")
+                made = make(seed, range(done, count)) if done < count else ()
+                for k, found in zip(range(done, count), made, strict=False):
+                    rows.append({"kind": kind, "case": k, **found})
+                    out.write(json.dumps(rows[-1]) + "\n")
                     out.flush()
-                    print(self.name, row, flush=True)
+                    print(self.name, rows[-1], flush=True)
         return rows
 
-    def _poses(self, seed: int, done: int, count: int) -> Any:
-        if done >= count:
-            return
+    def _poses(self, seed: int, cases: Iterable[int]) -> Iterator[dict[str, Any]]:
         still = ("inertia=off", "damping=off")
         own, true = simulation(*self.mesh, *still, EVERY), simulation(*self.truth, *still)
-        for k in range(done, count):
+        for k in cases:
             joints = pose(np.random.default_rng([seed, 0, k]))
-            try:
-                places, errors = followed(own, joints[None])
-                reference, _ = followed(true, joints[None])
-            except StepError as error:
-                yield {"kind": "pose", "case": k, "joints": joints.tolist(), "failed": str(error)}
-                continue
-            e, t = largest(errors), largest(reference - places)
-            left = largest(reference - places - errors)
-            yield {
-                "kind": "pose",
-                "case": k,
-                "joints": joints.tolist(),
-                "true": t,
-                "estimate": e,
-                "left": left,
-            }
+            yield {"joints": joints.tolist(), **compared(joints[None], own, true)}
 
-    def _motions(self, seed: int, done: int, count: int) -> Any:
-        if done >= count:
-            return
-        own, told = in_motion(*self.mesh, EVERY), in_motion(*self.mesh, "mesh_error={}")
-        true = in_motion(*self.truth, "solver.mode=newton")
-        for k in range(done, count):
-            way = motion(np.random.default_rng([seed, 1, k]), own.scene.dt)
+    def _moves(self, seed: int, cases: Iterable[int]) -> Iterator[dict[str, Any]]:
+        for k in cases:
+            case = dynamic_case(100 * seed + k)
             try:
-                places, errors = followed(own, way)
-                _, seldom = followed(told, way)
-                reference, _ = followed(true, way)
+                own, told = (
+                    simulation(*self.mesh, *case.overrides, word) for word in (EVERY, "mesh_error={}")
+                )
+                true = simulation(*self.truth, *case.overrides)
             except StepError as error:
-                yield {"kind": "motion", "case": k, "failed": str(error)}
+                yield {"failed": str(error)}
                 continue
-            t = reference - places
-            ratios = np.linalg.norm(errors, axis=1) / np.linalg.norm(t, axis=1)
-            yield {
-                "kind": "motion", "case": k, "true": largest(t), "estimate": largest(errors),
-                "left": largest(t - errors), "told": largest(seldom),
-                "instants": float(((ratios >= LEAST) & (ratios <= MOST)).mean()),
-            }  # fmt: skip
+            yield compared(move(case.seed, own.command, own.scene.dt), own, true, told)
+
+    def _motions(self, seed: int, cases: Iterable[int]) -> Iterator[dict[str, Any]]:
+        own, told, true = (
+            working(*self.mesh, EVERY),
+            working(*self.mesh, "mesh_error={}"),
+            working(*self.truth),
+        )
+        for k in cases:
+            yield compared(motion(np.random.default_rng([seed, 1, k]), own.scene.dt), own, true, told)
+
+
+def compared(
+    way: np.ndarray, own: Simulation, true: Simulation, told: Simulation | None = None
+) -> dict[str, Any]:
+    """Return the largest true error [m] on `way`, the largest estimate, and what the estimate leaves at most.
+
+    With `told`, which estimates as often as it may, also the largest of these.
+    """
+    try:
+        places, errors = followed(own, way)
+        reference, _ = followed(true, way)
+        seldom = followed(told, way)[1] if told else None
+    except StepError as error:
+        return {"failed": str(error)}
+    miss = reference - places
+    found = {"true": largest(miss), "estimate": largest(errors), "left": largest(miss - errors)}
+    if seldom is not None:
+        found["told"] = largest(seldom)
+    return found
 
 
 CASES = (
-    Case("h8_modes", 2, "1.4e10", 9, 100, 100),
-    Case("h20", 8, "1.4e10", 10, 10, 0),
+    Case("h20", 13, 9, 100, 100, 100),
+    Case("h8_modes", 12, 9, 30, 30, 0),
+    Case("h8_modes", 8, 9, 30, 30, 0),
+    Case("h20", 8, 10, 10, 0, 0),
+    Case("h20", 14, 10, 10, 0, 0),
 )
+"""The default mesh, those that `--accuracy` takes for 5 and 10 %, and finer ones."""
 
 
 def cost(repeats: int = 7, steps: int = 400) -> list[str]:
     """Return what the estimate makes of the CPU time of a step, at rest and in motion: the least of runs in turns."""
-    off, on = (in_motion("h8_modes", 2, "1.4e10", *words) for words in ((), ("mesh_error={}",)))
+    off, on = (working(*CASES[0].mesh, *words) for words in ((), ("mesh_error={}",)))
     found = []
     for name, turn in (("at rest", 0.0), ("servo 0 swings by 0.3 rad at 2 Hz", 0.3)):
         way = WORKING + np.outer(
@@ -188,15 +204,11 @@ def cost(repeats: int = 7, steps: int = 400) -> list[str]:
 
 def line(name: str, rows: list[dict[str, Any]], kind: str, key: str = "estimate") -> str:
     """Return a row of the table."""
-    mine = [row for row in rows if row["kind"] == kind]
-    good = [row for row in mine if "true" in row]
+    good = [row for row in rows if row["kind"] == kind and "true" in row]
     ratios = np.array([row[key] / row["true"] for row in good])
     within = (ratios >= LEAST) & (ratios <= MOST)
     true = 1e3 * np.array([row["true"] for row in good])
-    what = {
-        "pose": "poses",
-        "motion": "motions, estimated each step" if key == "estimate" else "motions, as told",
-    }[kind]
+    what = kind if kind == POSE else f"{kind}, {'estimated each step' if key == 'estimate' else 'as told'}"
     cells = [
         name, what, str(len(good)), f"{np.median(true):.2g}, at most {true.max():.2g}",
         f"{100 * within.mean():.0f} %", f"{ratios.min():.2f} to {ratios.max():.2f}, median {np.median(ratios):.2f}",
@@ -227,9 +239,9 @@ def main() -> None:
         if options.only and k not in options.only:
             continue
         rows = case.run(options.seed)
-        lines += [line(case.name, rows, "pose")]
-        if case.motions:
-            lines += [line(case.name, rows, "motion"), line(case.name, rows, "motion", "told")]
+        for kind, count, _ in case.kinds:
+            keys = ("estimate",) if kind == POSE else ("estimate", "told")
+            lines += [line(case.name, rows, kind, key) for key in keys if count]
     print("\n".join(lines))
     if options.write:
         note = f"Seed {options.seed}; `python benchmarks/mesh_error.py --write`."

@@ -87,10 +87,16 @@ def dynamic_case(seed: int) -> Case:
 
 def dynamic_rows(simulation: Simulation, case: Case) -> Rows:
     """Where the effector is, each 10 ms, while one or all servos turn by up to 0.4 rad in 30 to 100 ms."""
-    rng = np.random.default_rng([case.seed, 1])
+    return _driven(
+        simulation, *dynamic_turn(case.seed), 0.01 * np.arange(13), lambda: simulation.state.centres[0]
+    )
+
+
+def dynamic_turn(seed: int) -> tuple[np.ndarray, float]:
+    """Return how far the servos turn [rad], shape (3,), and in what time [s]."""
+    rng = np.random.default_rng([seed, 1])
     turn, ramp = rng.uniform(0.1, 0.4) * rng.choice([-1, 1]), rng.uniform(0.03, 0.1)
-    moved = np.ones(3) if rng.random() < 0.3 else np.eye(3)[rng.integers(3)]
-    return _driven(simulation, turn * moved, ramp, 0.01 * np.arange(13), lambda: simulation.state.centres[0])
+    return turn * (np.ones(3) if rng.random() < 0.3 else np.eye(3)[rng.integers(3)]), ramp
 
 
 def kicked_case(seed: int) -> Case:
