@@ -170,6 +170,7 @@ class MeshError:
         self._careful = QuasiStatic(self._newton, solver.max_halvings, solver.max_turn, reach_of(scene))
         self._share = scene.mesh_error.share if scene.mesh_error else np.inf
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
+        self._rest = mesh.nodes
         self._own: State | None = None
         self._dx, self._move = np.zeros_like(system.rest), np.zeros(system.unknowns)
         self._moving, count = scene.inertia is not None, len(mesh.nodes)
@@ -184,21 +185,23 @@ class MeshError:
             system.take(self._loads)
 
     def start(self, state: State) -> MeshErrorReport:
-        """Begin anew with `state`, at rest: bring the richer mesh there; return the error there."""
-        if self._own is None:
-            self._own = self._system.start_state(np.zeros_like(self._joints(state)))
-            self._trial, self._seen = self._own.copy(), state.copy()
-            self._careful.step(self._own, self._joints(state), 0.0)
-            self._start = self._own.copy()
-            self.estimate(state)  # what compiles here is not to count
-        self._start.copy_to(self._own)
-        state.copy_to(self._seen)
+        """Begin anew with `state`: bring the richer mesh to its rest there; return the error there.
+
+        It goes there from where it is undeformed along with the body: whatever equilibrium that is in, it comes to the
+        one beside.
+        """
+        own = self._own = self._system.start_state(np.zeros_like(self._joints(state)))
+        self._seen = state.copy()
+        self._seen.positions[: len(self._rest)] = self._rest
+        self._seen.centres[0], self._seen.rotations[0] = own.centres[0], own.rotations[0]
+        self._trial = own.copy()
         self._newton.forget()
         self._credit = 0.0
         if self._moving:
             self._before[:], self._acceleration[:] = state.velocities[: len(self._before)], 0.0
             if self._others:
                 self._others.start(state)
+        self.estimate(state)  # goes there; the next one is as those to come, also in what it takes
         begin = time.thread_time()
         self._last = self.estimate(state)
         self._cost = time.thread_time() - begin

@@ -436,6 +436,8 @@ class Simulation:
         self.torques[:] = torques
         self._forget_rest()
         self._stepper.forget()
+        if self._mesh_error:
+            self.report.mesh_error = self._mesh_error.start(self.state)
 
     def _forget_rest(self) -> None:
         if self._rest:

@@ -52,6 +52,12 @@ def moved(model: StaticModel, angle: float) -> Any:
     return state
 
 
+def finished(live: LiveMeshError) -> None:
+    """Wait for the thread, which stands back behind all that is busy."""
+    assert live._thread
+    live._thread.join(DEADLINE)
+
+
 def test_one_pose_after_another_is_told_as_alone(model: StaticModel) -> None:
     home = model.angles
     mesh = mesh_of(model)
@@ -83,7 +89,7 @@ def test_it_is_told_once_for_each_pose_and_no_more_often_than_its_share_allows(m
     assert np.isnan(live.distance)
     live.look(model.simulation.state)
     live.look(moved(model, 0.1))  # the thread is busy: nobody waits for it
-    live.close()
+    finished(live)
     assert live.distance == pytest.approx(5e-5)
     deadline = time.monotonic() + DEADLINE
     for count in (2, 3):
@@ -91,13 +97,13 @@ def test_it_is_told_once_for_each_pose_and_no_more_often_than_its_share_allows(m
             assert time.monotonic() < deadline
             live.look(moved(model, 0.1 * count))
             time.sleep(0.001)
-        live.close()
+        finished(live)
     assert mesh.asked[1] - mesh.answered[0] < 3 * mesh.first  # what is built once is not counted
     assert mesh.asked[2] - mesh.answered[1] >= 3 * mesh.takes
     live.look(moved(model, 0.3))
     time.sleep(2 * (mesh.asked[2] - mesh.asked[1]))
     live.look(moved(model, 0.3))  # there it has been told
-    live.close()
+    finished(live)
     assert len(mesh.asked) == 3
 
 
@@ -106,7 +112,7 @@ def test_where_there_is_no_richer_mesh_the_reason_is_kept_and_nobody_asks_again(
     live = LiveMeshError(mesh, share=1e6)
     for angle in (0.0, 0.1, 0.2):
         live.look(moved(model, angle))
-        live.close()
+        finished(live)
     assert (len(mesh.asked), live.reason) == (1, "too many elements")
     assert np.isnan(live.distance)
 
