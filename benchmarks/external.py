@@ -210,12 +210,43 @@ def cantilever(element: str) -> float:
     return float(simulation.markers[0][2]) / elastica()[0]
 
 
+COLUMN, TURN = 0.02, 0.01
+"""Edge of the column's square [m] and the turn of its head [rad]."""
+
+TORSION = 0.140577
+"""Of a square's torque, TORSION G a⁴ dturn/dL [TimoshenkoGoodier1970, section 109]."""
+
+
+def column(element: str) -> float:
+    """Return the torque of the shipped column by that of Saint-Venant, whose ends are free to warp.
+
+    Of two lengths, so that the ends, which may not warp here, cancel: dturn/dL is that of turn / T over the length.
+    """
+    yielding, lengths = [], (0.08, 0.12)
+    for length in lengths:
+        square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * COLUMN / 2
+        corners = [[*xy, z] for z in (0.0, length) for xy in square.tolist()]
+        words = [
+            f"mesh.corners={corners}", f"mesh.cells=[6, 6, {round(100 * length)}]", f"mesh.element={element}",
+            f"set.1.at={length}", f'prescribed.0.turn="0: 0,0,0; 1: 0,0,{TURN}"', "inertia=off", "damping=off",
+            "dt=1.0", "solver.tolerance=1e-9",
+        ]  # fmt: skip
+        simulation = Simulation(load_scene("column", words))
+        simulation.step()
+        yielding.append(TURN / simulation.reactions(0)[1][2])
+    material = simulation.scene.material
+    assert material
+    shear = material.young / (2 * (1 + material.poisson))
+    return float((lengths[1] - lengths[0]) / (yielding[1] - yielding[0]) / (TORSION * shear * COLUMN**4))
+
+
 SOLIDS: dict[str, Callable[[str], float]] = {
     "Cook's membrane, nu 1/3": cook,
     "Cook's membrane, nu 0.4999": cook_incompressible,
     "NAFEMS LE1, stress": le1,
     "NAFEMS LE10, stress": le10,
     "elastica, P L² / E I = 5": cantilever,
+    "column, torque of a little twist": column,
 }
 
 # schemes --------------------------------------------------------------------------------------------------------------

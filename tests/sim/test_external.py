@@ -71,3 +71,7 @@ def test_in_a_pile_nothing_passes_and_hardly_any_energy_is_won() -> None:
     found = external.pile(27)
     assert found.gap > 0
     assert found.rise < 1e-4  # of the energy lost: what contact.tolerance leaves
+
+
+def test_a_column_twists_as_saint_venant_says() -> None:
+    assert external.column("h20") == pytest.approx(1.0, abs=2e-3)
