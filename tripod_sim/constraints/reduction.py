@@ -402,7 +402,7 @@ def move_nodes(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _jacobian(kind: int, r: Array, axes: Array, number: int, J: Array) -> int:
-    """Write dx of a node by the motion of its body, [I, -[r]x], or by the angle of its frame, a x r; return how many."""
+    """Write dx of a node by its body's motion, [I, -[r]x], or by its frame's angle, a x r; return how many."""
     if kind == RIGID:
         J[:] = 0.0
         J[0, 0] = J[1, 1] = J[2, 2] = 1.0
