@@ -48,7 +48,9 @@ def halves(scene: Described) -> bool:
 def by_way(scene: Described) -> bool:
     """Return whether steps are chosen by what they err over their way (see `integrators.way_steps`)."""
     wanted = scene.time_error
-    return bool(wanted and scene.inertia and wanted.steps == "auto" and (wanted.accuracy > 0 or halves(scene)))
+    return bool(
+        wanted and scene.inertia and wanted.steps == "auto" and (wanted.accuracy > 0 or halves(scene))
+    )
 
 
 def carried(scene: Described) -> TimeError | None:
