@@ -120,6 +120,11 @@ class Reference:
     sizes: tuple[float, ...] = ()
 
 
+def always(rungs: Sequence[Settings], order: float | None = None, sizes: tuple[float, ...] = ()) -> Reference:
+    """Return the reference of this one name whose rungs are the same for all points."""
+    return Reference("reference", lambda _: rungs, order, sizes)
+
+
 @dataclass(frozen=True)
 class Point:
     """One row of a study.

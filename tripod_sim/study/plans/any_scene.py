@@ -28,7 +28,7 @@ from tripod_sim.scene_short import effector_of, joints_of
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, Value, grid, points_of
+from tripod_sim.study.plan import Plan, Point, Quantity, Settings, Value, always, grid, points_of
 from tripod_sim.study.task import Measured
 
 FILE, STATE, INTERVAL, SAMPLES = "scene.file", "scene.state", "watch.interval", "watch.samples"
@@ -144,7 +144,7 @@ def plan(subject: Subject, *, quick: bool) -> Plan:
         default=default,
         points=_points(tries, default, rungs[-1], quick=quick),
         quantities=quantities,
-        references=(Reference("reference", lambda _: rungs),),
+        references=(always(rungs),),
         group="inertia.scheme" if "inertia.scheme" in default else next(iter(default)),
         quick=quick,
         order_knob="dt" if made.inertia and not quick else "",

@@ -2,7 +2,7 @@
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import NODES, Plan, Quantity, Reference, Settings, grid, points_of
+from tripod_sim.study.plan import NODES, Plan, Quantity, Settings, always, grid, points_of
 from tripod_sim.study.task import Measured
 
 SCENE = "cloth"
@@ -20,14 +20,10 @@ DEFAULT: Settings = {
 }
 
 
-def rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return the reference: RK4, two steps."""
-    return tuple({**DEFAULT, "inertia.scheme": "rk4", "dt": dt} for dt in (2e-4, 1e-4))
-
-
-def quick_rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return a reference that takes seconds."""
-    return tuple({**DEFAULT, "inertia.scheme": "rk4", "dt": dt} for dt in (5e-4, 2e-4))
+RUNGS, QUICK_RUNGS = (
+    [{**DEFAULT, "inertia.scheme": "rk4", "dt": dt} for dt in steps] for steps in ((2e-4, 1e-4), (5e-4, 2e-4))
+)
+"""The reference, RK4 with two steps, and one that takes seconds."""
 
 
 def plan(*, quick: bool) -> Plan:
@@ -61,7 +57,7 @@ def plan(*, quick: bool) -> Plan:
             NODES,
             Quantity("edge", "m", "the middle of the free edge, the worst instant"),
         ),
-        references=(Reference("reference", quick_rungs if quick else rungs),),
+        references=(always(QUICK_RUNGS if quick else RUNGS),),
         quick=quick,
         order_knob="dt",
         order_quantity="nodes",

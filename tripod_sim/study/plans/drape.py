@@ -16,7 +16,7 @@ from tripod_sim.simulation import Simulation
 from tripod_sim.springs.spring_build import spring_body, surface_part
 from tripod_sim.study import report as table
 from tripod_sim.study.motion import motion, nodes, scene_of
-from tripod_sim.study.plan import NODES, Plan, Quantity, Reference, Settings, grid, points_of
+from tripod_sim.study.plan import NODES, Plan, Quantity, Settings, always, grid, points_of
 from tripod_sim.study.task import Measured
 
 SCENE = "drape"
@@ -38,14 +38,9 @@ def near(settings: Settings, distance: float) -> dict[str, str | float | int | b
     return {**settings, "contact.contact_distance": distance, "contact.alarm_distance": 3 * distance}
 
 
-def rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return the reference: multipliers, small steps, a small distance."""
-    return tuple({**near(DEFAULT, 5e-4), "dt": dt} for dt in (0.001, 0.0005))
-
-
-def quick_rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return a reference that takes seconds."""
-    return tuple({**DEFAULT, "dt": dt} for dt in (0.01, 0.005))
+RUNGS = [{**near(DEFAULT, 5e-4), "dt": dt} for dt in (0.001, 0.0005)]
+QUICK_RUNGS = [{**DEFAULT, "dt": dt} for dt in (0.01, 0.005)]
+"""The reference, multipliers, small steps, a small distance; and one that takes seconds."""
 
 
 def plan(*, quick: bool) -> Plan:
@@ -74,7 +69,7 @@ def plan(*, quick: bool) -> Plan:
             NODES,
             Quantity("shape", "m", "positions of all nodes at the end", measure="rms", scale="largest"),
         ),
-        references=(Reference("reference", quick_rungs if quick else rungs),),
+        references=(always(QUICK_RUNGS if quick else RUNGS),),
         group="contact.response",
         quick=quick,
         order_knob="dt",

@@ -10,7 +10,7 @@ from tripod_sim.errors import StepError
 from tripod_sim.maze.play import MazeBall
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Observed, Plan, Quantity, Reference, Settings, grid, points_of
+from tripod_sim.study.plan import Observed, Plan, Quantity, Settings, always, grid, points_of
 from tripod_sim.study.task import Measured, repeated
 
 SCENE = "maze"
@@ -34,19 +34,13 @@ DEFAULT: Settings = {
 }
 
 
-def rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return the reference: H27 on fine meshes, edges as 1/2 to 1/3, and small steps."""
-    fine = {**DEFAULT, "mesh.element": "h27", "inertia.scheme": "tr_bdf2"}
-    return (
-        {**fine, "mesh.level": 9, "dt": 0.001, "ball.substep": 2e-5},
-        {**fine, "mesh.level": 10, "dt": 0.0005, "ball.substep": 1e-5},
-    )
-
-
-def quick_rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return a reference that takes seconds."""
-    fine = {**DEFAULT, "inertia.scheme": "tr_bdf2", "ball.substep": 1e-4}
-    return ({**fine, "dt": 0.001}, {**fine, "dt": 5e-4})
+FINE: Settings = {**DEFAULT, "inertia.scheme": "tr_bdf2"}
+RUNGS: list[Settings] = [
+    {**FINE, "mesh.element": "h27", "mesh.level": 9, "dt": 0.001, "ball.substep": 2e-5},
+    {**FINE, "mesh.element": "h27", "mesh.level": 10, "dt": 0.0005, "ball.substep": 1e-5},
+]
+QUICK_RUNGS: list[Settings] = [{**FINE, "ball.substep": 1e-4, "dt": dt} for dt in (0.001, 5e-4)]
+"""The reference, H27 on fine meshes, edges as 1/2 to 1/3, and small steps; and one that takes seconds."""
 
 
 def plan(*, quick: bool) -> Plan:
@@ -79,7 +73,7 @@ def plan(*, quick: bool) -> Plan:
             Quantity("bounce", "s", "time of the first bounce", scale="largest"),
             Quantity("place", "m", "the ball's centre in world at the first bounce", scale="largest"),
         ),
-        references=(Reference("reference", quick_rungs if quick else rungs),),
+        references=(always(QUICK_RUNGS if quick else RUNGS),),
         quick=quick,
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import Watch, motion, scene_of
-from tripod_sim.study.plan import Plan, Quantity, Reference, Settings, grid, points_of
+from tripod_sim.study.plan import Plan, Quantity, Settings, always, grid, points_of
 from tripod_sim.study.task import Measured
 
 SCENE = "silicone"
@@ -21,19 +21,10 @@ DEFAULT: Settings = {
 }
 
 
-def rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return the reference: two elements that converge to the same, and small steps."""
-    fine = {**DEFAULT, "inertia.scheme": "tr_bdf2", "dt": 0.001}
-    return (
-        {**fine, "mesh.element": "h20", "mesh.level": 9},
-        {**fine, "mesh.element": "h27", "mesh.level": 9},
-    )
-
-
-def quick_rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return a reference that takes seconds."""
-    fine = {**DEFAULT, "inertia.scheme": "tr_bdf2", "dt": 0.004}
-    return ({**fine, "mesh.level": 2}, {**fine, "mesh.level": 3})
+FINE: Settings = {**DEFAULT, "inertia.scheme": "tr_bdf2"}
+RUNGS: list[Settings] = [{**FINE, "dt": 0.001, "mesh.element": e, "mesh.level": 9} for e in ("h20", "h27")]
+QUICK_RUNGS: list[Settings] = [{**FINE, "dt": 0.004, "mesh.level": level} for level in (2, 3)]
+"""The reference, two elements that converge to the same, and small steps; and one that takes seconds."""
 
 
 def plan(*, quick: bool) -> Plan:
@@ -72,7 +63,7 @@ def plan(*, quick: bool) -> Plan:
             Quantity("tips", "m", "ends of the two free strips, the worst instant"),
             Quantity("sag", "m", "the lower of them at the end of the motion", scale="largest"),
         ),
-        references=(Reference("reference", quick_rungs if quick else rungs),),
+        references=(always(QUICK_RUNGS if quick else RUNGS),),
         group="mesh.element",
         quick=quick,
         limit=600.0,

@@ -6,7 +6,7 @@ import numpy as np
 
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.motion import scene_of
-from tripod_sim.study.plan import Plan, Point, Quantity, Reference, Settings, grid, points_of
+from tripod_sim.study.plan import Plan, Point, Quantity, Settings, always, grid, points_of
 from tripod_sim.study.task import Measured, repeated
 
 SCENE = "tripod"
@@ -48,16 +48,12 @@ DEFAULT: Settings = {
 LINEAR: Settings = {**DEFAULT, "mesh.element": "h8_modes", "mesh.level": 12}
 
 
-def rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return the reference's meshes: H27, edges as 1 to 1/2 to 1/3."""
-    fine = {**DEFAULT, "mesh.element": "h27", "solver.tolerance": 1e-5, "solver.max_turn": 0.3}
-    return tuple({**fine, "mesh.level": level} for level in (8, 9, 10))
-
-
-def quick_rungs(_: Settings) -> tuple[Settings, ...]:
-    """Return meshes that take seconds."""
-    fine = {**DEFAULT, "mesh.element": "h20", "solver.max_turn": 0.3}
-    return tuple({**fine, "mesh.level": level} for level in (8, 9))
+FINE: Settings = {**DEFAULT, "solver.max_turn": 0.3}
+RUNGS: list[Settings] = [
+    {**FINE, "mesh.element": "h27", "solver.tolerance": 1e-5, "mesh.level": level} for level in (8, 9, 10)
+]
+QUICK_RUNGS: list[Settings] = [{**FINE, "mesh.level": level} for level in (8, 9)]
+"""The reference's meshes, H27, edges as 1 to 1/2 to 1/3; and some that take seconds."""
 
 
 def plan(*, quick: bool) -> Plan:
@@ -105,9 +101,9 @@ def plan(*, quick: bool) -> Plan:
             Quantity("energy", "J", "strain energy", scale="largest"),
         ),
         references=(
-            Reference("reference", quick_rungs, order=2.0, sizes=(1.0, 1 / 2))
+            always(QUICK_RUNGS, order=2.0, sizes=(1.0, 1 / 2))
             if quick
-            else Reference("reference", rungs, order=2.0, sizes=(1.0, 1 / 2, 1 / 3)),
+            else always(RUNGS, order=2.0, sizes=(1.0, 1 / 2, 1 / 3)),
         ),
         solves=True,
         group="mesh.element",
