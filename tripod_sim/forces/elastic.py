@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,57 +16,66 @@ if TYPE_CHECKING:  # only with springs
 Matrices = Sequence[FloatArray]
 
 
-class ElasticTerm(Protocol):
+class ElasticTerm:
     """A part of the strain energy E(x, modes), in element matrices.
 
-    Modes are amplitudes that belong to single elements and are condensed (see `solid_kernels`); a term may have none.
+    Modes are amplitudes that belong to single elements and are condensed (see `solid_kernels`); a term has none unless
+    it says so.
 
     Attributes:
         elements: Node indices of its blocks, shape (m, k), the same while it lives.
         matrices: Condensed element matrices of the last `stiffness` [N/m], shape (m, 3 k, 3 k).
         mode_residual_squared: |dE/d modes|² of the last `add_gradient` [N²].
+        has_modes: Whether the elements have modes.
     """
 
     elements: IndexArray
     matrices: FloatArray
-    mode_residual_squared: float
-
-    @property
-    def has_modes(self) -> bool:
-        """Whether the elements have modes."""
+    mode_residual_squared = 0.0
+    has_modes = False
 
     def rest_modes(self) -> FloatArray:
         """Return the modes of the undeformed body [m], shape (m, modes of an element, 3)."""
+        return np.zeros((len(self.elements), 0, 3))
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
-        """Return E [J], infinite where there is none."""
+        """Return E [J] at positions `x` [m], shape (n, 3); infinite where there is none."""
+        raise NotImplementedError
 
     def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
         """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
+        raise NotImplementedError
 
     def stiffness(self, x: FloatArray, modes: FloatArray, *, project: bool) -> int:
-        """Write `matrices`; return -1, or an element whose modes are unstable (only without `project`)."""
+        """Write `matrices`; return -1, or the first element whose modes are unstable (only without `project`)."""
+        raise NotImplementedError
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
-        """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m]."""
+        """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
 
     def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
-        """Bring `modes` to the least E at `x`, until |dE/d modes|² <= `tolerance` [N²]; return that square."""
+        """Bring `modes` to the least E at `x`, in place, until |dE/d modes|² <= `tolerance` [N²]; return that square.
+
+        Infinite where E is; larger than `tolerance` where no rest is found.
+        """
+        return 0.0
 
     def balance_modes(self) -> None:
-        """Take the modes to be in balance after the last `advance_modes`."""
+        """Take the modes to be in balance after the last `advance_modes`: the next step moves them by -X dx alone."""
 
     def forget(self) -> None:
-        """Drop the condensation of the last `stiffness`."""
+        """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""
 
     def arrays(self) -> "SolidArrays | Links":
         """Return what compiled loops need; the arrays are the term's own."""
+        raise NotImplementedError
 
     def limit(self) -> None:
         """Where that is known, write matrices to `matrices` that no tangent of the term exceeds; else leave them."""
 
     def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:
         """Return how bad its worst element is, the smaller the worse, and what to say of it."""
+        raise NotImplementedError
 
 
 class Elastic:
@@ -90,19 +99,14 @@ class Elastic:
         ends = np.cumsum([0, *counts]).tolist()
         self._parts = [slice(a, b) for a, b in pairwise(ends)]
         self._none = [None if t.has_modes else t.rest_modes() for t in terms]
-        self._alone = terms[0] if len(terms) == 1 else None
 
     def of(self, modes: FloatArray, k: int) -> FloatArray:
         """Return the modes of term `k` out of those of all: a view."""
-        if self._alone:
-            return modes
         none = self._none[k]
         return modes[self._parts[k]] if none is None else none
 
     def rest_modes(self) -> FloatArray:
         """Return the modes of the undeformed bodies [m], shape (m, modes of an element, 3)."""
-        if self._alone:
-            return self._alone.rest_modes()
         having = [t.rest_modes() for t in self.terms if t.has_modes]
         return np.concatenate(having) if having else np.zeros((0, 3, 3))
 
@@ -112,10 +116,6 @@ class Elastic:
 
     def add_gradient(self, x: FloatArray, modes: FloatArray, g: FloatArray) -> float:
         """Add the condensed dE/dx [N] to `g`, shape (n, 3), and return E [J]; where E is infinite `g` is spoilt."""
-        if alone := self._alone:
-            energy = alone.add_gradient(x, modes, g)
-            self.mode_residual_squared = alone.mode_residual_squared
-            return energy
         energy = residual = 0.0
         for k, term in enumerate(self.terms):
             energy += term.add_gradient(x, self.of(modes, k), g)
@@ -132,9 +132,6 @@ class Elastic:
 
     def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
         """Write the modes after `scale` times a Newton step in which the nodes move by `dx` [m], shape (n, 3)."""
-        if self._alone:
-            self._alone.advance_modes(modes, dx, scale, out)
-            return
         for k, term in enumerate(self.terms):
             if term.has_modes:
                 term.advance_modes(self.of(modes, k), dx, scale, self.of(out, k))

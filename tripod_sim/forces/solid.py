@@ -5,13 +5,14 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.forces import solid_kernels as kernels
+from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.mode_kernels import settle_modes
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.materials.calls import addresses
 from tripod_sim.materials.law import law_named
 
 
-class Solid:
+class Solid(ElasticTerm):
     """Strain energy E = sum over elements and points of weight psi(F), its gradient and its condensed stiffness.
 
     Incompatible modes, where the element has them, are condensed with the stiffness of the last call of `stiffness`;
@@ -37,7 +38,8 @@ class Solid:
         gradients, weight = reference_gradients(kind, nodes[elements])
         G = np.ascontiguousarray(gradients.transpose(0, 1, 3, 2))
         count, dofs = len(elements), 3 * elements.shape[1]
-        self._modes, self.mode_residual_squared = G.shape[3] - kind.size, 0.0
+        self._modes = G.shape[3] - kind.size
+        self.has_modes = self._modes > 0
         extra = 3 * self._modes
         self.matrices = np.zeros((count, dofs, dofs))
         self._arrays = SolidArrays(
@@ -45,17 +47,9 @@ class Solid:
             np.zeros((count, extra, dofs)), np.zeros((count, extra, extra)), np.zeros((count, extra)),
         )  # fmt: skip
 
-    @property
-    def has_modes(self) -> bool:
-        """Whether the elements have incompatible modes."""
-        return self._modes > 0
-
     def arrays(self) -> SolidArrays:
         """Return what compiled loops need; the arrays are the solid's own."""
         return self._arrays
-
-    def limit(self) -> None:
-        """Leave the tangents of the last `stiffness`: there are larger ones elsewhere."""
 
     def forget(self) -> None:
         """Drop the condensation of the last `stiffness`: gradients are then dE/dx as it is."""

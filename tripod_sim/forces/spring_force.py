@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.forces.term import DamperTerm, StageTerm
 from tripod_sim.springs.spring_kernels import (
@@ -41,16 +42,13 @@ class SpringTangents:
         add_element_products(self.matrices, self.elements, self._all, dx, 1.0, g)
 
 
-class SpringForce(SpringTangents):
+class SpringForce(SpringTangents, ElasticTerm):
     """Strain energy E = sum of k (l - L)² / 2 over springs of length l (see `springs.body`).
 
     Attributes:
         elements: The ends of each spring, shape (m, 2).
         matrices: [B, -B; -B, B] of each [N/m], shape (m, 6, 6), of the last `stiffness`.
-        mode_residual_squared: 0: springs have no modes.
     """
-
-    has_modes = False
 
     def __init__(
         self, ends: IndexArray, rest_length: FloatArray, stiffness: FloatArray, *, slack: bool, owner: str
@@ -65,11 +63,7 @@ class SpringForce(SpringTangents):
             owner: Name of the body, for messages.
         """
         super().__init__(links_of(ends, rest_length, stiffness, np.zeros(len(ends)), slack))
-        self._owner, self.mode_residual_squared = owner, 0.0
-
-    def rest_modes(self) -> FloatArray:
-        """Return no modes, shape (m, 0, 3)."""
-        return np.zeros((len(self.elements), 0, 3))
+        self._owner = owner
 
     def energy(self, x: FloatArray, modes: FloatArray) -> float:
         """Return E [J] at positions `x` [m], shape (n, 3)."""
@@ -84,16 +78,6 @@ class SpringForce(SpringTangents):
         self.write(x, 0.0, self._none, project=project)
         return -1
 
-    def advance_modes(self, modes: FloatArray, dx: FloatArray, scale: float, out: FloatArray) -> None:
-        """There are none."""
-
-    def settle_modes(self, x: FloatArray, modes: FloatArray, tolerance: float) -> float:
-        """Return 0: there are none."""
-        return 0.0
-
-    def balance_modes(self) -> None:
-        """There are none."""
-
     def arrays(self) -> Links:
         """Return what compiled loops need; the arrays are the springs' own."""
         return self.links
@@ -101,9 +85,6 @@ class SpringForce(SpringTangents):
     def limit(self) -> None:
         """Write k times [I, -I; -I, I]: stretched, a spring's tangent is below that, k (1 - L / l) across it."""
         write_networks(self.links.stiffness, self.matrices)
-
-    def forget(self) -> None:
-        """There is nothing to forget."""
 
     def culprit(self, x: FloatArray, modes: FloatArray) -> tuple[float, str]:
         """Return that the springs are to blame last of all: they carry any length."""
