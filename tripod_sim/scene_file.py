@@ -287,6 +287,11 @@ def _convert(kind: Any, value: Any, path: str) -> Any:
     raise SceneError(f"{path} is {shown(value)}; it must be {words[kind]}")
 
 
+def words_of(values: Mapping[str, str | float | int | bool]) -> list[str]:
+    """Return values by field as overrides; a text stays as it is, such as `off` or a table in TOML."""
+    return [f"{field}={v if isinstance(v, str) else _literal(v)}" for field, v in values.items()]
+
+
 def scene_to_toml(scene: Scene) -> str:
     """Return the scene as TOML text that `load_scene` reads back equal."""
     return "\n".join(_lines(scene, "")) + "\n"

@@ -19,7 +19,7 @@ from tripod_sim.accuracy.stored import NUMBERS, StoredPoint, StoredStudy, Value,
 from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene_file import load_scene, words_of
 
 MARGIN = 3.0
 """Error in other cases over that in a study's own, where it was not measured."""
@@ -177,7 +177,7 @@ def chosen_from(
     here = speed()
     scale = here / found.calibration if here and found.calibration else None
     point = pick(found, wish, scale, made.dt)
-    picked = [f"{field}={literal(value)}" for field, value in point.settings.items()]
+    picked = words_of(point.settings)
     words = (*picked, *overrides)
     load_scene(scene, words)  # a study that does not fit the scene is told here
     seconds = point.cpu * scale if scale else None
@@ -344,13 +344,13 @@ def outside(
             found.append(word)
     for field, value in study.base.items():
         if field not in INSIDE and field not in named and not holds(made, field, value):
-            found.append(f"the study has {field}={literal(value)}")
+            found += [f"the study has {word}" for word in words_of({field: value})]
     return tuple(found)
 
 
 def unseen(scene: str, study: StoredStudy, made: Scene) -> tuple[str, ...]:
     """Return the fields in which a scene differs from the one that a study varied, those left out that it varied."""
-    base = [f"{field}={literal(value)}" for field, value in study.base.items() if field not in INSIDE]
+    base = words_of({field: value for field, value in study.base.items() if field not in INSIDE})
     varied = {field for point in study.points for field in point.settings}
     return tuple(
         field
@@ -393,22 +393,15 @@ def point_of(study: StoredStudy, scene: Scene) -> StoredPoint | None:
     return next(fitting, None)
 
 
-def literal(value: Value) -> str:
-    """Return a value as an override of a scene has it."""
-    return (
-        str(value).lower() if isinstance(value, bool) else (value if isinstance(value, str) else repr(value))
-    )
-
-
 def settings_text(point: StoredPoint) -> str:
     """Return the settings of a point for people."""
-    return ", ".join(f"{field}={literal(value)}" for field, value in point.settings.items())
+    return ", ".join(words_of(point.settings))
 
 
 def changes(made: Scene, point: StoredPoint) -> str:
     """Return in words which settings of a point are not those of a scene."""
     changed = {f: v for f, v in point.settings.items() if not holds(made, f, v)}
-    return ", ".join(f"{f}={literal(v)}" for f, v in changed.items()) or "the scene as it is"
+    return ", ".join(words_of(changed)) or "the scene as it is"
 
 
 def _sentence(

@@ -8,7 +8,6 @@ from tripod_sim.accuracy.choice import (
     DRAFT,
     changes,
     check_fits,
-    literal,
     outside,
     point_of,
     promised,
@@ -20,7 +19,7 @@ from tripod_sim.accuracy.stored import StoredPoint, StoredStudy, read_study
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import SceneError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene_file import load_scene, words_of
 from tripod_sim.scene_short import joints_of
 from tripod_sim.study.front import front
 
@@ -91,7 +90,7 @@ def ladder(
     for point in (stable[i] for i in reversed(best)):
         if point.cpu * STEP > rungs[-1].cost or promised(found, point) > DRAFT:
             continue
-        setting = tuple(f"{field}={literal(value)}" for field, value in point.settings.items())
+        setting = tuple(words_of(point.settings))
         try:
             other = load_scene(source, (*words, *setting))
         except SceneError:  # what the user has set does not go with it
@@ -127,7 +126,6 @@ def follows(scene: Scene, other: Scene) -> bool:
 
 def _error(source: str, study: StoredStudy, point: StoredPoint, words: Sequence[str]) -> float | None:
     """Return the error to expect of a point; None where something else of the scene is not as the study has it."""
-    own = {field: literal(value) for field, value in point.settings.items()}
-    others = [w for w in words if w.partition("=")[0].strip() not in own]
-    strange = outside(source, study, [f"{field}={value}" for field, value in own.items()], others)
+    others = [w for w in words if w.partition("=")[0].strip() not in point.settings]
+    strange = outside(source, study, words_of(point.settings), others)
     return None if strange else promised(study, point)

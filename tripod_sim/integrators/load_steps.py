@@ -11,28 +11,12 @@ with the exact tangent K at each increment; what stretch it leaves belongs to th
 is no longer positive definite, or too many increments pass, the body is rolled back and the reach halved.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from tripod_sim.integrators.newton import NewtonReport
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-
-@dataclass
-class LoadReport:
-    """What taking up a load took.
-
-    Attributes:
-        increments: Linear solves with a tangent of their own, those rolled back included; 0 where none was needed.
-        halvings: Times the body was rolled back and the reach halved.
-        carried: Whether the body is in equilibrium; else it is where it was.
-    """
-
-    increments: int = 0
-    halvings: int = 0
-    carried: bool = False
 
 
 class LoadSteps:
@@ -55,13 +39,15 @@ class LoadSteps:
         self._start: State | None = None
         self._trial: State | None = None
 
-    def carry(self, state: State) -> LoadReport:
+    def carry(self, state: State) -> NewtonReport:
         """Move `state` to equilibrium, its driven frames where they are, if its load moves it further than the reach.
+
+        Only `increments`, those rolled back included, and `halvings` of the report are written.
 
         The state is left as it was where the load moves it less, or where no reach leads to an equilibrium with a
         potential below that of the start.
         """
-        report, system = LoadReport(), self._system
+        report, system = NewtonReport(), self._system
         phi = system.evaluate(state)
         if not (np.isfinite(phi) and system.unbalanced() > self._tolerance):
             return report
@@ -73,13 +59,12 @@ class LoadSteps:
         for halving in range(self.HALVINGS + 1):
             scale = 0.5**halving
             if self._march(state, phi, self._reach * scale, int(self.MOST / scale), report):
-                report.carried = True
                 return report
             self._start.copy_to(state)
             report.halvings += 1
         return report
 
-    def _march(self, state: State, phi: float, reach: float, most: int, report: LoadReport) -> bool:
+    def _march(self, state: State, phi: float, reach: float, most: int, report: NewtonReport) -> bool:
         """Take increments up to equilibrium below `phi` [J]; return whether it was reached."""
         system, trial = self._system, self._trial
         assert trial

@@ -17,12 +17,12 @@ asleep and wake together. A rigid body is the four mass points that have its mas
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.integrators.report import StepReport
+from tripod_sim.integrators.report import WORK, StepReport
 from tripod_sim.parts import Stepper
 from tripod_sim.state import State
 
@@ -213,16 +213,8 @@ class Sleeping:
 
 def _without_work(report: StepReport) -> StepReport:
     """Return what a sleeping step reports: the forces and gaps of the last one, and no work."""
-    asleep = replace(
-        report,
-        iterations=0,
-        factorisations=0,
-        parts=0,
-        halvings=0,
-        linear_iterations=0,
-        increments=0,
-        asleep=True,
-    )
+    none: dict[str, Any] = dict.fromkeys(WORK, 0)
+    asleep = replace(report, asleep=True, **none)
     if asleep.contact:
         asleep.contact = replace(asleep.contact, rounds=0, passes=0, met=0)
     return asleep

@@ -36,31 +36,21 @@ def linear_factory(name: str, tolerance: float) -> LinearFactory:
         )
 
     def make(pattern: Pattern, blocks: IndexArray) -> LinearSolver:
-        if name == "cg":
-            return _iterative(pattern, blocks, tolerance)
-        if name == "cholmod":
-            return _cholmod(pattern)
-        direct = Ldl(pattern)
-        if name == "ldl" or direct.entries <= SMALL:
+        direct = None if name in ("cg", "cholmod") else Ldl(pattern)
+        if direct and (name == "ldl" or direct.entries <= SMALL):
             return direct
-        if direct.entries > LARGE:
-            return _iterative(pattern, blocks, tolerance)
-        return _cholmod(pattern) if _has_cholmod() else direct
+        if name == "cg" or (direct and direct.entries > LARGE):
+            from tripod_sim.linear.cg import ConjugateGradients
+
+            return ConjugateGradients(pattern, blocks, tolerance)
+        if direct and not _has_cholmod():
+            return direct
+        from tripod_sim.linear.cholmod import Cholmod
+
+        return Cholmod(pattern)
 
     return make
 
 
 def _has_cholmod() -> bool:
     return find_spec("cvxopt") is not None
-
-
-def _cholmod(pattern: Pattern) -> LinearSolver:
-    from tripod_sim.linear.cholmod import Cholmod
-
-    return Cholmod(pattern)
-
-
-def _iterative(pattern: Pattern, blocks: IndexArray, tolerance: float) -> LinearSolver:
-    from tripod_sim.linear.cg import ConjugateGradients
-
-    return ConjugateGradients(pattern, blocks, tolerance)

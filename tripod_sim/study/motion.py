@@ -3,12 +3,11 @@
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene_file import load_scene, words_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.study.plan import Settings
 from tripod_sim.study.task import Measured, repeated
@@ -19,13 +18,7 @@ Watch = Callable[[], Mapping[str, Iterable[float]]]
 
 def scene_of(name: str, settings: Settings) -> Scene:
     """Return a shipped scene with a point's settings. Raises SceneError."""
-    return load_scene(name, [f"{path}={_word(value)}" for path, value in settings.items()])
-
-
-def _word(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, float | int) else str(value)
+    return load_scene(name, words_of(settings))
 
 
 def motion(
