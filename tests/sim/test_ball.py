@@ -9,7 +9,7 @@ from tests.checks import random_rotation
 from tripod_host.rotations import rotation_matrix, rotation_vector
 from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion, account
 from tripod_sim.ball.obstacle_kernels import MISSES, box_distance, distance, sweep, triangle_distance
-from tripod_sim.ball.obstacles import Obstacles
+from tripod_sim.ball.obstacles import Obstacles, sorted_obstacles
 from tripod_sim.effects.ball import Ball
 from tripod_sim.effects.maze import Maze
 from tripod_sim.maze.board import make_board
@@ -21,7 +21,7 @@ NO_TRIANGLES = np.zeros((0, 9))
 def field(half: float = 1.0, walls: object = (), holes: object = ()) -> Obstacles:
     """A square floor with its top at z = 0."""
     boxes = [[0, 0, -0.001, half, half, 0.001], *walls]
-    return Obstacles(
+    return sorted_obstacles(
         np.array(boxes, dtype=float),
         NO_TRIANGLES,
         np.array(holes),
@@ -331,17 +331,18 @@ def test_sweep_stops_where_it_touches_and_never_later() -> None:
     for _ in range(300):
         box = np.array([[*(0.3 * rng.standard_normal(3)), *rng.uniform(0.01, 0.5, 3)]])
         triangle = (0.5 * rng.standard_normal((1, 3, 3)) @ random_rotation(rng)).reshape(1, 9)
+        o = sorted_obstacles(box, triangle, np.zeros((0, 3)), np.zeros(5), 1.0)
         q, reach = 2 * rng.standard_normal(3), 0.1
         move = -2 * q + 0.5 * rng.standard_normal(3)
         for k in (0, 1):
 
-            def gap(s: float, k: int = k, q=q, move=move, box=box, triangle=triangle) -> float:
+            def gap(s: float, k: int = k, q=q, move=move, o=o) -> float:
                 normal, weights = np.zeros(3), np.zeros(3)
-                return float(distance(k, box, triangle, q + s * move, normal, weights) - 0.1)
+                return float(distance(k, o, q + s * move, normal, weights) - 0.1)
 
             if gap(0) < 0:
                 continue
-            s = sweep(k, box, triangle, q, move, reach, scratch)
+            s = sweep(k, o, q, move, reach, scratch)
             along = np.array([gap(t) for t in np.linspace(0, 1, 400)])
             if s == MISSES:
                 assert along.min() > -1e-9

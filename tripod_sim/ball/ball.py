@@ -160,15 +160,15 @@ class BallOnPlate:
         """Advance `state` by `dt` [s] from `time` [s] while the plate moves as `motion` says, in place."""
         self.reaction[:] = 0.0
         if state.place is Place.PLAYING:
-            o, plate = self.obstacles, self._plate
+            plate = self._plate
             plate[0], plate[1] = motion.centre[0], motion.centre[1] - motion.centre[0]
             plate[2] = rotation_vector(motion.rotation[1] @ motion.rotation[0].T)
             plate[3], plate[5] = state.twist
             plate[4], plate[6] = motion.twist
             plate[7:] = motion.rotation[0]
             place = k.advance(
-                state.numbers, plate, dt, self._numbers, o.boxes, o.triangles, o.holes, o.extent, o.grid, o.starts,
-                o.items, state.ledger, self.reaction, self._rows, self._cells,
+                state.numbers, plate, dt, self._numbers, self.obstacles, state.ledger, self.reaction, self._rows,
+                self._cells,
             )  # fmt: skip
             if place != Place.PLAYING:
                 state.place, state.lost_time = Place(place), time + dt

@@ -10,6 +10,7 @@ from math import sqrt
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.ball.obstacles import Obstacles
 
 TOUCHING = 1e-11
 """Distance above `reach` at which a moving ball counts as touching [m]."""
@@ -110,24 +111,21 @@ def triangle_distance(triangle: Array, q: Array, normal: Array, weights: Array) 
 
 
 @njit(cache=True, error_model="numpy")
-def distance(k: int, boxes: Array, triangles: Array, q: Array, normal: Array, weights: Array) -> float:
+def distance(k: int, o: Obstacles, q: Array, normal: Array, weights: Array) -> float:
     """Return the distance from `q` to obstacle `k` [m] and write the normal: boxes first, then triangles."""
-    if k < boxes.shape[0]:
-        return box_distance(boxes[k], q, normal)
-    return triangle_distance(triangles[k - boxes.shape[0]], q, normal, weights)
+    if k < o.boxes.shape[0]:
+        return box_distance(o.boxes[k], q, normal)
+    return triangle_distance(o.triangles[k - o.boxes.shape[0]], q, normal, weights)
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(
-    k: int, boxes: Array, triangles: Array, q: Array, move: Array, reach: float, scratch: Array
-) -> float:
+def sweep(k: int, o: Obstacles, q: Array, move: Array, reach: float, scratch: Array) -> float:
     """Return the fraction of `move` after which a point at `q` is first `reach` away from obstacle `k`, or `MISSES`.
 
     Never later than the true one; a point that is nearer already but moves away misses.
 
     Args:
-        k: Number of the obstacle.
-        boxes, triangles: Obstacles, shapes (m, 6) and (n, 9) [m].
+        k, o: Number of the obstacle, and all of them.
         q: Start [m], shape (3,).
         move: [m], shape (3,).
         reach: Radius of the ball, and a skin [m].
@@ -138,7 +136,7 @@ def sweep(
     for _ in range(MOST_ITERATIONS):
         for i in range(3):
             point[i] = q[i] + s * move[i]
-        over = distance(k, boxes, triangles, point, normal, weights) - reach
+        over = distance(k, o, point, normal, weights) - reach
         slope = normal[0] * move[0] + normal[1] * move[1] + normal[2] * move[2]
         if slope * (1.0 - s) >= -DEEPEST:
             return MISSES

@@ -15,6 +15,7 @@ from tripod_host.arrays import Array
 from tripod_sim.ball.contact_kernels import solve_contacts
 from tripod_sim.ball.motion_kernels import plate_at
 from tripod_sim.ball.obstacle_kernels import DEEPEST, MISSES, distance, sweep
+from tripod_sim.ball.obstacles import Obstacles
 from tripod_sim.rotation_kernels import rotate, rotate_back, turn
 
 SKIN = 1e-7
@@ -43,13 +44,12 @@ ON_PLATE, IN_HOLE, LEFT = 0, 1, 2
 
 
 @njit(cache=True, error_model="numpy")
-def floor_distance(
-    boxes: Array, triangles: Array, holes: Array, q: Array, normal: Array, weights: Array
-) -> float:
+def floor_distance(o: Obstacles, q: Array, normal: Array, weights: Array) -> float:
     """Return the distance from `q` to the floor, which is box 0 less the holes [m], and write the normal.
 
     Over a hole of radius R, at r < R from its axis and z above the floor, the rim is next: sqrt((R - r)² + z²).
     """
+    holes = o.holes
     for h in range(holes.shape[0]):
         x, y = q[0] - holes[h, 0], q[1] - holes[h, 1]
         r = sqrt(x * x + y * y)
@@ -61,7 +61,7 @@ def floor_distance(
             else:
                 normal[0], normal[1], normal[2] = -out * x / (r * d), -out * y / (r * d), z / d
             return d
-    return distance(0, boxes, triangles, q, normal, weights)
+    return distance(0, o, q, normal, weights)
 
 
 @njit(cache=True, error_model="numpy")
@@ -86,35 +86,24 @@ def cells_of(grid: Array, low_x: float, low_y: float, high_x: float, high_y: flo
 
 @njit(cache=True, error_model="numpy")
 def touching(
-    q: Array,
-    reach: float,
-    boxes: Array,
-    triangles: Array,
-    holes: Array,
-    grid: Array,
-    starts: Array,
-    items: Array,
-    normals: Array,
-    distances: Array,
-    near: Array,
-    cells: Array,
+    q: Array, reach: float, o: Obstacles, normals: Array, distances: Array, near: Array, cells: Array
 ) -> int:
     """Write normals and distances of the obstacles within `reach` of `q`, each direction once; return how many.
 
     `near[0]` becomes the smallest distance found, or stays.
-    """  # fmt: skip
+    """
     count = 0
     normal, weights = normals[MOST_CONTACTS], normals[MOST_CONTACTS + 1]
-    cells_of(grid, q[0] - reach, q[1] - reach, q[0] + reach, q[1] + reach, cells)
+    cells_of(o.grid, q[0] - reach, q[1] - reach, q[0] + reach, q[1] + reach, cells)
     for row in range(cells[2], cells[3] + 1):
         for column in range(cells[0], cells[1] + 1):
-            cell = row * int(grid[0]) + column
-            for j in range(starts[cell], starts[cell + 1]):
-                k = items[j]
-                if k == 0 and holes.shape[0]:
-                    d = floor_distance(boxes, triangles, holes, q, normal, weights)
+            cell = row * int(o.grid[0]) + column
+            for j in range(o.starts[cell], o.starts[cell + 1]):
+                k = o.items[j]
+                if k == 0 and o.holes.shape[0]:
+                    d = floor_distance(o, q, normal, weights)
                 else:
-                    d = distance(k, boxes, triangles, q, normal, weights)
+                    d = distance(k, o, q, normal, weights)
                 near[0] = min(near[0], d)
                 if d > reach or count == MOST_CONTACTS:
                     continue
@@ -132,22 +121,12 @@ def touching(
 
 @njit(cache=True, error_model="numpy")
 def first_touch(
-    q: Array,
-    move: Array,
-    reach: float,
-    boxes: Array,
-    triangles: Array,
-    skip_floor: bool,
-    grid: Array,
-    starts: Array,
-    items: Array,
-    scratch: Array,
-    cells: Array,
+    q: Array, move: Array, reach: float, o: Obstacles, skip_floor: bool, scratch: Array, cells: Array
 ) -> float:
-    """Return the fraction of `move` up to the first touch, or `MISSES`."""  # fmt: skip
+    """Return the fraction of `move` up to the first touch, or `MISSES`."""
     first = MISSES
     cells_of(
-        grid,
+        o.grid,
         min(q[0], q[0] + move[0]) - reach,
         min(q[1], q[1] + move[1]) - reach,
         max(q[0], q[0] + move[0]) + reach,
@@ -156,10 +135,10 @@ def first_touch(
     )
     for row in range(cells[2], cells[3] + 1):
         for column in range(cells[0], cells[1] + 1):
-            cell = row * int(grid[0]) + column
-            for j in range(starts[cell], starts[cell + 1]):
-                if items[j] or not skip_floor:
-                    s = sweep(items[j], boxes, triangles, q, move, reach, scratch)
+            cell = row * int(o.grid[0]) + column
+            for j in range(o.starts[cell], o.starts[cell + 1]):
+                if o.items[j] or not skip_floor:
+                    s = sweep(o.items[j], o, q, move, reach, scratch)
                     first = min(first, s)
     return first
 
@@ -263,13 +242,7 @@ def advance(
     plate: Array,
     dt: float,
     numbers: Array,
-    boxes: Array,
-    triangles: Array,
-    holes: Array,
-    extent: Array,
-    grid: Array,
-    starts: Array,
-    items: Array,
+    o: Obstacles,
     ledger: Array,
     reaction: Array,
     rows: Array,
@@ -282,12 +255,7 @@ def advance(
         plate: Motion over the step, see `plate_at`.
         dt: [s].
         numbers: Of the ball, see `MASS` and the following.
-        boxes, triangles: Obstacles in the plate's frame, shapes (m, 6) and (k, 9); if there are holes, box 0 is the
-            floor, its top at z = 0.
-        holes: Centre and radius [m], shape (h, 3).
-        extent: Low x, y and high x, y of the board, and its underside [m], shape (5,).
-        grid, starts, items: Obstacles by cell: columns, rows, low x, low y, size; cell c has
-            items[starts[c]:starts[c + 1]].
+        o: What stands on the plate.
         ledger: Sums over the whole run, see `WORK` and the following, changed.
         reaction: Impulses on the plate in this step and their moment about its centre, shape (2, 3), written.
         rows, cells: From `workspace`.
@@ -317,9 +285,7 @@ def advance(
         while left > 0.0:
             plate_at(plate, min(time / dt, 1.0), dt, pose0)
             near[0] = reach + NEAR
-            count = touching(
-                q, reach + NEAR, boxes, triangles, holes, grid, starts, items, flat, distances, near, cells
-            )
+            count = touching(q, reach + NEAR, o, flat, distances, near, cells)
             ledger[GAP] = min(ledger[GAP], near[0] - radius)
             for i in range(count):
                 rotate(pose0[3:], flat[i], normals[i])
@@ -327,7 +293,7 @@ def advance(
             surface_speeds(count, pose0, q, normals, radius, arm, speeds0)
             hardest = 0.0
             for i in range(count):
-                closing[i] = _normal_speed(v, w, normals[i], speeds0[i], radius)
+                closing[i] = _normal_speed(v, normals[i], speeds0[i])
                 hardest = min(hardest, closing[i])
                 bounds[i] = -numbers[RESTITUTION] * closing[i] if closing[i] < -numbers[REST_SPEED] else 0.0
             if hardest < -SLOW:
@@ -352,7 +318,7 @@ def advance(
             # what stays in contact comes first in `flat`
             kept = 0
             for i in range(count):
-                if _normal_speed(v, w, normals[i], speeds0[i], radius) <= SLOW:
+                if _normal_speed(v, normals[i], speeds0[i]) <= SLOW:
                     _swap(flat, distances, i, kept)
                     kept += 1
             v0[:], w0[:] = v, w
@@ -374,7 +340,7 @@ def advance(
                 surface_speeds(count, pose0, q, normals, radius, arm, speeds0)
                 earliest = tau
                 for i in range(kept, count):
-                    closing[i] = _normal_speed(v0, w0, normals[i], speeds0[i], radius)
+                    closing[i] = _normal_speed(v0, normals[i], speeds0[i])
                 for i in range(kept):
                     middle[i] = normals[i]
                     rotate(pose1[3:], flat[i], normals[i])
@@ -412,8 +378,8 @@ def advance(
                     tau = 0.999 * earliest
                 else:  # shorter and shorter: hold all contacts, which the ledger shows as a gain
                     kept = count
-            rim = over_hole(holes, q, 1.5 * radius)
-            s = first_touch(q, move, reach, boxes, triangles, rim, grid, starts, items, scratch, cells)
+            rim = over_hole(o.holes, q, 1.5 * radius)
+            s = first_touch(q, move, reach, o, rim, scratch, cells)
             hit = s <= 1.0
             s = min(s, 1.0)
             if rim:  # the rim is no convex set: small moves, then out of it
@@ -426,7 +392,7 @@ def advance(
                 w[a] = w0[a] + s * (w1[a] - w0[a])
             if rim:
                 for _ in range(4):
-                    under = floor_distance(boxes, triangles, holes, q, scratch[1], scratch[2]) - reach
+                    under = floor_distance(o, q, scratch[1], scratch[2]) - reach
                     if under >= 0.0 or q[2] < 0.0:
                         break
                     for a in range(3):
@@ -456,7 +422,7 @@ def advance(
                 new = d[a] + pose0[0, a]
                 ledger[SHIFT] -= m * gravity[a] * (new - p[a] - 0.5 * (v0[a] + v[a]) * spent)
                 p[a] = new
-            where = place(q, radius, holes, extent)
+            where = place(q, radius, o)
             if where != ON_PLATE:
                 fall(ball, dt - time, gravity)
                 return where
@@ -472,15 +438,16 @@ def _swap(normals: Array, distances: Array, i: int, j: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _normal_speed(v: Array, w: Array, n: Array, speed: Array, radius: float) -> float:
+def _normal_speed(v: Array, n: Array, speed: Array) -> float:
     """Return u . n of the contact with normal n; the rotation of a sphere does not enter."""
     return (v[0] - speed[0]) * n[0] + (v[1] - speed[1]) * n[1] + (v[2] - speed[2]) * n[2]
 
 
 @njit(cache=True, error_model="numpy")
-def place(q: Array, radius: float, holes: Array, extent: Array) -> int:
+def place(q: Array, radius: float, o: Obstacles) -> int:
     """Return where a ball with its centre at `q`, in the plate's frame, is."""
-    if q[2] < 0.0 and over_hole(holes, q, 0.0):
+    extent = o.extent
+    if q[2] < 0.0 and over_hole(o.holes, q, 0.0):
         return IN_HOLE
     if q[0] < extent[0] - radius or q[1] < extent[1] - radius or q[2] < extent[4] - radius:
         return LEFT

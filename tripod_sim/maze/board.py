@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
 from tripod_host.reading import read_file
-from tripod_sim.ball.obstacles import Obstacles
+from tripod_sim.ball.obstacles import Obstacles, sorted_obstacles
 from tripod_sim.effects.maze import Maze
 from tripod_sim.errors import SceneError, shown
 from tripod_sim.maze.grid import MazeGrid, parse_maze, random_maze
@@ -105,7 +105,7 @@ def make_board(maze: Maze, radius: float) -> Board:
     boxes = np.array([floor, *_walls(grid, maze)])
     holes = np.array([[*grid.centre(c, maze.pitch), maze.hole_radius] for c in sorted(grid.holes)])
     extent = np.array([*-half, *half, -maze.thickness])
-    obstacles = Obstacles(boxes, np.zeros((0, 9)), holes.reshape(-1, 3), extent, maze.pitch)
+    obstacles = sorted_obstacles(boxes, np.zeros((0, 9)), holes, extent, maze.pitch)
     x, y = grid.centre(grid.goal, maze.pitch)
     return Board(obstacles, grid.centre(grid.start, maze.pitch), (x, y, GOAL * maze.pitch), grid, maze.pitch)
 
@@ -153,7 +153,7 @@ def _surface_board(maze: Maze, radius: float) -> Board:
             f"maze {name!r} is not watertight: it is taken as a surface, both of whose sides hold the ball",
         )
     return Board(
-        Obstacles(np.zeros((0, 6)), corners, np.zeros((0, 3)), extent, cell),
+        sorted_obstacles(np.zeros((0, 6)), corners, np.zeros((0, 3)), extent, cell),
         maze.start,
         maze.goal,
         None,

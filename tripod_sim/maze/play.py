@@ -61,7 +61,7 @@ class MazeBall:
         point, down = np.array([*board.start, top + 2 * radius]), np.zeros(3)
         down[2] = o.extent[4] - radius - point[2]
         first = min(
-            sweep(k, o.boxes, o.triangles, point, down, radius + SKIN, np.zeros((3, 3)))
+            sweep(k, o, point, down, radius + SKIN, np.zeros((3, 3)))
             for k in range(len(o.boxes) + len(o.triangles))
         )
         if first >= MISSES:
