@@ -88,9 +88,8 @@ class System:
         self._new_linear = lambda: linear(self.reduction.pattern, diagonal_blocks)
         self.linear = self._new_linear()
         n, s = len(rest), len(groups.driven)
-        self.gradient, self.lever = np.zeros((n, 3)), np.zeros((n, 3))
+        self.gradient, self.lever, self.axes = np.zeros((n, 3)), self.reduction.lever, self.reduction.axes
         self.residual, self.torques = np.zeros(self.reduction.unknowns), np.zeros(s)
-        self.axes = np.array([f.axis for f in groups.driven]).reshape(s, 3)
         self._no_weight = np.zeros(n)
         placed = groups.placed(rest)
         self._rest_centres = np.array([placed[b].mean(axis=0) for b in groups.rigid]).reshape(-1, 3)
@@ -189,16 +188,9 @@ class System:
 
     def update_levers(self, state: State) -> None:
         """Write `lever` for the positions of `state`."""
-        r = self.reduction
+        r, slide = self.reduction, state.joints[len(self._hubs)]
         write_levers(
-            state.positions,
-            state.centres,
-            self._hubs,
-            self._inward,
-            state.joints[len(self._hubs)],
-            r.kind,
-            r.number,
-            self.lever,
+            state.positions, state.centres, self._hubs, self._inward, slide, r.kind, r.number, r.lever
         )
 
     def evaluate(self, state: State) -> float:
@@ -216,7 +208,7 @@ class System:
         for term in self.terms:
             phi += term.add_gradient(state.positions, g)
         self.update_levers(state)
-        self.reduction.gradient(g, self.lever, self.axes, self.residual, self.torques)
+        self.reduction.gradient(g, self.residual, self.torques)
         return phi
 
     def elastic_forces(self, state: State) -> FloatArray:
@@ -260,13 +252,13 @@ class System:
                 term.add_products(dx, change)
             if damping and damping.held:
                 self.elastic.add_products(damping.matrices, dx, damping.factor, change)
-            self.reduction.gradient(change, self.lever, self.axes, self._reduced, self._unused)
+            self.reduction.gradient(change, self._reduced, self._unused)
             self.residual += self._reduced
         share = 1.0 / (1.0 + damping.factor) if damping and not damping.held else 1.0
         change[:] = 0.0
         self.elastic.add_response(self.elastic.matrices, dx, 1.0, change)
         self._elastic_energy += self.reduction.relieve(
-            self.residual, share, self._weight(), dx, change, self.lever, self._forces
+            self.residual, share, self._weight(), dx, change, self._forces
         )
         self.residual[:] = 0.0
         self.torques += solution @ self.reduction.drive
@@ -311,7 +303,7 @@ class System:
         count = len(self.elastic.terms)
         parts = [(k, own, factor) for matrices, factor in self._tangents() for k, own in enumerate(matrices)]
         parts += [(k, term.matrices, 1.0) for k, term in enumerate(self._blocks, count)]
-        self.reduction.hessian(parts, weight, self.gradient, self.lever, self.axes)
+        self.reduction.hessian(parts, weight, self.gradient)
 
     def _weight(self) -> FloatArray:
         """Return the sum of the terms' weights [N/m], shape (n,)."""
@@ -344,7 +336,7 @@ class System:
             self.elastic.add_response(matrices, dx, factor, self._change)
         for term in self._blocks:
             term.add_products(dx, self._change)
-        self.reduction.gradient(self._change, self.lever, self.axes, self._reduced, self._unused)
+        self.reduction.gradient(self._change, self._reduced, self._unused)
         self.residual += self._reduced
 
     def move(self, start: State, solution: FloatArray, dx: FloatArray, scale: float, out: State) -> None:

@@ -33,7 +33,9 @@ for _nodes in (*BODIES, *DRIVEN):
 def reduction(pinned: np.ndarray) -> Reduction:
     zero = np.zeros(3)
     frames = tuple(DrivenFrame(nodes, axis, zero, zero) for nodes, axis in zip(DRIVEN, AXES, strict=True))
-    return Reduction(ELEMENTS, Groups(SIZE, rigid=BODIES, driven=frames, fixed=FIXED, pinned=pinned))
+    made = Reduction(ELEMENTS, Groups(SIZE, rigid=BODIES, driven=frames, fixed=FIXED, pinned=pinned))
+    made.lever[:] = LEVER
+    return made
 
 
 def jacobian(r: Reduction) -> np.ndarray:
@@ -100,7 +102,7 @@ def reduced(r: Reduction) -> np.ndarray:
     for out in (r.pattern.data, r.drive, r.drive_drive):
         out[:] = np.nan  # nothing is left from before
     parts = [(k, m, f) for k, (m, f) in enumerate(zip(MATRICES, FACTORS, strict=True))]
-    r.hessian(parts, MASS, FORCE, LEVER, AXES)
+    r.hessian(parts, MASS, FORCE)
     upper = r.pattern.copy()
     K = (upper + sparse.triu(upper, 1).T).toarray()
     return np.block([[K, r.drive], [r.drive.T, r.drive_drive]])
@@ -127,7 +129,7 @@ def test_hessian_of_what_is_held_along_an_axis() -> None:
 def test_gradient_and_moves(pins: np.ndarray) -> None:
     r = reduction(pins)
     J, out, torque = jacobian(r), np.full(r.unknowns, np.nan), np.full(2, np.nan)
-    r.gradient(FORCE, LEVER, AXES, out, torque)
+    r.gradient(FORCE, out, torque)
     expected = J.T @ FORCE.ravel()
     solution, dx = RNG.standard_normal(r.unknowns), np.full((SIZE, 3), 7.0)
     r.moves(solution, LEVER, dx)
@@ -142,12 +144,12 @@ def test_gradient_and_moves(pins: np.ndarray) -> None:
 def test_forces_that_are_relieved_balance_and_their_work_is_that_along_the_way() -> None:
     """Of a body's residual force and moment its nodes lose `share` in all; the work is the mean force times the way."""
     reduced = reduction(np.zeros((0, 2), dtype=np.int64))
-    lever = LEVER.copy()
+    lever = reduced.lever
     for nodes in BODIES:
         lever[nodes] -= lever[nodes].mean(axis=0)
     residual, dx, change = (RNG.standard_normal(n) for n in (reduced.unknowns, (SIZE, 3), (SIZE, 3)))
     g, share, first = FORCE.copy(), 0.6, 3 * len(reduced.free)
-    work = reduced.relieve(residual, share, MASS, dx, change, lever, g)
+    work = reduced.relieve(residual, share, MASS, dx, change, g)
     part = g - FORCE
     assert work == pytest.approx(float(np.vdot(FORCE + 0.5 * part, dx)), rel=1e-12)
     lost = part + share * MASS[:, None] * dx
@@ -165,14 +167,14 @@ def test_forces_that_are_relieved_balance_and_their_work_is_that_along_the_way()
 def test_levers_begin_at_centres_and_at_hubs_that_slide() -> None:
     r = reduction(np.zeros((0, 2), dtype=np.int64))
     centres, hubs, inward = RNG.standard_normal((3, 2, 3))
-    lever = np.full((SIZE, 3), 7.0)
-    write_levers(X, centres, hubs, inward, 0.4, r.kind, r.number, lever)
+    r.lever[:] = 7.0
+    write_levers(X, centres, hubs, inward, 0.4, r.kind, r.number, r.lever)
     expected = np.full((SIZE, 3), 7.0)
     for b, nodes in enumerate(BODIES):
         expected[nodes] = X[nodes] - centres[b]
     for s, nodes in enumerate(DRIVEN):
         expected[nodes] = X[nodes] - hubs[s] - 0.4 * inward[s]
-    np.testing.assert_allclose(lever, expected, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(r.lever, expected, rtol=0, atol=1e-15)
 
 
 def test_bodies_are_turned_from_the_left() -> None:

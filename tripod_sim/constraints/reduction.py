@@ -14,6 +14,7 @@ gradient is zero there, and the Hessian `PINNED` on the diagonal and zero beside
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -32,10 +33,34 @@ PINNED = 1e18
 """Stiffness of what is held along an axis [N/m]: no force that a body bears moves it by an atom."""
 
 
+class Nodes(NamedTuple):
+    """What kernels take of the nodes: kind and number of their groups and their first unknown, base, shape (n,).
+
+    lever (n, 3): r_i of nodes of bodies and frames [m]; axes (s, 3): of the frames.
+    """
+
+    kind: Array
+    number: Array
+    base: Array
+    lever: Array
+    axes: Array
+
+
+class Sums(NamedTuple):
+    """What elements and nodes add to: `pattern.data`, `drive`, `drive_drive`, and a block (6, 6) of each body."""
+
+    data: Array
+    drive: Array
+    drive_drive: Array
+    body: Array
+
+
 class Reduction:
     """Maps between nodes and unknowns for one mesh and one set of groups.
 
     Attributes:
+        lever: r_i of nodes of bodies and frames [m], shape (n, 3), which `write_levers` writes for a state.
+        axes: Axis of each driven frame, shape (s, 3).
         unknowns: Number of unknowns n.
         pattern: Upper triangle of the reduced Hessian, scipy CSC; its `data` is what `hessian` writes.
         drive: Mixed derivatives with respect to unknowns and driven angles, shape (n, s).
@@ -54,6 +79,9 @@ class Reduction:
         self.base[free] = 3 * np.arange(len(free))
         rigid = self.kind == RIGID
         self.base[rigid] = 3 * len(free) + 6 * self.number[rigid]
+        self.lever = np.zeros((groups.size, 3))
+        self.axes = np.array([f.axis for f in groups.driven]).reshape(-1, 3)
+        self._nodes = Nodes(self.kind, self.number, self.base, self.lever, self.axes)
         self.free, self.blocks = free, list(blocks)
         for block in self.blocks:
             of_body = np.where(self.kind[block] == RIGID, self.number[block], -1)
@@ -64,7 +92,8 @@ class Reduction:
         self.pattern, self._slots, self._body_slots, self._node_slots = self._symbolic()
         self.drive = np.zeros((self.unknowns, self.driven))
         self.drive_drive = np.zeros((self.driven, self.driven))
-        self._body = np.zeros((max(self.bodies, 1), 6, 6))
+        body = np.zeros((max(self.bodies, 1), 6, 6))
+        self._sums = Sums(self.pattern.data, self.drive, self.drive_drive, body)
         self.pinned = self.base[groups.pinned[:, 0]] + groups.pinned[:, 1]
         self._pinned = tuple(groups.pinned.T) if len(groups.pinned) else None
         column = np.repeat(np.arange(self.unknowns), np.diff(self.pattern.indptr))
@@ -106,27 +135,25 @@ class Reduction:
         diagonal = (np.arange(first) * (n + 1)).reshape(-1, 3)
         return pattern, slots, bodies, slot(diagonal)
 
-    def gradient(
-        self, g: FloatArray, lever: FloatArray, axes: FloatArray, out: FloatArray, torque: FloatArray
-    ) -> None:
+    def gradient(self, g: FloatArray, out: FloatArray, torque: FloatArray) -> None:
         """Write the reduced gradient J^T g.
 
         Args:
             g: Nodal gradient [N], shape (nodes, 3).
-            lever: r_i of nodes of bodies and frames [m], shape (nodes, 3).
-            axes: Axis of each driven frame, shape (s, 3).
             out: Reduced gradient [N, N m], shape (unknowns,).
             torque: Derivative with respect to each driven angle [N m], shape (s,).
         """
-        _gradient(g, lever, axes, self.kind, self.number, self.base, out, torque)
+        _gradient(g, self.lever, self.axes, self.kind, self.number, self.base, out, torque)
         if self._pinned:
             out[self.pinned] = 0.0
 
     def relieve(
         self, residual: FloatArray, share: float, weight: FloatArray, dx: FloatArray, change: FloatArray,
-        lever: FloatArray, g: FloatArray,
+        g: FloatArray,
     ) -> float:  # fmt: skip
         """Take off forces what is unbalanced after a move; return the work that they resist with on the way [J].
+
+        The levers are those from the mean of each body's nodes.
 
         Free nodes and those of bodies lose `share` of the residual and of weight dx; of a body's residual F, T each of
         its n nodes has F / n + t x r, where t makes T = sum r x (t x r). Driven and fixed nodes gain `change`.
@@ -137,23 +164,18 @@ class Reduction:
             weight: Isotropic nodal stiffness [N/m], shape (nodes,).
             dx: The move [m], shape (nodes, 3).
             change: [N], shape (nodes, 3).
-            lever: As in `gradient`, from the mean of each body's nodes.
             g: The forces as a gradient [N], shape (nodes, 3), changed.
         """
         first = 3 * self.free_count
         return float(
             _relieve(
-                residual, share, weight, dx, change, lever, self.kind, self.number, self.base, first, self.bodies, g
+                residual, share, weight, dx, change, self.lever, self.kind, self.number, self.base, first, self.bodies,
+                g,
             )
         )  # fmt: skip
 
     def hessian(
-        self,
-        parts: Sequence[tuple[int, FloatArray, float]],
-        mass: FloatArray,
-        g: FloatArray,
-        lever: FloatArray,
-        axes: FloatArray,
+        self, parts: Sequence[tuple[int, FloatArray, float]], mass: FloatArray, g: FloatArray
     ) -> None:
         """Write the reduced Hessian into `pattern.data`, `drive` and `drive_drive`.
 
@@ -162,20 +184,12 @@ class Reduction:
                 their common factor.
             mass: Isotropic nodal term [N/m] (mass over dt², or zero), shape (nodes,).
             g: Nodal gradient [N] of the whole potential, for the second-order terms.
-            lever, axes: As in `gradient`.
         """
-        for out in (self.pattern.data, self.drive, self.drive_drive, self._body):
+        for out in self._sums:
             out[:] = 0.0
         for block, matrices, factor in parts:
-            elements, slots = self.blocks[block], self._slots[block]
-            _add_elements(
-                matrices, factor, lever, axes, self.kind, self.number, self.base, elements, slots, self.pattern.data,
-                self.drive, self.drive_drive, self._body,
-            )  # fmt: skip
-        _add_nodes(
-            mass, g, lever, axes, self.kind, self.number, self._body_slots, self._node_slots, self.free,
-            self.pattern.data, self.drive_drive, self._body,
-        )  # fmt: skip
+            _add_elements(matrices, factor, self._nodes, self.blocks[block], self._slots[block], self._sums)
+        _add_nodes(mass, g, self._nodes, self._body_slots, self._node_slots, self.free, self._sums)
         if self._pinned:
             self.pattern.data[self._beside] = 0.0
             self.pattern.data[self._held] = PINNED
@@ -416,20 +430,10 @@ def _jacobian(kind: int, r: Array, axes: Array, number: int, J: Array) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _add_elements(
-    stiffness: Array,
-    factor: float,
-    lever: Array,
-    axes: Array,
-    kind: Array,
-    number: Array,
-    base: Array,
-    elements: Array,
-    slots: Array,
-    data: Array,
-    drive: Array,
-    drive_drive: Array,
-    body: Array,
+    stiffness: Array, factor: float, nodes: Nodes, elements: Array, slots: Array, sums: Sums
 ) -> None:
+    kind, number, base, lever, axes = nodes
+    data, drive, drive_drive, body = sums
     J, JA, B, C = np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6)), np.empty((6, 6))
     size = elements.shape[1]
     for e in range(elements.shape[0]):
@@ -482,20 +486,11 @@ def _add_elements(
 
 @njit(cache=True, error_model="numpy")
 def _add_nodes(
-    mass: Array,
-    g: Array,
-    lever: Array,
-    axes: Array,
-    kind: Array,
-    number: Array,
-    body_slots: Array,
-    node_slots: Array,
-    free: Array,
-    data: Array,
-    drive_drive: Array,
-    body: Array,
+    mass: Array, g: Array, nodes: Nodes, body_slots: Array, node_slots: Array, free: Array, sums: Sums
 ) -> None:
     """Add the nodal terms and the second-order terms of rotations, and put the bodies' own blocks into `data`."""
+    kind, number, _, lever, axes = nodes
+    data, _, drive_drive, body = sums
     J = np.empty((3, 6))
     for k in range(free.shape[0]):
         for i in range(3):

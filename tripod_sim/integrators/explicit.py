@@ -279,9 +279,7 @@ class ExplicitSteps:
         system.drive(state, joints)
         system.update_levers(state)
         system.gradient[:] = self._scratch.gradient
-        system.reduction.gradient(
-            self._scratch.gradient, system.lever, system.axes, self._reduced, system.torques
-        )
+        system.reduction.gradient(self._scratch.gradient, self._reduced, system.torques)
         system.torques += self._jerked
         self._given += work
         for term in self._forces:

@@ -73,7 +73,7 @@ class LargestFrequency:
         self._force[:] = 0.0
         self._add(self._move, self._force)
         out = np.empty_like(u)
-        system.reduction.gradient(self._force, system.lever, system.axes, out, self._torques)
+        system.reduction.gradient(self._force, out, self._torques)
         out[:first] *= self._root
         for b, block in enumerate(self._blocks):
             part = slice(first + 6 * b, first + 6 * b + 6)

@@ -265,7 +265,7 @@ class ErrorTransport:
         self._load(first, c1, second, c2, derivative, factor, s, share)
         if self._rates:
             self._rates(self._y, self._force)
-        system.reduction.gradient(self._force, system.lever, system.axes, self._reduced, self._torques)
+        system.reduction.gradient(self._force, self._reduced, self._torques)
         self._reduced -= left
         try:
             solution = system.linear.solve(self._reduced)

@@ -19,7 +19,7 @@ class StageEnd:
     """What the estimate of the error of time steps asks of a system, of springs alone at the end of a stage.
 
     Attributes:
-        groups, unknowns, torques, reduction, lever, axes: As of a `System`.
+        groups, unknowns, torques, reduction, lever: As of a `System`.
     """
 
     damping = None
@@ -29,7 +29,7 @@ class StageEnd:
         n = len(system.body.nodes)
         self.groups, self.unknowns, self.torques = system.groups, system.unknowns, system.torques
         self.reduction = Reduction([np.arange(n)[:, None]], system.groups)
-        self.lever, self.axes = np.zeros((n, 3)), np.zeros((0, 3))
+        self.lever = self.reduction.lever
         self._s, self._keep, self._solver, self._fresh = 0.0, keep, solver, False
         self._free, self._scratch = system.body.free, np.zeros((5, n, 3))
 
