@@ -24,7 +24,7 @@ test: lint ## Lint, then run all tests on a ROS domain of their own; ARGS="..." 
 lint: setup ## Check style, format and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/mypy
+	$(BIN)/mypy -n auto
 
 bench: setup ## Time the steps of the simulator; ARGS="..." goes to the benchmark
 	@$(BIN)/python benchmarks/step.py $(ARGS)

@@ -12,7 +12,7 @@ from pathlib import Path
 from tools.command import Shell
 from tools.ros_source import RosSource
 
-WORKAROUND = Path(__file__).with_name("drop_missing_includes.cmake")
+ON_WHEELS = Path(__file__).with_name("on_wheels.cmake")
 INTERFACES = ("msg", "srv", "action")
 
 
@@ -32,7 +32,7 @@ def message_files(folders: Sequence[Path]) -> list[Path]:
     for folder in folders:
         sources += [folder / "CMakeLists.txt", folder / "package.xml"]
         sources += [file for kind in INTERFACES for file in folder.glob(f"{kind}/*.{kind}")]
-    return sorted([*sources, Path(__file__), WORKAROUND])
+    return sorted([*sources, Path(__file__), ON_WHEELS])
 
 
 def build_messages(folders: Sequence[Path], venv: Path, ros: RosSource, shell: Shell) -> None:
@@ -58,7 +58,7 @@ def _build(package: str, folder: Path, venv: Path, ros: RosSource, shell: Shell)
         f"-DPYTHON_INSTALL_DIR={site_packages(venv).relative_to(venv)}",
         f"-DPython3_EXECUTABLE={python}",
         "-DBUILD_TESTING=OFF",
-        *([] if ros.sourced else [f"-DCMAKE_PROJECT_{package}_INCLUDE={WORKAROUND}"]),
+        *([] if ros.sourced else [f"-DCMAKE_PROJECT_{package}_INCLUDE={ON_WHEELS}"]),
     )
     shell.run(cmake, "--build", build)
     remove_messages(venv, package)  # only now: what runs in the meantime has the old ones

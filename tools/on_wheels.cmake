@@ -1,5 +1,11 @@
-# Included right after project() when msgs/ is built against the ROS wheels (build_msgs.py passes it).
+# Included right after project() when messages are built against the ROS wheels (build_msgs.py passes it).
 #
+# Only Python speaks to these: no wheel holds rclcpp. So C++ headers and type supports, half of what there is to compile,
+# are neither generated nor built.
+
+find_package(rosidl_default_generators REQUIRED)
+list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE REGEX "_cpp:")
+
 # The imported targets of the wheels name the Python headers of the machine that built the wheels, a path that exists
 # nowhere else, and cmake refuses to generate with it. Once all packages are found, every include path that does not
 # exist is dropped from every imported target; the headers of this Python come from Python3_INCLUDE_DIRS all the same.
