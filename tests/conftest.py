@@ -11,7 +11,7 @@ import pytest
 from hypothesis import settings
 
 from tests.domains import own_domain
-from tools.shared_tests import pytest_runtestloop  # noqa: F401 - a hook
+from tools.shared_tests import pytest_collection, pytest_runtestloop  # noqa: F401 - hooks
 
 # The same examples in every run: a failure is of the code, not of the draw. No deadline: machines are shared.
 settings.register_profile("repeatable", derandomize=True, deadline=None)

@@ -1,65 +1,105 @@
 """Run the tests: `python -m tools.run_tests [pytest arguments]`.
 
-Without arguments, and with two processors or more, by two at once, each of which takes the next file of tests that the
-other has not taken. One begins with the tests of the simulator, which compute, the other with the rest, most of which
-start processes and wait for them. Processes and real clocks fail on a machine that is too busy for them: what failed
-runs once more when both have ended, is named, and counts if it fails again.
+Without arguments, and with two processors or more, by several at once, each of which takes the next file of tests that
+no other has taken: one for each processor, and one more of low priority, so that no processor idles while a test waits.
+One begins with the tests that start processes and wait for them, the others with those that compute, the longest first;
+the one of low priority takes only files that look at no clock. Processes and real clocks fail on a machine that is too
+busy for them: what failed runs once more when all have ended, is named, and counts if it fails again.
 """
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from tools.shared_tests import TAKEN
 
 ROOT = Path(__file__).parents[1]
-COMPUTING = ["tests/sim"]
-OTHERS = [
-    f"tests/{path.name}" for path in sorted((ROOT / "tests").iterdir()) if path.name != "sim" and (
-        next(path.glob("test_*.py"), None) or path.match("test_*.py")
-    )
-]  # fmt: skip
-ORDERS = ([*COMPUTING, *OTHERS], [*OTHERS, *COMPUTING])
+COMPUTING = ("tests/sim", "tests/ik", "tests/identify")
+LONGEST = (
+    "tests/tools/test_labs.py",
+    "tests/ik/test_ik_pathfinder.py",
+    "tests/bringup/test_measuring.py",
+    "tests/sim/test_contact_schemes.py",
+    "tests/sim/test_contact_scene.py",
+)
+"""Files that compute longest: begun last, one of them would keep all waiting."""
+
+CLOCKS = re.compile(
+    r"\b(?:import|from) (?:time|threading|subprocess|socket)\b|_graph\b|\bdomain\b|\bmake: |\(graph\b"
+)
+"""What a file of tests says that looks at a clock, or starts what does: processes, threads, nodes."""
+
+IDLE = 15
+"""Nice value of the pytest that takes what the others leave of the processors."""
+
+MOST = 4
+"""Processors that are made use of: each pytest needs about 1 GB."""
+
 INTERRUPTED = 130
 FAILED = 1
 """What pytest returns if tests failed, and nothing worse happened."""
 
 
+@dataclass(frozen=True)
+class Share:
+    """What one pytest runs: its arguments, and its nice value beside the others."""
+
+    words: Sequence[str]
+    nice: int = 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run pytest, once or two that share all tests; return its exit code, or that of one that failed."""
+    """Run pytest, once or several that share all tests; return its exit code, or that of one that failed."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if words or len(os.sched_getaffinity(0)) < 2:
-        return run_shared([words])
-    return run_shared(ORDERS)
+    processors = min(len(os.sched_getaffinity(0)), MOST)
+    if words or processors < 2:
+        return run_shared([Share(words)])
+    return run_shared(shares(processors))
 
 
-def run_shared(orders: Sequence[Sequence[str]], directory: Path = ROOT) -> int:
-    """Run a pytest with each of `orders` at once; show what the first prints as it comes, the others' when they end.
+def shares(processors: int) -> list[Share]:
+    """Return what is run on so many processors: who computes, who waits, and who takes what is left."""
+    files = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "tests").rglob("test_*.py"))]
+    computing = [*LONGEST, *(f for f in files if f.startswith(COMPUTING) and f not in LONGEST)]
+    waiting = [f for f in files if f not in computing]
+    clockless = [f for f in computing if not CLOCKS.search((ROOT / f).read_text(encoding="utf-8"))]
+    return [
+        *[Share([*computing, *waiting])] * (processors - 1),
+        Share([*waiting, *computing]),
+        Share(clockless, IDLE),
+    ]
+
+
+def run_shared(shares: Sequence[Share], directory: Path = ROOT) -> int:
+    """Run a pytest for each share at once; show what the first prints as it comes, the others' when they end.
 
     What is in several is run by the first that comes to it. Where there are several, run what failed once more. Return
     the exit code of the first that failed, 0 if none did.
     """
     running: list[subprocess.Popen[bytes]] = []
+    several = len(shares) > 1
     with tempfile.TemporaryDirectory() as kept:
-        said = [Path(kept) / f"{i}.log" for i in range(1, len(orders))]
-        caches = [Path(kept) / f"{i}.cache" for i in range(len(orders))]
+        said = [Path(kept) / f"{i}.log" for i in range(1, len(shares))]
+        caches = [Path(kept) / f"{i}.cache" for i in range(len(shares))]
         environment = environment_of(Path(kept))
+        sharing = {**environment, TAKEN: _made(Path(kept) / "taken")} if several else environment
         try:
-            for words, log, cache in zip(orders, [None, *said], caches, strict=True):
-                command = pytest_command(words, cache)
-                shared = (
-                    {**environment, TAKEN: _made(Path(kept) / "taken")} if len(orders) > 1 else environment
-                )
+            for share, log, cache in zip(shares, [None, *said], caches, strict=True):
+                command = [*_niced(share.nice), *pytest_command(share.words, cache)]
+                if several:  # nobody knows what all of it is
+                    command += ["-o", "console_output_style=classic"]
                 if log is None:
-                    running.append(subprocess.Popen(command, cwd=directory, env=shared))
+                    running.append(subprocess.Popen(command, cwd=directory, env=sharing))
                     continue
                 with log.open("wb") as file:
                     started = subprocess.Popen(
-                        command, cwd=directory, env=shared, stdout=file, stderr=subprocess.STDOUT
+                        command, cwd=directory, env=sharing, stdout=file, stderr=subprocess.STDOUT
                     )
                 running.append(started)
             codes = [running[0].wait()]
@@ -72,14 +112,14 @@ def run_shared(orders: Sequence[Sequence[str]], directory: Path = ROOT) -> int:
             for process in running:
                 if process.poll() is None:
                     process.terminate()
-            for words, log in zip(orders[1:], said, strict=True):
+            for number, log in enumerate(said, start=2):
                 if log.exists():
-                    print(f"\npytest {' '.join(words)}", flush=True)
+                    print(f"\npytest {number} of {len(shares)}", flush=True)
                     print(log.read_text(errors="replace"), end="", flush=True)
-        if len(orders) > 1 and INTERRUPTED not in codes:
+        if several and INTERRUPTED not in codes:
             codes = [
-                run_failed(words, cache, directory, environment) if code == FAILED else code
-                for code, words, cache in zip(codes, orders, caches, strict=True)
+                run_failed(cache, directory, environment) if code == FAILED else code
+                for code, cache in zip(codes, caches, strict=True)
             ]
     return next((code for code in codes if code), 0)
 
@@ -101,12 +141,15 @@ def pytest_command(words: Sequence[str], cache: Path) -> list[str]:
     return [sys.executable, "-m", "pytest", "-o", f"cache_dir={cache}", *words]
 
 
-def run_failed(words: Sequence[str], cache: Path, directory: Path, environment: dict[str, str]) -> int:
+def run_failed(cache: Path, directory: Path, environment: dict[str, str]) -> int:
     """Run the tests again that failed by the directory `cache`, alone; return the exit code."""
     failed = json.loads((cache / "v" / "cache" / "lastfailed").read_text())
     print("\nfailed beside the other tests, once more without them:", *failed, sep="\n  ", flush=True)
-    command = [*pytest_command(words, cache), "--last-failed", "--last-failed-no-failures=none"]
-    return subprocess.call(command, cwd=directory, env=environment)
+    return subprocess.call(pytest_command(list(failed), cache), cwd=directory, env=environment)
+
+
+def _niced(nice: int) -> list[str]:
+    return ["nice", "-n", str(nice)] if nice else []
 
 
 def _made(directory: Path) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import tripod_bringup.measure_command as measure_module
+import tripod_bringup.measuring as measuring_module
 from tests.bringup.console import Script
 from tests.scenes import SHARP
 from tripod_bringup.calibrate_command import calibrate
@@ -33,15 +34,14 @@ from tripod_sim import load_scene
 KNOWN = Calibration((ServoCalibration(2.8, 1), ServoCalibration(0.3, -1), ServoCalibration(2.9, 1)))
 KNOWN = Calibration(tuple(replace(s, safe_range=(-1.9, 0.1)) for s in KNOWN.servos))
 ZEROS = np.array([0.05, -0.03, 0.02])
-SCENE = load_scene(SHARP, ("servos.slide=0.02",))
-COARSE = load_scene(SHARP, ("servos.slide=0.02", "mesh.level=1"))
+SCENE = load_scene(SHARP, ("servos.slide=0.02", "mesh.level=1"))
 COLUMNS = LOOKS["heights"].columns
 HEIGHT = (Channel("effector", 2),)
 
 
 @pytest.fixture(scope="module")
 def tour() -> np.ndarray:
-    return telling_poses(COARSE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, 16)
+    return telling_poses(SCENE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, 16)
 
 
 class Human(Script):
@@ -89,7 +89,7 @@ def test_poses_are_within_both_ranges_and_always_the_same(tour: np.ndarray) -> N
     assert tour.shape == (16, 3)
     assert tour.min() >= -1.9 + MARGIN - 1e-12
     assert tour.max() <= 0.1 - MARGIN + 1e-12
-    few = [telling_poses(COARSE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, FEWEST) for _ in range(2)]
+    few = [telling_poses(SCENE, LOOKS["heights"], KNOWN.lower, KNOWN.upper, FEWEST) for _ in range(2)]
     np.testing.assert_array_equal(*few)
     common = tour.mean(axis=1)
     assert np.ptp(common) > 1.0
@@ -138,7 +138,7 @@ def test_typed_heights_give_the_calibration_that_the_robot_has(
 ) -> None:
     bench = Bench(tour, HeightSensor(), tmp_path)
     table = 62.0  # heights are taken from the table
-    noise = np.random.default_rng(4).normal(0, 0.1, len(tour))
+    noise = np.random.default_rng(5).normal(0, 0.1, len(tour))
     bench.human.heights = [f"{table + 1e3 * z + e:.1f}" for z, e in zip(seen(tour)[:, 0], noise, strict=True)]
     assert bench.run() == 0
     assert bench.human.said[-1] == "the servos are parked"
@@ -211,12 +211,16 @@ def test_space_stops_and_g_goes_on(tour: np.ndarray, tmp_path: Path) -> None:
     assert moved.max() <= 2 * SPEED * 0.03 + 2e-3
 
 
-def test_a_robot_that_nobody_looks_after_parks(tour: np.ndarray, tmp_path: Path) -> None:
+def test_a_robot_that_nobody_looks_after_parks(
+    tour: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert PATIENCE == 300.0
+    monkeypatch.setattr(measuring_module, "PATIENCE", 120.0)
     bench = Bench(tour[8:], HeightSensor(), tmp_path)
-    bench.human.patience = 400.0
+    bench.human.patience = 220.0
     assert bench.run() == 0
-    assert "no key for 5 minutes: the servos park" in bench.human.said
-    assert PATIENCE < bench.human.now < PATIENCE + 20
+    assert "no key for 2 minutes: the servos park" in bench.human.said
+    assert 120.0 < bench.human.now < 140.0
     np.testing.assert_allclose(bench.way[-1], 0.0, atol=1e-3)
 
 

@@ -1,4 +1,4 @@
-"""`make test`: two pytests that share all tests, or one with the user's arguments."""
+"""`make test`: pytests that share all tests, or one with the user's arguments."""
 
 import os
 import subprocess
@@ -17,9 +17,9 @@ GOOD, BAD = ["--version"], ["--no-such-option"]
 def test_both_are_shown_one_after_the_other_and_a_failure_of_either_counts(
     capfd: pytest.CaptureFixture[str], orders: list[list[str]], code: int
 ) -> None:
-    assert run_tests.run_shared(orders) == code
+    assert run_tests.run_shared([run_tests.Share(order) for order in orders]) == code
     out, errors = capfd.readouterr()
-    first, second = out.split(f"\npytest {orders[1][0]}\n")
+    first, second = out.split("\npytest 2 of 2\n")
     first += errors  # only that of the others is kept with their output
     for said, words in ((first, orders[0]), (second, orders[1])):
         assert f"pytest {pytest.__version__}" in said if words is GOOD else "unrecognized arguments" in said
@@ -43,8 +43,8 @@ def test_what_failed_beside_others_runs_once_more_and_counts_if_it_fails_again(
 ) -> None:
     (tmp_path / "test_good.py").write_text("def test_good():\n    pass\n")
     (tmp_path / "test_other.py").write_text(body.format(mark=str(tmp_path / "mark")))
-    orders = [["test_good.py"], ["test_other.py"]]
-    assert run_tests.run_shared(orders, tmp_path) == code
+    shares = [run_tests.Share(["test_good.py"]), run_tests.Share(["test_other.py"], nice=1)]
+    assert run_tests.run_shared(shares, tmp_path) == code
     out, _ = capfd.readouterr()
     name = "test_second_time" if code == 0 else "test_never"
     assert f"once more without them:\n  test_other.py::{name}\n" in out
@@ -53,7 +53,12 @@ def test_what_failed_beside_others_runs_once_more_and_counts_if_it_fails_again(
 
 @pytest.mark.parametrize(
     ("words", "processors", "expected"),
-    [([], 2, run_tests.ORDERS), ([], 1, [[]]), (["-x", "tests/ik"], 4, [["-x", "tests/ik"]])],
+    [
+        ([], 2, run_tests.shares(2)),
+        ([], 64, run_tests.shares(run_tests.MOST)),
+        ([], 1, [run_tests.Share([])]),
+        (["-x", "tests/ik"], 4, [run_tests.Share(["-x", "tests/ik"])]),
+    ],
 )
 def test_arguments_and_a_single_processor_mean_one_pytest(
     monkeypatch: pytest.MonkeyPatch, words: list[str], processors: int, expected: object
@@ -85,7 +90,9 @@ def test_it(one, k):
 def test_each_file_is_run_once_by_one_of_those_who_share_it(tmp_path: Path) -> None:
     """Fixtures of a file are made and ended once; a failure ends the one that met it with its code, not the others."""
     log, taken = tmp_path / "log", tmp_path / "taken"
-    (tmp_path / "conftest.py").write_text("from tools.shared_tests import pytest_runtestloop\n")
+    (tmp_path / "conftest.py").write_text(
+        "from tools.shared_tests import pytest_collection, pytest_runtestloop\n"
+    )
     for name in "abcd":
         (tmp_path / f"test_{name}.py").write_text(COUNTED.format(log=str(log), name=name))
     taken.mkdir()
@@ -109,15 +116,66 @@ def test_each_file_is_run_once_by_one_of_those_who_share_it(tmp_path: Path) -> N
     assert log.read_text().splitlines() == expected
 
 
-def test_both_orders_hold_every_file_of_tests() -> None:
+SHARING = """
+import pytest
+from tools.shared_tests import pytest_collection, pytest_runtestloop
+
+@pytest.fixture
+def of_the_folder():
+    return 1
+"""
+
+
+def test_what_another_has_taken_is_not_imported_and_a_file_that_cannot_be_counts(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "conftest.py").write_text(SHARING)
+    (tmp_path / "sub" / "conftest.py").write_text(SHARING.replace("folder", "subfolder"))
+    (tmp_path / "sub" / "test_a.py").write_text("raise ValueError\n")
+    for name in "bc":
+        text = f"def test_{name}(of_the_folder, of_the_subfolder):\n    pass\n"
+        (tmp_path / "sub" / f"test_{name}.py").write_text(text)
+    files = [f"sub/test_{name}.py" for name in "abc"]
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *files]
+
+    def run(*others: str) -> tuple[int, bool]:
+        taken = tmp_path / "-".join(["taken", *others])
+        taken.mkdir()
+        for name in others:
+            (taken / f"sub+test_{name}.py").touch()
+        environment = {**os.environ, "PYTHONPATH": str(run_tests.ROOT), run_tests.TAKEN: str(taken)}
+        done = subprocess.run(
+            words, check=False, cwd=tmp_path, env=environment, capture_output=True, text=True
+        )
+        return done.returncode, "2 passed" in done.stdout
+
+    assert run() == (1, True)
+    assert run("a") == (0, True)
+    assert run("a", "b", "c") == (0, False)
+
+
+@pytest.mark.parametrize("processors", [2, 4])
+def test_the_shares_hold_every_file_of_tests_once(processors: int) -> None:
     files = {
         str(path.relative_to(run_tests.ROOT)) for path in (run_tests.ROOT / "tests").glob("**/test_*.py")
     }
-    for order in run_tests.ORDERS:
-        held = {file for file in files if any(file == word or file.startswith(f"{word}/") for word in order)}
-        assert held == files
-        assert all((run_tests.ROOT / word).exists() for word in order)
-    assert [order[0] for order in run_tests.ORDERS] == ["tests/sim", "tests/bringup"]
+    *computing, waiting, left_over = run_tests.shares(processors)
+    assert len(computing) == processors - 1
+    for share in (*computing, waiting):
+        assert len(share.words) == len(files)
+        assert set(share.words) == files
+        assert share.nice == 0
+    assert computing[0].words[: len(run_tests.LONGEST)] == list(run_tests.LONGEST)
+    assert waiting.words[0].startswith("tests/bringup/")
+    assert left_over.nice > 0
+    assert set(left_over.words) < files
+    assert "tests/sim/test_contact_solid.py" in left_over.words
+    for file in (
+        "sim/test_sim_node.py",
+        "sim/test_realtime.py",
+        "ik/test_ik_node.py",
+        "bringup/test_signals.py",
+    ):
+        assert f"tests/{file}" not in left_over.words
 
 
 @pytest.mark.parametrize("given", [{}, {"PYTHONDONTWRITEBYTECODE": "1"}])
