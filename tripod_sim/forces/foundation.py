@@ -15,17 +15,11 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element
 from tripod_sim.elements.hexahedron import gauss
 from tripod_sim.elements.tetrahedron import T10
-from tripod_sim.forces.solid_kernels import add_element_products
 from tripod_sim.forces.term import LinearTerm
 
 
 class Foundation(LinearTerm):
-    """The bedding of some elements on ghosts.
-
-    Attributes:
-        elements: Nodes of each clamped element and then their ghosts, shape (m, 2 n).
-        matrices: kappa int [N_a N_b, -N_a N_b; -N_a N_b, N_a N_b] dV I [N/m], shape (m, 6 n, 6 n).
-    """
+    """The bedding of some elements on ghosts: `couplings` are kappa int N_a N_b dV [N/m]."""
 
     name = "clamp"
 
@@ -41,21 +35,10 @@ class Foundation(LinearTerm):
             ghosts: Their ghosts, shape (m, n).
             stiffness: kappa [N/m⁴]: force per volume and displacement.
         """
-        self.elements = np.ascontiguousarray(np.hstack([elements, ghosts]))
         points, weights = gauss(3) if kind.corners == 8 else (T10.points, T10.weights)
         volume = np.abs(np.linalg.det(kind.jacobians(rest[elements], points))) * weights
         values = kind.functions(points)
-        mass = stiffness * np.einsum("eq,qa,qb->eab", volume, values, values)
-        block = np.concatenate(
-            [np.concatenate([mass, -mass], axis=2), np.concatenate([-mass, mass], axis=2)], axis=1
-        )
-        self._all = np.arange(len(elements))
-        size = 3 * self.elements.shape[1]
-        self.matrices = np.einsum("eab,ij->eaibj", block, np.eye(3)).reshape(len(elements), size, size)
-
-    def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
-        """Add dE/dx [N] to `g` and return E [J]; both arrays of shape (nodes and ghosts, 3)."""
-        return float(add_element_products(self.matrices, self.elements, self._all, x, 1.0, g))
+        super().__init__(elements, ghosts, stiffness * np.einsum("eq,qa,qb->eab", volume, values, values))
 
     def energies(self, x: FloatArray) -> tuple[float, float]:
         """Return E, which is strain energy, and 0 [J]."""

@@ -6,7 +6,10 @@ built: explicit ones take forces that positions do not change, linear ones and d
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tripod_host.arrays import FloatArray, IndexArray
+from tripod_sim.forces.term_kernels import add_couplings
 
 if TYPE_CHECKING:  # only with springs
     from tripod_sim.springs.spring_kernels import Links
@@ -53,13 +56,34 @@ class BlockTerm(Term):
 
 
 class LinearTerm(BlockTerm):
-    """A quadratic form in the positions: gradient K x, its blocks K the same everywhere."""
+    """What ties nodes to others linearly and alike in all directions, the same everywhere.
+
+    With d_a the place of node a from that of its other a',
+
+        V = 1/2 sum_ab c_ab d_a . d_b,  over blocks of nodes.
+
+    Attributes:
+        elements: Nodes of each block and then their others, shape (m, 2 n).
+        couplings: c_ab [N/m], symmetric, shape (m, n, n).
+        matrices: [c, -c; -c, c] in each direction, shape (m, 6 n, 6 n).
+    """
+
+    def __init__(self, nodes: IndexArray, others: IndexArray, couplings: FloatArray) -> None:
+        """`nodes`, `others`: shape (m, n); `couplings`: shape (m, n, n)."""
+        self.elements, self.couplings = np.ascontiguousarray(np.hstack([nodes, others])), couplings
+        block = np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), couplings)
+        size = 3 * block.shape[1]
+        self.matrices = np.einsum("eab,ij->eaibj", block, np.eye(3)).reshape(len(block), size, size)
 
     def stiffness(self, x: FloatArray, *, project: bool) -> None:
         """Nothing changes with `x`."""
 
+    def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
+        """Add dV/dx [N] at positions `x` [m] to `g`, both of shape (n, 3), and return V [J]."""
+        return float(add_couplings(self.couplings, self.elements, x, g))
+
     def add_products(self, dx: FloatArray, g: FloatArray) -> None:
-        """Add K dx to `g` [N]."""
+        """Add the blocks times `dx` [m] to `g` [N]."""
         self.add_gradient(dx, g)
 
 

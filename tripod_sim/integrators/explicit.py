@@ -132,11 +132,10 @@ class ExplicitSteps:
         n, bed = len(mass), self._bed
         free = system.reduction.kind == Kind.FREE
         inverse = np.divide(1.0, mass, out=np.zeros(n), where=free & (mass > 0))
-        none, indices = np.zeros((0, 6, 6)), np.zeros((0, 2), dtype=np.int64)
+        none, indices = np.zeros((0, 1, 1)), np.zeros((0, 2), dtype=np.int64)
         return Load(
             np.zeros((n, 3)), mass, inverse, self._drag, self._rayleigh, self._scheme != "rk4",
-            bed.matrices if bed else none, bed.elements if bed else indices,
-            np.arange(len(bed.elements) if bed else 0), 0.0,
+            bed.couplings if bed else none, bed.elements if bed else indices, 0.0,
         )  # fmt: skip
 
     def forget(self) -> None:

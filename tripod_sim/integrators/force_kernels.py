@@ -9,6 +9,7 @@ from tripod_host.arrays import Array
 from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import add_element_products, solid_gradient, update_modes
+from tripod_sim.forces.term_kernels import add_couplings
 from tripod_sim.springs.spring_kernels import Links, add_forces
 
 BALANCED = 1e-6
@@ -24,8 +25,8 @@ class Load(NamedTuple):
 
     constant (n, 3): minus weight and dead loads [N]; mass (n,) [kg]; inverse (n,): 1 / m of free nodes, zero of others
     [1/kg]; drag: a of -a M v [1/s]; rayleigh: b of -b K v [s]; lag: whether K is the last assembled, else that of the
-    moment; matrices, elements, which: of a foundation, empty without one; floor: square of a force below which all is
-    rounding [N²].
+    moment; couplings, elements: of what ties nodes to others (`forces.term.LinearTerm`), empty without it; floor:
+    square of a force below which all is rounding [N²].
     """
 
     constant: Array
@@ -34,9 +35,8 @@ class Load(NamedTuple):
     drag: float
     rayleigh: float
     lag: bool
-    matrices: Array
+    couplings: Array
     elements: Array
-    which: Array
     floor: float
 
 
@@ -100,8 +100,8 @@ def evaluate(x: Array, v: Array, solids: Solids, nets: Nets, load: Load, scratch
     for net in nets:
         if net.ends.shape[0]:
             energy += _add_springs(x, v, net, load.rayleigh, scratch.damping, g)
-    if load.which.shape[0]:
-        energy += add_element_products(load.matrices, load.elements, load.which, x, 1.0, g)
+    if load.elements.shape[0]:
+        energy += add_couplings(load.couplings, load.elements, x, g)
     if load.rayleigh > 0.0:
         if load.lag:
             for solid in solids:

@@ -1,0 +1,41 @@
+"""Compiled loops of `term.LinearTerm`."""
+
+import numpy as np
+from numba import njit
+
+from tripod_host.arrays import Array
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def add_couplings(couplings: Array, elements: Array, x: Array, g: Array) -> float:
+    """Add dV/dx of V = 1/2 sum_ab c_ab d_a . d_b, d the places of nodes from their others, to `g`; return V.
+
+    Args:
+        couplings: c [N/m], shape (m, n, n).
+        elements: Nodes and then their others, shape (m, 2 n).
+        x: Positions [m], shape (nodes, 3).
+        g: [N], shape (nodes, 3).
+    """
+    size, total = couplings.shape[1], 0.0
+    d = np.empty((3, size))
+    for e in range(elements.shape[0]):
+        for a in range(size):
+            node, other = elements[e, a], elements[e, size + a]
+            for i in range(3):
+                d[i, a] = x[node, i] - x[other, i]
+        for a in range(size):
+            f0 = f1 = f2 = 0.0
+            for b in range(size):
+                c = couplings[e, a, b]
+                f0 += c * d[0, b]
+                f1 += c * d[1, b]
+                f2 += c * d[2, b]
+            node, other = elements[e, a], elements[e, size + a]
+            g[node, 0] += f0
+            g[node, 1] += f1
+            g[node, 2] += f2
+            g[other, 0] -= f0
+            g[other, 1] -= f1
+            g[other, 2] -= f2
+            total += f0 * d[0, a] + f1 * d[1, a] + f2 * d[2, a]
+    return 0.5 * total
