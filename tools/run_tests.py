@@ -38,6 +38,9 @@ CLOCKS = re.compile(
 IDLE = 15
 """Nice value of the pytest that takes what the others leave of the processors."""
 
+SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables that say how many threads linear algebra has."""
+
 MOST = 4
 """Processors that are made use of: each pytest needs about 1 GB."""
 
@@ -125,12 +128,12 @@ def run_shared(shares: Sequence[Share], directory: Path = ROOT) -> int:
 
 
 def environment_of(kept: Path) -> dict[str, str]:
-    """Return the environment of the tests, in which what Python compiles is kept while they run.
+    """Return the environment of the tests: what Python compiles is kept while they run, linear algebra has one thread.
 
     They start some hundreds of processes: where `PYTHONDONTWRITEBYTECODE` is set, each would compile all that it
-    imports.
+    imports. Threads of linear algebra wait for each other at full load, longest where others use the processors, too.
     """
-    environment = dict(os.environ)
+    environment = {**dict.fromkeys(SINGLE, "1"), **os.environ}
     if environment.pop("PYTHONDONTWRITEBYTECODE", "") and "PYTHONPYCACHEPREFIX" not in environment:
         environment["PYTHONPYCACHEPREFIX"] = _made(kept / "bytecode")
     return environment
