@@ -90,11 +90,16 @@ class Block:
         start.copy_to(self.state)
         self.stepper.forget()
 
+    @property
+    def modes(self) -> FloatArray:
+        """The modes of its elements [m], which may have none."""
+        return self.state.modes if self.solid.has_modes else self.solid.rest_modes()
+
     def energies(self) -> tuple[float, float]:
         """Return kinetic energy, and the sum of kinetic, strain and gravity [J]."""
         s = self.state
         kinetic = 0.5 * float(self.mass @ (s.velocities**2).sum(axis=1))
-        return kinetic, kinetic + self.solid.energy(s.positions, s.modes) + self.gravity.energies(
+        return kinetic, kinetic + self.solid.energy(s.positions, self.modes) + self.gravity.energies(
             s.positions
         )[1]
 

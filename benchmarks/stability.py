@@ -129,7 +129,7 @@ def tripod(case: Case, element: str, scheme: str) -> Subject:
         simulation._system.start_state(np.zeros(4)).copy_to(simulation.state)
     if case.noise:
         add_noise(simulation, case.noise)
-    joints, state, solid = np.array(case.joints), simulation.state, simulation._system.elastic.terms[0]
+    joints, state, elastic = np.array(case.joints), simulation.state, simulation._system.elastic
 
     def energies() -> tuple[float, float]:
         e = simulation.energies()
@@ -139,7 +139,7 @@ def tripod(case: Case, element: str, scheme: str) -> Subject:
         lambda: simulation.step(joints),
         state.positions,
         energies,
-        lambda: solid.worst_element(state.positions, state.modes),
+        lambda: elastic.terms[0].worst_element(state.positions, elastic.of(state.modes, 0)),
         round(case.seconds / simulation.scene.dt),
     )
 
@@ -172,7 +172,7 @@ def soft_block(name: str, element: str, scheme: str) -> Subject:
         body.step,
         state.positions,
         body.energies,
-        lambda: body.solid.worst_element(state.positions, state.modes),
+        lambda: body.solid.worst_element(state.positions, body.modes),
         120,
     )
 
