@@ -90,7 +90,7 @@ class Elastic:
 
     def __init__(self, terms: Sequence[ElasticTerm], moved: IndexArray) -> None:
         """`moved`: nodes whose move `add_response` is asked for."""
-        self.terms, self.mode_residual_squared = tuple(terms), 0.0
+        self.mode_residual_squared = 0.0
         self.has_modes = any(t.has_modes for t in terms)
         self.matrices = [t.matrices for t in terms]
         self._every = [(t.elements, np.arange(len(t.elements))) for t in terms]
@@ -99,6 +99,7 @@ class Elastic:
         ends = np.cumsum([0, *counts]).tolist()
         self._parts = [slice(a, b) for a, b in pairwise(ends)]
         self._none = [None if t.has_modes else t.rest_modes() for t in terms]
+        self.terms = tuple(terms)  # last, where `explain.objects.walk` begins: the arrays above are theirs
 
     def of(self, modes: FloatArray, k: int) -> FloatArray:
         """Return the modes of term `k` out of those of all: a view."""
