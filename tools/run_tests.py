@@ -3,8 +3,9 @@
 Without arguments, and with two processors or more, by several at once, each of which takes the next file of tests that
 no other has taken: one for each processor, and one more of low priority, so that no processor idles while a test waits.
 One begins with the tests that start processes and wait for them, the others with those that compute, the longest first;
-the one of low priority takes only files that look at no clock. Processes and real clocks fail on a machine that is too
-busy for them: what failed runs once more when all have ended, is named, and counts if it fails again.
+the one of low priority takes only files that look at no clock, the longest last. Processes and real clocks fail on a
+machine that is too busy for them: what failed runs once more when all have ended, is named, and counts if it fails
+again.
 """
 
 import json
@@ -23,10 +24,17 @@ ROOT = Path(__file__).parents[1]
 COMPUTING = ("tests/sim", "tests/ik", "tests/identify")
 LONGEST = (
     "tests/tools/test_labs.py",
+    "tests/sim/test_stability.py",
     "tests/ik/test_ik_pathfinder.py",
-    "tests/bringup/test_measuring.py",
+    "tests/identify/test_identify.py",
+    "tests/sim/test_mesh_error.py",
     "tests/sim/test_contact_schemes.py",
+    "tests/sim/test_pairs.py",
     "tests/sim/test_contact_scene.py",
+    "tests/ik/test_ik_inverse.py",
+    "tests/bringup/test_measuring.py",
+    "tests/sim/test_run.py",
+    "tests/identify/test_together.py",
 )
 """Files that compute longest: begun last, one of them would keep all waiting."""
 
@@ -71,7 +79,7 @@ def shares(processors: int) -> list[Share]:
     files = [str(path.relative_to(ROOT)) for path in sorted((ROOT / "tests").rglob("test_*.py"))]
     computing = [*LONGEST, *(f for f in files if f.startswith(COMPUTING) and f not in LONGEST)]
     waiting = [f for f in files if f not in computing]
-    clockless = [f for f in computing if not CLOCKS.search((ROOT / f).read_text(encoding="utf-8"))]
+    clockless = [f for f in reversed(computing) if not CLOCKS.search((ROOT / f).read_text(encoding="utf-8"))]
     return [
         *[Share([*computing, *waiting])] * (processors - 1),
         Share([*waiting, *computing]),

@@ -167,6 +167,7 @@ def test_the_shares_hold_every_file_of_tests_once(processors: int) -> None:
     assert computing[0].words[: len(run_tests.LONGEST)] == list(run_tests.LONGEST)
     assert waiting.words[0].startswith("tests/bringup/")
     assert left_over.nice > 0
+    assert left_over.words[-1] == next(f for f in run_tests.LONGEST if f in left_over.words)
     assert set(left_over.words) < files
     assert "tests/sim/test_contact_solid.py" in left_over.words
     for file in (
