@@ -8,7 +8,7 @@ import pytest
 from tripod_sim import Simulation, load_scene
 from tripod_sim.effects import EFFECTS
 from tripod_sim.figures.accuracy import WISHES, accuracy_figures, accuracy_line
-from tripod_sim.figures.effects import effect_figures, effect_lines, stored
+from tripod_sim.figures.effects import EffectFigure, effect_figures, effect_lines, stored
 from tripod_sim.figures.energy import EnergyBooks, total
 from tripod_sim.figures.errors import effector_error, errors_line, mesh_error
 from tripod_sim.figures.picture import picture
@@ -250,6 +250,12 @@ def test_effects_of_a_scene_of_ones_own_are_listed_with_where_their_times_are_fr
     assert "tripod explain SCENE" in text
     assert "?" not in text
     assert others == []
+
+
+def test_what_an_absent_effect_adds_within_its_noise_is_told_as_at_most_that() -> None:
+    costs = {"load": (-6e-6, 1e-6), "maze": (3e-6, 5e-6), "sleep": (4e-5, 5e-6)}
+    figures = [EffectFigure(name, False, "", cost, noise) for name, (cost, noise) in costs.items()]
+    assert dict(effect_lines(figures))["would add"] == "load under 6 us, maze under 5 us, sleep 40 us"
 
 
 @pytest.mark.parametrize("name", ["tripod", "maze", "cloth", "drape_cubes", "stack"])

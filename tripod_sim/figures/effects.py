@@ -82,9 +82,9 @@ def effect_lines(figures: Sequence[EffectFigure]) -> list[tuple[str, str]]:
 
 
 def _microseconds(figure: EffectFigure) -> str:
-    """Return a cost for people; a difference within its noise is told as at most that, an unknown one not."""
+    """Return a cost for people, an unknown one not; a difference within its noise, or below zero, as at most that."""
     if figure.cost is None:
         return ""
-    if figure.on or abs(figure.cost) > figure.noise:
-        return f"{1e3 * figure.cost:.3g} ms" if abs(figure.cost) >= 1e-3 else f"{1e6 * figure.cost:.3g} us"
-    return f"under {1e6 * figure.noise:.2g} us"
+    if figure.on or figure.cost > figure.noise:
+        return f"{1e3 * figure.cost:.3g} ms" if figure.cost >= 1e-3 else f"{1e6 * figure.cost:.3g} us"
+    return f"under {1e6 * max(figure.noise, -figure.cost):.2g} us"
