@@ -212,7 +212,7 @@ def _show_absent(found: "Explanation", console: "Console", kind: "type[Table]") 
         if cost.seconds is None:
             table.add_row(cost.effect, "-", escape(cost.why_not))
         else:
-            noise = " (noise)" if cost.seconds <= cost.noise else ""
+            noise = " (noise)" if abs(cost.seconds) <= cost.noise else ""
             table.add_row(cost.effect, _micro(cost.seconds) + noise, escape(" ".join(cost.words)))
     console.print(table)
 

@@ -252,10 +252,12 @@ def test_effects_of_a_scene_of_ones_own_are_listed_with_where_their_times_are_fr
     assert others == []
 
 
-def test_what_an_absent_effect_adds_within_its_noise_is_told_as_at_most_that() -> None:
-    costs = {"load": (-6e-6, 1e-6), "maze": (3e-6, 5e-6), "sleep": (4e-5, 5e-6)}
+def test_what_absent_effects_add_and_save_is_told_apart_and_within_noise_as_at_most_that() -> None:
+    costs = {"load": (-6e-6, 1e-6), "maze": (-3e-6, 5e-6), "sleep": (4e-5, 5e-6)}
     figures = [EffectFigure(name, False, "", cost, noise) for name, (cost, noise) in costs.items()]
-    assert dict(effect_lines(figures))["would add"] == "load under 6 us, maze under 5 us, sleep 40 us"
+    assert effect_lines(figures) == [
+        ("effects", "none"), ("would add", "maze under 5 us, sleep 40 us"), ("would save", "load 6 us"),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["tripod", "maze", "cloth", "drape_cubes", "stack"])

@@ -75,16 +75,26 @@ def effect_lines(figures: Sequence[EffectFigure]) -> list[tuple[str, str]]:
     What is not known costs no question mark: the name stands alone, and one line says who measures it.
     """
     on = ", ".join(f"{f.name} {_microseconds(f)}".rstrip() for f in figures if f.on)
-    off = ", ".join(f"{f.name} {_microseconds(f)}" for f in figures if not f.on and f.cost is not None)
+    known = [f for f in figures if not f.on and f.cost is not None]
+    more, less = (
+        ", ".join(f"{f.name} {_microseconds(f)}" for f in known if _saves(f) == saves)
+        for saves in (False, True)
+    )
     if any(f.on and f.cost is None and not f.why_not for f in figures):
         on += " (without a time: not stored for this scene; tripod explain SCENE measures it)"
-    return [("effects", on or "none"), *([("would add", off)] if off else [])]
+    lines = [("effects", on or "none"), ("would add", more), ("would save", less)]
+    return [line for line in lines if line[1]]
+
+
+def _saves(figure: EffectFigure) -> bool:
+    return figure.cost is not None and figure.cost < -figure.noise
 
 
 def _microseconds(figure: EffectFigure) -> str:
-    """Return a cost for people, an unknown one not; a difference within its noise, or below zero, as at most that."""
+    """Return a cost for people, without a sign; a difference within its noise as at most that, an unknown one not."""
     if figure.cost is None:
         return ""
-    if figure.on or figure.cost > figure.noise:
-        return f"{1e3 * figure.cost:.3g} ms" if figure.cost >= 1e-3 else f"{1e6 * figure.cost:.3g} us"
-    return f"under {1e6 * max(figure.noise, -figure.cost):.2g} us"
+    cost = abs(figure.cost)
+    if figure.on or cost > figure.noise:
+        return f"{1e3 * cost:.3g} ms" if cost >= 1e-3 else f"{1e6 * cost:.3g} us"
+    return f"under {1e6 * figure.noise:.2g} us"

@@ -102,7 +102,7 @@ function chip(effect) {
 
 function cost(effect) {
   if (effect.cost === null) return effect.why_not ? "" : "not measured";
-  if (!effect.on && effect.cost <= effect.noise) return `under ${micro(Math.max(effect.noise, -effect.cost))}`;
+  if (!effect.on && Math.abs(effect.cost) <= effect.noise) return `under ${micro(effect.noise)}`;
   return effect.cost < 0 ? `saves ${micro(-effect.cost)}` : `${effect.on ? "" : "+"}${micro(effect.cost)}`;
 }
 
