@@ -13,6 +13,7 @@ from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.joint_hessian import JointHessian
 from tripod_sim.integrators.looking_back import Stage
+from tripod_sim.system_kernels import dot, largest
 
 
 class DescentError(RuntimeError):
@@ -49,8 +50,9 @@ class StepProblem:
         balance: Which of these is small enough [N]: any, where bodies move on; see `statics`.
     """
 
-    SHORTEST = 1e-6
-    """Smallest fraction of a step that is tried."""
+    TRIES, PAST, CHORD = 20, 0.3, 0.3
+    """Shares of a step that are tried; slope at its end over that at its start; and how much shorter than the one
+    before a step is for the factorisation to serve on."""
 
     def __init__(self, bodies: list[Body], contacts: ContactSet) -> None:
         self._bodies, self._contacts = bodies, contacts
@@ -196,7 +198,7 @@ class StepProblem:
         return size
 
     def _descend(self, u: FloatArray, tolerance: float, most: int) -> float:
-        r, trial, after = self._r, self._trial, self._next
+        r = self._r
         phi = self._evaluate(u, r)
         if not np.isfinite(phi):
             raise DescentError("a number is not finite")
@@ -206,32 +208,54 @@ class StepProblem:
                 self._factor(u)
                 fresh = True
             p = self._solve(r)
-            slope, size = float(r @ p), float(np.abs(p).max(initial=0.0))
-            scale = 1.0
-            while True:
-                np.multiply(p, -scale, out=trial)
-                trial += u
-                lower = self._evaluate(trial, after)
-                if lower <= phi - 1e-4 * scale * slope + 1e-12 * max(abs(phi), 1e-9):
-                    break
-                scale *= 0.5
-                if scale < self.SHORTEST:
-                    break
-            if scale < self.SHORTEST:
-                if fresh:
-                    if size <= 1e3 * tolerance:  # rounding of the potential hides the descent
-                        return size
-                    raise DescentError(f"no descent along a step of {size:.3g} m")
+            size = largest(p)
+            if not fresh and size > self.CHORD * previous:
                 self._factored = False
                 continue
-            u[:] = trial
-            phi = lower
-            r[:] = after
+            scale, phi = self._search(u, p, phi)
+            if not scale:
+                if not fresh:
+                    self._factored = False
+                    continue
+                if size <= 1e3 * tolerance:  # rounding of the potential hides the descent
+                    return size
+                raise DescentError(f"no descent along a step of {size:.3g} m")
             if size * scale <= tolerance and scale == 1.0 and self.balanced(r):
                 return size
-            self._factored = scale == 1.0 and size <= 0.3 * previous  # chord steps while they converge fast
+            self._factored = scale == 1.0  # chord steps while they converge fast
             previous, fresh = size, False
         return size
+
+    def _search(self, u: FloatArray, p: FloatArray, phi: float) -> tuple[float, float]:
+        """Move `u`, of the potential `phi` and the gradient in `_r`, along -p to about the minimum there.
+
+        Where the full step goes too far, the slopes on both sides of the minimum tell where it is, for between them the
+        potential is nearly a parabola, or two.
+
+        Returns:
+            The share of p, 0 where none is lower, and the potential there, its gradient in `_r`.
+        """
+        r, trial, after = self._r, self._trial, self._next
+        slope, rounding = dot(r, p), 1e-12 * max(abs(phi), 1e-9)
+        scale, low, falls = 1.0, 0.0, slope
+        for tries in range(self.TRIES):
+            np.multiply(p, -scale, out=trial)
+            trial += u
+            lower = self._evaluate(trial, after)
+            there = dot(after, p) if np.isfinite(lower) else -np.inf
+            lowers = lower <= phi - 1e-4 * scale * slope + rounding
+            if lowers and (
+                -self.PAST * slope <= there <= self.PAST * slope or (not tries and there > 0.0) or tries > 4
+            ):
+                u[:], r[:] = trial, after
+                return scale, lower
+            if lowers and there > 0.0:
+                low, falls = scale, there
+            else:
+                high, rises = scale, -there
+            share = falls / (falls + rises) if rises > 0.0 else 0.5
+            scale = low + (high - low) * min(max(share, 0.1), 0.9)
+        return 0.0, phi
 
 
 def _join(patterns: list[Any]) -> Any:

@@ -83,6 +83,10 @@ class Response:
     FEW, FIRST = 8, 0.05
     """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
 
+    SLOW, STIFFER = 0.8, 8.0
+    """Share of the error that a slow round leaves, at least, and by how much it makes contacts stiffer: what presses
+    many at once gives more than each of them alone."""
+
     THOROUGH = 4
     """How many times more solves a body takes whose strains are bounded, as stiffly as that is done."""
 
@@ -141,13 +145,16 @@ class Response:
             spent += self._problem.effort.iterations - before
             gap, slip, outcome.smallest = self._forces(u)
             outcome.rounds += 1
-            error = max(gap, slip, self._settle(u, aim))
+            last, error = error, max(gap, slip, self._settle(u, aim))
             outcome.residual = max(error, size)
             self._take()
             if outcome.residual <= enough or spent >= most:
                 outcome.solved = outcome.residual <= aim
                 outcome.done = outcome.solved or not rough
                 return outcome
+            if outcome.rounds > 1 and size <= tolerance and error > self.SLOW * last:
+                c.arrays.stiffness[: c.count, 0 if gap > slip else 1] *= self.STIFFER
+                self._problem.renew()
 
     def _solve_few(self, u: FloatArray) -> Outcome | None:
         """Solve by the compliance of the bodies, if it leads to the end, else return None and leave `u`."""
