@@ -49,3 +49,13 @@ def write_moves(nodes: Array, before: Array, after: Array, out: Array) -> None:
         n = nodes[k]
         for i in range(3):
             out[n, i] = after[n, i] - before[n, i]
+
+
+@njit(cache=True, error_model="numpy")
+def write_difference(a: Array, b: Array, out: Array) -> float:
+    """Write a - b, of any one shape, to `out`; return the largest of it."""
+    x, y, z, most = a.ravel(), b.ravel(), out.ravel(), 0.0
+    for k in range(x.shape[0]):
+        z[k] = x[k] - y[k]
+        most = max(most, abs(z[k]))
+    return most

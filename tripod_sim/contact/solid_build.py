@@ -112,7 +112,8 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     vertices = np.concatenate([s.nodes for s in found])
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stage = ImplicitStage(newton, inertia, mass, scene.damping.mass if scene.damping else 0.0)
-    nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance, draft.bound)
+    near = contact.tolerance * contact.contact_distance
+    nodes = SolidNodes(stage, mass, vertices, MODES * scene.solver.tolerance, near, draft.bound)
     rigid = None
     if rigids_of(scene):
         from tripod_sim.contact.rigid_build import rigid_set  # noqa: PLC0415 - an effect that is absent

@@ -8,7 +8,6 @@ presses them, and so do free nodes along axes along which they are held or moved
 Incompatible modes are no unknowns: at every move they are brought to the minimum of the energy.
 """
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,16 +16,20 @@ from scipy import sparse
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.contact import group_kernels
+from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.looking_back import Memory, Stage
 from tripod_sim.integrators.stage import ImplicitStage
 from tripod_sim.state import State
-from tripod_sim.system_kernels import same
+from tripod_sim.system_kernels import largest, same, write_difference
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.forces.strain_bound import StrainBound
 
 HELD = 1e18
 """Stiffness with which driven nodes keep to their way [N/m]: no force that a body bears moves them by an atom."""
+
+NEAR = 0.1
+"""Share of the move of nodes by which modes may miss their balance: the condensed gradient knows of it."""
 
 ROOM = 1e6
 """Square of how much more unbalanced than the tolerance modes may be at last."""
@@ -53,6 +56,7 @@ class SolidNodes:
         mass: FloatArray,
         nodes: IndexArray,
         tolerance: float,
+        near: float,
         bound: "StrainBound | None" = None,
     ) -> None:
         """Take part in steps with contact.
@@ -62,11 +66,12 @@ class SolidNodes:
             mass: Of nodes [kg].
             nodes: Of the surface.
             tolerance: Unbalanced force of modes that is let be [N].
+            near: Or by how much they may miss their balance at most [m], if nodes have moved by far more.
             bound: Of the stretch of springs, a term of the system; None without one.
         """
         self._stage, self._system, self._mass, self.nodes = stage, stage.newton.system, mass, nodes
         system, r = self._system, self._system.reduction
-        self._tolerance, self._bound = tolerance**2, bound
+        self._tolerance, self._near, self._bound = tolerance**2, near, bound
         self.bounded = self._bound is not None
         kind = r.kind[nodes]
         self._arms = np.flatnonzero(kind == Kind.DRIVEN)
@@ -88,9 +93,8 @@ class SolidNodes:
         n = len(system.rest)
         self._dx, self._last = np.zeros((n, 3)), np.zeros((n, 3))
         self._last_modes = system.elastic.rest_modes()
-        self._spoils = (
-            0.0  # force on modes, in tolerances, per move of the nodes that the last inverse balanced [1/m]
-        )
+        self._off = [t.arrays().y for t in system.elastic.terms if isinstance(t, Solid) and t.has_modes]
+        system.elastic.settle_modes(system.rest, self._last_modes, tolerance)  # compiles
         self._start: State | None = None
         self._trial: State | None = None
         self._at, self._phi, self._given = np.full(self.unknowns, np.nan), 0.0, False
@@ -100,6 +104,10 @@ class SolidNodes:
         self._read = np.zeros((0, 0, 3))  # what of the start of a stage may be looked back on
         self._kept: tuple[State, float] | None = None
         self._projected = self._hold = self.served = False
+        self._along, self._answers = (
+            system.another_linear(),
+            False,
+        )  # whether it has factored the last assembly
         self._free = r.free
         groups = system.groups.rigid
         self._members = np.concatenate([*groups, np.zeros(0, dtype=np.int64)]).astype(np.int64)
@@ -188,7 +196,9 @@ class SolidNodes:
         self._now_at, self._given = stage, self.served
         if not self.served:
             self._hold, self._projected = self._projected, False
-            system.assemble(start, project=True)  # the condensation of the modes is that of the start
+            self._answers = False
+            if self._hold or system.assemble(start, project=False) >= 0:
+                system.assemble(start, project=True)  # the condensation of the modes is that of the start
         if system.damping and not self.served:
             system.damping.held = False
             if self._hold:
@@ -218,7 +228,7 @@ class SolidNodes:
         """
         self.rate_at_start(u)
         u *= self._now_at.length
-        if self._way.any():
+        if len(self.given):
             self._go_along(u)
         for part in (0.5, 0.5, 0.5, 0.0):
             u[self.given] = self._way
@@ -245,6 +255,7 @@ class SolidNodes:
         assert trial is not None
         count = system.reduction.pattern.nnz
         if self._given:
+            self._answers = False
             if not np.isfinite(self._place(u)) or system.assemble(trial, project=project) >= 0:
                 self.pattern.data[:] = np.nan
                 return
@@ -367,12 +378,15 @@ class SolidNodes:
         driven = system.driven
         system.evaluate(start)
         self._remember(start)
-        if system.factor():
+        if not self._answers:
+            system.write_hessian()
+            self._answers = self._along.factor() and self._along.is_positive()
+        if self._answers:
             self._dx[:] = 0.0
             self._dx[driven] = trial.positions[driven] - start.positions[driven]
             system.add_driven(self._dx)
             self._dx[driven] = 0.0
-            u[: self._own] = -system.linear.solve(system.residual)
+            u[: self._own] = -self._along.solve(system.residual)
 
     def _remember(self, state: State) -> None:
         """Note where the last gradient was taken, whose modes are balanced."""
@@ -387,6 +401,12 @@ class SolidNodes:
         system.move(start, u[: self._own], self._dx, 1.0, trial)
         trial.positions[self._pinned] = self._pinned_at
 
+    def _balances(self, far: float) -> bool:
+        """Return whether modes are balanced well enough after nodes have moved by `far` [m]."""
+        if self._system.elastic.mode_residual_squared <= self._tolerance:
+            return True
+        return all(largest(y) <= min(NEAR * far, self._near) for y in self._off)
+
     def _place(self, u: FloatArray) -> float:
         """Put the trial state where `u` brings it, its modes at rest; return the potential, infinite for none."""
         if same(u, self._at):
@@ -394,16 +414,10 @@ class SolidNodes:
         system, trial, elastic = self._system, self._trial, self._system.elastic
         assert trial is not None
         self._move(u)
-        np.subtract(trial.positions, self._last, out=self._dx)
+        far = write_difference(trial.positions, self._last, self._dx)
         elastic.advance_modes(self._last_modes, self._dx, 1.0, trial.modes)
-        far, phi, left = float(np.abs(self._dx).max(initial=0.0)), np.inf, np.inf
-        if (
-            self._spoils * far <= 1.0
-        ):  # the modes are balanced well enough, it seems: the gradient itself will tell
-            phi, left = system.evaluate(trial), elastic.mode_residual_squared
-            if far and np.isfinite(phi):
-                self._spoils = math.sqrt(left / self._tolerance) / far
-        if not (np.isfinite(phi) and left <= self._tolerance):
+        phi = system.evaluate(trial)
+        if not (np.isfinite(phi) and self._balances(far)):
             left = elastic.settle_modes(trial.positions, trial.modes, self._tolerance)
             phi = system.evaluate(trial) if left <= ROOM * self._tolerance else np.inf
         if np.isfinite(phi):
