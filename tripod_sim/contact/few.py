@@ -7,8 +7,9 @@ With the Hessian A of the bodies alone, factored once, a step u of Newton's meth
 r the bodies' gradient, f what the contacts press and pull with after it. Of the unknowns z that contacts touch this is
 a problem of its own, small and dense, solved to the tolerance each time (`few_kernels`); it needs the rows of A^-1 that
 belong to z, by one back-substitution each, when something new is touched. A may be that of an earlier pose, of a step
-before, too, as long as each step is much shorter than the one before. The end is the same as that of the augmented
-Lagrangian on all unknowns: the forces are in balance, gaps and slips within the tolerance.
+before, too, as long as each step is much shorter than the one before. Where the last two steps of time ended equally
+far from their moves without forces, the next begins there. The end is the same as that of the augmented Lagrangian on
+all unknowns: the forces are in balance, gaps and slips within the tolerance.
 """
 
 import numpy as np
@@ -46,6 +47,7 @@ class FewContacts:
         self._which, self._force, self._S = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 0))
         self._r, self._serves, self.rounds = np.zeros(n), False, 0
         self._reserve(256)
+        self._missed, self._steady, self._rate = np.zeros(n), False, 0.0
 
     def warm_up(self) -> None:
         """Compile what is needed only when something touches."""
@@ -84,6 +86,11 @@ class FewContacts:
         self._taken[:count] = False
         self._chosen.count, self.rounds, self._serves = 0, 0, False
         self._which, self._force = np.zeros(0, dtype=np.int64), np.zeros(0)
+        if self._problem.begun:
+            self._missed *= float(self._problem.serves)
+            if self._steady:
+                u += self._missed
+        self._problem.begun = False
         try:
             self._choose(u, 0.0)
             return self._descend(u, mu, aim)
@@ -106,11 +113,11 @@ class FewContacts:
     def _descend(self, u: FloatArray, mu: float, aim: float) -> float:
         problem, r, before, since, slow = self._problem, self._r, np.inf, 0, 0
         for _ in range(self.STEPS):
-            if not problem.serves:
+            if not problem.ready:
                 self._row[:], self._known, self._serves = -1, 0, False
                 if not problem.factor_bodies(u):
                     raise _NoWayError
-                since, before = 0, np.inf
+                since, before, self._rate = 0, np.inf, 0.0
             if not np.isfinite(problem.gradient(u, r)):
                 raise _NoWayError
             free = -problem.solve_bodies(r)
@@ -118,12 +125,16 @@ class FewContacts:
             size = problem.size(change)
             u += change
             since += 1
-            left = size * min(1.0, size / before)  # what a step leaves of its error, as the one before did
-            if size <= 0.1 * aim and left <= 0.01 * aim:
+            if before < np.inf:
+                self._rate = min(1.0, size / before)
+            if size <= 0.1 * aim and self._rate * size <= 0.01 * aim:
                 problem.gradient(u, r)
                 r[self._which] -= self._force
                 if problem.balanced(r):
                     problem.serves = since <= self.FEW
+                    missed = u - problem.guess
+                    change, self._missed = missed - self._missed, missed
+                    self._steady = problem.size(change) < 0.3 * problem.size(missed)
                     return max(error, size)
             if size >= 0.3 * before:
                 slow += 1

@@ -1,5 +1,6 @@
 """The potential of one step with contact, in the unknowns of all moving bodies, and how to go down in it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -44,8 +45,9 @@ class StepProblem:
         given: Unknowns that are not sought, shape (g,).
         reach: See `Body`.
         give: 1 / diagonal of the Hessian without contacts at the start of the step, shape (unknowns,).
+        guess, begun: Moves of the stage without forces, and whether it has just begun.
         effort: Counts.
-        serves: Whether the factorisation of the bodies alone is one of this step, or good enough for it.
+        serves: Whether the Hessian of the bodies at hand is one of this step, or good enough for it.
         unbalanced: Largest force that the last descent left [N].
         balance: Which of these is small enough [N]: any, where bodies move on; see `statics`.
     """
@@ -68,18 +70,20 @@ class StepProblem:
         ]
         self._joint = JointHessian(self._pattern)
         self._bare = self._joint.bare
-        self._length, self._assembled = 0.0, False
+        self._length, self._assembled, self._bare_factored = 0.0, False, False
         n = self.unknowns
         self.give, self._r, self._trial, self._next = np.ones(n), np.zeros(n), np.zeros(n), np.zeros(n)
         self._diagonal = self._pattern.indptr[1:] - 1
         self._state = np.zeros(256, dtype=np.int64)
         self._factored = False
+        self.guess, self.begun = np.zeros(n), False
         self.effort, self.unbalanced, self.balance, self.serves = Effort(), 0.0, np.inf, False
 
     def warm_up(self) -> None:
         """Compile what is needed only when something touches."""
         u = np.zeros(self.unknowns)
         response_kernels.add_gradient(self._contacts.arrays, 0, u, u, self._state)
+        largest(u), dot(u, u)
         self._joint.warm_up(self._contacts, u)
 
     def begin(self, stage: Stage, u: FloatArray) -> None:
@@ -90,26 +94,44 @@ class StepProblem:
             body.served = self.serves
             body.begin(stage)
             body.guess(u[part])
+        self.guess[:], self.begun = u, True
 
     def prepare(self, u: FloatArray) -> None:
-        """Write `give`, from the Hessians at the start of the step, or at `u` where one of a step before serves."""
-        if not self._assembled:
+        """Write `give`, from the Hessians at the start of the step, or of a step before that serve."""
+        if not self._assembled and not self.serves:
             self._assemble(u, project=not self.lasting)
             np.divide(1.0, np.abs(self._pattern.data[self._diagonal]), out=self.give)
-            self._assembled = True
+            self.serves = self.lasting
+        self._assembled = True
+
+    @property
+    def ready(self) -> bool:
+        """Whether `solve_bodies` has a factorisation that serves."""
+        return self.serves and self._bare_factored
 
     def factor_bodies(self, u: FloatArray) -> bool:
-        """Factor the Hessian of the bodies alone: at the start of the step the first time, then at `u`."""
+        """Factor the Hessian of the bodies alone: the one at hand if it serves, else that at `u`."""
         self.effort.factorisations += 1
+        self.prepare(u)
+        self._bare_factored = self._fits(self._factor_bare, u)
+        return self._bare_factored
+
+    def _factor_bare(self) -> bool:
+        return self._bare.factor() and self._bare.is_positive()
+
+    def _fits(self, factor: Callable[[], bool], u: FloatArray) -> bool:
+        """Let `factor` take the bodies' Hessian at hand if it serves, else that at `u`, as it is or else projected.
+
+        Return whether one is positive definite.
+        """
+        if self.serves and factor():
+            return True
         for project in (False, True):
-            if self._assembled or project:
-                self._assemble(u, project=project)
-            else:
-                self.prepare(u)
-            self.serves = self._bare.factor() and self._bare.is_positive()
+            self._assemble(u, project=project)
+            self.serves = factor()
             if self.serves:
-                break
-        return self.serves
+                return True
+        return False
 
     def solve_bodies(self, r: FloatArray) -> FloatArray:
         """Return A^-1 r with the last factorisation of the bodies alone."""
@@ -136,6 +158,7 @@ class StepProblem:
         self._factored = False
 
     def _assemble(self, u: FloatArray, *, project: bool) -> None:
+        self._bare_factored = False
         for body, part, (own, place) in zip(self._bodies, self.slices, self._parts, strict=True):
             body.hessian(u[part], project=project)
             place[:] = own
@@ -165,14 +188,12 @@ class StepProblem:
         return self.unbalanced <= self.balance
 
     def _factor(self, u: FloatArray) -> None:
-        """Assemble and factor at `u`: as it is if that is positive definite, else projected."""
+        """Factor with the contacts at `u`."""
         self.effort.factorisations += 1
-        for project in (False, True):
-            self._assemble(u, project=project)
-            self._factored = self._joint.factor(self._contacts, u)
-            if self._factored:
-                return
-        raise DescentError("the tangent is singular or not finite")
+        self.serves = self.serves and self.lasting
+        self._factored = self._fits(lambda: self._joint.factor(self._contacts, u), u)
+        if not self._factored:
+            raise DescentError("the tangent is singular or not finite")
 
     def _solve(self, r: FloatArray) -> FloatArray:
         """Return H^-1 r."""
@@ -199,30 +220,36 @@ class StepProblem:
 
     def _descend(self, u: FloatArray, tolerance: float, most: int) -> float:
         r = self._r
-        phi = self._evaluate(u, r)
-        if not np.isfinite(phi):
+        way = u[self.given]
+        for part in (1.0, 0.5, 0.5, 0.5, 0.0):  # moves without forces may turn elements inside out
+            u *= part
+            u[self.given] = way
+            if np.isfinite(phi := self._evaluate(u, r)):
+                break
+        else:
             raise DescentError("a number is not finite")
         fresh, size, previous = False, np.inf, np.inf
+        enough = (
+            0.01 if self.lasting else 0.1
+        ) * tolerance  # with a Hessian of another pose steps show less of errors
         for _ in range(most):
             if not self._factored:
+                fresh = not self.serves
                 self._factor(u)
-                fresh = True
             p = self._solve(r)
             size = largest(p)
-            if not fresh and size > self.CHORD * previous:
-                self._factored = False
-                continue
-            scale, phi = self._search(u, p, phi)
-            if not scale:
-                if not fresh:
-                    self._factored = False
-                    continue
+            scale = 0.0
+            if fresh or size <= self.CHORD * previous:
+                scale, phi = self._search(u, p, phi)
+            if not scale and fresh:
                 if size <= 1e3 * tolerance:  # rounding of the potential hides the descent
                     return size
                 raise DescentError(f"no descent along a step of {size:.3g} m")
-            if size * scale <= tolerance and scale == 1.0 and self.balanced(r):
+            left = 0.0 if fresh else size * min(1.0, size / previous)  # of its error, as the one before did
+            if scale == 1.0 and size <= tolerance and left <= enough and self.balanced(r):
                 return size
-            self._factored = scale == 1.0  # chord steps while they converge fast
+            if scale < 1.0:  # chord steps while they converge fast
+                self._factored = self.serves = False
             previous, fresh = size, False
         return size
 

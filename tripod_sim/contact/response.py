@@ -84,8 +84,8 @@ class Response:
     """Linear solves of one minimisation; error of the multipliers that a step begins with, in contact distances."""
 
     SLOW, STIFFER = 0.8, 8.0
-    """Share of the error that a slow round leaves, at least, and by how much it makes contacts stiffer: what presses
-    many at once gives more than each of them alone."""
+    """Share of the error that a slow round leaves, at least, and by how much it makes contacts stiffer along their
+    normals: what presses many at once gives more than each of them alone."""
 
     THOROUGH = 4
     """How many times more solves a body takes whose strains are bounded, as stiffly as that is done."""
@@ -133,7 +133,8 @@ class Response:
             return outcome
         self._problem.prepare(u)
         kernels.set_stiffness(c.arrays, c.count, self._problem.give, self.NORMAL, self.TANGENTIAL)
-        outcome, aim, error = Outcome(), law.tolerance * law.distance, self.FIRST * law.distance
+        outcome, aim = Outcome(), law.tolerance * law.distance
+        error = self.FIRST * law.distance if c.count else 0.0
         enough, most = (max(aim, error), min(self.ROUGH, law.max_solves)) if rough else (aim, law.max_solves)
         spent, most, few = 0, self._times * most, self._times * self.FEW
         while True:
@@ -148,12 +149,13 @@ class Response:
             last, error = error, max(gap, slip, self._settle(u, aim))
             outcome.residual = max(error, size)
             self._take()
-            if outcome.residual <= enough or spent >= most:
-                outcome.solved = outcome.residual <= aim
+            exact = size <= 0.1 * max(aim, error)
+            if (exact and error <= enough) or spent >= most:
+                outcome.solved = exact and error <= aim
                 outcome.done = outcome.solved or not rough
                 return outcome
-            if outcome.rounds > 1 and size <= tolerance and error > self.SLOW * last:
-                c.arrays.stiffness[: c.count, 0 if gap > slip else 1] *= self.STIFFER
+            if outcome.rounds > 1 and size <= tolerance and gap == error > self.SLOW * last:
+                c.arrays.stiffness[: c.count, 0] *= self.STIFFER
                 self._problem.renew()
 
     def _solve_few(self, u: FloatArray) -> Outcome | None:

@@ -94,7 +94,9 @@ class SolidNodes:
         self._dx, self._last = np.zeros((n, 3)), np.zeros((n, 3))
         self._last_modes = system.elastic.rest_modes()
         self._off = [t.arrays().y for t in system.elastic.terms if isinstance(t, Solid) and t.has_modes]
-        system.elastic.settle_modes(system.rest, self._last_modes, tolerance)  # compiles
+        # what only some steps need is compiled
+        system.elastic.settle_modes(system.rest, self._last_modes, tolerance)
+        system.elastic.add_products(system.elastic.matrices, self._dx, largest(self._last), self._last)
         self._start: State | None = None
         self._trial: State | None = None
         self._at, self._phi, self._given = np.full(self.unknowns, np.nan), 0.0, False
@@ -222,19 +224,11 @@ class SolidNodes:
         self._at[:] = np.nan
 
     def guess(self, u: FloatArray) -> None:
-        """Write the moves with the velocities at the start, or what part of them turns no element inside out.
-
-        Where some are given, the others go along as the linearised system answers.
-        """
+        """Write the moves with the velocities at the start; where some are given others, the linearised answer."""
         self.rate_at_start(u)
         u *= self._now_at.length
-        if len(self.given):
+        if self._way.any() or self._now().velocities[self._system.driven].any():
             self._go_along(u)
-        for part in (0.5, 0.5, 0.5, 0.0):
-            u[self.given] = self._way
-            if np.isfinite(self._place(u)):
-                return
-            u *= part
         u[self.given] = self._way
 
     def add(self, u: FloatArray, out: FloatArray) -> float:

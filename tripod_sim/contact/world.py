@@ -402,10 +402,7 @@ class World:
     def _detect(self, u: FloatArray) -> None:
         """Fill `contacts` for a step that without forces makes the moves `u`."""
         c, kept = self.contacts, self._kept
-        kept.count = 0
-        kept.reserve(c.count)
-        for old, new in zip(c.arrays, kept.arrays, strict=True):
-            new[: c.count] = old[: c.count]
+        c.arrays, kept.arrays = kept.arrays, c.arrays
         kept.count, c.count = c.count, 0
         self.detector.near(self.positions, c, kept)
         self._ends_of(u)
