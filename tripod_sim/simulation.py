@@ -223,7 +223,12 @@ class Simulation:
             if not (self.scene.inertia and self.scene.inertia.scheme in EXPLICIT):
                 raise  # an explicit scheme beyond its limit is told of by the step itself
             keep.copy_to(self.state)
-        if self._system.groups.rigid:
+        system = self._system
+        if (
+            isinstance(system, System) and self.scene.solver.mode == "one_solve"
+        ):  # steps that end so may come late
+            system.settle(self.state, np.zeros(system.unknowns), np.zeros_like(system.rest))
+        if system.groups.rigid:
             with suppress(StepError):  # a body that nothing holds may have none: who asks for it is told
                 self.compliance()
         keep.copy_to(self.state)
@@ -416,11 +421,6 @@ class Simulation:
             self.energies()
             if discs_of(self.scene):
                 self.compliance()
-            system = self._system
-            if (
-                isinstance(system, System) and self.scene.solver.mode == "one_solve"
-            ):  # steps that end so may come late
-                system.settle(self.state, np.zeros(system.unknowns), np.zeros_like(system.rest))
         except StepError:
             pass  # it comes again where it can be told
         self.reset()

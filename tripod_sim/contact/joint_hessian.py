@@ -43,6 +43,10 @@ class JointHessian:
         """Compile what is needed only when something touches."""
         kernels.add_hessian(contacts.arrays, 0, u, *self._arrays)
         kernels.pairs(contacts.arrays, 0, np.zeros((1, 2), dtype=np.int64))
+        self.bodies.data[:] = 0.0
+        self.bodies.data[self.bodies.indptr[1:] - 1] = 1.0
+        self.bare.factor()
+        self.bare.solve_many(u[:, None])
 
     def factor(self, contacts: ContactSet, u: FloatArray) -> bool:
         """Factor the bodies' Hessian with that of `contacts` at `u`; return whether it is positive definite."""

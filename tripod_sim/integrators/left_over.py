@@ -30,6 +30,7 @@ class LeftOver:
         """Begin with nothing; `unknowns`: size of a solution."""
         self._forecast, self._slope = np.zeros(unknowns), np.zeros(unknowns)
         self._length, self._known = 0.0, False
+        _learn(self._forecast, self._slope, self._forecast, LEVEL, SLOPE)  # compiled before it is needed
 
     def drop(self) -> None:
         """Begin anew: the factorisation is another one."""
