@@ -125,7 +125,7 @@ class FewContacts:
             size = problem.size(change)
             u += change
             since += 1
-            if before < np.inf:
+            if 0.0 < before < np.inf:
                 self._rate = min(1.0, size / before)
             if size <= 0.1 * aim and self._rate * size <= 0.01 * aim:
                 problem.gradient(u, r)

@@ -176,23 +176,30 @@ def invert(N: Array, S: Array) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
+def _all_blocks(c: Contacts, k: int, J: Array, B: Array, at: Array) -> int:
+    """Write J of contact k to `B`, shape (3, 24), and the places of its columns to `at`; return their number.
+
+    J: scratch, shape (3, 6).
+    """
+    wide = 0
+    for m in range(4):
+        if c.base[k, m] < 0:
+            break
+        jacobian(c, k, m, J)
+        for j in range(c.width[k, m]):
+            for i in range(3):
+                B[i, wide] = J[i, j]
+            at[wide] = c.base[k, m] + j
+            wide += 1
+    return wide
+
+
+@njit(cache=True, error_model="numpy")
 def stiffen(c: Contacts, count: int, N: Array) -> None:
     """Write rho and sigma: multiples of 1 / (n . J N J^T n) of each contact, and of the same across it."""
-    base = c.base
-    B = np.empty((3, 24))
-    at = np.empty(24, dtype=np.int64)
-    J = np.empty((3, 6))
+    J, B, at = np.empty((3, 6)), np.empty((3, 24)), np.empty(24, dtype=np.int64)
     for k in range(count):
-        wide = 0
-        for m in range(4):
-            if base[k, m] < 0:
-                break
-            jacobian(c, k, m, J)
-            for j in range(c.width[k, m]):
-                for i in range(3):
-                    B[i, wide] = J[i, j]
-                at[wide] = base[k, m] + j
-                wide += 1
+        wide = _all_blocks(c, k, J, B, at)
         along = across = 0.0
         n = c.normal[k]
         for p in range(wide):
@@ -209,45 +216,25 @@ def stiffen(c: Contacts, count: int, N: Array) -> None:
 @njit(cache=True, error_model="numpy")
 def _add_hessian(c: Contacts, count: int, z: Array, K: Array) -> None:
     """Add the Hessian of sum of P, J^T H J of each contact, to the lower triangle of K."""
-    base, lump, moment, width, normal = c.base, c.lump, c.moment, c.width, c.normal
-    pressure, stiffness, gap, limit = c.pressure, c.stiffness, c.gap, c.limit
-    H, HB = np.empty((3, 3)), np.empty((3, 6))
+    normal, pressure, stiffness, gap, limit = c.normal, c.pressure, c.stiffness, c.gap, c.limit
+    H, J, B, at = np.empty((3, 3)), np.empty((3, 6)), np.empty((3, 24)), np.empty(24, dtype=np.int64)
     for k in range(count):
-        d = relative(base, lump, moment, width, k, z)
+        d = relative(c.base, c.lump, c.moment, c.width, k, z)
         along = normal[k, 0] * d[0] + normal[k, 1] * d[1] + normal[k, 2] * d[2]
         if pressure[k] - stiffness[k, 0] * (gap[k] + along) <= 0.0 and limit[k] <= 0.0:
             continue
         curvature(c, k, d, H)
-        for b in range(4):
-            column = base[k, b]
-            if column < 0:
-                break
-            for i in range(3):
-                for j in range(3):
-                    HB[i, j] = lump[k, b] * H[i, j]
-            wide = width[k, b]
-            if wide == 6:  # -H [r]x
-                r0, r1, r2 = moment[k, b, 0], moment[k, b, 1], moment[k, b, 2]
-                for i in range(3):
-                    HB[i, 3] = H[i, 2] * r1 - H[i, 1] * r2
-                    HB[i, 4] = H[i, 0] * r2 - H[i, 2] * r0
-                    HB[i, 5] = H[i, 1] * r0 - H[i, 0] * r1
-            for a in range(4):
-                row = base[k, a]
-                if row < 0:
-                    break
-                if row < column:
-                    continue
-                w = lump[k, a]
-                for i in range(3):
-                    for j in range(wide):
-                        K[row + i, column + j] += w * HB[i, j]
-                if width[k, a] == 6:  # [r]x H J
-                    r0, r1, r2 = moment[k, a, 0], moment[k, a, 1], moment[k, a, 2]
-                    for j in range(wide):
-                        K[row + 3, column + j] += r1 * HB[2, j] - r2 * HB[1, j]
-                        K[row + 4, column + j] += r2 * HB[0, j] - r0 * HB[2, j]
-                        K[row + 5, column + j] += r0 * HB[1, j] - r1 * HB[0, j]
+        wide = _all_blocks(c, k, J, B, at)
+        for q in range(wide):
+            b0, b1, b2 = B[0, q], B[1, q], B[2, q]
+            h0, h1, h2 = (
+                H[0, 0] * b0 + H[0, 1] * b1 + H[0, 2] * b2,
+                H[1, 0] * b0 + H[1, 1] * b1 + H[1, 2] * b2,
+                H[2, 0] * b0 + H[2, 1] * b1 + H[2, 2] * b2,
+            )
+            for p in range(wide):
+                if at[p] >= at[q]:
+                    K[at[p], at[q]] += B[0, p] * h0 + B[1, p] * h1 + B[2, p] * h2
 
 
 @njit(cache=True, error_model="numpy")

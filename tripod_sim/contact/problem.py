@@ -214,13 +214,7 @@ class StepProblem:
         Raises:
             DescentError: no lower potential was found.
         """
-        size = self._descend(u, tolerance, most)
-        self.balanced(self._r)
-        return size
-
-    def _descend(self, u: FloatArray, tolerance: float, most: int) -> float:
-        r = self._r
-        way = u[self.given]
+        r, way = self._r, u[self.given]
         for part in (1.0, 0.5, 0.5, 0.5, 0.0):  # moves without forces may turn elements inside out
             u *= part
             u[self.given] = way
@@ -229,9 +223,9 @@ class StepProblem:
         else:
             raise DescentError("a number is not finite")
         fresh, size, previous = False, np.inf, np.inf
-        enough = (
+        enough = tolerance * (
             0.01 if self.lasting else 0.1
-        ) * tolerance  # with a Hessian of another pose steps show less of errors
+        )  # a Hessian of another pose shows less of what is left
         for _ in range(most):
             if not self._factored:
                 fresh = not self.serves
@@ -243,14 +237,20 @@ class StepProblem:
                 scale, phi = self._search(u, p, phi)
             if not scale and fresh:
                 if size <= 1e3 * tolerance:  # rounding of the potential hides the descent
-                    return size
+                    break
                 raise DescentError(f"no descent along a step of {size:.3g} m")
-            left = 0.0 if fresh else size * min(1.0, size / previous)  # of its error, as the one before did
-            if scale == 1.0 and size <= tolerance and left <= enough and self.balanced(r):
+            # of its error a step leaves what the one before did
+            near = (
+                scale == 1.0
+                and size <= tolerance
+                and (fresh or size * min(size, previous) <= enough * previous)
+            )
+            if near and self.balanced(r):
                 return size
             if scale < 1.0:  # chord steps while they converge fast
                 self._factored = self.serves = False
             previous, fresh = size, False
+        self.balanced(r)
         return size
 
     def _search(self, u: FloatArray, p: FloatArray, phi: float) -> tuple[float, float]:
@@ -280,7 +280,7 @@ class StepProblem:
                 low, falls = scale, there
             else:
                 high, rises = scale, -there
-            share = falls / (falls + rises) if rises > 0.0 else 0.5
+            share = falls / (falls + rises) if 0.0 < rises < np.inf else 0.3
             scale = low + (high - low) * min(max(share, 0.1), 0.9)
         return 0.0, phi
 
