@@ -349,6 +349,13 @@ class System:
             scale: Fraction of the step, 1 when driven nodes move.
             out: The result; may not be `start`.
         """
+        self.move_nodes(start, solution, dx, scale, out)
+        self.elastic.advance_modes(start.modes, dx, scale, out.modes)
+
+    def move_nodes(
+        self, start: State, solution: FloatArray, dx: FloatArray, scale: float, out: State
+    ) -> None:
+        """As `move`, without the modes."""
         r = self.reduction
         move_bodies(
             start.centres, start.rotations, scale, solution, 3 * r.free_count, out.centres, out.rotations
@@ -356,4 +363,3 @@ class System:
         move_nodes(
             start.positions, scale, dx, out.centres, out.rotations, self._arm, r.kind, r.number, out.positions
         )
-        self.elastic.advance_modes(start.modes, dx, scale, out.modes)

@@ -61,6 +61,7 @@ class FewContacts:
             mine, 0, one, one[0].copy(), one[0].copy(), 0.0, 1.0, self._pressure, self._friction, self._state
         )
         kernels.give_back(mine, 0, self._numbers, c)
+        kernels.add_answers(one, one[0], one, self._touched[:1], one[0].copy(), one[0].copy())
         self.smallest(self._r)
 
     def _reserve(self, room: int) -> None:
@@ -162,8 +163,8 @@ class FewContacts:
                 raise _NoWayError
             kernels.give_back(mine.arrays, mine.count, self._numbers, c.arrays)
             self.rounds, solved = self.rounds + rounds, True
-            self._force = self._S @ (z - y)
-            change = free + self._force @ self._columns[self._row[self._which]]
+            change = free.copy()
+            kernels.add_answers(self._S, z - y, self._columns, self._row[self._which], self._force, change)
 
     def _condense(self) -> None:
         """Write N^-1 for the touched unknowns, having found the rows of A^-1 that are missing."""

@@ -315,6 +315,21 @@ def settle(
     return MORE, error
 
 
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def add_answers(S: Array, offset: Array, columns: Array, row: Array, force: Array, out: Array) -> None:
+    """Write the forces S (z - y), `offset` being z - y, shape (m,), and add what they move, A^-1 of them, to `out`.
+
+    columns, row: Rows of A^-1, and which of them belong to z, shape (m,).
+    """
+    for i in range(len(force)):
+        total, own, answer = 0.0, S[i], columns[row[i]]
+        for j in range(len(force)):
+            total += own[j] * offset[j]
+        force[i] = total
+        for k in range(len(out)):
+            out[k] += total * answer[k]
+
+
 @njit(cache=True, error_model="numpy")
 def smallest_gap(c: Contacts, count: int, u: Array) -> float:
     """Return the smallest gap after the moves `u` [m], infinite without contacts."""

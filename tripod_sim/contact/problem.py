@@ -14,7 +14,7 @@ from tripod_sim.contact.bodies import Body
 from tripod_sim.contact.contact_set import ContactSet
 from tripod_sim.contact.joint_hessian import JointHessian
 from tripod_sim.integrators.looking_back import Stage
-from tripod_sim.system_kernels import dot, largest
+from tripod_sim.system_kernels import dot
 
 
 class DescentError(RuntimeError):
@@ -83,7 +83,7 @@ class StepProblem:
         """Compile what is needed only when something touches."""
         u = np.zeros(self.unknowns)
         response_kernels.add_gradient(self._contacts.arrays, 0, u, u, self._state)
-        largest(u), dot(u, u)
+        dot(u, u)
         self._joint.warm_up(self._contacts, u)
 
     def begin(self, stage: Stage, u: FloatArray) -> None:
@@ -231,7 +231,7 @@ class StepProblem:
                 fresh = not self.serves
                 self._factor(u)
             p = self._solve(r)
-            size = largest(p)
+            size = float(np.abs(p).max(initial=0.0))  # NaN, if p is
             scale = 0.0
             if fresh or size <= self.CHORD * previous:
                 scale, phi = self._search(u, p, phi)

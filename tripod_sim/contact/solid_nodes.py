@@ -392,14 +392,13 @@ class SolidNodes:
         assert trial is not None
         first = 3 * system.reduction.free_count
         self._dx[self._free] = u[:first].reshape(-1, 3)
-        system.move(start, u[: self._own], self._dx, 1.0, trial)
+        system.move_nodes(start, u[: self._own], self._dx, 1.0, trial)
         trial.positions[self._pinned] = self._pinned_at
 
     def _balances(self, far: float) -> bool:
         """Return whether modes are balanced well enough after nodes have moved by `far` [m]."""
-        if self._system.elastic.mode_residual_squared <= self._tolerance:
-            return True
-        return all(largest(y) <= min(NEAR * far, self._near) for y in self._off)
+        left, near = self._system.elastic.mode_residual_squared, min(NEAR * far, self._near)
+        return left <= self._tolerance or (left < np.inf and all(largest(y) <= near for y in self._off))
 
     def _place(self, u: FloatArray) -> float:
         """Put the trial state where `u` brings it, its modes at rest; return the potential, infinite for none."""
