@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
 HELD = 1e18
 """Stiffness with which driven nodes keep to their way [N/m]: no force that a body bears moves them by an atom."""
 
-NEAR = 0.1
+NEAR = 0.3
 """Share of the move of nodes by which modes may miss their balance: the condensed gradient knows of it."""
 
 ROOM = 1e6
