@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tools.shared_tests import TAKEN
+from tripod_host.program import SINGLE
 
 ROOT = Path(__file__).parents[1]
 COMPUTING = ("tests/sim", "tests/ik", "tests/identify")
@@ -45,9 +46,6 @@ CLOCKS = re.compile(
 
 IDLE = 15
 """Nice value of the pytest that takes what the others leave of the processors."""
-
-SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that say how many threads linear algebra has."""
 
 MOST = 4
 """Processors that are made use of: each pytest needs about 1 GB."""

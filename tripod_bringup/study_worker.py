@@ -15,10 +15,8 @@ from importlib import import_module
 from typing import Any
 
 from tripod_host.parent import die_with_parent
+from tripod_host.program import SINGLE
 from tripod_host.stop import end_at_once
-
-SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""Set to 1: CPU times of a thread are comparable, and sums have the same order everywhere."""
 
 
 class Worker:
@@ -68,7 +66,7 @@ class Worker:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
                 text=True,
-                env={**os.environ, **dict.fromkeys(SINGLE, "1")},
+                env={**os.environ, **dict.fromkeys((*SINGLE, "NUMBA_NUM_THREADS"), "1")},
                 start_new_session=True,  # Ctrl-C is for whoever started it
             )
         return self._process

@@ -1,4 +1,4 @@
-"""What every program of the suite runs in: signals, standard streams, and failures of the machine in one line."""
+"""What every program of the suite runs in: signals, streams, threads, and failures of the machine in one line."""
 
 import errno
 import io
@@ -13,10 +13,16 @@ FAILED = 1
 BROKEN_PIPE = 141
 """As a shell tells the end of a program whose reader left."""
 
+SINGLE = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Set to 1 before NumPy is imported, they hold linear algebra to one thread: matrices are small here, and threads wait
+for each other at full load."""
+
 
 @contextmanager
 def program(name: str) -> Iterator[None]:
     """Run the main function of the program `name`; the block ends by SystemExit or returns.
+
+    Linear algebra has one thread, unless the environment says otherwise.
 
     Raises:
         SystemExit: with code 1 and one line where standard output is closed or full, a file cannot be opened, a library
@@ -24,6 +30,8 @@ def program(name: str) -> Iterator[None]:
     """
     end_at_once()
     open_streams(name)
+    for variable in SINGLE:
+        os.environ.setdefault(variable, "1")
     try:
         try:
             yield

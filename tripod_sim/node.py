@@ -1,6 +1,5 @@
 """The simulator as a node: parameters, conversions, one call; the physics runs in its own thread."""
 
-import os
 import sys
 import threading
 import time
@@ -609,8 +608,6 @@ def main(
     beside: Callable[[Executor, Sequence[float]], Companion] | None = None,
 ) -> int:
     """Run the node, and what `beside` makes with its executor and its slew rates; see `tripod_graph.run.run_node`."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
     made: list[SimNode] = []
 
     def make() -> SimNode:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tripod_host.program import SINGLE
+
 ROOT = Path(__file__).parents[2]
 HEAD = "import sys\nfrom tripod_host.program import program\nwith program('it'):\n    "
 
@@ -71,3 +73,13 @@ def test_every_name_can_be_printed(locale: dict[str, str]) -> None:
 def test_what_the_machine_lacks_is_told_in_one_line(failing: str, said: str) -> None:
     done = run(failing)
     assert (done.returncode, done.stderr) == (1, said)
+
+
+def test_linear_algebra_has_one_thread_unless_the_environment_says_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for variable in SINGLE:
+        monkeypatch.delenv(variable, raising=False)
+    line = f"import os; print(*(os.environ[v] for v in {SINGLE}))"
+    assert run(line).stdout == "1 1 1\n"
+    assert run(line, **{SINGLE[0]: "3"}).stdout == "3 1 1\n"

@@ -6,13 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tripod_host.program import SINGLE
 from tripod_host.reading import read_file
 
 BOOKS = Path("/proc/stat")
 """Where Linux tells what its processors did since it started [ticks]."""
-
-SINGLE = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""What holds the linear algebra to one thread, if it is set before NumPy is imported."""
 
 SLOWEST = 20.0
 """Time after which a machine is taken to be too busy to be measured [s]."""
