@@ -6,7 +6,7 @@ working pose, so that the strips stay stretched; gone to from the flat piece, by
 `--accuracy` is judged (`promise_cases.dynamic_case`), about the working pose. Wide motions: from the working pose to a
 random one in 0.1 to 0.4 s, each servo on by up to 0.5 rad in 30 to 150 ms, then 0.1 s of rest; there strips hang slack
 and snap. The effectivity of a motion is the largest estimate over the largest true error, once with an estimate after
-each step, once with those that 20 % of the steps' time allows.
+each step, once with those that 16 % of the steps' time allows.
 
 The seed is the date unless given. Each case is a line of a file as soon as it is done; a run that is broken off goes on
 there. `python benchmarks/mesh_error.py --write` also writes docs/accuracy.md.
