@@ -25,7 +25,7 @@ from calibration import calibration  # it sets the number of threads, so it come
 # isort: split
 import numpy as np
 from doc_parts import write_part
-from promise_cases import dynamic_case, dynamic_turn
+from promise_cases import dynamic_case, dynamic_turn, turned
 
 from tripod_sim import Simulation, StepError, load_scene
 
@@ -59,10 +59,7 @@ def pose(rng: np.random.Generator) -> np.ndarray:
 def move(seed: int, start: np.ndarray, dt: float) -> np.ndarray:
     """Return joints for each step of a move of `promise_cases` from `start`, shape (steps, 4)."""
     turn, ramp = dynamic_turn(seed)
-    share = np.minimum(dt * np.arange(1, round(0.12 / dt) + 1) / ramp, 1.0)
-    way = np.repeat(start[None], len(share), axis=0)
-    way[:, :3] = np.clip(start[:3] + np.outer(share, turn), -2.1, 0.6)
-    return way
+    return np.stack([turned(start, turn, ramp, dt * k) for k in range(1, round(0.12 / dt) + 1)])
 
 
 def motion(rng: np.random.Generator, dt: float) -> np.ndarray:

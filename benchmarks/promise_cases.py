@@ -161,11 +161,16 @@ def _driven(
     for instant in np.round(times / dt).astype(int):
         while k < instant:
             k += 1
-            joints = start.copy()
-            joints[:3] = np.clip(start[:3] + turn * min(k * dt / ramp, 1.0), -2.1, 0.6)
-            simulation.step(joints)
+            simulation.step(turned(start, turn, ramp, k * dt))
         rows.append(np.array(look()))
     return np.array(rows)
+
+
+def turned(start: np.ndarray, turn: np.ndarray, ramp: float, time: float) -> np.ndarray:
+    """Return the joints at `time` [s] where the servos turn by `turn` [rad] from `start` in `ramp` [s]."""
+    joints = start.copy()
+    joints[:3] = np.clip(start[:3] + turn * min(time / ramp, 1.0), -2.1, 0.6)
+    return joints
 
 
 def _start(angles: np.ndarray, slide: float) -> tuple[str, ...]:

@@ -1,9 +1,20 @@
-"""Compiled loops of `term.LinearTerm`."""
+"""Compiled loops of `term.LinearTerm`, and how forces between two nodes are added."""
 
 import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def add_pair(out: Array, i: int, j: int, f0: float, f1: float, f2: float) -> None:
+    """Add a vector to row i and take it from row j."""
+    out[i, 0] += f0
+    out[i, 1] += f1
+    out[i, 2] += f2
+    out[j, 0] -= f0
+    out[j, 1] -= f1
+    out[j, 2] -= f2
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
@@ -30,12 +41,6 @@ def add_couplings(couplings: Array, elements: Array, x: Array, g: Array) -> floa
                 f0 += c * d[0, b]
                 f1 += c * d[1, b]
                 f2 += c * d[2, b]
-            node, other = elements[e, a], elements[e, size + a]
-            g[node, 0] += f0
-            g[node, 1] += f1
-            g[node, 2] += f2
-            g[other, 0] -= f0
-            g[other, 1] -= f1
-            g[other, 2] -= f2
+            add_pair(g, elements[e, a], elements[e, size + a], f0, f1, f2)
             total += f0 * d[0, a] + f1 * d[1, a] + f2 * d[2, a]
     return 0.5 * total

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.forces.term_kernels import add_pair
 
 
 class Links(NamedTuple):
@@ -46,17 +47,6 @@ def tension_of(length: float, rest: float, k: float, slack: bool) -> tuple[float
     if stretch < 0.0 and slack:
         k = 0.0
     return stretch, k, k * stretch
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def add_pair(out: Array, i: int, j: int, f0: float, f1: float, f2: float) -> None:
-    """Add a vector to row i and take it from row j."""
-    out[i, 0] += f0
-    out[i, 1] += f1
-    out[i, 2] += f2
-    out[j, 0] -= f0
-    out[j, 1] -= f1
-    out[j, 2] -= f2
 
 
 @njit(cache=True, error_model="numpy")
