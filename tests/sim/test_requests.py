@@ -132,6 +132,8 @@ def test_the_process_begins_anew_with_what_is_asked_and_goes_back_where_that_can
         graph.wait(
             lambda: shipped() or ear.ask(do="as_shipped"), "the scene as shipped"
         )  # it is just joining
+        ear.figures.clear()  # what is told to stop while it builds a node does so by the signal
+        graph.wait(lambda: ear.figures or ear.ask(do="figures"), "the answer of the last node")
         assert process.poll() is None
     finally:
         process.send_signal(signal.SIGTERM)
