@@ -8,6 +8,10 @@ random one in 0.1 to 0.4 s, each servo on by up to 0.5 rad in 30 to 150 ms, then
 and snap. The effectivity of a motion is the largest estimate over the largest true error, once with an estimate after
 each step, once with those that 16 % of the steps' time allows.
 
+Cases that others choose come from a file, `--chosen FILE`, a JSON list: {"kind": "pose", "joints": [angles, slide]} and
+{"kind": "motion", "knots": [[time, angles, slide], ...]}, straight between knots, the first at time 0, at rest. For
+`benchmarks/data/chosen_motions.json` only the robot's ranges were known, nothing of the simulator or the estimate.
+
 The seed is the date unless given. Each case is a line of a file as soon as it is done; a run that is broken off goes on
 there. `python benchmarks/mesh_error.py --write` also writes docs/accuracy.md.
 """
@@ -16,7 +20,9 @@ import argparse
 import datetime
 import json
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +31,18 @@ from calibration import calibration  # it sets the number of threads, so it come
 # isort: split
 import numpy as np
 from doc_parts import write_part
+from promise_cases import Case as PromiseCase
 from promise_cases import dynamic_case, dynamic_turn, turned
 
 from tripod_sim import Simulation, StepError, load_scene
 
 WORKING = np.array([-1.4965, -1.4965, -1.4965, 0.035])
 FOUND = Path("build/mesh_error")
+CHOSEN = Path(__file__).parent / "data" / "chosen_motions.json"
 LEAST, MOST = 0.5, 2.0
 EVERY = "mesh_error.share=1e6"
 POSE, MOVE, WIDE = "poses", "moves", "wide motions"
+CHOSEN_POSE, CHOSEN_MOTION = "chosen poses", "chosen motions"
 
 
 def simulation(element: str, level: int, *words: str) -> Simulation:
@@ -42,10 +51,42 @@ def simulation(element: str, level: int, *words: str) -> Simulation:
     return Simulation(load_scene("tripod", [*mesh, "solver.max_turn=0.3", *words]))
 
 
-def working(element: str, level: int, *words: str) -> Simulation:
-    """Return it in the working pose."""
-    at = (f"servos.angles={WORKING[:3].tolist()}", f"servos.slide={WORKING[3]}")
-    return simulation(element, level, *at, *words)
+def at(joints: np.ndarray) -> tuple[str, str]:
+    """Return the words for a start in a pose."""
+    return f"servos.angles={joints[:3].tolist()}", f"servos.slide={joints[3]}"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the joints go.
+
+    Attributes:
+        words: What the scene is overridden with.
+        joints: Returns them at a time [s], given those at the start.
+        duration: [s]; 0 for a pose, gone to from the flat piece by statics.
+    """
+
+    words: tuple[str, ...]
+    joints: Callable[[float, np.ndarray], np.ndarray]
+    duration: float
+
+    def way(self, start: np.ndarray, dt: float) -> np.ndarray:
+        """Return the joints at the end of each step, shape (steps, 4)."""
+        return np.stack([self.joints(dt * k, start) for k in range(1, max(round(self.duration / dt), 1) + 1)])
+
+
+def standing(joints: np.ndarray) -> Motion:
+    """Return a pose."""
+    return Motion(("inertia=off", "damping=off"), lambda _time, _start: joints, 0.0)
+
+
+def straight(knots: np.ndarray) -> Motion:
+    """Return the motion straight between `knots`, rows of time [s] and joints, from rest at the first."""
+
+    def joints(time: float, _: np.ndarray) -> np.ndarray:
+        return np.array([np.interp(time, knots[:, 0], column) for column in knots[:, 1:].T])
+
+    return Motion(at(knots[0, 1:]), joints, float(knots[-1, 0]))
 
 
 def pose(rng: np.random.Generator) -> np.ndarray:
@@ -56,22 +97,28 @@ def pose(rng: np.random.Generator) -> np.ndarray:
     return np.append(angles, np.clip(angles.mean() / WORKING[0], 0.0, 1.0) * WORKING[3])
 
 
-def move(seed: int, start: np.ndarray, dt: float) -> np.ndarray:
-    """Return joints for each step of a move of `promise_cases` from `start`, shape (steps, 4)."""
-    turn, ramp = dynamic_turn(seed)
-    return np.stack([turned(start, turn, ramp, dt * k) for k in range(1, round(0.12 / dt) + 1)])
+def move(case: PromiseCase) -> Motion:
+    """Return a move of `promise_cases`, from where its scene begins."""
+    turn, ramp = dynamic_turn(case.seed)
+    return Motion(case.overrides, lambda time, start: turned(start, turn, ramp, time), 0.12)
 
 
-def motion(rng: np.random.Generator, dt: float) -> np.ndarray:
-    """Return random joints for each step of a wide motion, shape (steps, 4)."""
+def motion(rng: np.random.Generator) -> Motion:
+    """Return a random wide motion."""
     there = np.append(rng.uniform(-1.9, -0.4, 3), WORKING[3])
     on = there + np.append(rng.uniform(-0.5, 0.5, 3).clip(-2.1 - there[:3], 0.6 - there[:3]), 0.0)
     first, second = rng.uniform(0.1, 0.4), rng.uniform(0.03, 0.15)
-    times = dt * np.arange(1, round((first + second + 0.1) / dt) + 1)
-    knots = [0.0, first, first + second]
-    return np.stack(
-        [np.interp(times, knots, [a, b, c]) for a, b, c in zip(WORKING, there, on, strict=True)], 1
-    )
+    times = np.array([0.0, first, first + second, first + second + 0.1])
+    return straight(np.column_stack([times, [WORKING, there, on, on]]))
+
+
+def chosen(path: Path) -> dict[str, list[Motion]]:
+    """Return the poses and motions of a file."""
+    cases = json.loads(path.read_text())
+    return {
+        CHOSEN_POSE: [standing(np.array(c["joints"], float)) for c in cases if c["kind"] == "pose"],
+        CHOSEN_MOTION: [straight(np.array(c["knots"], float)) for c in cases if c["kind"] == "motion"],
+    }
 
 
 def followed(found: Simulation, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,55 +142,51 @@ class Case:
     """One mesh against a finer one."""
 
     def __init__(self, element: str, level: int, truth: int, poses: int, moves: int, motions: int) -> None:
-        """`truth`: mesh level of the truth; `poses`, `moves`, `motions`: how many."""
+        """`truth`: mesh level of the truth; `poses`, `moves`, `motions`: how many random ones."""
         self.mesh, self.truth = (element, level), ("h20", truth)
-        self.kinds = ((POSE, poses, self._poses), (MOVE, moves, self._moves), (WIDE, motions, self._motions))
+        self.counts = {POSE: poses, MOVE: moves, WIDE: motions}
         self.name = f"{element}, level {level}"
+        self._three = lru_cache(1)(self._made)
 
-    def run(self, seed: int) -> list[dict[str, Any]]:
-        """Return the rows of all cases, made or read."""
+    def random(self, kind: str, seed: int) -> list[Motion]:
+        """Return random motions of a kind, or poses."""
+        count = range(self.counts[kind])
+        if kind == MOVE:
+            return [move(dynamic_case(100 * seed + k)) for k in count]
+        if kind == POSE:
+            return [standing(pose(np.random.default_rng([seed, 0, k]))) for k in count]
+        return [motion(np.random.default_rng([seed, 1, k])) for k in count]
+
+    def run(self, kinds: Mapping[str, Sequence[Motion]], name: str) -> list[dict[str, Any]]:
+        """Return the rows of all motions, by kind, made or read from the file of this name."""
         FOUND.mkdir(parents=True, exist_ok=True)
-        path = FOUND / f"{seed}-{'-'.join(map(str, self.mesh))}.jsonl"
+        path = FOUND / f"{name}-{'-'.join(map(str, self.mesh))}.jsonl"
         rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
         with path.open("a") as out:
-            for kind, count, make in self.kinds:
+            for kind, motions in kinds.items():
                 done = sum(row["kind"] == kind for row in rows)
-                made = make(seed, range(done, count)) if done < count else ()
-                for k, found in zip(range(done, count), made, strict=False):
-                    rows.append({"kind": kind, "case": k, **found})
+                for k, given in enumerate(motions[done:], done):
+                    rows.append({"kind": kind, "case": k, **self._judged(given)})
                     out.write(json.dumps(rows[-1]) + "\n")
                     out.flush()
                     print(self.name, rows[-1], flush=True)
         return rows
 
-    def _poses(self, seed: int, cases: Iterable[int]) -> Iterator[dict[str, Any]]:
-        still = ("inertia=off", "damping=off")
-        own, true = simulation(*self.mesh, *still, EVERY), simulation(*self.truth, *still)
-        for k in cases:
-            joints = pose(np.random.default_rng([seed, 0, k]))
-            yield {"joints": joints.tolist(), **compared(joints[None], own, true)}
+    def _judged(self, given: Motion) -> dict[str, Any]:
+        """Return the numbers of a motion, or of a pose, in which nothing is told seldom."""
+        try:
+            own, true, told = self._three(given.words)
+            return compared(given.way(own.command, own.scene.dt), own, true, told if given.duration else None)
+        except StepError as error:
+            return {"failed": str(error)}
 
-    def _moves(self, seed: int, cases: Iterable[int]) -> Iterator[dict[str, Any]]:
-        for k in cases:
-            case = dynamic_case(100 * seed + k)
-            try:
-                own, told = (
-                    simulation(*self.mesh, *case.overrides, word) for word in (EVERY, "mesh_error={}")
-                )
-                true = simulation(*self.truth, *case.overrides)
-            except StepError as error:
-                yield {"failed": str(error)}
-                continue
-            yield compared(move(case.seed, own.command, own.scene.dt), own, true, told)
-
-    def _motions(self, seed: int, cases: Iterable[int]) -> Iterator[dict[str, Any]]:
-        own, told, true = (
-            working(*self.mesh, EVERY),
-            working(*self.mesh, "mesh_error={}"),
-            working(*self.truth),
+    def _made(self, words: tuple[str, ...]) -> tuple[Simulation, Simulation, Simulation]:
+        """Return the mesh with an estimate each step, the truth, and the mesh with estimates as it comes."""
+        return (
+            simulation(*self.mesh, *words, EVERY),
+            simulation(*self.truth, *words),
+            simulation(*self.mesh, *words, "mesh_error={}"),
         )
-        for k in cases:
-            yield compared(motion(np.random.default_rng([seed, 1, k]), own.scene.dt), own, true, told)
 
 
 def compared(
@@ -178,7 +221,7 @@ CASES = (
 
 def cost(repeats: int = 7, steps: int = 400) -> list[str]:
     """Return what the estimate makes of the CPU time of a step, at rest and in motion: the least of runs in turns."""
-    off, on = (working(*CASES[0].mesh, *words) for words in ((), ("mesh_error={}",)))
+    off, on = (simulation(*CASES[0].mesh, *at(WORKING), *words) for words in ((), ("mesh_error={}",)))
     found = []
     for name, turn in (("at rest", 0.0), ("servo 0 swings by 0.3 rad at 2 Hz", 0.3)):
         way = WORKING + np.outer(
@@ -199,18 +242,22 @@ def cost(repeats: int = 7, steps: int = 400) -> list[str]:
     return found
 
 
-def line(name: str, rows: list[dict[str, Any]], kind: str, key: str = "estimate") -> str:
-    """Return a row of the table."""
-    good = [row for row in rows if row["kind"] == kind and "true" in row]
-    ratios = np.array([row[key] / row["true"] for row in good])
-    within = (ratios >= LEAST) & (ratios <= MOST)
-    true = 1e3 * np.array([row["true"] for row in good])
-    what = kind if kind == POSE else f"{kind}, {'estimated each step' if key == 'estimate' else 'as told'}"
-    cells = [
-        name, what, str(len(good)), f"{np.median(true):.2g}, at most {true.max():.2g}",
-        f"{100 * within.mean():.0f} %", f"{ratios.min():.2f} to {ratios.max():.2f}, median {np.median(ratios):.2f}",
-    ]  # fmt: skip
-    return "| " + " | ".join(cells) + " |"
+def lines_of(name: str, rows: list[dict[str, Any]]) -> list[str]:
+    """Return the row of the table, or both, for cases of a kind."""
+    good = [row for row in rows if "true" in row]
+    true, kind, found = 1e3 * np.array([row["true"] for row in good]), rows[0]["kind"], []
+    for key, how in (("estimate", ", estimated each step"), ("told", ", as told")):
+        if key not in good[0]:
+            continue
+        ratios = np.array([row[key] / row["true"] for row in good])
+        within = (ratios >= LEAST) & (ratios <= MOST)
+        cells = [
+            name, kind + how * ("told" in good[0]), f"{len(good)} of {len(rows)}",
+            f"{np.median(true):.2g}, at most {true.max():.2g}", f"{100 * within.mean():.0f} %",
+            f"{ratios.min():.2f} to {ratios.max():.2f}, median {np.median(ratios):.2f}",
+        ]  # fmt: skip
+        found.append("| " + " | ".join(cells) + " |")
+    return found
 
 
 def main() -> None:
@@ -221,6 +268,9 @@ def main() -> None:
     today = int(datetime.date.today().strftime("%Y%m%d"))
     parser.add_argument("--seed", type=int, default=today, help="of the random numbers (default: the date)")
     parser.add_argument("--only", type=int, nargs="*", help="numbers of the cases, from 0; default: all")
+    parser.add_argument(
+        "--chosen", type=Path, default=CHOSEN, help="cases that others choose (default %(default)s)"
+    )
     parser.add_argument("--write", action="store_true", help="write docs/accuracy.md, too")
     parser.add_argument(
         "--cost", action="store_true", help="only what the estimate makes of the time of a step"
@@ -235,10 +285,13 @@ def main() -> None:
     for k, case in enumerate(CASES):
         if options.only and k not in options.only:
             continue
-        rows = case.run(options.seed)
-        for kind, count, _ in case.kinds:
-            keys = ("estimate",) if kind == POSE else ("estimate", "told")
-            lines += [line(case.name, rows, kind, key) for key in keys if count]
+        sets = [(str(options.seed), {kind: case.random(kind, options.seed) for kind in case.counts})]
+        if case is CASES[0]:
+            sets.append((options.chosen.stem, chosen(options.chosen)))
+        for name, kinds in sets:
+            rows = case.run(kinds, name)
+            for kind, motions in kinds.items():
+                lines += lines_of(case.name, [r for r in rows if r["kind"] == kind]) if motions else ()
     print("\n".join(lines))
     if options.write:
         note = f"Seed {options.seed}; `python benchmarks/mesh_error.py --write`."
