@@ -85,7 +85,10 @@ def run(
     scene: SceneArgument,
     *,
     duration: Annotated[
-        float | None, typer.Option(help="Simulated time \\[s]; the scene's own by default.")
+        float | None,
+        typer.Option(
+            help="Simulated time \\[s]; by default until 1 s after the last servo time, else the scene's own."
+        ),
     ] = None,
     servo: ServoScript = None,
     slide: SlideScript = None,

@@ -30,7 +30,7 @@ from tripod_sim.mesh.solid_mesh import check_held
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import rigids_of, soft_bodies, springs_alone
+from tripod_sim.scene_short import FIRST, rigids_of, soft_bodies, springs_alone
 from tripod_sim.steppers import stepper_of
 from tripod_sim.system import System
 
@@ -69,7 +69,9 @@ def _built(scene: Scene, progress: Progress | None = None) -> Parts:
 
         parts = build_springs(scene, scene.springs)
         system: Any = parts.system
-        return _watched(scene, NodeSets(scene.set, system.rest, {}), system, parts)
+        return _watched(
+            scene, NodeSets(scene.set, system.rest, {}, {FIRST: np.arange(len(system.rest))}), system, parts
+        )
     if rigids_of(scene) and not soft_bodies(scene):
         from tripod_sim.contact.rigid_build import build_rigid
 
@@ -98,7 +100,8 @@ def _of_terms(scene: Scene, progress: Progress | None) -> Parts:
         draft.rigid += platforms.nodes
     draft.groups, said = with_held(held_groups(draft), assembly, static=not scene.inertia)
     if platforms or not scene.inertia:
-        _check_held(assembly, draft.groups)
+        while_held = "while a platform is brought to its place" if platforms else "without inertia"
+        _check_held(assembly, draft.groups, while_held)
     do("extend")
     fastened = np.zeros(0)
     if platforms:
@@ -137,15 +140,16 @@ def _stepped(draft: Draft, system: System) -> Parts:
     return Parts(mesh, draft.inert, system, stepper, skin=skin, errors=errors)
 
 
-def _check_held(assembly: Assembly, groups: Groups) -> None:
-    """Refuse bodies that can move as a whole in a scene without inertia. Raises SceneError, which says how."""
+def _check_held(assembly: Assembly, groups: Groups, when: str) -> None:
+    """Refuse bodies that can move as a whole in a state of rest. Raises SceneError, which says how, and `when`."""
     first, held = assembly.bodies[0], groups.held()
-    source = f"mesh.source {first.table.mesh.source!r}" if first.table.mesh else f"body {first.table.name!r}"
+    source = "bodies " + ", ".join(repr(body.table.name) for body in assembly.bodies)
     if first.solid and len(assembly.bodies) == 1:
+        source = f"mesh.source {first.table.mesh.source!r}" if first.table.mesh else source
         check_held(first.solid, groups.rigid, np.flatnonzero(held.any(axis=1)), source)
     blocks = [body.blocks for body in assembly.bodies]
     if free := free_motion([*blocks, *groups.rigid], assembly.nodes, held):
-        raise SceneError(f"{source}: {free}; without inertia it must be held against that, too")
+        raise SceneError(f"{source}: {free}; {when} it must be held against that, too")
 
 
 def _watched(scene: Scene, sets: NodeSets, system: "System | SpringSystem", parts: Parts) -> Parts:

@@ -22,22 +22,27 @@ class NodeSets:
         tables: tuple[NodeSet, ...],
         nodes: FloatArray,
         groups: Mapping[str, IndexArray],
-        bodies: Mapping[str, IndexArray] | None = None,
+        bodies: Mapping[str, IndexArray],
     ) -> None:
-        """Find the nodes of each table.
+        """Find the nodes of each table. Raises SceneError if one holds none, or has the name of another.
 
         Args:
             tables: Of the scene.
             nodes: Undeformed [m], shape (n, 3).
             groups: Of the mesh files, by name.
-            bodies: Nodes of each body, by name; None where there is only one.
+            bodies: Nodes of each body, by name.
         """
-        self._nodes, self._groups, self._bodies = nodes, groups, bodies or {}
+        self._nodes, self._groups, self._bodies = nodes, groups, bodies
         self._found = {ALL: np.arange(len(nodes))} | {
             name: np.asarray(group) for name, group in groups.items()
         }
         self._found |= self._bodies
         for i, table in enumerate(tables):
+            if not table.name or table.name in self._found:
+                raise SceneError(
+                    f"set.{i}.name is {shown(table.name)}; it must be a name of its own: not 'all', nor that of "
+                    "another set, of a body, or of a group of the mesh"
+                )
             self._found[table.name] = self.inside(table, f"set.{i} ({table.name!r})")
 
     def nodes(self, name: str, field: str) -> IndexArray:
@@ -68,7 +73,7 @@ class NodeSets:
         far = _distance(table, self._nodes)
         if table.body:
             if table.body not in self._bodies:
-                known = ", ".join(self._bodies) or "one, which needs no name"
+                known = ", ".join(self._bodies)
                 raise SceneError(f"{where}: body is {shown(table.body)}; bodies: {known}")
             far[np.setdiff1d(np.arange(len(far)), self._bodies[table.body])] = np.inf
         if table.group:
@@ -96,7 +101,7 @@ def _distance(table: NodeSet, nodes: FloatArray) -> FloatArray:
     if table.high is not None:
         far = np.maximum(far, np.linalg.norm(np.maximum(nodes - np.array(table.high), 0.0), axis=1))
     if table.radius is not None:
-        arm = nodes - np.array(table.centre)
+        arm = nodes - np.array(table.centre or (0.0, 0.0, 0.0))
         if table.axis is not None:
             axis = _unit(table.axis)
             arm = arm - np.outer(arm @ axis, axis)

@@ -20,6 +20,7 @@ from tripod_sim.figures.stability import stability
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.recording import Recording, check_out
 from tripod_sim.scene_file import load_scene
+from tripod_sim.scene_short import springs_alone
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
 
@@ -244,7 +245,7 @@ def _markers(simulation: Simulation) -> list[dict[str, Any]]:
     found = []
     for i, (table, here) in enumerate(zip(simulation.scene.marker, simulation.markers, strict=True)):
         numbers = {"position": here, "moved": here - simulation.undeformed(i)}
-        if simulation.scene.mesh:
+        if not springs_alone(simulation.scene):
             numbers["force"], numbers["moment"] = simulation.reactions(i)
         found.append({"set": table.set} | {name: values.tolist() for name, values in numbers.items()})
     return found

@@ -52,7 +52,7 @@ class Scene:
         name: For people and file names.
         description: One line.
         dt: Time step [s].
-        duration: How long `tripod run` simulates unless told [s].
+        duration: How long `tripod run` simulates unless told [s]; where servos move, until 1 s after their last time.
         mesh, material: The solid; None where the body is of springs.
         springs: The body of springs; None where it is a solid.
         region: Parts of the solid that are of other materials.

@@ -99,19 +99,14 @@ def check_held(scene: Described) -> None:
 
 def _check_sets(scene: Described) -> None:
     """Raise SceneError if sets are described wrongly."""
-    names = [table.name for table in scene.set]
     for i, table in enumerate(scene.set):
-        if not table.name or table.name == "all" or table.name in names[:i]:
-            raise SceneError(
-                f"set.{i}.name is {shown(table.name)}; it must be a name of its own, other than 'all', the set of all "
-                "nodes"
-            )
         check_box(f"set.{i}", table.low, table.high)
         places = [name for name in ("at", "beyond", "below") if getattr(table, name) is not None]
         if (table.along is None) != (not places):
             raise SceneError(f"set.{i}: along goes with at, beyond or below, and these with along")
-        if table.axis is not None and table.radius is None:
-            raise SceneError(f"set.{i}: axis goes with radius: the nodes within it of the axis")
+        for name in ("axis", "centre"):
+            if getattr(table, name) is not None and table.radius is None:
+                raise SceneError(f"set.{i}: {name} goes with radius: the nodes within it of the {name}")
         for name in ("axis", "along"):
             if (direction := getattr(table, name)) is not None and not any(direction):
                 raise SceneError(f"set.{i}.{name} is {direction}; a direction is not zero")

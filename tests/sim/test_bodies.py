@@ -9,6 +9,7 @@ from tests.scenes import SHARP
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError
 from tripod_sim.scene_file import scene_from_toml, scene_to_toml
+from tripod_sim.tables.bodies import Tie
 
 STATIC = ("inertia=off", "damping=off", "gravity=off")
 
@@ -295,6 +296,14 @@ def test_bodies_that_begin_in_each_other_are_named_or_lifted() -> None:
     lifted = Simulation(load_scene("two_cloths", [*words, "contact.start=lift"]))
     assert_nothing_passes(lifted)
     assert lifted.positions[64:, 2].min() > 0.055
+
+
+def test_each_node_of_a_tie_is_tied_also_where_several_have_the_same_partner() -> None:
+    """A cable of 41 nodes before a finger that has 21 along it: to tie all is to make one of several of the cable."""
+    first, second = load_scene("finger", ["body.1.springs.nodes=41"]).body[::-1]
+    scene = replace(load_scene("finger"), body=(first, second), tie=(Tie("cable", "finger", 0.003),))
+    with pytest.raises(SceneError, match="ties make one node of several of body 'cable'"):
+        Simulation(scene)
 
 
 def test_without_contact_two_cloths_fall_through_each_other() -> None:

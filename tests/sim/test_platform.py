@@ -165,6 +165,7 @@ def test_what_cannot_be_assembled_is_refused_with_the_set_and_by_how_far_it_miss
     ("old", "new", "words"),
     [
         ('set = "left_end"', 'set = "nowhere"', "platform.0.hold.0.set is 'nowhere'"),
+        ('[[fixed]]\nset = "left_root"', '[[fixed]]\nset = "left_end"', "fixed.0 and platform.0 both hold nodes"),
         ('set = "right_end"', 'set = "left_end"', "platform.0.hold.1 and platform.0.hold.0 both hold node"),
         ('like = "left"', 'like = "other"', "body.1.like is 'other'; it must be the name of a solid before it: 'left'"),
         ("mass = 0.01", "mass = -1.0", "platform.0.mass is -1.0"),
@@ -187,6 +188,10 @@ def test_nothing_to_hold_and_explicit_schemes_are_refused() -> None:
         scene_from_toml(empty)
     with pytest.raises(SceneError, match="exclude each other"):
         scene_from_toml(SCENE + '[inertia]\nscheme = "rk4"\n')
+    loose = SCENE.replace("[[fixed]]", "[[initial_velocity]]") + "[inertia]\n"
+    words = r"bodies 'left', 'right': the part with nodes .* can .*; while a platform is brought to its place it must"
+    with pytest.raises(SceneError, match=words):
+        Simulation(scene_from_toml(loose))
 
 
 def test_a_scene_with_a_platform_is_written_and_read_back() -> None:

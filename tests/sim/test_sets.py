@@ -303,7 +303,12 @@ def test_groups_of_a_file_are_sets_and_go_with_refined_and_quadratic_meshes(tmp_
         (['fixed=[{set="end"}, {set="all", axes="x"}]',
           'prescribed=[{set="end", move="0: 0,0,0; 1: 1,0,0", axes="y"}]'],
          "prescribed.0 and fixed.0 both hold nodes .* along y; leave them out of one of the two"),
-        (['fixed=[{set="all"}]'], "hold every node"),
+        (['fixed=[{set="all"}]'], "fixed.0 hold every node"),
+        ([ALONG, 'effector={radius=0.02}'], "fixed.0 and effector both hold nodes"),
+        ([ALONG, 'set.0.name="body"'], "set.0.name is 'body'; it must be .* not .*, nor that of .*, of a body"),
+        ([ALONG, 'set=[{name="end", centre=[0.02,0,0]}]'], "set.0: centre goes with radius"),
+        ([ALONG, 'mesh.cells=[1000,1000,1000]'], "has 1000000000 cells at mesh.refine = 0; it must .* at most 1000000"),
+        ([ALONG, 'mesh.cells=[50,50,50]', 'mesh.refine=2'], "has 8000000 cells at mesh.refine = 2"),
         (['fixed=[{set="end", low=[0,0,0], high=[1,1,1]}]'], "fixed.0: give either set or low and high"),
         (['fixed=[{low=[0,0,0]}]'], "fixed.0: give either set or low and high"),
         (['fixed=[{set="end", axes="xw"}]'], "fixed.0.axes is 'xw'; allowed: one or more of x, y, z"),
@@ -342,6 +347,17 @@ def test_what_is_wrong_is_named_in_one_line(words: list[str], message: str, bloc
     with pytest.raises(SceneError, match=message) as caught:
         Simulation(load_scene(block, words))
     assert "\n" not in str(caught.value)
+
+
+def test_markers_of_bodies_in_a_list_tell_what_holds_them(tmp_path: Path) -> None:
+    """As those of the short form do: the weight of the block."""
+    listed = BLOCK.replace("[mesh]", '[[body]]\nname = "b"\n[body.mesh]').replace(
+        "[material]", "[body.material]"
+    )
+    (tmp_path / "listed.toml").write_text(listed)
+    words = ['fixed=[{set="end"}]', "gravity={}", "body.0.material.mass=2e-3", "solver.tolerance=1e-9"]
+    held = run(str(tmp_path / "listed.toml"), duration=0.01, overrides=words)["markers"][0]["force"]
+    assert held == pytest.approx([0.0, 0.0, 2e-3 * 9.81], abs=1e-7)
 
 
 def test_places_of_sets(block: str) -> None:

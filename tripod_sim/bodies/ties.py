@@ -10,6 +10,7 @@ from tripod_host.arrays import IndexArray
 from tripod_sim.bodies.assembly import Assembly, SoftBody
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
+from tripod_sim.mesh.topology import parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.tables.bodies import Tie
 
@@ -23,8 +24,7 @@ def tied(assembly: Assembly, ties: Sequence[Tie], sets: NodeSets) -> Assembly:
     owner = np.empty(count, dtype=np.int64)
     for k, body in enumerate(assembly.bodies):
         owner[body.nodes] = k
-    same = np.arange(count)
-    connected = np.arange(len(assembly.bodies))
+    pairs = list[IndexArray]()
     for i, tie in enumerate(ties):
         one, other = sets.nodes(tie.set, f"tie.{i}.set"), sets.nodes(tie.to, f"tie.{i}.to")
         partner = _partners(assembly, one, other, i, tie)
@@ -34,13 +34,9 @@ def tied(assembly: Assembly, ties: Sequence[Tie], sets: NodeSets) -> Assembly:
                 f"tie.{i} ties nodes {names} of {assembly.bodies[owner[one[within][0]]].table.name!r} to the body "
                 "itself; name sets of two bodies"
             )
-        low, high = np.minimum(one, partner), np.maximum(one, partner)
-        same[high] = same[low]
-        for a, b in zip(owner[low].tolist(), owner[high].tolist(), strict=True):
-            connected[connected == connected[b]] = connected[a]
-    while (same != same[same]).any():
-        same = same[same]
-    kept, number = np.unique(same, return_inverse=True)
+        pairs.append(np.column_stack([one, partner]))
+    connected = parts([owner[pair] for pair in pairs], len(assembly.bodies))
+    kept, number = np.unique(parts(pairs, count), return_inverse=True)
     number = number.ravel()
     assert len(kept)
     nodes = assembly.nodes[kept]

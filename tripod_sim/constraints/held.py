@@ -10,6 +10,7 @@ from tripod_sim.effect import Draft, Holding
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
 from tripod_sim.mesh.topology import parts
+from tripod_sim.scene_short import discs_of
 
 AXES = "xyz"
 
@@ -21,7 +22,9 @@ def held_groups(draft: Draft) -> Groups:
     """Return all groups of the bodies. Raises SceneError where two of what holds nodes hold one along the same axis."""
     nodes = draft.rest
     owner, names = np.full(nodes.shape, -1), []
-    groups = [Holding(f"rigid body {i}", body, AXES) for i, body in enumerate(draft.rigid)]
+    fields = [field for field, *_ in discs_of(draft.scene)]
+    fields += [f"platform.{i}" for i in range(len(draft.scene.platform))]
+    groups = [Holding(name, body, AXES) for name, body in zip(fields, draft.rigid, strict=True)]
     groups += [Holding(f"servo {i}", frame.nodes, AXES) for i, frame in enumerate(draft.driven)]
     for name, held, axes in (*groups, *draft.fixed, *draft.moved):
         names.append(name)
@@ -35,6 +38,8 @@ def held_groups(draft: Draft) -> Groups:
                     "leave them out of one of the two"
                 )
             owner[held, axis] = len(names) - 1
+    if (owner >= 0).all():
+        raise SceneError(f"{', '.join(names)} hold every node; nothing is free to deform")
     own = owner >= len(groups)
     whole = np.flatnonzero(own.all(axis=1))
     single = own.copy()

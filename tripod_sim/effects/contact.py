@@ -27,7 +27,7 @@ class Contact:
         start: Where bodies pass through each other or through an obstacle at the start: `refuse` names them, `lift`
             moves them against gravity until they do not.
         tolerance: Error of gaps and slips at which a step counts as solved, as a fraction of the contact distance.
-            Where an accuracy A is asked for it is that of A = 0.01, else (A / 0.01)^1.5 times that, at most 0.03.
+            Where an accuracy A is asked for it is that of A = 0.02, else (A / 0.02)² times that, at most 0.03.
         max_solves: Linear solves of a step after which its error, which the report tells, is let be.
     """
 

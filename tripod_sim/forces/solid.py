@@ -101,4 +101,5 @@ class Solid(ElasticTerm):
         """Return the smallest volume ratio, and what to say of its element."""
         element, ratio = self.worst_element(x, modes)
         name = f"element {element}{self._owner and f' of {self._owner}'}"
-        return ratio, f"{name} is turned inside out or crushed (volume ratio {ratio:.3g})"
+        what = "blown up" if ratio > 1 else "turned inside out or crushed"
+        return ratio, f"{name} is {what} (volume ratio {ratio:.3g})"

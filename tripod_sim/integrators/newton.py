@@ -187,7 +187,7 @@ class Newton:
         """Make the step that moves the driven nodes; return the potential after it."""
         phi = self._step(state, trial, report)
         if not math.isfinite(phi):
-            raise NewtonError(f"{self._culprit(trial)} as the servos moved")
+            raise NewtonError(f"{self._culprit(trial)} as driven nodes moved")
         trial.copy_to(state)
         self._dx[:] = 0.0
         return phi

@@ -1,11 +1,15 @@
 """The mesh of a solid as a scene describes it."""
 
+import math
 from pathlib import Path
 
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
 from tripod_sim.tables.bodies import Mesh
+
+MOST_CELLS = 1_000_000
+"""Of a mesh: what goes beyond fills the memory of most machines."""
 
 
 def described_mesh(description: Mesh) -> SolidMesh:
@@ -20,6 +24,7 @@ def described_mesh(description: Mesh) -> SolidMesh:
     elif description.source == "block":
         from tripod_sim.mesh.block import block  # noqa: PLC0415 - only where it is described
 
+        _check_count(math.prod(description.cells), description)
         mesh = block(description.corners, description.cells)
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid  # noqa: PLC0415 - only where it is described
@@ -33,9 +38,20 @@ def described_mesh(description: Mesh) -> SolidMesh:
         from tripod_sim.mesh.convert import convert  # noqa: PLC0415 - only where it is described
 
         mesh = convert(mesh, kind.name)
+    if description.source != "y_piece":
+        _check_count(len(mesh.elements), description)
     for _ in range(0 if description.source == "y_piece" else description.refine):
         from tripod_sim.mesh.refine import refine  # noqa: PLC0415 - only where it is described
 
         mesh = refine(mesh)
     check_mesh(mesh, f"mesh.source {description.source!r}")
     return mesh
+
+
+def _check_count(cells: int, description: Mesh) -> None:
+    """Raise SceneError if a mesh has too many cells once it is refined."""
+    if (count := cells * 8**description.refine) > MOST_CELLS:
+        raise SceneError(
+            f"mesh.source {description.source!r} has {count} cells at mesh.refine = {description.refine}; it must have "
+            f"at most {MOST_CELLS}"
+        )

@@ -14,7 +14,7 @@ from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts, Stepper
 from tripod_sim.scene import Scene
-from tripod_sim.scene_short import rigids_of
+from tripod_sim.scene_short import FIRST, rigids_of
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
@@ -101,7 +101,7 @@ def _placed(body: SpringBody, scene: Scene, contact: Contact) -> SpringBody:
 def spring_body(scene: Scene, description: Springs) -> SpringBody:
     """Return the body that `description` and the fixed regions of `scene` describe. Raises SceneError."""
     body = spring_net(description)
-    sets = NodeSets(scene.set, body.nodes, {})
+    sets = NodeSets(scene.set, body.nodes, {}, {FIRST: np.arange(len(body.nodes))})
     held = [sets.held(table, f"fixed.{i}") for i, table in enumerate(scene.fixed)]
     if held:
         fixed = np.unique(np.concatenate([body.fixed, *held]))

@@ -16,7 +16,7 @@ class NodeSet:
         name: By which others refer to it.
         body: Name of the body whose nodes alone are meant.
         low, high: Corners of a box [m]; each may stand alone.
-        centre: Of a sphere, or a point on the axis of a cylinder [m].
+        centre: Of a sphere, or a point on the axis of a cylinder [m]; without it the origin.
         radius: Of sphere or cylinder, nodes on it included [m].
         axis: Direction of a cylinder's axis, of any length; without it `radius` is that of a sphere.
         along: Direction, of any length, of the distances that follow, from the origin.
@@ -31,7 +31,7 @@ class NodeSet:
     body: str = ""
     low: Vector | None = number(None, unit="m")
     high: Vector | None = number(None, unit="m")
-    centre: Vector = number((0.0, 0.0, 0.0), unit="m")
+    centre: Vector | None = number(None, unit="m")
     radius: float | None = number(None, unit="m", above=0)
     axis: Vector | None = number(None)
     along: Vector | None = number(None)
