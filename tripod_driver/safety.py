@@ -285,8 +285,12 @@ class Safety:
 
     def control_mode(self, decision: Decision, wall: float, now: float) -> None:
         """Take what an operator says; see `ModeTracker.hear`. Raises ValueError for what cannot be."""
-        self._now = max(now, self._now)
+        self.look(now)
+        before = self.authority.decided
         if self.authority.hear(decision, wall, now):
+            self._halted = (
+                self._halted and self.authority.decided == before
+            )  # a lost operator is back: no other mode
             self._obey(now)
 
     def look(self, now: float) -> None:
@@ -299,7 +303,6 @@ class Safety:
 
     def _obey(self, now: float) -> None:
         """Hold, because something else is in force now: nothing of another decision's trajectory goes on."""
-        self._halted = False
         self._notice = ""
         self._ignored = 0
         if self.authority.mode is Mode.STOP:

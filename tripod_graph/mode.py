@@ -7,7 +7,7 @@ anybody deaf.
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 from tripod_graph.source import is_ik
@@ -52,6 +52,9 @@ SILENCE = 0.5
 REMEMBERED = 64
 """How many sources are remembered, the newest."""
 
+LONGEST_NAME = 300
+"""Characters of a source's name; those of ROS itself have up to 255. Every status carries it."""
+
 
 @dataclass(frozen=True)
 class Decision:
@@ -92,6 +95,7 @@ class Ignored:
 
     def add(self, source: str, why: str, now: float) -> None:
         """Count one message."""
+        source = source[:LONGEST_NAME]
         self.count, self.last, self.at = self.count + 1, why, now
         self.sources[source] = self.sources.pop(source, 0) + 1
         if len(self.sources) > REMEMBERED:
@@ -149,6 +153,11 @@ class ModeTracker:
         """The mode in force: STOP while the operator in charge is lost."""
         return Mode.STOP if self.lost else self._mode
 
+    @property
+    def decided(self) -> tuple[Mode, str]:
+        """The mode that was decided last, and by whom, be its operator lost for the moment."""
+        return self._mode, self.source
+
     def hear(self, decision: Decision, wall: float, now: float) -> bool:
         """Take a message; return whether another decision is in force now, be it of the same mode.
 
@@ -159,6 +168,7 @@ class ModeTracker:
         if decision.mode == NONE:
             return self._leave(decision.source, now) or lapsed
         if decision.mode == Mode.STOP:
+            decision = replace(decision, source=decision.source[:LONGEST_NAME])
             return self._stop(decision, wall - decision.stamp, now)
         _check(decision)
         if self._mode is not Mode.STOP and (decision.mode, decision.source) == (self._mode, self.source):
@@ -229,7 +239,7 @@ class ModeTracker:
             yield f"operator {self.lost!r} is silent: everything holds, then parks"
 
     def _refusal(self, source: str, now: float) -> str:
-        shown = repr(source) if source else "nobody named in header.frame_id"
+        shown = repr(source[:LONGEST_NAME]) if source else "nobody named in header.frame_id"
         if self.mode is Mode.STOP:
             return f"control mode is STOP: commands are ignored, the last of {shown}"
         if self.mode is not Mode.IK:
@@ -294,6 +304,9 @@ def _check(decision: Decision) -> None:
         raise ValueError(f"control mode {decision.mode} is unknown; modes: {names}")
     if not decision.source:
         raise ValueError(f"control mode {Mode(decision.mode).name} names no source; only STOP needs none")
+    if len(decision.source) > LONGEST_NAME:
+        length, start = len(decision.source), decision.source[:60]
+        raise ValueError(f"source {start!r}... has {length} characters; allowed are {LONGEST_NAME}")
     if not 0 <= decision.lease <= LONGEST_LEASE:  # the negation also catches NaN
         allowed = f"0 (meaning {LEASE:g}) to {LONGEST_LEASE:g} s"
         raise ValueError(f"lease of {decision.source!r:.80} is {decision.lease:g} s; allowed is {allowed}")

@@ -1,6 +1,7 @@
 """What may reach the servos, and when: the driver against a port in memory, with time given by the test."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from tripod_driver.protocol import RESOLUTION, AngleMapping, LegacyDecoder, Lega
 from tripod_driver.safety import Safety, State
 from tripod_driver.session import LegacySession
 from tripod_graph.command import CommandError, CommandLimits
-from tripod_graph.mode import Mode
+from tripod_graph.mode import Decision, Mode
 from tripod_graph.names import SERVOS, SLIDE
 
 PERIOD = 0.02
@@ -57,7 +58,10 @@ class Bench:
         self.safety.trajectory(SERVOS, [time], [list(angles)], self.now, source=SOURCE)
 
     def mode(self, mode: Mode) -> None:
-        self.safety.control_mode(said(mode, self.now), self.now, self.now)
+        self.hear(said(mode, self.now))
+
+    def hear(self, decision: Decision) -> None:
+        self.safety.control_mode(decision, self.now, self.now)
 
     @property
     def angles(self) -> tuple[float, ...]:
@@ -228,6 +232,31 @@ def test_the_same_mode_again_does_not_undo_a_stop_by_service() -> None:
     bench.goto(-1.0, -1.0, -1.0)
     bench.run(0.2)
     assert bench.angles == pytest.approx([-0.5] * 3, abs=RESOLUTION)
+
+
+@pytest.mark.parametrize("looked", [True, False])
+def test_an_operator_that_was_lost_and_is_back_does_not_undo_a_stop_by_service(looked: bool) -> None:
+    bench = Bench()
+    teleop = Decision(Mode.TELEOP, SOURCE, bench.now)
+    bench.hear(teleop)
+    bench.goto(-0.5, -0.5, -0.5)
+    bench.run(0.1)
+    bench.safety.halt(bench.now)
+    if looked:
+        bench.run(1.5)
+        assert bench.safety.authority.lost == SOURCE
+    else:  # the computer stood still
+        bench.now += 1.5
+    bench.hear(teleop)
+    bench.goto(-1.0, -1.0, -1.0)
+    bench.run(0.3)
+    assert min(bench.angles) >= -0.5 - RESOLUTION  # held, or parked
+    assert "stopped by service" in bench.safety.message
+    bench.hear(Decision(Mode.STOP, "another"))
+    bench.hear(replace(teleop, stamp=bench.now))  # decided anew
+    bench.goto(-1.0, -1.0, -1.0)
+    bench.run(0.6)
+    assert bench.angles == pytest.approx([-1.0] * 3, abs=RESOLUTION)
 
 
 def test_a_new_source_does_not_inherit_the_motion_of_the_old_one() -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tripod_graph.mode import (
     LEASE,
     LONGEST_LEASE,
+    LONGEST_NAME,
     NONE,
     PAUSE,
     RETURN,
@@ -192,6 +193,7 @@ def test_repetitions_under_way_when_they_are_overruled_are_not_worth_a_word() ->
         (Decision(1, "a", 1.0, -1.0), r"lease of 'a' is -1 s; allowed is 0 \(meaning 1\) to 600 s"),
         (Decision(1, "a", 1.0, LONGEST_LEASE + 1), "lease of 'a' is 601 s"),
         (Decision(1, "a", 1.0, math.nan), "lease of 'a' is nan s"),
+        (Decision(1, "a" * (LONGEST_NAME + 1)), "has 301 characters; allowed are 300"),
     ],
 )
 def test_what_cannot_be_in_force_is_refused_and_changes_nothing(decision: Decision, message: str) -> None:
@@ -199,6 +201,21 @@ def test_what_cannot_be_in_force_is_refused_and_changes_nothing(decision: Decisi
     with pytest.raises(ValueError, match=message):
         tracker.hear(decision, 1000.0, 0.0)
     assert (tracker.mode, tracker.source) == (Mode.TELEOP, "x")
+
+
+def test_a_stop_and_a_command_of_a_name_without_end_do_not_fill_each_status_with_it() -> None:
+    tracker = heard(ModeTracker(), Decision(1, "x", 0.5))
+    assert tracker.admits("y" * 10**6, 0.0)
+    assert tracker.hear(Decision(0, "z" * 10**6), 1000.0, 0.0)
+    assert tracker.mode is Mode.STOP
+    assert tracker.admits("y" * 10**6, 0.0)
+    told = (
+        tracker.source,
+        tracker.in_force,
+        tracker.ignored_commands.last,
+        *tracker.ignored_commands.sources,
+    )
+    assert max(len(text) for text in told) < 2 * LONGEST_NAME
 
 
 def test_memory_is_bounded() -> None:
