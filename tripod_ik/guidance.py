@@ -82,6 +82,11 @@ class Guidance:
         self._firmness: list[float] = []
         self._leg = (np.zeros(0), 0.0)
 
+    @property
+    def waits(self) -> bool:
+        """Whether a question is open."""
+        return self._question is not None and not self._answered
+
     def command(
         self,
         state: LinearState,

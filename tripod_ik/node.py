@@ -403,7 +403,7 @@ class IkNode(Node):
             message = "no target yet: the effector is kept where it is"
         elif self._tracker.correction and time.monotonic() - self._feedback_at > FEEDBACK_SILENT:
             message = "no measurement: the correction stays as it is"
-        elif step.activity is Activity.CLOSEST:
+        elif step.activity is Activity.CLOSEST or step.waits:
             message = self._guide.notice
         self._send(step.activity, message)
 

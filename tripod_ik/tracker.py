@@ -82,6 +82,7 @@ class TrackerStep:
         tilt_error: The tilt in it [rad]; 0 if only the position is followed.
         tilt_residual: What is left of the tilt after this command, at rest [rad].
         result: What inverse kinematics gave.
+        waits: Whether the robot stays where it is until the guide has answered.
     """
 
     activity: Activity
@@ -90,6 +91,7 @@ class TrackerStep:
     tilt_error: float
     tilt_residual: float
     result: IkResult
+    waits: bool
 
 
 class Tracker:
@@ -264,12 +266,14 @@ class Tracker:
         activity = self._activity(result, beyond=beyond)
         before_snap = SNAP in result.active_limits and result.residual > self.settings.tolerance
         closest = activity is Activity.CLOSEST
+        waits = led is not None and self._guidance.waits
         self._guidance.look(
             state, wanted_tasks, aimed, result.residual, now, closest=closest, before_snap=before_snap
         )
         if led is not None and not self._guidance.arrived and result.ok:
             activity = Activity.TRACKING
-        return TrackerStep(activity, wanted[:3], error, tilt, result.residuals.get(TILT, 0.0), result)
+        left = result.residuals.get(TILT, 0.0)
+        return TrackerStep(activity, wanted[:3], error, tilt, left, result, waits)
 
     def _wanted(self, now: float, more: float) -> FloatArray:
         """Return position [m] and normal that are followed, shape (6,); `more`: of the lead [s]."""
