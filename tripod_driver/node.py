@@ -43,7 +43,7 @@ SOON = 0.003
 """A new command is looked at after this time [s], when it asks for a change, not only at the next packet's turn."""
 
 
-STALLED = "holding: /clock stands still, and use_sim_time is true; start what publishes it"
+STALLED = "/clock stands still, and use_sim_time is true: start what publishes it"
 
 
 class DriverNode(LifecycleNode):

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from tripod_graph.loopback import check_loopback, keep_local
 from tripod_graph.namespace import full_namespace
@@ -154,6 +154,7 @@ def _run_one(
         files = _init([w for w in words if w != "--subnet"])
     except Exception as error:  # noqa: BLE001 - rclpy raises several private kinds for bad arguments
         return _refused(name, error), False
+    _keep_bad_times_off()
     executor = NodeExecutor()
     node: Closable | None = None
     companion: Companion | None = None
@@ -189,6 +190,19 @@ def _run_one(
         stopped = bool(asked and asked.count)
         signals.close()
     return code, stopped
+
+
+def _keep_bad_times_off() -> None:
+    """Let nodes ignore times below 0 on /clock: rclpy raises an error, which would end them."""
+    from rclpy.time_source import TimeSource  # noqa: PLC0415 - only after the range of discovery is set
+
+    if TimeSource.clock_callback is not _hear_clock:
+        TimeSource.clock_callback, TimeSource.hear_sound_clock = _hear_clock, TimeSource.clock_callback
+
+
+def _hear_clock(source: Any, message: Any) -> None:
+    if message.clock.sec >= 0:
+        source.hear_sound_clock(message)
 
 
 def _leave(executor: "Executor", companion: Companion | None) -> None:

@@ -389,6 +389,9 @@ def test_a_clock_that_stands_still_holds_no_servo_on_a_command_that_is_dead(
     operator.ready()
     operator.send([-1.5] * 3, times=(10.0,))
     client.wait(lambda: board.packets and board.packets[-1][0] < -0.15, "the motion", meanwhile=tick)
+    bad = Clock()
+    bad.clock.sec = -1
+    clock.publish(bad)  # does not end it
     operator.wait_state(operator.status.HOLDING, "the hold")
     assert "/clock stands still" in operator.status.message
     operator.wait_state(operator.status.PARKED, "the way to the park position")
