@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tripod_bringup.bag_play import chosen
+from tripod_bringup.bag_play import chosen, tell_unread
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, progress_bar
 from tripod_host.writing import check_place, replaced, replaced_text
 from tripod_record.bag import Bag
@@ -21,40 +21,43 @@ FORMATS = (".csv", ".npz", ".parquet")
 
 
 def export_command(file: Path, out: Path, topics: str) -> int:
-    """Write the numbers and return the exit code: 0, 2 bad input."""
+    """Write the numbers and return the exit code: 0, 1 of a damaged recording, 2 bad input."""
 
-    def write() -> None:
+    def write() -> Bag:
         _check(out, FORMATS)
         if out.suffix.lower() == ".parquet":
             _check_parquet()
-        series = read_series(Bag(file), chosen(topics) if topics else is_shown)
+        bag = Bag(file)
+        series = read_series(bag, chosen(topics) if topics else is_shown)
         {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[out.suffix.lower()](series, out)
+        return bag
 
     return _run("export", out, write)
 
 
 def plot_command(file: Path, out: Path) -> int:
-    """Draw the curves and return the exit code: 0, 2 bad input."""
+    """Draw the curves and return the exit code: 0, 1 of a damaged recording, 2 bad input."""
 
-    def write() -> None:
+    def write() -> Bag:
         _check(out, (".png", ".svg", ".pdf"))
         from tripod_bringup.bag_plot import draw  # noqa: PLC0415 - not needed for the help
 
         bag = Bag(file)
         draw(read_series(bag), out, Path(bag.info.path).name)
+        return bag
 
     return _run("plot", out, write)
 
 
 def html_command(file: Path, out: Path, topics: str) -> int:
-    """Write the page and return the exit code: 0, 1 the session is not the recorded one, 2 bad input."""
+    """Write the page and return the exit code: 0, 1 damaged, or not the recorded session, 2 bad input."""
     from tripod_bringup.bag_film import session_arrays  # noqa: PLC0415 - not needed for the help
     from tripod_bringup.bag_session import read_session  # noqa: PLC0415
     from tripod_bringup.pictures import PictureError, Pictures  # noqa: PLC0415
 
     different: list[str] = []
 
-    def write() -> None:
+    def write() -> Bag:
         pictures = Pictures(html=out)
         try:
             pictures.check()
@@ -68,6 +71,7 @@ def html_command(file: Path, out: Path, topics: str) -> int:
             raise RecordError(str(error)) from None
         if rerun.outcome.different:
             different.append(rerun.outcome.parted)
+        return bag
 
     code = _run("html", out, write)
     if different:
@@ -124,9 +128,9 @@ def _check_parquet() -> None:
         raise RecordError("parquet needs pyarrow: pip install pyarrow; csv and npz need nothing") from None
 
 
-def _run(name: str, out: Path, write: Callable[[], None]) -> int:
+def _run(name: str, out: Path, write: Callable[[], Bag]) -> int:
     try:
-        write()
+        bag = write()
     except StepError as error:
         return _complain(name, error, FAILED)
     except (RecordError, SceneError, ImportError) as error:
@@ -136,7 +140,7 @@ def _run(name: str, out: Path, write: Callable[[], None]) -> int:
             name, RecordError(f"{out} cannot be written: {error.strerror or error}"), BAD_ARGUMENTS
         )
     print(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
-    return 0
+    return tell_unread(name, bag)
 
 
 def _complain(name: str, error: Exception, code: int) -> int:

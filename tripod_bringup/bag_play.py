@@ -9,6 +9,7 @@ from typing import Any
 from tripod_bringup.options import To
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED
 from tripod_graph.run import run_node
+from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
 from tripod_record.info import printable
 from tripod_record.selection import is_selected, patterns
@@ -24,13 +25,15 @@ def play_command(
     """Play, print how it ended and return the exit code: 0, 1 it broke off or differs, 2 bad input."""
     try:
         check(to, rate, start)
-        make = MAKERS[to](file, topics, start, rate)
+        bag = Bag(file)
+        make = MAKERS[to](bag, topics, start, rate)
     except (RecordError, SceneError, OSError) as error:
         return complain(error, BAD_ARGUMENTS)
     except StepError as error:
         return complain(error, FAILED)
     from tripod_bringup.bag_controls import Controls  # noqa: PLC0415 - not needed for the help
 
+    tell_unread("play", bag)
     made: list[Any] = []
     controls: list[Controls] = []
 
@@ -49,8 +52,8 @@ def play_command(
             made[0].done if not failed else f"tripod bag play: {made[0].done}",
             file=sys.stderr if failed else sys.stdout,
         )
-        return code or (FAILED if failed else 0)
-    return code
+        code = code or (FAILED if failed else 0)
+    return code or tell_unread("play", bag)
 
 
 def check(to: To, rate: float, start: float) -> None:
@@ -69,17 +72,28 @@ def complain(error: Exception, code: int) -> int:
     return code
 
 
+def tell_unread(command: str, bag: Bag) -> int:
+    """Say in one line what could not be read of a recording, if that is news; return the exit code: 0, 1 damaged."""
+    first, *others = [line for line, told in bag.unread.items() if not told] or [""]
+    bag.unread = dict.fromkeys(bag.unread, True)
+    if first:
+        more = f" (and {len(others)} more)" if others else ""
+        print(
+            f"tripod bag {command}: left out is what cannot be read: {printable(first)}{more}",
+            file=sys.stderr,
+        )
+    return FAILED if bag.damaged else 0
+
+
 def chosen(topics: str) -> Callable[[str], bool]:
     """Return whether a topic is asked for; nothing asked for means all."""
     wanted = patterns(topics, "/")
     return lambda topic: not wanted or is_selected(topic, "/", wanted, ())
 
 
-def _into_simulator(file: Path, topics: str, start: float, rate: float) -> Callable[[], Any]:
+def _into_simulator(bag: Bag, topics: str, start: float, rate: float) -> Callable[[], Any]:
     from tripod_bringup.bag_session import read_session  # noqa: PLC0415 - not needed for the help
-    from tripod_record.bag import Bag  # noqa: PLC0415
 
-    bag = Bag(file)
     check_start(bag.info.duration, start)
     session = read_session(bag, chosen(topics))
     rerun = session.rerun()
@@ -92,11 +106,9 @@ def _into_simulator(file: Path, topics: str, start: float, rate: float) -> Calla
     return make
 
 
-def _to_robot(file: Path, topics: str, start: float, rate: float) -> Callable[[], Any]:
+def _to_robot(bag: Bag, topics: str, start: float, rate: float) -> Callable[[], Any]:
     from tripod_bringup.bag_motion import joint_path  # noqa: PLC0415
-    from tripod_record.bag import Bag  # noqa: PLC0415
 
-    bag = Bag(file)
     path = joint_path(bag, chosen(topics))
     check_start(path.end, start)
 
@@ -108,10 +120,8 @@ def _to_robot(file: Path, topics: str, start: float, rate: float) -> Callable[[]
     return make
 
 
-def _as_topics(file: Path, topics: str, start: float, rate: float) -> Callable[[], Any]:
-    from tripod_record.bag import Bag  # noqa: PLC0415
+def _as_topics(bag: Bag, topics: str, start: float, rate: float) -> Callable[[], Any]:
 
-    bag = Bag(file)
     check_start(bag.info.duration, start)
 
     def make() -> Any:

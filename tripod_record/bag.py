@@ -14,7 +14,7 @@ from rosbags.typesys.store import Typestore
 
 from tripod_record.errors import RecordError
 from tripod_record.info import BagInfo, printable, read_info
-from tripod_record.reading import Channel, Reader
+from tripod_record.reading import NOT_CLOSED, Channel, Reader
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,15 @@ class Bag:
 
     Attributes:
         info: What is in it.
+        unread: What could not be read of it so far, one line for each place, and whether that was told.
+        damaged: Whether any of that is damage, not only a file that ends too early.
     """
 
     def __init__(self, path: Path) -> None:
         """Look into an mcap file, or the directory of a recording. Raises RecordError."""
         self.info: BagInfo = read_info(path)
+        self.unread: dict[str, bool] = {}
+        self.damaged = False
         self._channels: dict[str, Channel] = {}
         self._decoders: dict[str, Callable[[bytes], Any]] = {}
 
@@ -60,13 +64,23 @@ class Bag:
         for file in self.info.files:
             reader = Reader(Path(file))
             chosen: dict[int, bool] = {}
-            for message in reader.messages():
-                channel = reader.channels[message.channel]
-                if message.channel not in chosen:
-                    chosen[message.channel] = wanted(channel.topic)
-                    self._channels.setdefault(channel.topic, channel)
-                if chosen[message.channel]:
-                    yield Heard(channel.topic, message.log_time, message.data)
+            try:
+                for message in reader.messages():
+                    channel = reader.channels[message.channel]
+                    if message.channel not in chosen:
+                        chosen[message.channel] = wanted(channel.topic)
+                        self._channels.setdefault(channel.topic, channel)
+                    if chosen[message.channel]:
+                        yield Heard(channel.topic, message.log_time, message.data)
+            finally:
+                self._note(reader)
+
+    def _note(self, reader: Reader) -> None:
+        """Keep what could not be read; that a recorder was killed costs nothing that was in the file."""
+        torn = [reader.truncated] if reader.truncated not in ("", NOT_CLOSED) else []
+        for line in (*reader.damage, *torn):
+            self.unread.setdefault(f"{reader.path}: {line}", False)
+        self.damaged |= bool(reader.damage)
 
     def channel(self, topic: str) -> Channel:
         """Return type, definition and quality of service of a topic that has messages. Raises RecordError."""

@@ -223,7 +223,7 @@ def info_command(path: Path, *, as_json: bool = False, check: bool = False) -> i
     try:
         info = read_info(path, check=check)
     except (RecordError, OSError) as error:
-        print(f"bag info: {printable(str(error))}", file=sys.stderr)
+        print(f"tripod bag info: {printable(str(error))}", file=sys.stderr)
         return UNREADABLE
     print(info_json(info) if as_json else info_text(info), end="")
     return DAMAGED if info.damage else 0

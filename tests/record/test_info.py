@@ -248,7 +248,7 @@ def test_what_is_no_recording_gives_one_line_and_exit_code_2(
     path.write_bytes(data)
     for place in (path, tmp_path):
         assert info_command(place) == 2
-        assert capsys.readouterr() == ("", f"bag info: {path} {message}\n")
+        assert capsys.readouterr() == ("", f"tripod bag info: {path} {message}\n")
 
 
 def test_what_is_no_file_gives_one_line_and_exit_code_2(
@@ -261,7 +261,7 @@ def test_what_is_no_file_gives_one_line_and_exit_code_2(
         (tmp_path / "a\x1b[31m", f"{tmp_path}/a�[31m does not exist"),
     ):
         assert info_command(path) == 2
-        assert capsys.readouterr() == ("", f"bag info: {message}\n")
+        assert capsys.readouterr() == ("", f"tripod bag info: {message}\n")
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
         said.append((k, "/left/sim/effector_pose", POSE, T[POSE](header=header, pose=pose)))
     for at, topic, kind, message in sorted(said, key=lambda one: one[0]):
         writer.write(topic, bytes(STORE.serialize_cdr(message, kind)), START + at * 10**6)
+        writer.sync()  # a chunk each
     writer.close()
     return writer.directory
 
@@ -172,3 +173,24 @@ def test_a_recording_without_numbers_says_so(
 ) -> None:
     assert export_command(bag, tmp_path / "table.csv", "/nothing") == 2
     assert "nothing to write" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("command", [export_command, lambda file, out, _: plot_command(file, out)])
+def test_what_is_missing_in_a_damaged_recording_is_told(
+    bag: Path, command, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (whole,) = bag.glob("*.mcap")
+    data = bytearray(whole.read_bytes())
+    file, out = (
+        tmp_path / "bag.mcap",
+        tmp_path / ("numbers.npz" if command is export_command else "curves.png"),
+    )
+    file.write_bytes(data)
+    assert command(file, out, "") == 0
+    assert not capfd.readouterr().err
+    data[data.index(b"zstd", data.index(b"zstd") + 4) + 40] ^= 0xFF  # in the second chunk
+    file.write_bytes(data)
+    assert command(file, out, "") == 1
+    err = capfd.readouterr().err
+    assert f"left out is what cannot be read: {file}: byte " in err
+    assert err.count("\n") == 1

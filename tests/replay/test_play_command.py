@@ -103,4 +103,7 @@ def test_a_recording_cut_in_half_is_played_as_far_as_it_goes(
     cut.write_bytes(file.read_bytes()[: 2 * file.stat().st_size // 3])
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     assert play(cut, rate=float("inf")) == 0
-    assert " steps made again" in capfd.readouterr().out
+    out, err = capfd.readouterr()
+    assert " steps made again" in out
+    assert err.count("left out is what cannot be read") == 1
+    assert f"{cut}: the file ends at byte " in err
