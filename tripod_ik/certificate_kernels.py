@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,21 +78,21 @@ def improve(
             again |= np.array_equal(tried[before], sides)
         if again:
             break
-        tried[k] = sides
+        put(tried[k], sides)
         size = n + count
         _write(P, q, A, low, high, sides, which[:count], matrix, right)
         if not eliminate(matrix[:size, :size], right[:size]):  # active rows that say the same twice
             _write(P, q, A, low, high, sides, which[:count], matrix, right)
-            right[:size] = np.linalg.lstsq(matrix[:size, :size].copy(), right[:size].copy())[0]
-        trial[:n] = right[:n]
+            put(right[:size], np.linalg.lstsq(matrix[:size, :size].copy(), right[:size].copy())[0])
+        put(trial[:n], right[:n])
         trial[n:] = 0.0
         for a in range(count):
             trial[n + which[a]] = right[n + a]
         residual = conditions(P, q, A, low, high, trial, here)
-        rows[:] = here
+        put(rows, here)
         if residual < least:
             least = residual
-            z[:] = trial
+            put(z, trial)
         if residual < exact:
             break
     return least
@@ -112,11 +113,14 @@ def _write(
     """Write the system [P, A'; A, 0] (x, y) = (-q, bounds) of the rows `which` at the bounds that `sides` tells."""
     n, count = len(q), len(which)
     matrix[: n + count, : n + count] = 0.0
-    matrix[:n, :n], right[:n] = P, -q
+    for i in range(n):
+        put(matrix[i, :n], P[i])
+        right[i] = -q[i]
     for a in range(count):
         i = which[a]
-        matrix[n + a, :n] = A[i]
-        matrix[:n, n + a] = A[i]
+        put(matrix[n + a, :n], A[i])
+        for j in range(n):
+            matrix[j, n + a] = A[i, j]
         right[n + a] = high[i] if sides[i] > 0 else low[i]
 
 

@@ -1,5 +1,6 @@
 """Compiled kernels go when a source that they were made of changes, and stay otherwise; they are made once."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -104,3 +105,46 @@ def test_kernels_are_compiled_once_for_all_springs() -> None:
         StrainBound(body.ends, body.rest_length, 0.1, np.ones(3)).links,
     ]
     assert len({typeof(of_one) for of_one in links}) == 1
+
+
+def test_no_kernel_assigns_an_array_to_a_slice() -> None:
+    """`put` does that: the text of what Numba would say of shapes that differ takes seconds to compile."""
+    root, found, kernels = Path(__file__).parents[2], [], 0
+    for path in sorted(root.glob("tripod_*/**/*.py")):
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(function, ast.FunctionDef) or "njit" not in map(_name, function.decorator_list):
+                continue
+            kernels += 1
+            found += [
+                f"{path.relative_to(root)}:{target.lineno}: {ast.unparse(target)}"
+                for target, value in _assigned(function)
+                if _sliced(target) and not _number(value)
+            ]
+    assert kernels > 100
+    assert not found
+
+
+def _name(decorator: ast.expr) -> str:
+    return ast.unparse(decorator.func if isinstance(decorator, ast.Call) else decorator)
+
+
+def _assigned(function: ast.FunctionDef) -> list[tuple[ast.expr, ast.expr]]:
+    """What is assigned to, and what to it."""
+    found: list[tuple[ast.expr, ast.expr]] = []
+    for node in ast.walk(function):
+        if isinstance(node, ast.AugAssign):
+            found.append((node.target, node.target))
+        for target in node.targets if isinstance(node, ast.Assign) else ():
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                found += zip(target.elts, node.value.elts, strict=True)
+            else:
+                found.append((target, node.value))
+    return found
+
+
+def _sliced(target: ast.expr) -> bool:
+    return isinstance(target, ast.Subscript) and any(isinstance(n, ast.Slice) for n in ast.walk(target.slice))
+
+
+def _number(value: ast.expr) -> bool:
+    return isinstance(value, ast.Constant) or ast.unparse(value).lstrip("-") in ("np.inf", "np.nan")

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.ball.contact_kernels import solve_contacts
 from tripod_sim.ball.motion_kernels import plate_at
 from tripod_sim.ball.obstacle_kernels import DEEPEST, MISSES, distance, sweep
@@ -114,7 +115,8 @@ def touching(
                         > 1 - 1e-9
                     )
                 if not known:
-                    normals[count], distances[count] = normal, d
+                    put(normals[count], normal)
+                    distances[count] = d
                     count += 1
     return count
 
@@ -297,7 +299,8 @@ def advance(
                 hardest = min(hardest, closing[i])
                 bounds[i] = -numbers[RESTITUTION] * closing[i] if closing[i] < -numbers[REST_SPEED] else 0.0
             if hardest < -SLOW:
-                v0[:], w0[:] = v, w
+                put(v0, v)
+                put(w0, w)
                 for attempt in range(2):
                     solve_contacts(
                         count, v, w, normals, normals, speeds0, pose0[2], bounds, m, radius, numbers[FRICTION],
@@ -309,7 +312,8 @@ def advance(
                     )  # fmt: skip
                     if work[1] <= work[0] + 1e-20 or attempt:
                         break
-                    v[:], w[:] = v0, w0  # several impacts at once gained energy: without restitution
+                    put(v, v0)  # several impacts at once gained energy: without restitution
+                    put(w, w0)
                     bounds[:count] = 0.0
                 book(ledger, work[0], work[1])
                 react(reaction, count, pose0, q, normals, impulses, couples, radius, 1.0, arm)
@@ -321,7 +325,8 @@ def advance(
                 if _normal_speed(v, normals[i], speeds0[i]) <= SLOW:
                     _swap(flat, distances, i, kept)
                     kept += 1
-            v0[:], w0[:] = v, w
+            put(v0, v)
+            put(w0, w)
             tau = left
             for attempt in range(MOST_ATTEMPTS):
                 # free motion over tau, then the contacts at its end
@@ -342,7 +347,7 @@ def advance(
                 for i in range(kept, count):
                     closing[i] = _normal_speed(v0, normals[i], speeds0[i])
                 for i in range(kept):
-                    middle[i] = normals[i]
+                    put(middle[i], normals[i])
                     rotate(pose1[3:], flat[i], normals[i])
                     for a in range(3):
                         middle[i, a] = 0.5 * (middle[i, a] + normals[i, a])

@@ -265,11 +265,13 @@ def _relieve(
                 minor = J[b, k, p] * J[b, m, q] - J[b, k, q] * J[b, m, p]
                 turn[b, j] += minor * residual[first + 6 * b + 3 + i]
         x, y, z = J[b, 0], J[b, 1], J[b, 2]
-        turn[b] /= (
+        determinant = (
             x[0] * (y[1] * z[2] - y[2] * z[1])
             - x[1] * (y[0] * z[2] - y[2] * z[0])
             + x[2] * (y[0] * z[1] - y[1] * z[0])
         )
+        for j in range(3):
+            turn[b, j] /= determinant
     work = 0.0
     for n in range(g.shape[0]):
         for i in range(3):

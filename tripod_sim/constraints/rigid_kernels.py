@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.rotation_kernels import carried, cross, turned
 
 
@@ -114,5 +115,5 @@ def drift(bodies: Bodies, h: float) -> None:
         for i in range(3):
             way[i] *= h
         turned(way, R, middle)
-        R[:] = middle
+        put(R, middle)
         carried(R, inverse, S, bodies.spin[b])

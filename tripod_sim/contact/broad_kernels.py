@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 
 DEPTH = 64
 """Entries of the stack of a traversal; a tree of 2^40 leaves needs fewer."""
@@ -77,7 +78,7 @@ def sort_codes(codes: Array, order: Array, spare: Array) -> None:
             d = (codes[order[k]] >> shift) & 4095
             spare[counts[d]] = order[k]
             counts[d] += 1
-        order[:] = spare
+        put(order, spare)
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 
 KIND, FIRST = 60, 30
 """Bits of a key below its kind, and below its first shape."""
@@ -100,7 +101,7 @@ def drop_repeated(c: Contacts, count: int) -> int:
         if c.key[a] == c.key[b]:
             keep[a] = False
             c.pressure[b] = c.pressure[a]
-            c.friction[b] = c.friction[a]
+            put(c.friction[b], c.friction[a])
             c.gain[b] = c.gain[a]
     left = 0
     for i in range(count):

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.contact.contact_set import Contacts
 from tripod_sim.contact.hessian_kernels import curvature, jacobian
 from tripod_sim.contact.response_kernels import add_gradient, forces, relative, set_limits
@@ -284,7 +285,7 @@ def settle(
             _add_hessian(c, count, z, K)
             if not cholesky(K):
                 return rounds, np.inf
-            p[:] = g
+            put(p, g)
             substitute(K, p)
             slope, size = 0.0, 0.0
             for i in range(m):
@@ -302,15 +303,18 @@ def settle(
                 if lower <= phi - 1e-4 * scale * slope + 1e-12 * abs(phi):
                     break
                 scale *= 0.5
-            z[:], g[:] = trial, after
+            put(z, trial)
+            put(g, after)
             phi = lower
         gap, slip, _ = forces(c, count, z, mu, pressure, friction)
         error = max(gap, slip)
-        c.pressure[:count], c.friction[:count] = pressure[:count], friction[:count]
+        put(c.pressure[:count], pressure[:count])
+        put(c.friction[:count], friction[:count])
         if not error > aim and size <= max(0.1 * aim, 0.02 * error):
             return rounds, error
         if rounds >= ROUNDS and error > SLOW * before:
-            c.stiffness[:count, 1] *= STIFFER
+            for k in range(count):
+                c.stiffness[k, 1] *= STIFFER
         before = error
     return MORE, error
 

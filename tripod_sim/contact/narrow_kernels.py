@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.contact.contact_set import FIRST, KIND, Contacts
 from tripod_sim.contact.distance_kernels import across, point_triangle, segment_segment, triangle_normal
 from tripod_sim.contact.region_kernels import (
@@ -251,6 +252,7 @@ def near_balls(
         p, q = balls[pairs[k, 0]], others[pairs[k, 1]]
         if p == q or not may_touch(body, itself, p, q):
             continue
-        y[0], y[1] = x[p], x[q]
+        put(y[0], x[p])
+        put(y[1], x[q])
         at = ball_ball(top, y, p, q, distance, reach, n, out, at)
     return at

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import constants, invert
 from tripod_sim.materials import calls
@@ -68,7 +69,8 @@ def settle_modes(x: Array, modes: Array, solid: SolidArrays, tolerance: float) -
                     break
                 scale *= 0.5
             if moved:
-                at[:], force[:] = trial, ahead
+                put(at, trial)
+                put(force, ahead)
                 fresh, energy, left = False, after, smaller
             elif fresh or not _renew(at, base, Ge, we, law, p, C, solid.inverse[e]):
                 break

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.constraints.rigid_kernels import Bodies, add_up, carry, drift, read_bodies
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, Nets, Solids, begin, evaluate, power
 from tripod_sim.integrators.stability import RK4, SEMI_IMPLICIT_EULER
@@ -130,65 +131,69 @@ def _follow(bodies: Bodies, h: float) -> None:
         for i in range(3):
             bodies.centre[b, i] += h * bodies.velocity[b, i]
         turned(h * bodies.spin[b], bodies.turn[b], after)
-        bodies.turn[b] = after
+        put(bodies.turn[b], after)
+
+
+@njit(cache=True, error_model="numpy")
+def _begin_part(x: Array, v: Array, bodies: Bodies, s: Start) -> None:
+    """Remember where nodes and bodies are at the start of a part of RK4."""
+    put(s.x, x)
+    put(s.v, v)
+    put(s.centre, bodies.centre)
+    put(s.turn, bodies.turn)
+    put(s.velocity, bodies.velocity)
+    put(s.angular, bodies.angular)
+    s.sum_x[:], s.sum_v[:], s.sums[:], s.way[:] = 0.0, 0.0, 0.0, 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def _runge_kutta(
-    h: float, time: float, x: Array, v: Array, solids: Solids, nets: Nets, load: Load, frames: Frames,
-    bodies: Bodies, scratch: ForceScratch, s: Start,
-) -> float:  # fmt: skip
-    """Make one part from `time` [s] by the classical scheme; return the work of the frames [J], not finite if it fails.
+    stage: int, h: float, time: float, x: Array, v: Array, load: Load, frames: Frames, bodies: Bodies, g: Array,
+    s: Start,
+) -> None:  # fmt: skip
+    """Go on after a stage of the classical scheme, 0 to 3, with its forces -g; 4: end the part, from `time` [s].
 
     Bodies turn by R = exp([p]x) R_0, and p is integrated as x is [HairerLubichWanner2006, chapter IV.8].
     """
-    g, rate, step = scratch.gradient, np.empty(3), np.empty(4)
-    s.x[:], s.v[:], s.sum_x[:], s.sum_v[:], s.sums[:], s.way[:] = x, v, 0.0, 0.0, 0.0, 0.0
-    s.centre[:], s.turn[:] = bodies.centre, bodies.turn
-    s.velocity[:], s.angular[:] = bodies.velocity, bodies.angular
-    count, work = bodies.mass.shape[0], 0.0
-    for stage in range(5):
-        weight = 2.0 if stage in (1, 2) else 1.0
-        reach = 0.5 * h if stage < 2 else h
-        if stage < 4:
-            if not np.isfinite(evaluate(x, v, solids, nets, load, scratch)):
-                return np.inf
-            work += h / 6.0 * weight * _given(g, v, frames)
-            add_up(g, x, bodies)
-        for n in range(x.shape[0]):
-            inverse = load.inverse[n]
-            if inverse > 0.0:
-                for i in range(3):
-                    if stage < 4:
-                        dx, dv = v[n, i], -inverse * g[n, i]
-                        s.sum_x[n, i] += weight * dx
-                        s.sum_v[n, i] += weight * dv
-                        x[n, i], v[n, i] = s.x[n, i] + reach * dx, s.v[n, i] + reach * dv
-                    else:
-                        x[n, i] = s.x[n, i] + h / 6.0 * s.sum_x[n, i]
-                        v[n, i] = s.v[n, i] + h / 6.0 * s.sum_v[n, i]
-        for b in range(count):
-            far = reach if stage < 4 else h / 6.0
-            if stage < 4:
-                rotation_rate(s.way[b], bodies.spin[b], rate)
+    rate, step = np.empty(3), np.empty(4)
+    weight = 2.0 if stage in (1, 2) else 1.0
+    reach = 0.5 * h if stage < 2 else h
+    if stage < 4:
+        add_up(g, x, bodies)
+    for n in range(x.shape[0]):
+        inverse = load.inverse[n]
+        if inverse > 0.0:
             for i in range(3):
                 if stage < 4:
-                    step[0], step[1] = bodies.velocity[b, i], bodies.force[b, i] / bodies.mass[b]
-                    step[2], step[3] = bodies.moment[b, i], rate[i]
-                    for k in range(4):
-                        s.sums[k, b, i] += weight * step[k]
+                    dx, dv = v[n, i], -inverse * g[n, i]
+                    s.sum_x[n, i] += weight * dx
+                    s.sum_v[n, i] += weight * dv
+                    x[n, i], v[n, i] = s.x[n, i] + reach * dx, s.v[n, i] + reach * dv
                 else:
-                    step[:] = s.sums[:, b, i]
-                bodies.centre[b, i] = s.centre[b, i] + far * step[0]
-                bodies.velocity[b, i] = s.velocity[b, i] + far * step[1]
-                bodies.angular[b, i] = s.angular[b, i] + far * step[2]
-                s.way[b, i] = far * step[3]
-            turned(s.way[b], s.turn[b], bodies.turn[b])
-            carried(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
-        if stage != 3:
-            drive(frames, time + reach, x, v)
-            carry(bodies, x, v)
-    return work
+                    x[n, i] = s.x[n, i] + h / 6.0 * s.sum_x[n, i]
+                    v[n, i] = s.v[n, i] + h / 6.0 * s.sum_v[n, i]
+    for b in range(bodies.mass.shape[0]):
+        far = reach if stage < 4 else h / 6.0
+        if stage < 4:
+            rotation_rate(s.way[b], bodies.spin[b], rate)
+        for i in range(3):
+            if stage < 4:
+                step[0], step[1] = bodies.velocity[b, i], bodies.force[b, i] / bodies.mass[b]
+                step[2], step[3] = bodies.moment[b, i], rate[i]
+                for k in range(4):
+                    s.sums[k, b, i] += weight * step[k]
+            else:
+                for k in range(4):
+                    step[k] = s.sums[k, b, i]
+            bodies.centre[b, i] = s.centre[b, i] + far * step[0]
+            bodies.velocity[b, i] = s.velocity[b, i] + far * step[1]
+            bodies.angular[b, i] = s.angular[b, i] + far * step[2]
+            s.way[b, i] = far * step[3]
+        turned(s.way[b], s.turn[b], bodies.turn[b])
+        carried(bodies.turn[b], bodies.inverse[b], bodies.angular[b], bodies.spin[b])
+    if stage != 3:
+        drive(frames, time + reach, x, v)
+        carry(bodies, x, v)
 
 
 @njit(cache=True, error_model="numpy")
@@ -215,20 +220,29 @@ def explicit_parts(
     """
     begin(x, solids, scratch)
     g, work = scratch.gradient, 0.0
+    stages = 4 if scheme == RK4 else 1
     for part in range(parts):
+        own = 0.0
         if scheme == RK4:
-            work += _runge_kutta(h, time + part * h, x, v, solids, nets, load, frames, bodies, scratch, start)
-        elif np.isfinite(evaluate(x, v, solids, nets, load, scratch)):
-            work += 0.5 * ((h if part else h_before) + h) * _given(g, v, frames)
-            _euler(scheme == SEMI_IMPLICIT_EULER, h, time + (part + 1) * h, x, v, load, frames, bodies, g)
-        else:
-            work = np.inf
+            _begin_part(x, v, bodies, start)
+        for stage in range(stages):  # forces are evaluated here alone: who else calls that compiles it again
+            if not np.isfinite(evaluate(x, v, solids, nets, load, scratch)):
+                return part + 1, np.inf
+            given = _given(g, v, frames)
+            if scheme == RK4:
+                own += h / 6.0 * (2.0 if stage in (1, 2) else 1.0) * given
+                _runge_kutta(stage, h, time + part * h, x, v, load, frames, bodies, g, start)
+            else:
+                own = 0.5 * ((h if part else h_before) + h) * given
+                _euler(scheme == SEMI_IMPLICIT_EULER, h, time + (part + 1) * h, x, v, load, frames, bodies, g)
+        if scheme == RK4:
+            _runge_kutta(4, h, time + part * h, x, v, load, frames, bodies, g, start)
+        work += own
         if not np.isfinite(work) or scratch.corrections[0] > FEW:
             return part + 1, work
     return parts, work
 
 
-@njit(cache=True, error_model="numpy")
 def finish_step(
     scheme: int, h: float, x: Array, v: Array, solids: Solids, nets: Nets, load: Load, frames: Frames,
     scratch: ForceScratch,

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.forces.rate_kernels import add_solid_rates
 from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.forces.solid_kernels import add_element_products, solid_gradient, update_modes
@@ -81,7 +82,7 @@ def begin(x: Array, solids: Solids, scratch: ForceScratch) -> None:
         solid.arrays.y[:] = 0.0
         solid.rates[:] = 0.0
         solid.rate_y[:] = 0.0
-    scratch.last_x[:] = x
+    put(scratch.last_x, x)
     scratch.last_v[:] = 0.0
     scratch.corrections[0] = 0.0
 
@@ -144,11 +145,11 @@ def _evaluate_solids(x: Array, solids: Solids, load: Load, scratch: ForceScratch
             for i in range(3):
                 move[n, i] = x[n, i] - scratch.last_x[n, i]
         _follow_nodes(solids, move)
-        scratch.last_x[:] = x
+        put(scratch.last_x, x)
     energy = np.inf
     for correction in range(MOST_CORRECTIONS):
         scratch.corrections[0] = max(scratch.corrections[0], correction)
-        g[:] = load.constant
+        put(g, load.constant)
         energy = unbalanced = 0.0
         for solid in solids:
             own, left = solid_gradient(x, solid.modes, solid.arrays, g)
@@ -177,7 +178,7 @@ def _add_rates(x: Array, v: Array, solids: Solids, load: Load, scratch: ForceScr
             for i in range(3):
                 move[n, i] = v[n, i] - scratch.last_v[n, i]
         _follow_rates(solids, move)
-        scratch.last_v[:] = v
+        put(scratch.last_v, v)
     for correction in range(MOST_CORRECTIONS):
         scratch.corrections[0] = max(scratch.corrections[0], correction)
         d[:] = 0.0

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 
 
 @njit(cache=True, error_model="numpy")
@@ -91,7 +92,8 @@ def write_lengths(
     """
     for n in range(len(free)):
         error, fast, with_last, jerk, speed, way, off = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        ends[n], added[n] = sums[n], 0.0
+        put(ends[n], sums[n])
+        added[n] = 0.0
         if free[n]:
             for i in range(3):
                 error += errors[0, n, i] ** 2

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 
 SOLVED, UNSOLVED, INDEFINITE, BROKEN = 0, 1, 2, 3
 
@@ -110,7 +111,7 @@ def conjugate_gradients(
     """
     n = b.shape[0]
     x[:] = 0.0
-    r[:] = b
+    put(r, b)
     start = now = precondition(blocks, L, r, z)
     if not 0.0 <= start < np.inf:
         return BROKEN, 0, np.inf
@@ -120,7 +121,7 @@ def conjugate_gradients(
         if now > 0.25 * before or done >= limit:
             return UNSOLVED, done, np.sqrt(now / start)
         before = now
-        p[:] = z
+        put(p, z)
         while now > 0.5 * goal and done < limit:
             product(indices, indptr, values, p, q)
             curvature = 0.0

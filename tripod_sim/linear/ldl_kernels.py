@@ -154,12 +154,16 @@ def factor(p: Symbolic, A: Numbers) -> int:
         if i < size:
             _eliminate_row(F, size, i, width, inv)
         at = panel[s]
-        factors[at : at + width * size] = F[: width * size]
+        out = factors[at : at + width * size]
+        for i in range(width * size):
+            out[i] = F[i]
         if parent[s] >= 0:
             m = size - width
             for i in range(m):
                 row = (width + i) * size + width
-                stack[top + i * m + i : top + (i + 1) * m] = F[row + i : row + m]
+                out, left = stack[top + i * m : top + (i + 1) * m], F[row : row + m]
+                for j in range(i, m):
+                    out[j] = left[j]
             top += m * m
             waiting[count] = s
             count += 1
@@ -209,7 +213,9 @@ def solve_many(b: Array, p: Symbolic, A: Numbers, out: Array) -> None:
     n, k = b.shape
     y, x = np.empty((n, k)), np.empty((p.largest, k))
     for i in range(n):
-        y[i] = b[order[i]]
+        z, given = y[i], b[order[i]]
+        for c in range(k):
+            z[c] = given[c]
     for s in range(first_row.shape[0] - 1):
         begin, own, at = first_row[s], pivots[s], panel[s]
         size, width = first_row[s + 1] - begin, pivots[s + 1] - own
@@ -236,4 +242,6 @@ def solve_many(b: Array, p: Symbolic, A: Numbers, out: Array) -> None:
                 for c in range(k):
                     z[c] -= u * part[c]
     for i in range(n):
-        out[order[i]] = y[i]
+        z, found = y[i], out[order[i]]
+        for c in range(k):
+            found[c] = z[c]

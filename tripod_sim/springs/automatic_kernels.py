@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.springs.explicit_kernels import FINE, OVERFLOW, Load, accelerations, runge_kutta
 from tripod_sim.springs.spring_kernels import Links
 
@@ -131,7 +132,8 @@ def automatic_steps(
         order, length = RK4, long
     parts, rejected, forces, worst = 0, 0, 0, 0.0
     for interval in range(count):
-        x_keep[:], v_keep[:] = x, v
+        put(x_keep, x)
+        put(v_keep, v)
         x0, v0, x1, v1 = x, v, scratch[7], scratch[8]
         accelerations(x, v, links, load, a)
         forces += 1
@@ -156,7 +158,8 @@ def automatic_steps(
             fine = ratio <= 1.0 or not h > shortest * (1.0 + 1e-9)  # so that NaN counts as too much
             if fine:
                 if not np.isfinite(ratio):
-                    x[:], v[:] = x_keep, v_keep
+                    put(x, x_keep)
+                    put(v, v_keep)
                     return OVERFLOW, interval, parts, rejected, forces, worst, order, length
                 x0, v0, x1, v1, a, b = x1, v1, x0, v0, b, a
                 parts, worst = parts + 1, max(worst, added)
@@ -180,5 +183,6 @@ def automatic_steps(
                 if reach >= CHEAPER * 0.25 * length:
                     order, length, before = VERLET, reach, length
             length = min(length, short if order == VERLET else long)
-        x[:], v[:] = x0, v0
+        put(x, x0)
+        put(v, v0)
     return FINE, count, parts, rejected, forces, worst, order, length

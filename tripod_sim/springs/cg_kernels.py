@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 
 MODIFIED = 0.97
 """a: a little below one, so that rounding and turned blocks do no harm."""
@@ -95,7 +96,7 @@ def prepare(ends: Array, blocks: Array, weight: Array, free: Array, number: Arra
     for e in range(A.spring.shape[0]):
         for c in range(6):
             A.block[e, c] = blocks[A.spring[e], c]
-    D[:] = C
+    put(D, C)
     total = np.empty(6)
     G = np.empty((3, 3))
     for j in range(free.shape[0]):
@@ -180,7 +181,7 @@ def _forward(A: Sweep, s: Array) -> None:
 def _residual(A: Sweep, r: Array, z: Array, out: Array) -> float:
     """Write (D + L) r, with z = D r; return the square of its norm [N²]."""
     first, other, block = A.first, A.other, A.block
-    out[:] = z
+    put(out, z)
     for i in range(r.shape[0]):
         for e in range(first[i], first[i + 1]):
             j = other[e]
@@ -235,7 +236,7 @@ def conjugate_gradients(A: Sweep, g: Array, free: Array, tolerance: float, limit
     now = 0.0
     for i in range(count):
         now += s[i, 0] * s[i, 0] + s[i, 1] * s[i, 1] + s[i, 2] * s[i, 2]
-    r[:] = s
+    put(r, s)
     _forward(A, r)
     rho = 0.0
     for i in range(count):

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.integrators.stability import RK4, SEMI_IMPLICIT_EULER
 from tripod_sim.springs.spring_kernels import Links, add_forces
 
@@ -143,13 +144,14 @@ def explicit_steps(
     a, xs, vs, k, x_keep, v_keep = scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5]
     xn, vn, size = scratch[6], scratch[7], x.shape[0]
     for done in range(count):
-        x_keep[:] = x
-        v_keep[:] = v
+        put(x_keep, x)
+        put(v_keep, v)
         for _ in range(parts):
             accelerations(x, v, links, load, a)
             if scheme == RK4:
                 runge_kutta(x, v, a, h, links, load, xn, vn, xs, vs, k)
-                x[:], v[:] = xn, vn
+                put(x, xn)
+                put(v, vn)
                 continue
             for n in range(size):
                 if load.inverse_mass[n] > 0.0:
@@ -161,8 +163,8 @@ def explicit_steps(
         springs = add_forces(x, v, links, 0.0, a)
         kinetic, weight = mechanical(x, v, origin, load)
         if not np.isfinite(kinetic + springs + weight):
-            x[:] = x_keep
-            v[:] = v_keep
+            put(x, x_keep)
+            put(v, v_keep)
             return OVERFLOW, done
         watch[1] = max(watch[1], kinetic + springs)
         watch[3] = kinetic + springs + weight - watch[0]

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
+from tripod_sim.array_kernels import put
 from tripod_sim.springs.cg_kernels import Sweep, conjugate_gradients, prepare
 from tripod_sim.springs.linear_kernels import Factor, assemble, factorise, solve_direct
 from tripod_sim.springs.spring_kernels import Links, add_gradient, add_products, direction, tangents
@@ -193,8 +194,8 @@ def solve_stage(
             if begin:
                 x[n, i] = work.z[n, i] + s * work.guess[n, i]
             v[n, i] = (x[n, i] - work.z[n, i]) / s
-    work.x[:] = x  # fixed nodes
-    work.w[:] = v
+    put(work.x, x)  # fixed nodes
+    put(work.w, v)
     phi, size = evaluate(x, v, s, body, work)
     if not np.isfinite(phi):
         return BROKEN
@@ -212,7 +213,8 @@ def solve_stage(
             walk(v, 1.0, s, body, work)
             lower, after = evaluate(work.x, work.w, s, body, work)
             if after < 0.5 * size and lower <= phi + 1e-12 * abs(phi):
-                x[:], v[:] = work.x, work.w
+                put(x, work.x)
+                put(v, work.w)
                 phi, size = lower, after
                 continue
             phi, size = evaluate(x, v, s, body, work)
@@ -244,7 +246,8 @@ def solve_stage(
         if not found:
             counts[3] = size
             return NO_DESCENT
-        x[:], v[:] = work.x, work.w
+        put(x, work.x)
+        put(v, work.w)
         phi, size = lower, after
         if options.one_solve and iterations == 1 and scale == 1.0:
             break
