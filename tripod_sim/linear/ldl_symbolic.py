@@ -4,6 +4,7 @@ A supernode is a run of pivots whose columns of L have (nearly) the same rows; i
 pivots are eliminated and whose remainder is added to the front of its parent in the elimination tree [DuffReid1983].
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,9 @@ from tripod_sim.linear.keys import distinct
 
 WIDE = 24
 """Pivots up to which a front is merged with its parent at the price of some zeros."""
+
+SMALL = 500_000
+"""Entries of a pattern up to which its plan is kept for whoever builds the same system again."""
 
 WASTE = 0.25
 """Zeros that such a merged front may hold, as a share of its panel."""
@@ -53,7 +57,23 @@ class Symbolic(NamedTuple):
 
 
 def analyse(pattern: sparse.csc_matrix) -> Symbolic:
-    """Return the plan for a symmetric matrix given by its upper triangle (CSC, with a full diagonal)."""
+    """Return the plan for a symmetric matrix given by its upper triangle (CSC, with a full diagonal).
+
+    Those of the last few patterns are kept: nobody writes into them.
+    """
+    if pattern.nnz > SMALL:
+        return _analysed(pattern)
+    return _plan(pattern.indptr.astype(np.int64).tobytes(), pattern.indices.astype(np.int64).tobytes())
+
+
+@lru_cache(maxsize=16)
+def _plan(of_indptr: bytes, of_indices: bytes) -> Symbolic:
+    indptr, indices = np.frombuffer(of_indptr, np.int64), np.frombuffer(of_indices, np.int64)
+    size = len(indptr) - 1
+    return _analysed(sparse.csc_matrix((np.ones(len(indices)), indices, indptr), shape=(size, size)))
+
+
+def _analysed(pattern: sparse.csc_matrix) -> Symbolic:
     order, columns = _minimum_degree(pattern)
     n = len(order)
     parent = np.array([c[0] if len(c) else -1 for c in columns], dtype=np.int64)

@@ -3,7 +3,7 @@
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -100,6 +100,14 @@ def check_mesh(mesh: SolidMesh, source: str) -> None:
             elements inverted or without volume somewhere (scaled Jacobian not above 1e-6), or given twice; faces of
             more than two elements; elements that touch along an edge only.
     """
+    _check(mesh.kind, mesh.nodes.tobytes(), mesh.elements.tobytes(), source)
+
+
+@lru_cache(maxsize=8)
+def _check(kind: Element, of_nodes: bytes, of_elements: bytes, source: str) -> None:
+    """Check nodes (n, 3) [m] and elements (m, k): whoever builds one mesh often, checks it once."""
+    nodes = np.frombuffer(of_nodes).reshape(-1, 3)
+    mesh = SolidMesh(nodes, np.frombuffer(of_elements, dtype=np.int64).reshape(-1, kind.size), kind)
     if not len(mesh.elements):
         raise SceneError(f"{source}: the mesh has no elements")
     if (bad := np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))).size:
