@@ -51,7 +51,7 @@ def measure_command(
 ) -> int:
     """Measure in this terminal, identify and write; return the exit code."""
     from tripod_identify.pictures import check_matplotlib  # noqa: PLC0415 - not needed for the help
-    from tripod_identify.safe_poses import LOOKS, telling_poses  # noqa: PLC0415
+    from tripod_identify.safe_poses import LOOKS, allowed, telling_poses  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
     from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
@@ -70,6 +70,9 @@ def measure_command(
         sessions = choose_sessions(protocol, AngleMapping.ROUNDED, known)
         lower, upper = reach(sessions, known)
         look = _sensor(sensor, camera, side, lens)
+        if not data.exists():  # nothing is measured yet: told before poses are chosen, which takes seconds
+            allowed(description, lower.tolist(), upper.tolist(), poses)
+            Terminal()
         shown = sys.stderr.isatty()
         with progress_bar(shown=shown) as bar, compiling_told("tripod calibrate", bar.say if bar else None):
             tour = telling_poses(description, LOOKS[sensor], lower.tolist(), upper.tolist(), poses, bar)

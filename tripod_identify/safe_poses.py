@@ -102,20 +102,7 @@ def telling_poses(
             poses that are safe.
         SceneError, StepError: the scene has no states of rest.
     """
-    if not FEWEST <= count <= MOST:
-        raise DataError(f"--poses is {count}; allowed: {FEWEST} to {MOST}")
-    servos = scene.servos
-    if servos is None or servos.count != len(lower):
-        has = servos.count if servos else 0
-        raise DataError(f"scene {scene.name!r} has {has} servos; the calibration is of {len(lower)}")
-    low = np.maximum(lower, servos.angle_min) + MARGIN
-    high = np.minimum(upper, servos.angle_max) - MARGIN
-    if not (low < high).all():
-        i = int(np.argmin(high - low))
-        raise DataError(
-            f"servo_{i} may be sent {lower[i]:g} to {upper[i]:g} rad and the scene has {servos.angle_min:g} to "
-            f"{servos.angle_max:g} rad: less than {2 * MARGIN:g} rad of it is common"
-        )
+    low, high = allowed(scene, lower, upper, count)
     rest = Rest(scene, Measured(None, None, None, look.channels, np.zeros((1, len(look.channels)))), ())
     poses, states = _safe(scene, rest, _spread(low, high, MORE * count), progress)
     if len(poses) < count:
@@ -133,6 +120,27 @@ def telling_poses(
     known = [RULER / p.plausible if p.name == "servos.slide" else p.width for p in wanted]
     plausible = np.diag(np.array(known) ** -2.0)
     return _ordered(poses[[i for i, _ in most_telling(list(jacobians), plausible, count)]])
+
+
+def allowed(
+    scene: Scene, lower: Sequence[float], upper: Sequence[float], count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return smallest and largest angles [rad], shape (s,), of `count` poses. Raises DataError as `telling_poses`."""
+    if not FEWEST <= count <= MOST:
+        raise DataError(f"--poses is {count}; allowed: {FEWEST} to {MOST}")
+    servos = scene.servos
+    if servos is None or servos.count != len(lower):
+        has = servos.count if servos else 0
+        raise DataError(f"scene {scene.name!r} has {has} servos; the calibration is of {len(lower)}")
+    low = np.maximum(lower, servos.angle_min) + MARGIN
+    high = np.minimum(upper, servos.angle_max) - MARGIN
+    if not (low < high).all():
+        i = int(np.argmin(high - low))
+        raise DataError(
+            f"servo_{i} may be sent {lower[i]:g} to {upper[i]:g} rad and the scene has {servos.angle_min:g} to "
+            f"{servos.angle_max:g} rad: less than {2 * MARGIN:g} rad of it is common"
+        )
+    return low, high
 
 
 def _safe(
