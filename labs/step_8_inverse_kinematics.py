@@ -57,7 +57,7 @@ print(
 
 # %%
 robot = Simulation(load_scene("tripod", [*START, "mesh.element=h20", "mesh.level=8"]))
-targets = [(0.004 * np.cos(a), 0.004 * np.sin(a), -0.007) for a in np.linspace(0, 2 * np.pi, 4)[:-1]]
+targets = [(0.004 * np.cos(a), 0.004 * np.sin(a), -0.007) for a in (0.0, np.pi / 3)]
 points = {}
 for element, levels in {"t4": (5, 6), "h8_modes": (1, 12), "h20": (1, 13)}.items():
     points[element] = []

@@ -31,7 +31,7 @@ def follow(
     late: float = 0.04,
     wrong: float = 0.0,
     young: float = 275e3,
-    seconds: float = 3.0,
+    seconds: float = 2.0,
     words: tuple[str, ...] = ("mesh.element=h8_modes", "mesh.level=1"),
 ) -> np.ndarray:
     """Ask for a tilt after 0.1 s; return the error of the tilt at each command [rad].
@@ -97,7 +97,7 @@ for words in (
         seconds, errors = timed(lambda c=correction, w=words: follow(c, words=w))
         label = " ".join(word.partition("=")[2] for word in words)
         series.append((label, seconds, np.degrees(errors[-1])))
-cost(points, "error of the tilt after 3 s [degrees]")
+cost(points, "error of the tilt after 2 s [degrees]")
 plt.show()
 
 # %% [markdown]
