@@ -69,6 +69,8 @@ LINE_PERIOD = 0.1
 """Time between two drawings of the status line [s]."""
 AT_ONCE = (Act.CATCH, Act.THROW)
 """What is answered by a set-point as soon as a key that begins to move a servo is."""
+ROBOT_SILENT = 1.0
+"""A driver that has not told its state for so long [s] is not quoted."""
 GOODBYE = 0.5
 """Longest time for the last STOP to arrive [s]."""
 
@@ -87,6 +89,7 @@ class TeleopNode(Node):
         self._operator = Operator(source, drive, toss)
         self._watch, self._parser, self._terminal = JointWatch(), KeyParser(), terminal
         self._rejected, self._last_rejection = 0, ""
+        self._idle, self._idle_at = "", float("-inf")
         self._command = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._speaker = Speaker(self, self._operator)
         listen(self, self._on_decision)
@@ -179,13 +182,20 @@ class TeleopNode(Node):
                 self._watch.joints(time.monotonic()),
                 driving=operator.is_driving,
                 motion=operator.drive.motion,
-                notice=operator.notice or self._watch.trouble,
+                notice=operator.notice or self._watch.trouble or self._why_idle(),
                 width=self._terminal.width,
                 servos=operator.drive.limits.count,
             )
         )
 
+    def _why_idle(self) -> str:
+        """Return why the robot does not do what these keys command, as the driver says; empty if it does."""
+        fresh = time.monotonic() - self._idle_at < ROBOT_SILENT
+        return f"robot: {self._idle}" if self._idle and fresh and self._operator.is_driving else ""
+
     def _on_robot_status(self, message: RobotStatus) -> None:
+        self._idle = "" if message.state == RobotStatus.ACTIVE else message.message
+        self._idle_at = time.monotonic()
         if not self._watch.servos and len(message.joint_names):
             self._fit(len(message.joint_names))
         if self._range.hear(message.lower, message.upper, message.speed, time.monotonic()):

@@ -324,6 +324,27 @@ def test_it_falls_silent_when_another_decides_or_the_joints_are_lost(session: Se
     assert [name_of(m.source) for m in session.modes if m.mode == Mode.TELEOP] == ["teleop", "view"]
 
 
+def test_it_says_why_the_robot_does_not_obey_its_keys(session: Session) -> None:
+    status = tripod_msgs.RobotStatus(
+        state=tripod_msgs.RobotStatus.HOLDING,
+        message="stopped by service",
+        joint_names=list(SERVOS),
+        lower=[-2.1] * 3,
+        upper=[0.6] * 3,
+        speed=[4.0] * 3,
+    )
+    statuses = session.node.create_publisher(tripod_msgs.RobotStatus, "robot/status", RELIABLE)
+    timer = session.node.create_timer(0.1, lambda: statuses.publish(status))
+    session.ready()
+    session.shown("(the driver's range)")
+    assert b"stopped by service" not in session.screen
+    session.type(b"t")
+    session.shown("TELEOP by these keys | robot: stopped by service |  -17.2")
+    status.state = tripod_msgs.RobotStatus.ACTIVE
+    session.shown("TELEOP by these keys |  -17.2")
+    timer.cancel()
+
+
 def test_bad_messages_are_counted_and_change_nothing(session: Session) -> None:
     from diagnostic_msgs.msg import DiagnosticArray
 
