@@ -47,6 +47,8 @@ class Watch(Node):
         self._heard: dict[
             str, tuple[float, Any, type | None]
         ] = {}  # when, what, and of which kind if it is serialised
+        self._numbers: dict[str, int] = {}  # of the newest status, as its publisher counts
+        self._mixed: dict[str, float] = {}  # when that fell: another publisher's
         self._mandate = Mandate(new_source("up", self.get_namespace()))
         self._processes: Callable[[], Mapping[str, str]] = dict
         self._patient = Patient()
@@ -104,14 +106,24 @@ class Watch(Node):
         """Leave the graph."""
         self.destroy_node()
 
-    def _keeper(self, topic: str, kind: type) -> Callable[[bytes], None]:
+    def _keeper(self, topic: str, kind: type) -> Callable[[bytes, Mapping[str, Any]], None]:
         """Return what keeps a status, which is read where it is told."""
 
-        def keep(data: bytes) -> None:
+        def keep(data: bytes, info: Mapping[str, Any]) -> None:
+            number = info["publication_sequence_number"] or 0  # not every middleware counts
             with self._lock:
+                if number <= self._numbers.get(topic, -1):
+                    self._mixed[topic] = time.monotonic()
+                self._numbers[topic] = number
                 self._heard[topic] = (time.monotonic(), data, kind)
 
         return keep
+
+    def _is_doubled(self, topic: str) -> bool:
+        """Whether several nodes publish `topic` now; one that was killed a moment ago is none."""
+        with self._lock:
+            mixed = self._mixed.get(topic, float("-inf"))
+        return time.monotonic() - mixed < SILENT_AFTER and self.count_publishers(topic) > 1
 
     def _fresh(self, topic: str) -> Any | None:
         with self._lock:
@@ -131,6 +143,9 @@ class Watch(Node):
         said = "" if record is None or record.level == bytes([Level.OK]) else f"record: {record.message}"
         if record is not None and record.level == bytes([Level.ERROR]):
             return said
+        for name, topic in (("sim", names.SIM_STATUS), ("driver", names.ROBOT_STATUS)):
+            if self._is_doubled(topic):
+                return f"{name} runs more than once in this graph: end all but one"
         nodes = [("ik", ik), ("driver", robot)]
         failed = sim is not None and sim.state == SimStatus.FAILED
         nodes.insert(0 if failed else len(nodes), ("sim", sim))  # what else it says may hold for long

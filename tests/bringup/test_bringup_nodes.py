@@ -124,6 +124,25 @@ def test_the_watch_tells_what_the_recorder_complains_of(spin: Callable[..., None
     spin(complain("driver: no port"))
 
 
+def test_the_watch_tells_that_a_node_runs_twice_while_it_does(spin: Callable[..., None]) -> None:
+    watch, other, second = Watch(), Node("other"), Node("second")
+    publishers = [node.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE) for node in (other, second)]
+    doubled = "sim runs more than once in this graph: end all but one"
+
+    def tells(note: str) -> Callable[[], bool]:
+        def check() -> bool:
+            publishers.append(publishers.pop(0))  # in turns
+            publishers[0].publish(SimStatus(state=SimStatus.RUNNING))
+            return watch.heard(names.SIM_STATUS) and watch.status().note == note
+
+        return check
+
+    spin(tells(doubled), watch, other, second)
+    publishers.pop()  # it falls silent, and is still known
+    spin(tells(""))
+    assert watch.count_publishers(names.SIM_STATUS) == 2
+
+
 def test_the_word_stop_reaches_who_listens_and_who_comes_later(spin: Callable[..., None]) -> None:
     watch, other = Watch(), Node("other")
     heard: list[Any] = []
