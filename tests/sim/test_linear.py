@@ -14,6 +14,7 @@ from tripod_sim.build import build
 from tripod_sim.linear import choice
 from tripod_sim.linear.cg import ConjugateGradients
 from tripod_sim.linear.ldl import Ldl
+from tripod_sim.linear.ldl_symbolic import analyse
 from tripod_sim.linear.solver import LinearError
 
 EPS = np.finfo(float).eps
@@ -352,3 +353,25 @@ def test_a_solver_that_is_not_chosen_is_not_imported() -> None:
     loaded = set(done.stdout.split())
     assert "tripod_sim.linear.ldl" in loaded
     assert not {"tripod_sim.linear.cg", "tripod_sim.linear.cholmod", "cvxopt"} & loaded
+
+
+def test_patterns_are_planned_once_and_each_for_itself() -> None:
+    """Two of as many entries in each column; the values are no part of a plan."""
+    size = 12
+    rows = [(1, 2, 4), (3, 5, 8)]
+    matrices = []
+    for own in rows:
+        full = 4.0 * np.eye(size)
+        for column, row in zip((9, 10, 11), own, strict=True):
+            full[row, column] = full[column, row] = -1.0
+        matrices.append(full)
+    uppers = [sparse.csc_matrix(sparse.triu(m)) for m in matrices]
+    np.testing.assert_array_equal(uppers[0].indptr, uppers[1].indptr)
+    plans = [analyse(upper) for upper in uppers]
+    assert plans[0] is not plans[1]
+    assert analyse(2.0 * uppers[0]) is plans[0]
+    b = np.arange(1.0, size + 1)
+    for full, upper in zip(matrices, uppers, strict=True):
+        solver = Ldl(upper)
+        assert solver.factor()
+        np.testing.assert_allclose(full @ solver.solve(b), b, rtol=1e-12)

@@ -184,3 +184,19 @@ def test_a_static_scene_with_a_loose_part_is_refused_and_one_in_motion_is_not(tm
         build(Scene("two", source, Material(), fixed=(left,)))
     build(Scene("two", source, Material(), fixed=(left, right)))
     build(Scene("two", source, Material(), fixed=(left,), inertia=Inertia()))
+
+
+def test_a_mesh_that_was_accepted_is_checked_once_and_another_like_it_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mesh, asked = bricks((0, 0, 0), (1, 0, 0)), []
+    whole = solid_mesh.element_quality
+    monkeypatch.setattr(solid_mesh, "element_quality", lambda m: asked.append(m) or whole(m))
+    solid_mesh._check.cache_clear()
+    for _ in range(3):
+        check_mesh(SolidMesh(mesh.nodes, mesh.elements), "the mesh")
+    assert len(asked) == 1
+    moved = mesh.nodes.copy()
+    moved[mesh.elements[0, 6]] -= 3.0
+    assert "inverted" in refusal(SolidMesh(moved, mesh.elements))
+    assert "inverted" in refusal(SolidMesh(mesh.nodes, mesh.elements[:, [4, 5, 6, 7, 0, 1, 2, 3]]))
