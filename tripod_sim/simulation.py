@@ -537,13 +537,16 @@ class Simulation:
     def reactions(self, marker: int) -> tuple[FloatArray, FloatArray]:
         """Return the force [N] on the nodes of a marker from what holds or moves them, and its moment about the origin.
 
-        That is the gradient of the last step's potential there, about zero where nodes are free: in implicit schemes
-        with the inertia of the nodes themselves. Raises SceneError for a body of springs.
+        That is the gradient of the last step's potential there, in implicit schemes with the inertia of the nodes
+        themselves, so that it is about zero where nodes are free; in explicit ones where nodes are held alone. Raises
+        SceneError for a body of springs.
         """
         nodes = self._parts.watched[marker]
         if not isinstance(self._system, System):
             raise SceneError("springs do not tell what holds them")
         forces = self._system.gradient[nodes]
+        if self.scene.inertia and self.scene.inertia.scheme in EXPLICIT:
+            forces = forces * self._system.groups.held()[nodes]
         return forces.sum(axis=0), np.cross(self.state.positions[nodes], forces).sum(axis=0)
 
     @property

@@ -360,6 +360,14 @@ def test_markers_of_bodies_in_a_list_tell_what_holds_them(tmp_path: Path) -> Non
     assert held == pytest.approx([0.0, 0.0, 2e-3 * 9.81], abs=1e-7)
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_nothing_holds_a_marker_that_falls(scheme: str, block: str) -> None:
+    words = [f"inertia.scheme={scheme}", "gravity={}", "material.mass=2e-3", "solver.tolerance=1e-9"]
+    assert run(block, duration=0.02, overrides=words)["markers"][0]["force"] == pytest.approx(
+        [0, 0, 0], abs=1e-8
+    )
+
+
 def test_places_of_sets(block: str) -> None:
     """Box, sphere, cylinder, plane, beyond, below, and all of these at once."""
     tables = [
