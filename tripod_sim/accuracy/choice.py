@@ -306,7 +306,7 @@ def shipped(made: Scene, scene: str) -> StoredStudy:
                 return found
     kind = "moves" if moves else "is static"
     raise SceneError(
-        f"--accuracy: there is no study of scene {scene!r} where it {kind}: `tripod study {scene}` makes one, "
+        f"there is no study of scene {scene!r} where it {kind}: `tripod study {scene}` makes one, "
         "for --study FILE"
     )
 

@@ -91,7 +91,7 @@ def accuracy_figures(source: str, scene: Scene, speed: float | None = None) -> A
     try:
         study = shipped(scene, source)
     except SceneError as error:
-        return AccuracyFigures(why_not=str(error).removeprefix("--accuracy: "))
+        return AccuracyFigures(why_not=str(error))
     scale = speed / study.calibration if speed and study.calibration else None
     factor = scale or 1.0
     strange = unseen(source, study, scene)
