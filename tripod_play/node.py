@@ -34,6 +34,9 @@ PERIOD = 0.02
 SILENCE = 0.5
 """Time without a ball after which the plate is held level [s]."""
 
+PATIENCE = 3.0
+"""Time without a pose of the effector after which that is said [s]: nodes find each other within it."""
+
 
 class PlayNode(Node):
     """What both have in common: the mode, the effector's pose at rest, targets."""
@@ -52,6 +55,7 @@ class PlayNode(Node):
         self.create_subscription(PoseStamped, names.EFFECTOR_POSE, self._on_effector, RELIABLE)
         self._rest: FloatArray | None = None
         self._asked = False
+        self._made_at = time.monotonic()
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
@@ -97,6 +101,10 @@ class PlayNode(Node):
 
     def _on_timer(self) -> None:
         self._look()
+        if self._rest is None and time.monotonic() - self._made_at > PATIENCE:
+            self.get_logger().warning(
+                f"waiting for {names.EFFECTOR_POSE}: is the simulator running?", throttle_duration_sec=10.0
+            )
         if self._rest is not None and not self.done and self._mandate.held:
             self._play(self._rest)
 

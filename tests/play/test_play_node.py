@@ -17,6 +17,7 @@ from tripod_msgs.msg import ControlMode
 
 from tripod_graph import names
 from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
+from tripod_play import node as play_node
 from tripod_play.follow import ServoPath
 from tripod_play.node import PathNode, PlayNode, SolveNode
 from tripod_play.path_file import KeyPoints, Kind
@@ -218,3 +219,20 @@ def test_the_simulator_tells_where_the_ball_is(domain: int) -> None:
         for node in (sim, robot):
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def test_without_a_simulator_it_says_what_it_waits_for(
+    context: None, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(play_node, "PATIENCE", 0.0)
+    said: list[str] = []
+
+    def told() -> bool:
+        said.append(capfd.readouterr().err)
+        return "waiting for sim/effector_pose: is the simulator running?" in "".join(said)
+
+    graph = Graph(solver)
+    try:
+        graph.until(told)
+    finally:
+        graph.close()
