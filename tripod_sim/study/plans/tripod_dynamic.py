@@ -52,7 +52,7 @@ def finest(_: Settings) -> tuple[Settings, ...]:
     """Return the reference of the whole error: H20 with the compliant clamp, edges as 1/2 to 1/3 to 1/4, small steps.
 
     What limits it is the mesh, mostly how many elements are across a strip; steps of twice the length change it by less
-    than 0.1 %. H27 comes from the other side, and more slowly. Factors serve many steps: what iterates takes far longer.
+    than 0.1 %. H27 comes from the other side, and more slowly. Factors serve many steps, iterations one.
     """
     fine = {**DEFAULT, **FINE, "solver.linear": "ldl", "solver.tolerance": 1e-6, "dt": 2.5e-4}
     return tuple({**fine, "mesh.level": level} for level in (9, 10, 11))
