@@ -104,7 +104,9 @@ class StaticModel:
     """
 
     def __init__(self, scene: Scene, slide: float = WORKING_SLIDE, angles: FloatArray | None = None) -> None:
-        """Build the model and bring it to `angles` [rad], shape (s,); None means the working pose.
+        """Build the model and bring it to `angles` [rad], shape (s,).
+
+        None means the working pose, or what is nearest to it within the limits.
 
         Raises:
             IkError: the scene has no servos or no effector, or the pose is out of its limits.
@@ -115,7 +117,9 @@ class StaticModel:
         if not (joints and effector_of(scene)):
             raise IkError(f"scene {scene.name!r} has no servos or no effector: there is nothing to solve for")
         count = joints.count
-        wanted = working_angles(count) if angles is None else frozen("angles", angles, (count,))
+        low, high = np.array([(arm.low, arm.high) for arm in joints.arms]).T
+        near = np.clip(working_angles(count), low, high)
+        wanted = near if angles is None else frozen("angles", angles, (count,))
         for name, angle, arm in zip(servo_names(count), wanted.tolist(), joints.arms, strict=True):
             if not arm.low <= angle <= arm.high:
                 raise IkError(

@@ -40,7 +40,9 @@ mass = 0.02
 [[marker]]
 set = "tip"
 """
-MOVING = BEAM.replace("[6, 2, 2]", "[4, 1, 1]") + '[inertia]\nscheme = "tr_bdf2"\n[damping]\nstiffness = 5e-3\n'
+MOVING = (
+    BEAM.replace("[6, 2, 2]", "[4, 1, 1]") + '[inertia]\nscheme = "tr_bdf2"\n[damping]\nstiffness = 5e-3\n'
+)
 
 PLACE = tuple(Channel("effector", axis) for axis in range(3))
 POSE = (*PLACE, *(Channel("effector", axis, angle=True) for axis in range(3)))

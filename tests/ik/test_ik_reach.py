@@ -137,6 +137,11 @@ def test_an_answer_tells_the_error_of_its_mesh_where_that_is_asked_for():
     assert "mesh_error" not in solve_once(load_scene(SHARP, COARSE), [0.004, -0.002, -0.006], slide=0.035)
 
 
+def test_without_a_start_the_model_begins_as_near_to_the_working_pose_as_the_servos_may_go():
+    model = StaticModel(load_scene(SHARP, [*COARSE, "servos.angle_min=-1.2"]))
+    np.testing.assert_allclose(model.simulation.state.joints, [-1.2, -1.2, -1.2, 0.035])
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
