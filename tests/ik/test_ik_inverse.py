@@ -185,7 +185,7 @@ def everywhere():
 
 BOX = (np.array([-0.006, -0.005, -0.012]), np.array([0.005, 0.006, -0.004]))
 WEAK = Limits(torque=0.135)
-TARGETS = np.random.default_rng(5).uniform([-0.012, -0.012, -0.02], [0.012, 0.012, 0.006], (5, 3))
+TARGETS = np.random.default_rng(5).uniform([-0.012, -0.012, -0.02], [0.012, 0.012, 0.006], (8, 3))
 
 
 @pytest.fixture(scope="module")
