@@ -107,6 +107,10 @@ def test_kernels_are_compiled_once_for_all_springs() -> None:
     assert len({typeof(of_one) for of_one in links}) == 1
 
 
+DEAR = ("ldl_kernels.factor",)
+"""Kernels that copy in their innermost loops: loops make the factorisation 3 % longer, slices its compilation."""
+
+
 def test_no_kernel_assigns_an_array_to_a_slice() -> None:
     """`put` does that: the text of what Numba would say of shapes that differ takes seconds to compile."""
     root, found, kernels = Path(__file__).parents[2], [], 0
@@ -115,6 +119,8 @@ def test_no_kernel_assigns_an_array_to_a_slice() -> None:
             if not isinstance(function, ast.FunctionDef) or "njit" not in map(_name, function.decorator_list):
                 continue
             kernels += 1
+            if f"{path.stem}.{function.name}" in DEAR:
+                continue
             found += [
                 f"{path.relative_to(root)}:{target.lineno}: {ast.unparse(target)}"
                 for target, value in _assigned(function)

@@ -154,16 +154,12 @@ def factor(p: Symbolic, A: Numbers) -> int:
         if i < size:
             _eliminate_row(F, size, i, width, inv)
         at = panel[s]
-        out = factors[at : at + width * size]
-        for i in range(width * size):
-            out[i] = F[i]
+        factors[at : at + width * size] = F[: width * size]
         if parent[s] >= 0:
             m = size - width
             for i in range(m):
                 row = (width + i) * size + width
-                out, left = stack[top + i * m : top + (i + 1) * m], F[row : row + m]
-                for j in range(i, m):
-                    out[j] = left[j]
+                stack[top + i * m + i : top + (i + 1) * m] = F[row + i : row + m]
             top += m * m
             waiting[count] = s
             count += 1
