@@ -4,7 +4,6 @@ import numpy as np
 from numba import njit
 
 from tripod_host.arrays import Array
-from tripod_sim.array_kernels import put
 
 
 @njit(cache=True, error_model="numpy")
@@ -78,21 +77,21 @@ def improve(
             again |= np.array_equal(tried[before], sides)
         if again:
             break
-        put(tried[k], sides)
+        tried[k] = sides
         size = n + count
         _write(P, q, A, low, high, sides, which[:count], matrix, right)
         if not eliminate(matrix[:size, :size], right[:size]):  # active rows that say the same twice
             _write(P, q, A, low, high, sides, which[:count], matrix, right)
-            put(right[:size], np.linalg.lstsq(matrix[:size, :size].copy(), right[:size].copy())[0])
-        put(trial[:n], right[:n])
+            right[:size] = np.linalg.lstsq(matrix[:size, :size].copy(), right[:size].copy())[0]
+        trial[:n] = right[:n]
         trial[n:] = 0.0
         for a in range(count):
             trial[n + which[a]] = right[n + a]
         residual = conditions(P, q, A, low, high, trial, here)
-        put(rows, here)
+        rows[:] = here
         if residual < least:
             least = residual
-            put(z, trial)
+            z[:] = trial
         if residual < exact:
             break
     return least
@@ -113,14 +112,11 @@ def _write(
     """Write the system [P, A'; A, 0] (x, y) = (-q, bounds) of the rows `which` at the bounds that `sides` tells."""
     n, count = len(q), len(which)
     matrix[: n + count, : n + count] = 0.0
-    for i in range(n):
-        put(matrix[i, :n], P[i])
-        right[i] = -q[i]
+    matrix[:n, :n], right[:n] = P, -q
     for a in range(count):
         i = which[a]
-        put(matrix[n + a, :n], A[i])
-        for j in range(n):
-            matrix[j, n + a] = A[i, j]
+        matrix[n + a, :n] = A[i]
+        matrix[:n, n + a] = A[i]
         right[n + a] = high[i] if sides[i] > 0 else low[i]
 
 
