@@ -121,7 +121,6 @@ def _to_robot(bag: Bag, topics: str, start: float, rate: float) -> Callable[[], 
 
 
 def _as_topics(bag: Bag, topics: str, start: float, rate: float) -> Callable[[], Any]:
-
     check_start(bag.info.duration, start)
 
     def make() -> Any:

@@ -288,9 +288,8 @@ class Safety:
         self.look(now)
         before = self.authority.decided
         if self.authority.hear(decision, wall, now):
-            self._halted = (
-                self._halted and self.authority.decided == before
-            )  # a lost operator is back: no other mode
+            if self.authority.decided != before:  # where it is the same, only a lost operator is back
+                self._halted = False
             self._obey(now)
 
     def look(self, now: float) -> None:

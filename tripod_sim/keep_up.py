@@ -172,8 +172,7 @@ class KeepUp:
             self._rungs = rungs
         except SceneError as error:
             self._rungs = ()
-            why = str(error)
-            self._tell(f"{too_slow(seen)}, and nothing cheaper is known: {why}", TOLD)
+            self._tell(f"{too_slow(seen)}, and nothing cheaper is known: {error}", TOLD)
 
     def _go(self, rung: int, seen: Look) -> None:
         """Go on with the settings of a rung."""
