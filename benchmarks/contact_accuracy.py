@@ -399,7 +399,8 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
             )
             lines.append(
                 f"| {scene} | {100 * a:g} % | {len(own)} | {100 * np.mean([ok for _, ok in judged]):.3g} | "
-                f"{len(chaos)} | {sum(chaos)} | {sum(place)} of {len(place)} | {worst} | {one} | {beside:.2f} | {spread} |"
+                f"{len(chaos)} | {sum(chaos)} | {sum(place)} of {len(place)} | {worst} | {one} | {beside:.2f} | "
+                f"{spread} |"
             )
     return lines
 

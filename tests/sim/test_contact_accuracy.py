@@ -35,7 +35,7 @@ def test_a_ladder_that_ended_counts_as_kept_and_chaotic_cases_do_not_count() -> 
     ]
     name, share, seconds, auto = one_step(rows, 0.05)
     assert (name, share) == ("bdf2, dt / 4", 1.0)
-    assert (seconds, auto) == (pytest.approx(8.0), pytest.approx(6.0)), "four steps of the first take 4 s; thirds broke off"
+    assert (seconds, auto) == (pytest.approx(8.0), pytest.approx(6.0)), "4 s each; thirds broke off"
 
 
 def test_where_none_keeps_it_the_one_that_keeps_most_is_named() -> None:
