@@ -362,7 +362,9 @@ def one_step(rows: Sequence[dict[str, Any]], accuracy: float) -> tuple[str, floa
             for ladder in ladders:
                 below = max((d for d in ladder if d <= division), default=None)
                 if below is not None:
-                    good += max(ladder) < division or (below == division and ladder[below]["error"] <= accuracy)
+                    good += max(ladder) < division or (
+                        below == division and ladder[below]["error"] <= accuracy
+                    )
                     seconds += ladder[below]["seconds"] * division / below
             steps.append((f"{scheme}, dt / {division}", good / max(len(own), 1), seconds))
     enough = [s for s in steps if s[1] >= PROMISED]
