@@ -50,6 +50,9 @@ RESETS_MAX, RESET_WINDOW = 3, 10.0
 STRANGERS_MAX, STRANGER_WINDOW = 3, 2.0
 """So many signs of another writer in so many seconds are no accident."""
 
+LOST_MAX, LOSS_WINDOW = 3, 100
+"""So many unanswered frames of so many are told."""
+
 PULSE_PERIOD: Final = 0.02
 """From pulse to pulse [s]."""
 
@@ -62,7 +65,8 @@ class FramedSession(Session):
 
     Only a board of this protocol version, with as many servos as the calibration and a range of pulses that covers it,
     becomes ready. After that, silence for `SILENCE` ends the conversation; a reset of the board, or its watchdog,
-    interrupts the motion; replies to frames that were never sent mean that someone else writes to the port.
+    interrupts the motion. Frames that stay unanswered were lost, they or their answers. What the board heard and was
+    never sent, as its replies tell or a gap before a frame whose forerunner it has answered, is someone else's.
     """
 
     name = "framed"
@@ -79,13 +83,14 @@ class FramedSession(Session):
         self._unanswered: deque[tuple[int, float]] = deque()
         self._newest: int | None = None  # sequence of the newest packet, until it is acknowledged
         self._late: set[int] = set()  # hellos sent before the first answer, whose own may still come
-        self._hello_due = self._give_up_at = 0.0
+        self._answered: int | None = None  # sequence of the newest frame that was answered
+        self._hello_due = self._give_up_at = self._said_at = 0.0
         self._heard = bytearray()
         self._echo = self._restarted = False
         self._reply: HelloReply | None = None
-        self._board_dropped = 0
         self._resets: deque[float] = deque(maxlen=RESETS_MAX)
         self._strangers: deque[float] = deque(maxlen=STRANGERS_MAX)
+        self._lost: deque[bool] = deque(maxlen=LOSS_WINDOW)  # of each of the newest frames
         self._counts = {"frames lost on the line": 0, "board resets": 0, "watchdog of the board": 0}
 
     def begin(self, now: float, boot_time: float) -> None:
@@ -116,8 +121,7 @@ class FramedSession(Session):
             if self._unanswered and now - self._unanswered[0][1] > SILENCE:
                 self.state = SessionState.LOST
                 self.message = f"no acknowledgement for {SILENCE:g} s; check cable and power"
-            elif not self._unanswered and now >= self._hello_due:
-                self._hello_due = now + IDLE_PERIOD
+            elif now >= self._said_at + (HELLO_PERIOD if self._unanswered else IDLE_PERIOD):
                 return self._hello(now)
         return b""
 
@@ -130,7 +134,7 @@ class FramedSession(Session):
         sequence = self._next_sequence()
         self._unanswered.append((sequence, now))
         self._newest = sequence
-        self._hello_due = now + IDLE_PERIOD
+        self._said_at = now
         return encode(SetPulses(content), sequence)
 
     def angles(self, content: Content) -> tuple[float, ...]:
@@ -150,6 +154,14 @@ class FramedSession(Session):
     def settled(self) -> bool:
         """Whether the newest packet was acknowledged."""
         return self._newest is None
+
+    @property
+    def odd(self) -> str:
+        """That frames are lost, and how many."""
+        lost = sum(self._lost)
+        if lost < LOST_MAX:
+            return ""
+        return f"{lost} of the last {len(self._lost)} packets were lost on the line; check cable and plugs"
 
     @property
     def diagnostics(self) -> dict[str, object]:
@@ -203,6 +215,7 @@ class FramedSession(Session):
         if self.state is SessionState.READY:
             if sequence in self._late:
                 self._late.remove(sequence)
+                self._answered = sequence
             elif not self._answers(sequence, now):
                 self._suspect(now)
             elif reply.flags & Flags.RESTARTED:
@@ -227,29 +240,24 @@ class FramedSession(Session):
             return
         self._late = {number for number, _ in self._unanswered}
         self._unanswered.clear()
-        self._board_dropped = 0
-        self._hello_due = now + IDLE_PERIOD
         self.state, self.message = SessionState.READY, ""
 
     def _take_acknowledgement(self, sequence: int, reply: Acknowledgement, now: float) -> None:
         if self.state is not SessionState.READY:
             return
         self.told = reply.pulses if 0 not in reply.pulses else None
+        follows = self._answered is not None and sequence == (self._answered + 1) % 256
         if not self._answers(sequence, now):
             self._suspect(now)
             return
         if reply.flags & Flags.RESTARTED:
             self._restart(now)
             return
-        lost = reply.dropped != self._board_dropped
-        self._board_dropped = reply.dropped
         if reply.flags & Flags.WATCHDOG:
             self._counts["watchdog of the board"] += 1
             self.interruption = "the board heard nothing for its watchdog's time and let go"
-        if reply.flags & Flags.SEQUENCE_GAP:
-            self._counts["frames lost on the line"] += 1
-            if not lost and not reply.flags & Flags.OVERRUN:
-                self._suspect(now)
+        if reply.flags & Flags.SEQUENCE_GAP and follows:  # the board heard one more than it was sent
+            self._suspect(now)
 
     def _take_error(self, sequence: int, error: Error, now: float) -> None:
         if error.code is ErrorCode.VERSION:
@@ -271,7 +279,10 @@ class FramedSession(Session):
         if sent is None:
             return False
         while self._unanswered.popleft()[0] != sequence:
-            pass
+            self._counts["frames lost on the line"] += 1
+            self._lost.append(True)
+        self._lost.append(False)
+        self._answered = sequence
         if sequence == self._newest:
             self._newest = None
         self.round_trip = now - sent
@@ -325,7 +336,7 @@ class FramedSession(Session):
     def _open(self, now: float, give_up_at: float) -> None:
         self.state, self.place, self.told = SessionState.OPENING, None, None
         self._unanswered.clear()
-        self._newest = None
+        self._newest = self._answered = None
         self._hello_due, self._give_up_at = now, give_up_at
 
     def _hello(self, now: float) -> bytes:
@@ -333,6 +344,7 @@ class FramedSession(Session):
         while HEADER in (frame := encode(Hello(), sequence := self._next_sequence())):
             pass
         self._unanswered.append((sequence, now))
+        self._said_at = now
         return frame
 
     def _next_sequence(self) -> int:

@@ -225,12 +225,13 @@ class DriverNode(LifecycleNode):
         driver, safety, session = self._driver, self._safety, self._driver.link.session
         found, declared = self._turns.rate(time.monotonic()), 1.0 / (TURN * driver.period)
         late = short("the machine is too busy: looks at what is to be sent", found, declared)
-        level = Level.WARN if safety.message or late else Level.OK
+        odd = safety.message or session.odd or late
+        level = Level.WARN if odd else Level.OK
         if safety.state in (State.DISCONNECTED, State.FAULT):
             level = Level.ERROR
         return (
             level,
-            safety.message or late or safety.state.name.lower(),
+            odd or safety.state.name.lower(),
             {
                 "state": safety.state.name,
                 **authority_values(safety.authority),

@@ -39,7 +39,7 @@ class Session(ABC):
         baud: Its usual speed [bit/s].
         acknowledges: Whether the board acknowledges each packet.
         state: How far it is.
-        message: Why it is not ready; else what is odd, empty if nothing is.
+        message: Why it is not ready; empty when it is.
         interruption: Set when the motion must be given up: why. The caller takes it and empties it.
         place: Where the servos are since the session became ready, as the board says or its firmware always does; None
             if nobody on the line knows.
@@ -116,6 +116,11 @@ class Session(ABC):
     def settled(self) -> bool:
         """Whether the board has the newest packet, as far as can be known."""
         return True
+
+    @property
+    def odd(self) -> str:
+        """What is odd on the line though it works; empty if nothing is."""
+        return ""
 
     @property
     def diagnostics(self) -> dict[str, object]:

@@ -1,6 +1,7 @@
 """Everything that goes wrong in motion between computer and board: each ends in a safe state, with its message."""
 
 import random
+import re
 
 import numpy as np
 import pytest
@@ -206,6 +207,76 @@ def test_two_per_cent_of_noise_neither_moves_a_servo_wrongly_nor_stops_the_motio
     assert set(bench.board.history) <= told
     assert bench.link.reconnects == 0
     assert bench.link.session.diagnostics["frames lost on the line"] > 10
+
+
+def lose(bench: Bench, there: float, back: float) -> None:
+    """Lose these shares of the packets and of the answers, whole."""
+    chance = random.Random(3)
+    write, read = bench.board.write, bench.board.read
+
+    def lossy_write(data: bytes) -> None:
+        if chance.random() >= there:
+            write(data)
+
+    def lossy_read() -> bytes:
+        answer = read()
+        return answer if chance.random() >= back else b""
+
+    bench.board.write, bench.board.read = lossy_write, lossy_read  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize(("there", "back"), [(0.05, 0.0), (0.0, 0.05), (0.3, 0.0), (0.0, 0.3), (0.3, 0.3)])
+def test_a_line_that_loses_whole_frames_is_told_as_that_and_the_motion_goes_on(there, back) -> None:
+    bench = Bench().moving()
+    lose(bench, there, back)
+    session, frames = bench.link.session, len(bench.sent)
+    assert session.odd == ""
+    bench.run(30.0, bench.stream)
+    assert (bench.safety.state, bench.link.reconnects) == (State.ACTIVE, 0)
+    lost = (1.0 - (1.0 - there) * (1.0 - back)) * (len(bench.sent) - frames)
+    assert session.diagnostics["frames lost on the line"] == pytest.approx(lost, rel=0.5)
+    assert re.fullmatch(
+        r"\d+ of the last 100 packets were lost on the line; check cable and plugs", session.odd
+    )
+
+
+def test_a_loss_is_told_by_the_status() -> None:
+    messages = pytest.importorskip("tripod_driver.messages")
+    bench = Bench().moving()
+    assert messages.status_message(bench.driver).message == ""
+    lose(bench, 0.2, 0.0)
+    bench.run(2.0, bench.stream)
+    assert "packets were lost on the line" in messages.status_message(bench.driver).message
+
+
+def test_at_rest_one_greeting_that_is_lost_ends_nothing() -> None:
+    bench = Bench().moving()
+    bench.safety.deactivate()
+    lose(bench, 0.1, 0.0)
+    bench.run(60.0)
+    assert (bench.safety.state, bench.link.reconnects) == (State.READY, 0)
+    assert bench.link.session.diagnostics["frames lost on the line"] > 2
+
+
+def test_a_second_writer_is_found_on_a_line_that_loses_frames() -> None:
+    bench = Bench().moving()
+    lose(bench, 0.2, 0.0)
+    other = Foreigner(bench)
+    for _ in range(100):
+        other()
+        bench.run(0.02, bench.stream)
+    assert bench.safety.state is State.FAULT
+    assert "another program writes to this port too" in bench.safety.message
+
+
+def test_a_second_writer_that_takes_the_answers_to_its_own_frames_is_found() -> None:
+    bench = Bench().moving()
+    other = Foreigner(bench)
+    for _ in range(10):
+        other()
+        bench.board.read()
+        bench.run(0.1, bench.stream)
+    assert bench.safety.state is State.FAULT
 
 
 # whatever happens ---------------------------------------------------------------------------------------------
