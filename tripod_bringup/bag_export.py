@@ -28,8 +28,9 @@ def export_command(file: Path, out: Path, topics: str) -> int:
         if out.suffix.lower() == ".parquet":
             _check_parquet()
         bag = Bag(file)
-        series = read_series(bag, chosen(topics) if topics else is_shown)
-        {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[out.suffix.lower()](series, out)
+        with bag.accounted():
+            series = read_series(bag, chosen(topics) if topics else is_shown)
+            {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}[out.suffix.lower()](series, out)
         return bag
 
     return _run("export", out, write)
@@ -43,7 +44,8 @@ def plot_command(file: Path, out: Path) -> int:
         from tripod_bringup.bag_plot import draw  # noqa: PLC0415 - not needed for the help
 
         bag = Bag(file)
-        draw(read_series(bag), out, Path(bag.info.path).name)
+        with bag.accounted():
+            draw(read_series(bag), out, Path(bag.info.path).name)
         return bag
 
     return _run("plot", out, write)
@@ -62,7 +64,8 @@ def html_command(file: Path, out: Path, topics: str) -> int:
         try:
             pictures.check()
             bag = Bag(file)
-            rerun = read_session(bag, chosen(topics)).rerun()
+            with bag.accounted():
+                rerun = read_session(bag, chosen(topics)).rerun()
             with progress_bar(shown=sys.stderr.isatty()) as progress:
                 arrays = session_arrays(rerun, bag, progress)
             if not pictures.write(arrays):

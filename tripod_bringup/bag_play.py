@@ -26,7 +26,8 @@ def play_command(
     try:
         check(to, rate, start)
         bag = Bag(file)
-        make = MAKERS[to](bag, topics, start, rate)
+        with bag.accounted():
+            make = MAKERS[to](bag, topics, start, rate)
     except (RecordError, SceneError, OSError) as error:
         return complain(error, BAD_ARGUMENTS)
     except StepError as error:
@@ -74,14 +75,8 @@ def complain(error: Exception, code: int) -> int:
 
 def tell_unread(command: str, bag: Bag) -> int:
     """Say in one line what could not be read of a recording, if that is news; return the exit code: 0, 1 damaged."""
-    first, *others = [line for line, told in bag.unread.items() if not told] or [""]
-    bag.unread = dict.fromkeys(bag.unread, True)
-    if first:
-        more = f" (and {len(others)} more)" if others else ""
-        print(
-            f"tripod bag {command}: left out is what cannot be read: {printable(first)}{more}",
-            file=sys.stderr,
-        )
+    if left := bag.left_out():
+        print(f"tripod bag {command}: {left}", file=sys.stderr)
     return FAILED if bag.damaged else 0
 
 

@@ -1,5 +1,6 @@
 """Measured data from a recording of ours: what the servos were told, the measured pose of the disc, or its IMU."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,13 @@ def read_recording(path: Path, scene: Scene, *, poses: bool) -> Measured:
         DataError, RecordError: it has no commands or nothing measured, is of another robot, or cannot be read.
     """
     bag = Bag(path)
+    with bag.accounted():
+        measured = _measured(bag, path, scene, poses=poses)
+    left = bag.left_out()
+    return replace(measured, notes=(*measured.notes, left)) if left else measured
+
+
+def _measured(bag: Bag, path: Path, scene: Scene, *, poses: bool) -> Measured:
     wanted = [*COMMANDS, *SEEN]
     series = read_series(bag, lambda topic: any(topic.endswith(f"/{name}") for name in wanted))
     commands = _one(series, COMMANDS, path, "commands")

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -81,6 +82,23 @@ class Bag:
         for line in (*reader.damage, *torn):
             self.unread.setdefault(f"{reader.path}: {line}", False)
         self.damaged |= bool(reader.damage)
+
+    def left_out(self) -> str:
+        """Return in one line what could not be read and was not told yet, and count it as told; empty: nothing."""
+        first, *others = [line for line, told in self.unread.items() if not told] or [""]
+        self.unread = dict.fromkeys(self.unread, True)
+        more = f" (and {len(others)} more)" if others else ""
+        return f"left out is what cannot be read: {printable(first)}{more}" if first else ""
+
+    @contextmanager
+    def accounted(self) -> Iterator[None]:
+        """Let what is refused within also tell what could not be read: that may be why."""
+        try:
+            yield
+        except ValueError as error:
+            if left := self.left_out():
+                error.args = (f"{error}; {left}",)
+            raise
 
     def channel(self, topic: str) -> Channel:
         """Return type, definition and quality of service of a topic that has messages. Raises RecordError."""

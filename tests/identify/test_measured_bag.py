@@ -1,5 +1,6 @@
 """Recordings as measured data: commands, measured poses, IMU; those of other robots are refused."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,8 @@ def write_bag(
         }  # fmt: skip
         for name, kind in kinds.items():
             writer.write(name, bytes(STORE.serialize_cdr(messages[kind], kind)), stamp)
+        if k == 250:
+            writer.sync()  # a chunk of its own
     writer.close()
     return directory
 
@@ -110,3 +113,22 @@ def test_another_robots_recording_is_refused_in_one_line(
     with pytest.raises(DataError, match=said) as error:
         read_recording(write_bag(tmp_path / "b", **more), load_scene(scene), poses=False)
     assert "\n" not in str(error.value)
+
+
+def test_what_of_a_damaged_recording_is_left_out_is_told(tmp_path: Path) -> None:
+    (file,) = write_bag(tmp_path / "b").glob("*.mcap")
+    whole = file.read_bytes()
+    places = [match.end() + 40 for match in re.finditer(b"zstd", whole)]
+    first, *later = places[: len(places) // 2]  # each chunk is named again in the summary
+    left = "left out is what cannot be read: "
+    assert not read_recording(file, tripod(), poses=False).notes
+    data = bytearray(whole)
+    for place in later:
+        data[place] ^= 0xFF
+    file.write_bytes(data)
+    [note] = read_recording(file, tripod(), poses=False).notes
+    assert note.startswith(f"{left}{file}: byte ")
+    data[first] ^= 0xFF
+    file.write_bytes(data)
+    with pytest.raises(DataError, match=f"holds no commands: .*; {left}{file}: byte "):
+        read_recording(file.parent, tripod(), poses=False)

@@ -194,3 +194,19 @@ def test_what_is_missing_in_a_damaged_recording_is_told(
     err = capfd.readouterr().err
     assert f"left out is what cannot be read: {file}: byte " in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", [export_command, lambda file, out, _: plot_command(file, out)])
+def test_a_recording_of_which_nothing_can_be_read_says_why_nothing_is_written(
+    bag: Path, command, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (whole,) = bag.glob("*.mcap")
+    data, at = bytearray(whole.read_bytes()), 0
+    while (at := data.find(b"zstd", at) + 4) > 3:
+        data[at + 40] ^= 0xFF
+    file = tmp_path / "bag.mcap"
+    file.write_bytes(data)
+    assert command(file, tmp_path / ("table.csv" if command is export_command else "curves.png"), "") == 2
+    err = capfd.readouterr().err
+    assert f"; left out is what cannot be read: {file}: byte " in err
+    assert err.count("\n") == 1
