@@ -12,6 +12,7 @@ from rclpy.node import Node
 from tripod_msgs.msg import Authority, ControlMode
 
 from tripod_graph import names
+from tripod_graph.mandate import Mandate
 from tripod_graph.mode import REMEMBERED, REPEAT, Decision, Mode, ModeTracker
 from tripod_graph.qos import LATCHED, LATCHED_OF_ALL, RELIABLE
 
@@ -86,6 +87,12 @@ class Speaker:
     def is_heard_by(self, count: int) -> bool:
         """Return whether at least `count` nodes listen."""
         return bool(self._publisher.get_subscription_count() >= count * len(EARS))
+
+    def leave(self, mandate: Mandate, longest: float = 0.5) -> None:
+        """Withdraw what `mandate` has in force, if anything, and wait until that has arrived, at most `longest` [s]."""
+        if mandate.held:
+            self.say(mandate.leave(*clocks(self._node)))
+            self.wait(longest)
 
     def wait(self, longest: float) -> None:
         """Wait until the last word has arrived, at most `longest` [s]."""

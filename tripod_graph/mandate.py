@@ -39,6 +39,13 @@ class Mandate:
         self.tracker.hear(self._said, wall, now)
         return self._said
 
+    def leave(self, wall: float, now: float) -> Decision:
+        """Decide nothing any more; return what to publish. What others decided stays in force."""
+        self._said = None
+        said = Decision(NONE, self.source, wall)
+        self.tracker.hear(said, wall, now)
+        return said
+
     def hear(self, decision: Decision, wall: float, now: float) -> bool:
         """Take a message of any operator; return whether that changed what is in force. Raises ValueError."""
         if decision.source == self.source:  # the own echo tells nothing, and may be late

@@ -37,6 +37,9 @@ SILENCE = 0.5
 PATIENCE = 3.0
 """Time without a pose of the effector after which that is said [s]: nodes find each other within it."""
 
+LEVELLING = 0.8
+"""Time in which the plate can become level at the end [s], less than the lease of a decision that nobody repeats."""
+
 
 class PlayNode(Node):
     """What both have in common: the mode, the effector's pose at rest, targets."""
@@ -59,9 +62,11 @@ class PlayNode(Node):
         self.create_timer(PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
-        """Ask for the level plate, then leave the graph: when the lease ends, everything holds, then parks."""
+        """Ask for the level plate, then leave the graph and say so: everything holds, then parks."""
         if self._rest is not None and self._mandate.held:
             self._send(self._rest, np.zeros(2))
+            time.sleep(LEVELLING)
+        self._speaker.leave(self._mandate)
         self.destroy_node()
 
     def _on_decision(self, decision: Decision) -> None:

@@ -100,6 +100,7 @@ class ReplayNode(Node):
         self._since = time.monotonic()
         self._arrival: float | None = None  # on the way to the first pose: when it should be reached
         self._ramp: tuple[FloatArray, float] | None = None  # where and when that way began
+        self._over_at = float("-inf")
         self._transport: Transport | None = None  # once the motion plays
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._speaker = Speaker(self, self._mandate)
@@ -133,7 +134,8 @@ class ReplayNode(Node):
             self._transport.move(self.place + self._rate * PERIOD, time.monotonic())
 
     def close(self) -> None:
-        """Leave the graph: when the lease ends, everything holds, then parks."""
+        """Leave the graph and say so: everything holds, then parks."""
+        self._speaker.leave(self._mandate)
         self.destroy_node()
 
     def _on_decision(self, decision: Decision) -> None:
@@ -223,10 +225,13 @@ class ReplayNode(Node):
     def _play(self, transport: Transport, now: float) -> None:
         grid = np.arange(0.0, AHEAD, SPACING)
         place = transport.place(now)
+        if place < self.duration:
+            self._over_at = now + AHEAD
+        elif now >= self._over_at:  # the last trajectory before the end was followed to its end
+            self.done = f"played {self.duration - self._start:.2f} s of motion"
+            return
         places = np.full(1, place) if transport.paused else place + self._rate * grid
         self._send(grid[: len(places)], np.array([self._path.at(p) for p in places]))
-        if place >= self.duration:
-            self.done = f"played {self.duration - self._start:.2f} s of motion"
 
     def _send(self, times: FloatArray, joints: FloatArray) -> None:
         """Command poses, shape (n, joints), at times from now [s]."""

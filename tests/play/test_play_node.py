@@ -119,6 +119,9 @@ def test_a_path_takes_the_mode_plays_its_tilts_and_ends(context: None) -> None:
         np.testing.assert_allclose(tilts[-1], [0.1, -0.05], atol=1e-3)
         assert all(t.pose.position.z == -0.0084 for t in graph.robot.targets)
         assert graph.node.done.startswith("path played")
+        graph.node.close()
+        graph.until(lambda: graph.robot.modes[-1] == ControlMode.NONE)  # it is not missed
+        graph.until(lambda: np.allclose(tilt_of(graph.robot.targets[-1]), 0))
     finally:
         graph.close()
 

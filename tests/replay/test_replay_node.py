@@ -266,6 +266,7 @@ def test_a_script_waits_until_it_is_wanted_tells_its_end_and_leaves(make) -> Non
     spun(lambda: told)
     assert told == ["servo script: played 0.20 s of motion"]
     assert graph.driver.here == pytest.approx([-0.1] * 3)
-    assert graph.driver.modes[-1].source.startswith("/script#")
     spun(lambda: graph.driver.get_node_names().count("script") == 0)
+    spun(lambda: graph.driver.modes[-1].mode == ControlMode.NONE)  # it is not missed
+    assert graph.driver.modes[-1].source.startswith("/script#")
     assert len(told) == 1
