@@ -1,5 +1,6 @@
 """Calibrations as YAML text. A file is a stranger until it is parsed: all that is wrong is told in one line."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -15,6 +16,9 @@ LARGEST_FILE: Final = 65536
 """Bytes that a calibration may have."""
 
 LARGEST_NUMBER: Final = 1e9
+
+LONGEST_QUOTE: Final = 24
+"""Characters of a file that are quoted at most."""
 
 FIELDS: Final = tuple(field.name for field in fields(ServoCalibration))
 PAIRS: Final = ("pulse_range", "safe_range")
@@ -59,11 +63,11 @@ def parse_calibration(text: str) -> Calibration:
         mark = getattr(error, "problem_mark", None)
         where = f"line {mark.line + 1}: " if mark is not None else ""
         reason = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise CalibrationError(f"{where}this is no YAML: {reason:.100}") from None
+        raise CalibrationError(f"{where}this is no YAML: {_brief(reason)}") from None
     except (ValueError, RecursionError) as error:
         if isinstance(error, CalibrationError):
             raise
-        raise CalibrationError(f"a value cannot be read: {error!s:.100}") from None
+        raise CalibrationError(f"a value cannot be read: {_brief(str(error))}") from None
     servos = _mapping(table, "the file", ("servos",)).get("servos")
     names = servo_names(max(len(SERVOS), len(servos) if isinstance(servos, dict) else 0))
     found = _mapping(servos, "servos", names)
@@ -138,4 +142,14 @@ def _number(what: str, value: object) -> float:
 
 
 def _shown(value: object) -> str:
-    return f"{value!r:.60}"
+    """Return a value for a message, or what kind it is: the file may be anything, and nobody's secrets are told."""
+    text = repr(value)
+    if len(text) <= LONGEST_QUOTE:
+        return text
+    kinds: dict[type, str] = {str: "a long text", list: "a list", dict: "a table"}
+    return kinds.get(type(value), f"{text:.{LONGEST_QUOTE}}...")
+
+
+def _brief(reason: str) -> str:
+    """Return why YAML refuses a file, without what it quotes at length."""
+    return re.sub(f"'[^']{{{LONGEST_QUOTE},}}'", "...", reason)[:100]

@@ -81,6 +81,9 @@ def test_fields_left_out_have_their_defaults() -> None:
     assert parse_calibration(text).servos[1] == ServoCalibration(offset=3.0, safe_range=(-2.1, 0.0))
 
 
+PASSWORDS = "root-x-0-0-root-/root-/bin/bash-daemon-x-1-1-daemon"
+
+
 def with_servo(text: str) -> str:
     return f"servos:\n  servo_0: {{}}\n  servo_1: {text}\n  servo_2: {{}}\n"
 
@@ -141,6 +144,15 @@ def with_servo(text: str) -> str:
             "servos has an unknown field 'elbow'; fields: servo_0, servo_1, servo_2",
         ),
         ("", "the file is None; it must be a table of servos"),
+        (PASSWORDS, "the file is a long text; it must be a table of servos"),
+        (f"- {PASSWORDS}", "the file is a list; it must be a table of servos"),
+        (f"{PASSWORDS}: 1", "the file has an unknown field a long text; fields: servos"),
+        (
+            with_servo(f"{{offset: '{PASSWORDS}'}}"),
+            "servos.servo_1.offset is a long text; it must be a finite number",
+        ),
+        (f"a: !!int '{PASSWORDS}'", "a value cannot be read: invalid literal for int() with base 10: ..."),
+        (f"!{PASSWORDS}", "line 1: this is no YAML: could not determine a constructor for the tag ..."),
         (
             "servos: {servo_0: &a {}, servo_1: *a, servo_2: *a}",
             "line 1 refers to another part; write the values out",
@@ -162,6 +174,7 @@ def test_what_is_wrong_with_a_file_is_told_in_one_line_with_its_field(
     with pytest.raises(CalibrationError) as caught:
         read_calibration(file)
     assert str(caught.value).startswith(f"calibration {file}: {message}")
+    assert "root-x" not in str(caught.value)
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 400
 
 
