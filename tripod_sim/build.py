@@ -128,7 +128,13 @@ def _of_terms(scene: Scene, progress: Progress | None) -> Parts:
         system.assembly = platforms.bending(assembly, made, scene.solver, progress)
     stepping = [(effect.step, table) for effect, table in used if effect.step]
     parts = stepping[0][0](stepping[0][1], draft, system) if stepping else _stepped(draft, system)
-    parts = replace(parts, notes=(*notes, *said), soft=shown(assembly)[2], plate=draft.plate, ball=draft.ball)
+    parts = replace(
+        parts,
+        notes=(*notes, *said, *draft.notes),
+        soft=shown(assembly)[2],
+        plate=draft.plate,
+        ball=draft.ball,
+    )
     return _watched(scene, draft.sets, system, parts)
 
 

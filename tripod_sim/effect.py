@@ -72,6 +72,7 @@ class Draft:
         dampers: Along springs; None without any.
         bound: Of the stretch of springs; None without one.
         plate, ball: The maze on the disc, and how its ball moves; None without.
+        notes: What users should know of it, one sentence each.
     """
 
     scene: Described
@@ -94,6 +95,7 @@ class Draft:
     bound: "StrainBound | None" = None
     plate: Any = None
     ball: Any = None
+    notes: list[str] = field(default_factory=list)
 
 
 class Need(NamedTuple):

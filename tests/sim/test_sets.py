@@ -368,6 +368,24 @@ def test_nothing_holds_a_marker_that_falls(scheme: str, block: str) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("load", "moves"),
+    [
+        ('{set="left", force=[0, 0, -1e6]}', False),
+        ('{set="left", pressure=1e9}', False),
+        ('{set="left", mass=5.0}', False),
+        ('{set="all", force=[0, 0, -1e-4]}', True),
+        ('{set="low", force=[0, 0, -1e6]}', False),
+        ('{set="low", force=[1e-4, 0, 0]}', True),
+    ],
+)
+def test_a_load_that_moves_nothing_is_told_of(load: str, moves: bool, block: str) -> None:
+    low = 'set=[{name="left", along=[1,0,0], at=0}, {name="low", along=[0,0,1], at=0}]'
+    fixed = 'fixed=[{set="left"}, {set="low", axes="z"}]'
+    notes = Simulation(load_scene(block, [low, "marker=[]", fixed, "gravity={}", f"load=[{load}]"])).notes
+    assert any(note.startswith("load.0 acts on nothing but nodes of set") for note in notes) != moves
+
+
 def test_places_of_sets(block: str) -> None:
     """Box, sphere, cylinder, plane, beyond, below, and all of these at once."""
     tables = [

@@ -103,11 +103,16 @@ class Groups:
             found[self.rigid[body]] = places
         return found
 
+    def still(self) -> NDArray[np.bool_]:
+        """Return which nodes are fixed or prescribed along which axes, shape (size, 3)."""
+        still = np.zeros((self.size, 3), dtype=bool)
+        still[self.fixed] = True
+        still[tuple(self.pinned.T)] = True
+        return still
+
     def held(self) -> NDArray[np.bool_]:
         """Return which nodes are fixed, driven or prescribed along which axes, shape (size, 3)."""
-        held = np.zeros((self.size, 3), dtype=bool)
-        held[self.fixed] = True
-        held[tuple(self.pinned.T)] = True
+        held = self.still()
         for frame in self.driven:
             held[frame.nodes] = True
         return held

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
 from tripod_sim.tables.fields import number, one_of
@@ -42,12 +44,20 @@ def check(tables: tuple[Load, ...], scene: Described) -> None:
 
 
 def weigh(tables: tuple[Load, ...], draft: Draft) -> None:
-    """Add dead masses, and find the dead forces."""
-    from tripod_sim.forces.set_loads import set_loads
+    """Add dead masses, and find the dead forces; tell of loads that something fixed bears alone."""
+    from tripod_sim.forces.set_loads import set_load
 
     solids = [body.among(draft.assembly.nodes) for body in draft.assembly.bodies if body.solid]
-    draft.dead, weighing, lumped = set_loads(tables, draft.sets, solids, len(draft.rest))
-    draft.load, draft.inert = draft.load + weighing, draft.inert + lumped
+    draft.dead, free = np.zeros(draft.rest.shape), ~draft.groups.still()
+    for i, table in enumerate(tables):
+        force, weighing, lumped = set_load(table, f"load.{i}", draft.sets, solids, len(draft.rest))
+        draft.dead, draft.load, draft.inert = draft.dead + force, draft.load + weighing, draft.inert + lumped
+        acts = (force != 0) | (weighing > 0)[:, None]
+        if acts.any() and not (acts & free).any():
+            draft.notes.append(
+                f"load.{i} acts on nothing but nodes of set {table.set!r} that are fixed or prescribed there: it "
+                "moves nothing"
+            )
 
 
 def act(tables: tuple[Load, ...], draft: Draft) -> None:

@@ -26,40 +26,35 @@ class SetLoads(NamedTuple):
     inert: FloatArray
 
 
-def set_loads(tables: tuple[Load, ...], sets: NodeSets, solids: Sequence[SolidMesh], size: int) -> SetLoads:
-    """Return what the loads of a scene do to `size` nodes, of which those of `solids`, in one numbering, come first.
+def set_load(table: Load, field: str, sets: NodeSets, solids: Sequence[SolidMesh], size: int) -> SetLoads:
+    """Return what a load does to `size` nodes, of which those of `solids`, in one numbering, come first.
 
     Raises:
-        SceneError: there is no such set, or it holds no face of the surface where an area is needed.
+        SceneError: there is no such set, or it holds no face of the surface where an area is needed; `field` names it.
     """
-    loads = SetLoads(np.zeros((size, 3)), np.zeros(size), np.zeros(size))
-    for i, table in enumerate(tables):
-        nodes = sets.nodes(table.set, f"load.{i}.set")
-        if table.share == "even" and table.pressure is None:
-            share = np.zeros(size)
-            share[nodes] = 1.0 / len(nodes)
-            lumped = share
-        else:
-            found = [(s, s.boundary[np.isin(s.boundary, nodes).all(axis=1)]) for s in solids]
-            if not any(len(faces) for _, faces in found):
-                why = "a pressure needs one" if table.pressure is not None else "share = 'even' needs none"
-                raise SceneError(
-                    f"load.{i}.set is {table.set!r}: its {len(nodes)} nodes hold no face of the surface; {why}"
-                )
-            share, lumped = np.zeros(size), np.zeros(size)
-            for solid, faces in found:
-                areas, squares, normals = _integrals(solid.kind, solid.nodes[faces])
-                if table.pressure is not None:
-                    np.add.at(loads.force, faces, -table.pressure * normals)
-                np.add.at(share, faces, areas)
-                np.add.at(lumped, faces, squares)
-            share, lumped = share / share.sum(), lumped / lumped.sum()
-        if table.force is not None:
-            loads.force[:] += np.outer(share, table.force)
-        if table.mass is not None:
-            loads.weighing[:] += table.mass * share
-            loads.inert[:] += table.mass * lumped
-    return loads
+    nodes, force = sets.nodes(table.set, f"{field}.set"), np.zeros((size, 3))
+    share, lumped = np.zeros(size), np.zeros(size)
+    if table.share == "even" and table.pressure is None:
+        share[nodes] = 1.0 / len(nodes)
+        lumped = share
+    else:
+        found = [(s, s.boundary[np.isin(s.boundary, nodes).all(axis=1)]) for s in solids]
+        if not any(len(faces) for _, faces in found):
+            why = "a pressure needs one" if table.pressure is not None else "share = 'even' needs none"
+            raise SceneError(
+                f"{field}.set is {table.set!r}: its {len(nodes)} nodes hold no face of the surface; {why}"
+            )
+        for solid, faces in found:
+            areas, squares, normals = _integrals(solid.kind, solid.nodes[faces])
+            if table.pressure is not None:
+                np.add.at(force, faces, -table.pressure * normals)
+            np.add.at(share, faces, areas)
+            np.add.at(lumped, faces, squares)
+        share, lumped = share / share.sum(), lumped / lumped.sum()
+    if table.force is not None:
+        force += np.outer(share, table.force)
+    mass = table.mass or 0.0
+    return SetLoads(force, mass * share, mass * lumped)
 
 
 def _integrals(kind: Element, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
