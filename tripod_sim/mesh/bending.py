@@ -15,6 +15,11 @@ bending for itself, the rest being stretched, which is exact: the beam is stiffe
 x = e / (1 + e / RELAXED) / n². The cells along a beam are springs in a row: what bends is their mean of 1 / (1 + x).
 benchmarks/trapezoids.py holds that against beams: it is right to a few percent of the deflection where cells are as
 long as they are thick, or longer, and tells too much where they are shorter.
+
+Four-node tetrahedra have one strain each, so they are too stiff by what they leave out of bending whatever their shape.
+Of a cell that is moved so about its own centroid the energy U_cell - 1/2 E int t² dV is too much, and what the body
+should have is 1/2 E V h²/12, h its thickness along t: the mean chord V / (1/2 int |n . t| dA). The quotient of the two
+sums is x, for the worst of the principal axes of the surface's normals. nu is left out, which adds to it.
 """
 
 from functools import lru_cache
@@ -66,6 +71,30 @@ def _share(kind: Element, of_nodes: bytes, of_elements: bytes) -> float:
         share += float(size @ (1 / (1 + x.max(axis=(1, 2)))))
         volume += float(size.sum())
     return share / volume
+
+
+def tetrahedra_share(mesh: SolidMesh) -> float:
+    """Return what share of its bending a body of four-node tetrahedra shows: 1 / (1 + x)."""
+    corners, nodes = mesh.nodes[mesh.surface], mesh.nodes[mesh.elements]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    spread = normals.T @ (normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    axes = np.linalg.eigh(np.round(spread / np.trace(spread), 3))[1].T  # alike along two: the mesh's own
+    gradients, volumes = reference_gradients(mesh.kind, nodes)
+    size = volumes[:, 0]
+    thickness = size.sum() / (0.5 * np.abs(normals @ axes.T).sum(axis=0))
+    places = (nodes - nodes.mean(axis=1, keepdims=True)) @ axes.T
+    worst = 0.0
+    for i in range(3):
+        for j in {0, 1, 2} - {i}:
+            s, t = places[..., i], places[..., j]
+            moved = (s * t)[..., None] * axes[i] - (s * s / 2)[..., None] * axes[j]
+            slope = np.einsum("eai,eaj->eij", moved, gradients[:, 0])
+            strain = (slope + slope.transpose(0, 2, 1)) / 2
+            excess = (strain**2).sum(axis=(1, 2)) - (t**2).sum(
+                axis=1
+            ) / 20  # of a tetrahedron int t² dV is V/20 sum t²
+            worst = max(worst, float(size @ excess) / (size.sum() * thickness[j] ** 2 / 12))
+    return 1 / (1 + worst)
 
 
 def bending_excess(kind: Element, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -7,7 +7,8 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.elements.hexahedron import H8, H8_MODES
 from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
-from tripod_sim.mesh.bending import deflection_share
+from tripod_sim.elements.tetrahedron import T4
+from tripod_sim.mesh.bending import deflection_share, tetrahedra_share
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
@@ -33,7 +34,7 @@ def suited(mesh: SolidMesh) -> tuple[SolidMesh, tuple[str, ...]]:
     """Return a mesh with an element that it can be computed with, and what users should know, one sentence each.
 
     `h20` becomes `h20_full` where its 2x2x2 points leave motions without energy (`hourglass`). Eight-node hexahedra on
-    cells on which they bend too stiffly (`bending`) stay, and the expected error is told.
+    cells on which they bend too stiffly (`bending`) stay, and the expected error is told; so do four-node tetrahedra.
     """
     if mesh.kind is H20 and (count := unseen_motions(mesh)):
         note = (
@@ -41,6 +42,12 @@ def suited(mesh: SolidMesh) -> tuple[SolidMesh, tuple[str, ...]]:
             "without energy, as the body is one element thick and wide somewhere; mesh.refine = 1 gives it more"
         )
         return replace(mesh, kind=H20_FULL), (note,)
+    if mesh.kind is T4 and (error := 1 - tetrahedra_share(mesh)) > TOLD:
+        note = (
+            "mesh.element 't4' bends too stiffly here, as its cells are few across the body: expect it to bend about "
+            f"{100 * error:.0f} % too little; 't10' has no such error"
+        )
+        return mesh, (note,)
     if mesh.kind in (H8, H8_MODES) and (error := 1 - deflection_share(mesh)) > TOLD:
         name = mesh.kind.name
         why = "are no parallelepipeds" if mesh.kind is H8_MODES else "are few across the body"
