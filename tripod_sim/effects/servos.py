@@ -1,8 +1,12 @@
 """Effect: servo arms that hold the ends of the strips."""
 
+from functools import partial
+from operator import ge
+
 from tripod_sim.effect import Described, Draft, Effect
 from tripod_sim.errors import SceneError
 from tripod_sim.scene_short import joints_of, servo_tables, soft_bodies
+from tripod_sim.tables.fields import other_unit
 from tripod_sim.tables.robot import Servos
 
 
@@ -19,8 +23,9 @@ def check(servos: Servos, scene: Described) -> None:
                 raise SceneError(
                     f"{field}.angles.{i} is {angle} rad; allowed is {s.angle_min} to {s.angle_max} rad"
                 )
-        if not 0 <= s.slide <= s.slide_max:
-            raise SceneError(f"{field}.slide is {s.slide} m; allowed is 0 to {s.slide_max} m")
+        if s.slide > s.slide_max:
+            hint = other_unit(s.slide, "m", partial(ge, s.slide_max))
+            raise SceneError(f"{field}.slide is {s.slide} m; allowed is 0 to {s.slide_max} m{hint}")
         if s.slide != tables[0][1].slide:
             raise SceneError(
                 f"{field}.slide is {s.slide} m, {tables[0][0]}.slide {tables[0][1].slide} m; all servo bodies slide by "

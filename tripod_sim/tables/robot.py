@@ -30,8 +30,8 @@ class Servos:
     angle_min: float = number(-2.1, unit="rad", low=-3.2, high=0)
     angle_max: float = number(0.6, unit="rad", low=0, high=3.2)
     slide_max: float = number(0.04, unit="m", low=0, high=10.0)
-    angles: tuple[float, ...] = number((), unit="rad")
-    slide: float = number(0.0, unit="m")
+    angles: tuple[float, ...] = number((), unit="rad", low=-3.2, high=3.2)
+    slide: float = number(0.0, unit="m", low=0, high=10.0)
 
     def __post_init__(self) -> None:
         if not self.angles:
