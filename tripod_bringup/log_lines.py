@@ -23,7 +23,7 @@ class LogLine:
     """One line of a node's output.
 
     Attributes:
-        level: As the node logged it; what a node prints without a level, such as a traceback, counts as WARN.
+        level: As the node logged it; what it prints without a level, such as why it refuses to start, counts as ERROR.
         text: Without level, time and node name.
         fact: "page" or "recording" when the line tells where the page or the recording is, else empty.
         value: The address or path of that fact.
@@ -43,7 +43,7 @@ def parse(line: str) -> LogLine:
     >>> parse("[WARN] [1700000000.5] [driver]: no port").text
     'no port'
     """
-    level, text = Level.WARN, line
+    level, text = Level.ERROR, line
     if match := _ROS.match(line):
         level, text = Level[match[1]], match[2]
     if fact := _FACT.match(text):

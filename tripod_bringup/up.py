@@ -295,7 +295,7 @@ def _status(watch: "Watch", facts: Facts) -> str:
 
 
 def _report(ending: Ending, demo: "DemoNode | None", facts: Facts, options: UpOptions, screen: Screen) -> int:
-    said = [parsed.text for parsed in map(parse, ending.output) if parsed.level >= Level.WARN]
+    said = [parsed.text for parsed in map(parse, ending.output) if parsed.level >= Level.ERROR]
     stopped = ": ".join(["stopped", ending.cause, *said[-1:]])
     if ending.code:
         print(f"tripod up: {stopped}", file=sys.stderr)

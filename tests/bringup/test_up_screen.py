@@ -22,8 +22,8 @@ from tripod_bringup.status_line import ChainStatus, status_line
         ),
         ("[WARN] [1.5] [left.driver]: no port", LogLine(Level.WARN, "no port")),
         ("[INFO] [1.5] [sim]: ready", LogLine(Level.INFO, "ready")),
-        ("Traceback (most recent call last):", LogLine(Level.WARN, "Traceback (most recent call last):")),
-        ("recording", LogLine(Level.WARN, "recording")),
+        ("Traceback (most recent call last):", LogLine(Level.ERROR, "Traceback (most recent call last):")),
+        ("recording", LogLine(Level.ERROR, "recording")),
     ],
 )
 def test_a_line_is_understood(line: str, expected: LogLine) -> None:

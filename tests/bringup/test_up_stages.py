@@ -8,7 +8,9 @@ import pytest
 
 from tripod_bringup import up_command
 from tripod_bringup.node_values import RawYaml
-from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _Until, stages
+from tripod_bringup.screen import Screen
+from tripod_bringup.supervisor import Ending
+from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _report, _Until, stages
 from tripod_graph import names
 
 
@@ -138,3 +140,19 @@ def test_without_ros_up_says_what_to_do(
     assert code == 2
     error = capsys.readouterr().err
     assert "rclpy" in error and "make setup" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ("[WARN] [1.5] [sim]: machine too slow", ""),
+        ("[ERROR] [1.5] [sim]: no memory", ": no memory"),
+        ("sim: scene 'x' is unknown", ": sim: scene 'x' is unknown"),
+    ],
+)
+def test_why_a_node_ended_is_an_error_that_it_told_last_and_no_warning(
+    said: str, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ending = Ending(10, "sim was ended by SIGKILL", ["recorded", said] if why else [said])
+    assert _report(ending, None, Facts(), UpOptions(), Screen(terminal=False)) == 10
+    assert capsys.readouterr().err == f"tripod up: stopped: sim was ended by SIGKILL{why}\n"
