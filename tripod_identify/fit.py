@@ -211,8 +211,9 @@ def fit(
 def _in_step(problem: Problem, rows: NDArray[np.bool_], priors: Mapping[str, Prior]) -> FloatArray:
     """Return where to begin: of a motion with values that fit longer and longer beginnings of it.
 
-    All of it may be fitted best, near by, by a modulus that makes it swing once more or less than it does. What a
-    beginning does not tell is held within plausible widths.
+    All of it may be fitted best, near by, by a modulus that makes it swing once more or less than it does; from there
+    it takes many rounds, each of predictions of all of it. What a beginning does not tell is held within plausible
+    widths.
     """
     u, measured = problem.start(), problem.measured
     for share in SOONER if measured.times is not None else ():

@@ -354,6 +354,20 @@ def test_a_motion_that_begins_out_of_step_is_found() -> None:
     assert result.fit.sigma[0] == pytest.approx(1e-4, rel=0.3)
 
 
+def test_beginnings_of_a_motion_spare_most_predictions_of_all_of_it() -> None:
+    scene = scene_from_toml(MOVING.replace("200e3", "25e3"))
+    data = Measured(np.arange(0, 1.2, 0.02), None, None, TIP, np.zeros((60, 3)))
+    values = predict(robot(scene, {"material.young": 240e3}), data, ())
+    data = replace(data, values=values + 1e-4 * np.random.default_rng(4).standard_normal(values.shape))
+    wanted, predictions = parameters(scene, ["material.young", "damping.stiffness"]), []
+    for at_once in (False, True):
+        problem = Problem(plainly(scene), wanted, data, ())
+        found = fit(problem, np.ones(60, dtype=bool), start=problem.start() if at_once else None)
+        assert np.exp(found.u[0]) == pytest.approx(240e3, rel=1e-3)
+        predictions.append(problem.evaluations)
+    assert predictions[0] < 0.5 * predictions[1]
+
+
 def test_a_motion_is_fitted_from_its_beginning_on() -> None:
     """Half of it brings the values close, whatever comes after."""
     scene = scene_from_toml(MOVING.replace("200e3", "90e3"))
