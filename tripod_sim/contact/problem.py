@@ -221,7 +221,10 @@ class StepProblem:
             if np.isfinite(phi := self._evaluate(u, r)):
                 break
         else:
-            raise DescentError("a number is not finite")
+            raise DescentError(
+                "there is no potential where it begins: a number is not finite, or modes of elements do not balance to "
+                "solver.tolerance"
+            )
         fresh, size, previous = False, np.inf, np.inf
         enough = tolerance * (
             0.01 if self.lasting else 0.1

@@ -11,6 +11,9 @@ from tripod_sim.forces.solid_arrays import SolidArrays
 from tripod_sim.materials.calls import addresses
 from tripod_sim.materials.law import law_named
 
+CRUSHED, BLOWN_UP = 0.3, 3.0
+"""Volume ratios beyond which an element is named as what a solve may have failed by."""
+
 
 class Solid(ElasticTerm):
     """Strain energy E = sum over elements and points of weight psi(F), its gradient and its condensed stiffness.
@@ -101,5 +104,10 @@ class Solid(ElasticTerm):
         """Return the smallest volume ratio, and what to say of its element."""
         element, ratio = self.worst_element(x, modes)
         name = f"element {element}{self._owner and f' of {self._owner}'}"
-        what = "blown up" if ratio > 1 else "turned inside out or crushed"
+        if ratio < 0:
+            what = "turned inside out"
+        elif not CRUSHED <= ratio <= BLOWN_UP:  # NaN, too
+            what = "blown up" if ratio > BLOWN_UP else "crushed"
+        else:
+            what = "whole, as all are; it is compressed most"
         return ratio, f"{name} is {what} (volume ratio {ratio:.3g})"

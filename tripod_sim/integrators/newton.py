@@ -29,6 +29,10 @@ SWING [s] or longer. That is a velocity, too, of as much over h, which moves a b
 that (5 ms for the Tripod at work): shorter steps are solved as much better."""
 
 
+ROUNDING = 1e-13
+"""A step that moves nodes by less than this share of the body's size is one of rounding."""
+
+
 class NewtonError(RuntimeError):
     """No solution was found; the message says why and where."""
 
@@ -206,7 +210,7 @@ class Newton:
             if report.iterations >= self.max_iterations:
                 raise NewtonError(
                     f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
-                    f"largest at {self._largest()}"
+                    f"largest at {self._largest()}; {self._rounding()}".rstrip("; ")
                 )
             before = size
             lower = self._step(state, trial, report)  # chord: with the factorisation at hand
@@ -244,7 +248,9 @@ class Newton:
                 return trial_phi
             scale *= 0.5
             system.evaluate(state)
-        raise NewtonError(f"no descent from an unbalanced force of {before:.3g} N; {self._culprit(trial)}")
+        raise NewtonError(
+            f"no descent from an unbalanced force of {before:.3g} N; {self._rounding() or self._culprit(trial)}"
+        )
 
     def _renew(self, state: State, report: NewtonReport, *, start: bool = False) -> float:
         """Assemble and factor at `state`, positive definite; leave gradient and residual of `state`; return Phi."""
@@ -299,6 +305,13 @@ class Newton:
     def _slack(self, phi: float) -> float:
         """Rounding of the potential [J]."""
         return 1e-12 * max(abs(phi), 1e-6)
+
+    def _rounding(self) -> str:
+        """Return in words whether the last step was one of rounding, so that no solve leaves less; empty if not."""
+        size = float(np.ptp(self.system.rest, axis=0).max())
+        if not largest(self._dx) <= ROUNDING * size:
+            return ""
+        return f"rounding leaves as much: solver.tolerance is {self.tolerance:g} N and has to be larger here"
 
     def _culprit(self, state: State) -> str:
         return self.system.elastic.culprit(state.positions, state.modes)
