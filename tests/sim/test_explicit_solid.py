@@ -91,12 +91,24 @@ def test_steps_are_divided_until_they_are_stable() -> None:
     assert abs(e.kinetic + e.strain + e.gravity) < 0.02 * e.kinetic
 
 
+def test_explicit_euler_without_damping_is_told_to_be_stable_at_no_step() -> None:
+    words = ["mesh.level=1", "mesh.element=t4", "inertia.scheme=explicit_euler", "damping=off"]
+    simulation = Simulation(load_scene("silicone", words))
+    with pytest.raises(
+        StepError, match=r"limit is 0 s, .* stable at no step where nothing damps: add damping"
+    ):
+        for _ in range(50):
+            simulation.step()
+
+
 def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
     words = ["mesh.level=1", "mesh.element=t4", "inertia={scheme='semi_implicit_euler', substeps='off'}", "damping=off",
              "dt=2e-4"]  # fmt: skip
     simulation = Simulation(load_scene("silicone", words))
     flagged = 0
-    with pytest.raises(StepError, match=r"is (turned inside out|crushed|blown up) .* limit is .* s, dt 0\.0002 s"):
+    with pytest.raises(
+        StepError, match=r"is (turned inside out|crushed|blown up) .* limit is .* s, dt 0\.0002 s"
+    ):
         for step in range(1, 300):
             report = simulation.step()
             flagged = flagged or (step if report.growth > 0 else 0)

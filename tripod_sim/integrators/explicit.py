@@ -34,7 +34,7 @@ from tripod_sim.integrators import explicit_kernels as kernels
 from tripod_sim.integrators.force_kernels import ForceScratch, Load, MovingSolid, Nets, Solids
 from tripod_sim.integrators.frequency import LargestFrequency
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step
+from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step, remedy
 from tripod_sim.springs.spring_kernels import Links
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -168,8 +168,7 @@ class ExplicitSteps:
             self._keep.copy_to(state)
             raise StepError(
                 f"step {state.step + 1} at {state.time:.4g} s fails: {error}; the explicit scheme's limit is "
-                f"{self._limit:.3g} s, dt {dt:g} s; substeps = 'auto' divides the step, an implicit scheme "
-                "needs no limit"
+                f"{self._limit:.3g} s, dt {dt:g} s; {remedy(self._limit, divides=self._divide)}"
             ) from None
         state.time += dt
         state.step += 1

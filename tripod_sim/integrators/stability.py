@@ -64,6 +64,16 @@ def longest_step(scheme: str, omega: float, rate: float) -> float:
     return float(4.0 / (np.sqrt(rate**2 + 4 * omega**2) + rate))
 
 
+def remedy(limit: float, *, divides: bool) -> str:
+    """Return what to do where an explicit scheme of the stability `limit` [s] failed, having divided its steps or not."""
+    if limit == 0.0:
+        return (
+            "explicit Euler is stable at no step where nothing damps: add damping, or take semi_implicit_euler, rk4 or "
+            "an implicit scheme"
+        )
+    return ("" if divides else "substeps = 'auto' divides the step, ") + "an implicit scheme needs no limit"
+
+
 def longest_part(scheme: str, omega: float, rate: float) -> float:
     """Return the length of the parts into which a step is divided [s].
 

@@ -7,7 +7,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.integrators.report import StepReport
-from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step
+from tripod_sim.integrators.stability import SCHEMES, longest_part, longest_step, remedy
 from tripod_sim.springs import explicit_kernels as kernels
 from tripod_sim.springs.frequency_bound import fastest
 from tripod_sim.springs.spring_system import SpringSystem
@@ -103,7 +103,7 @@ class ExplicitSprings:
         if outcome == kernels.OVERFLOW:
             raise StepError(
                 f"step {state.step + 1} at {state.time:.4g} s overflows: the explicit scheme is unstable at dt {dt:g} "
-                f"s (limit {self.limit:.3g} s); substeps = 'auto' divides the step, an implicit scheme needs no limit"
+                f"s (limit {self.limit:.3g} s); {remedy(self.limit, divides=self._divide)}"
             )
         grew = int(self._watch[4])
         return StepReport(
