@@ -65,7 +65,7 @@ def longest_step(scheme: str, omega: float, rate: float) -> float:
 
 
 def remedy(limit: float, *, divides: bool) -> str:
-    """Return what to do where an explicit scheme of the stability `limit` [s] failed, having divided its steps or not."""
+    """Return what to do where an explicit scheme of the stability `limit` [s] failed, its steps divided or not."""
     if limit == 0.0:
         return (
             "explicit Euler is stable at no step where nothing damps: add damping, or take semi_implicit_euler, rk4 or "
