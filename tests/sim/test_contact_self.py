@@ -5,9 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.blocks import brick
 from tripod_sim import Simulation, load_scene
 from tripod_sim.contact import start_kernels as kernels
+from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.detection import Detector
+from tripod_sim.contact.start import near_itself
+from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.errors import SceneError
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.mesh.topology import directed_edges
 
 NODES, SIZE, DISTANCE = 7, 0.6, 0.004
@@ -165,3 +171,47 @@ def test_an_edge_that_hardly_reaches_through_a_triangle_counts_where_asked(heigh
         marked = np.zeros(len(x), dtype=np.bool_)
         kernels.mark_passing(pairs, edges, triangles, x, least, marked)
         assert marked.all() == marked.any() == counts
+
+
+def slit_panel(width: float, height: float) -> Part:
+    """A block of 1 cm, `height` [m] high, with a slit of `width` [m] in the middle from x = 2 mm on."""
+    z = np.array([0.0, (height - width) / 2, (height + width) / 2, height])
+    block = brick("h8", [np.linspace(0, 0.01, 6), np.linspace(0, 0.01, 6), z])
+    centres = np.array(block.nodes)[np.asarray(block.elements)].mean(axis=1)
+    slit = (centres[:, 0] > 0.002) & (np.abs(centres[:, 2] - height / 2) < width / 2)
+    kept = np.asarray(block.elements)[~slit]
+    nodes, elements = np.unique(kept, return_inverse=True)
+    mesh = SolidMesh(np.array(block.nodes)[nodes], elements.reshape(kept.shape), block.kind)
+    filled = np.ones(len(mesh.surface), dtype=np.bool_)
+    return Part(np.array(mesh.nodes), mesh.surface, filled=filled, self_contact=True)
+
+
+def test_a_thin_solid_touches_itself_across_a_slit_and_not_through_itself() -> None:
+    """Both leaves are 0.4 mm thick, the slit 0.2 mm wide, the contact distance 2 mm; all nodes turned anyhow."""
+    part = slit_panel(2e-4, 1e-3)
+    turn = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    surfaces, x = join([part])
+    x = np.ascontiguousarray(x @ turn.T)
+    found = ContactSet()
+    Detector(surfaces, x, 2e-3, 5e-3).near(x, found)
+    assert found.count > 20
+    weights, vertices = found.arrays.weight[: found.count], found.arrays.vertex[: found.count]
+    gaps = np.linalg.norm(np.einsum("ck,cki->ci", weights, x[vertices]), axis=1)
+    np.testing.assert_allclose(gaps, 2e-4, rtol=1e-6)
+    (note,) = near_itself(part, 2e-3)
+    assert "than contact.contact_distance, 0.002 m, the nearest 0.0002 m away" in note
+    assert near_itself(part, 1e-4) == ()
+
+
+def test_a_panel_thinner_than_the_contact_distance_rises_as_without_contact() -> None:
+    alone, touching = (
+        Simulation(load_scene("cook", ["mesh.cells=[4, 4, 1]", *words]))
+        for words in ([], ["contact={self_contact=true}"])
+    )
+    for simulation in (alone, touching):
+        simulation.step()
+    assert touching.report.contact
+    assert touching.report.contact.contacts == 0
+    assert touching.notes == ()
+    np.testing.assert_allclose(touching.positions, alone.positions, atol=1e-10)

@@ -66,6 +66,7 @@ class Detector:
             s.touches_itself,
             s.radius,
             s.triangles,
+            s.filled,
             s.edges,
             s.sides,
             s.faces,

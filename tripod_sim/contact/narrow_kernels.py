@@ -2,7 +2,8 @@
 
 Only local minima of the distance become contacts: where the closest point lies on an edge or a vertex, the other side
 must lie in the region that this feature is closest to, else a neighbour is closer and makes the contact. So a vertex
-over a plane of many triangles has one contact and not one with every triangle in reach.
+over a plane of many triangles has one contact and not one with every triangle in reach. Nor does a solid touch itself
+through itself, however thin it is: there the way from one shape to the other begins or ends in it.
 """
 
 import numpy as np
@@ -21,6 +22,9 @@ from tripod_sim.contact.region_kernels import (
     edge_normal,
     in_edge_region,
     in_vertex_region,
+    into_edge,
+    into_face,
+    into_vertex,
     is_closest,
     may_touch,
     parallel,
@@ -179,6 +183,44 @@ def ball_ball(
 
 
 @njit(cache=True, error_model="numpy")
+def _through_face(
+    top: Topology, x: Array, y: Array, p: int, t: int, closest: tuple[float, float, float, float], w: Array
+) -> bool:
+    """Return whether the way between a vertex and a triangle of its own body is through that; as in `point_face`.
+
+    `w` is written.
+    """
+    wa, wb, wc, _ = closest
+    for i in range(3):
+        w[i] = wa * y[1, i] + wb * y[2, i] + wc * y[3, i] - y[0, i]
+    if into_vertex(top, x, p, w):
+        return True
+    for i in range(3):
+        w[i] = -w[i]
+    zeros = (wa == 0.0) + (wb == 0.0) + (wc == 0.0)
+    if zeros == 0:
+        return into_face(top, x, t, w)
+    if zeros == 1:
+        return into_edge(top, x, top.sides[t, 1 if wa == 0.0 else 2 if wb == 0.0 else 0], w)
+    return into_vertex(top, x, top.triangles[t, 0 if wa > 0.0 else 1 if wb > 0.0 else 2], w)
+
+
+@njit(cache=True, error_model="numpy")
+def _through_edge(
+    top: Topology, x: Array, y: Array, e: int, f: int, closest: tuple[float, float, float], w: Array
+) -> bool:
+    """Return whether the way between two edges of a body is through that; as in `edge_edge`. `w` is written."""
+    s, t, _ = closest
+    for i in range(3):
+        w[i] = (1.0 - t) * y[2, i] + t * y[3, i] - (1.0 - s) * y[0, i] - s * y[1, i]
+    if into_edge(top, x, e, w):
+        return True
+    for i in range(3):
+        w[i] = -w[i]
+    return into_edge(top, x, f, w)
+
+
+@njit(cache=True, error_model="numpy")
 def near_point_faces(
     pairs: Array, points: Array, faces: Array, flipped: bool, top: Topology, x: Array, distance: float, reach: float,
     out: Contacts, at: int,
@@ -208,7 +250,9 @@ def near_point_faces(
         for i in range(3):
             y[0, i], y[1, i], y[2, i], y[3, i] = x[p, i], x[a, i], x[b, i], x[c, i]
         closest = point_triangle(y[0], y[1], y[2], y[3])
-        if closest[3] < (reach + radius[p]) ** 2:
+        if closest[3] < (reach + radius[p]) ** 2 and not (
+            body[p] == body[a] and _through_face(top, x, y, p, t, closest, n)
+        ):
             at = point_face(top, x, y, p, t, flipped, closest, distance, NEAR, n, out, at)
     return at
 
@@ -234,7 +278,9 @@ def near_edges(
         closest = segment_segment(y[0], y[1], y[2], y[3])
         inside = 0.0 < closest[0] < 1.0 and 0.0 < closest[1] < 1.0
         if (
-            inside and closest[2] < reach * reach
+            inside
+            and closest[2] < reach * reach
+            and not (body[a] == body[c] and _through_edge(top, x, y, e, f, closest, n))
         ):  # else a vertex of one, seen with the other's triangles or edges
             at = edge_edge(top, x, y, e, f, closest, distance, NEAR, held, n, out, at)
     return at

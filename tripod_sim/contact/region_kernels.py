@@ -27,6 +27,7 @@ class Topology(NamedTuple):
     touches_itself: Array
     radius: Array
     triangles: Array
+    filled: Array
     edges: Array
     sides: Array
     faces: Array
@@ -79,6 +80,35 @@ def in_vertex_region(top: Topology, x: Array, v: int, w: Array, room: float) -> 
         if along > 0.0 and along * along > room * room * size * (u0 * u0 + u1 * u1 + u2 * u2):
             return False
     return True
+
+
+@njit(cache=True, error_model="numpy")
+def into_face(top: Topology, x: Array, t: int, w: Array) -> bool:
+    """Return whether direction `w`, from triangle t on, leads into the solid behind it, if there is one."""
+    if t < 0 or not top.filled[t]:
+        return False
+    a, b, c = top.triangles[t, 0], top.triangles[t, 1], top.triangles[t, 2]
+    u0, u1, u2 = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1], x[b, 2] - x[a, 2]
+    v0, v1, v2 = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
+    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+    along, size = n0 * w[0] + n1 * w[1] + n2 * w[2], w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    return bool(along < 0.0 and along * along > ROOM * ROOM * size * (n0 * n0 + n1 * n1 + n2 * n2))
+
+
+@njit(cache=True, error_model="numpy")
+def into_edge(top: Topology, x: Array, e: int, w: Array) -> bool:
+    """Return whether `w`, from edge e on, leads into the solid behind all triangles there."""
+    one, two = top.faces[e, 0], top.faces[e, 1]
+    return into_face(top, x, one, w) and (two < 0 or into_face(top, x, two, w))
+
+
+@njit(cache=True, error_model="numpy")
+def into_vertex(top: Topology, x: Array, v: int, w: Array) -> bool:
+    """Return whether `w`, from vertex v on, leads into the solid behind all triangles there."""
+    for k in range(top.first_edge[v], top.first_edge[v + 1]):
+        if not into_edge(top, x, top.edge_list[k], w):
+            return False
+    return bool(top.first_edge[v] < top.first_edge[v + 1])
 
 
 @njit(cache=True, error_model="numpy", inline="always")

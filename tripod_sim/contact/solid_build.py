@@ -10,7 +10,7 @@ from tripod_sim.bodies.assembly import Assembly
 from tripod_sim.bodies.soft_build import shown
 from tripod_sim.contact.contact_build import contact_stepper, obstacle_parts, place_rigid, upward
 from tripod_sim.contact.solid_nodes import SolidNodes
-from tripod_sim.contact.start import check_apart, check_itself, check_start, lift, passing
+from tripod_sim.contact.start import check_apart, check_itself, check_start, lift, near_itself, passing
 from tripod_sim.contact.surfaces import Part
 from tripod_sim.effect import Draft
 from tripod_sim.effects.contact import Contact
@@ -58,6 +58,9 @@ def surfaces(assembly: Assembly, contact: Contact) -> list[Surface]:
             assembly.nodes[nodes],
             np.searchsorted(nodes, faces),
             np.searchsorted(nodes, edges),
+            filled=np.repeat(
+                [b.solid is not None for b in together], [len(b.mesh.surface) for b in together]
+            ),
             self_contact=contact.self_contact,
         )
         names = " and ".join(repr(b.table.name) for b in together)
@@ -109,6 +112,8 @@ def solid_parts(draft: Draft, system: System, contact: Contact) -> Parts:
     assert inertia
     mesh, skin, _ = shown(assembly)
     found = surfaces(assembly, contact)
+    for s in found:
+        draft.notes += near_itself(s.part, contact.contact_distance, s.name)
     vertices = np.concatenate([s.nodes for s in found])
     newton = Newton(system, scene.solver.tolerance, scene.solver.max_iterations)
     stage = ImplicitStage(newton, inertia, mass, scene.damping.mass if scene.damping else 0.0)

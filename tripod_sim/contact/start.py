@@ -7,6 +7,8 @@ import numpy as np
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.contact import start_kernels as kernels
 from tripod_sim.contact.broad_phase import Boxes, Tree
+from tripod_sim.contact.contact_set import ContactSet
+from tripod_sim.contact.detection import Detector
 from tripod_sim.contact.surfaces import Part, join
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import names_of
@@ -73,6 +75,24 @@ def check_itself(body: Part, distance: float) -> None:
             f"nodes {names_of(np.flatnonzero(marked))} of the body pass through the body itself at the start, and no "
             "lift parts it; change its shape, or set contact.self_contact = false"
         )
+
+
+def near_itself(body: Part, distance: float, name: str = "the body") -> tuple[str, ...]:
+    """Return what users should know of `body`, called `name`, where it begins nearer to itself than `distance` [m]."""
+    if not body.self_contact:
+        return ()
+    (surfaces, x), found = join([body]), ContactSet()
+    Detector(surfaces, x, distance, distance).near(x, found)
+    if not found.count:
+        return ()
+    weights, vertices = found.arrays.weight[: found.count], found.arrays.vertex[: found.count]
+    gaps = np.linalg.norm(np.einsum("ck,cki->ci", weights, x[vertices]), axis=1)
+    nodes = np.unique(vertices[weights != 0])
+    return (
+        f"nodes {names_of(nodes)} of {name} begin nearer to other parts of it than contact.contact_distance, "
+        f"{distance:g} m, the nearest {gaps.min():.3g} m away: contact parts them at once; make "
+        "contact.contact_distance smaller",
+    )
 
 
 def check_start(body: Part, obstacles: list[Part], name: str = "the body") -> None:

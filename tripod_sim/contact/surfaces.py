@@ -18,6 +18,7 @@ class Part:
     Attributes:
         vertices: Positions at the start [m], shape (n, 3).
         triangles: Of vertices, shape (t, 3); none for a ball or a chain.
+        filled: Whether each triangle has a solid on its inner side, shape (t,); empty: none has.
         segments: Edges that belong to no triangle, of vertices, shape (s, 2): those of a chain.
         fixed: Whether it never moves.
         rigid: Whether it moves as a whole: then it is touched where it is sharp, as if it were fixed.
@@ -28,6 +29,7 @@ class Part:
 
     vertices: FloatArray
     triangles: IndexArray = field(default_factory=lambda: np.zeros((0, 3), dtype=np.int64))
+    filled: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_), kw_only=True)
     segments: IndexArray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
     fixed: bool = False
     rigid: bool = False
@@ -50,6 +52,7 @@ class Surfaces:
         touches_itself: Whether each part may touch itself, shape (parts,).
         radius: Of each vertex [m], shape (n,).
         triangles: Of vertices, shape (t, 3).
+        filled: Whether each of them has a solid on its inner side, shape (t,).
         edges: Of vertices, shape (e, 2), the smaller number first.
         sides: Edges (a b), (b c), (c a) of each triangle, shape (t, 3).
         faces: Triangles at each edge, shape (e, 2); -1 for none.
@@ -65,6 +68,7 @@ class Surfaces:
     touches_itself: BoolArray
     radius: FloatArray
     triangles: IndexArray
+    filled: BoolArray
     edges: IndexArray
     sides: IndexArray
     faces: IndexArray
@@ -88,6 +92,9 @@ def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     vertices = np.concatenate([p.vertices for p in parts]).astype(float)
     triangles = np.concatenate([p.triangles + k for p, k in zip(parts, first, strict=False)]).astype(np.int64)
+    filled = np.concatenate(
+        [p.filled if len(p.filled) else np.zeros(len(p.triangles), np.bool_) for p in parts]
+    )
     body = np.repeat(np.arange(len(parts)), counts)
     n, fixed = len(vertices), np.array([p.fixed for p in parts])
     segments = np.concatenate([p.segments + k for p, k in zip(parts, first, strict=False)]).astype(np.int64)
@@ -110,7 +117,7 @@ def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
     pointed = np.bincount(edges[sharp].ravel(), minlength=n) > 0
     surfaces = Surfaces(
         body, np.array([p.self_contact for p in parts]), np.repeat([p.radius for p in parts], counts).astype(float),
-        triangles, edges, sides, faces, first_edge, edge_list,
+        triangles, filled, edges, sides, faces, first_edge, edge_list,
         np.flatnonzero(still[triangles[:, 0]]), np.flatnonzero(still[edges[:, 0]] & sharp),
         np.flatnonzero(still & pointed),
         np.flatnonzero(free[triangles[:, 0]]),

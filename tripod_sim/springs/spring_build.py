@@ -60,20 +60,22 @@ def _touching(
     """Return the parts of a simulation of a spring body, and rigid ones if there are any, among obstacles."""
     from tripod_sim.contact.contact_build import contact_stepper, place_rigid  # noqa: PLC0415 - an effect that is absent
     from tripod_sim.contact.spring_nodes import SpringNodes  # noqa: PLC0415
+    from tripod_sim.contact.start import near_itself  # noqa: PLC0415
 
     damping, body = scene.damping, system.body
     drag, rayleigh = (damping.mass, damping.stiffness) if damping else (0.0, 0.0)
     part = surface_part(body, contact)
+    notes = near_itself(part, contact.contact_distance)
     soft = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound), [part]
     if not rigids_of(scene):
-        return Parts(body, system.mass, system, contact_stepper(scene, contact, soft), skin=skin)
+        return Parts(body, system.mass, system, contact_stepper(scene, contact, soft), skin=skin, notes=notes)
     from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
 
     rigid = rigid_set(scene)
     place_rigid(rigid, scene, contact, [("the soft body", part)])
     stepper = contact_stepper(scene, contact, soft, rigid)
     mesh, both = shown_with(rigid, body, skin)
-    return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid)
+    return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid, notes=notes)
 
 
 def surface_part(body: SpringBody, contact: Contact) -> "Part":
