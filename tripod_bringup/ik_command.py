@@ -62,6 +62,7 @@ def solve_command(
     from tripod_ik.tracker_settings import Goal  # noqa: PLC0415
     from tripod_sim.errors import SceneError, StepError  # noqa: PLC0415
     from tripod_sim.scene_file import load_scene  # noqa: PLC0415
+    from tripod_sim.scene_short import joints_of  # noqa: PLC0415
 
     try:
         if goal not in {str(g) for g in Goal}:
@@ -73,13 +74,14 @@ def solve_command(
             if not as_json:
                 print(choice.sentence, file=sys.stderr)
         description = load_scene(scene, overrides)
+        joints = joints_of(description)
         result = solve_once(
             description,
             numbers("--target", target, 3, "m"),
             tilt=numbers("--tilt", tilt, 2, "rad"),
             goal=Goal(goal),
             slide=slide,
-            start=None if start is None else numbers("--start", start, 3, "rad"),
+            start=None if start is None else numbers("--start", start, joints.count if joints else 3, "rad"),
             torque_max=math.inf if torque_max is None else torque_max,
             hard=hard,
             box=None if corners is None else (corners[:3], corners[3:]),  # type: ignore[arg-type]

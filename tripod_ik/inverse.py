@@ -230,7 +230,7 @@ class InverseSolver:
     def _descend(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
         """Solve from where the model stands, on the branch of `side`, until `end` on the clock [s]."""
         state, longest = self._seen(self.model.state()), LONGEST_STEP
-        iterations, outcome, reason = 0, Outcome.UNFINISHED, ""
+        iterations, outcome, reason, snaps = 0, Outcome.UNFINISHED, "", False
         while True:
             problem = build_ik(
                 state,
@@ -243,7 +243,7 @@ class InverseSolver:
                 self._kept_to,
             )
             result = self._solver.solve(problem)
-            iterations += 1
+            iterations, snaps = iterations + 1, snaps or SNAP in result.active_limits
             self._count += 1
             if self._progress:
                 self._progress(self._count, result.error)
@@ -254,6 +254,8 @@ class InverseSolver:
                 outcome = Outcome.REACHED if result.error <= self._tolerance else Outcome.CLOSEST
             elif self._count >= self._max_iterations:
                 reason = f"{self._count} iterations, the last step was {step:.2g} rad"
+                if snaps:
+                    reason += ", along poses close to a snap; from another start it may get around them"
             elif time.perf_counter() >= end:
                 reason = f"the time limit of {time_limit:g} s ended after {iterations} iterations"
             else:

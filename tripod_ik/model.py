@@ -106,7 +106,8 @@ class StaticModel:
     def __init__(self, scene: Scene, slide: float = WORKING_SLIDE, angles: FloatArray | None = None) -> None:
         """Build the model and bring it to `angles` [rad], shape (s,).
 
-        None means the working pose, or what is nearest to it within the limits.
+        None means the working pose, or what is nearest to it within the limits; of a robot that begins with that slide,
+        or does not slide, the pose in which it begins where the body is firmer there.
 
         Raises:
             IkError: the scene has no servos or no effector, or the pose is out of its limits.
@@ -136,10 +137,15 @@ class StaticModel:
         self._state: LinearState | None = None
         self._image = images(count, mirrored=False)[0]
         start, end = self.simulation.command, np.append(wanted, slide)
+        slides = slide != joints.slide and any(np.any(arm.inward) for arm in joints.arms)
+        own = None if slides or angles is not None else (self.state().firmness, self.save())
         for part in np.linspace(0.0, 1.0, 11)[
             1:
         ]:  # angles and slide in proportion: the strips stay stretched
             self.simulation.step(start + part * (end - start))
+        self._state = None
+        if own and own[0] > self.state().firmness:
+            self.restore(own[1])
         self._home = self.save()
 
     @property

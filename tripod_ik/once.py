@@ -57,7 +57,7 @@ def solve_once(
         tilt: Roll and pitch [rad], where the goal has a tilt.
         goal: What of both is asked for.
         slide: Inward shift of the servo bodies [m].
-        start: Angles [rad] of the pose whose branch is taken; None is the working pose.
+        start: Angles [rad] of the pose whose branch is taken; None: see `StaticModel`.
         torque_max: Largest torque [N m]; infinite for no limit.
         hard: Whether torques and box are hard limits.
         box: Smallest and largest corner of where the effector may be [m], or None.
@@ -102,12 +102,10 @@ def solve_once(
         solution.outcome is Outcome.CLOSEST and SNAP in solution.active_limits
     ):  # another way round may be closer
         count, missing = solution.iterations, solution.residual
-        atlas = Atlas.of(scene, slide, progress and (lambda poses: progress(count + poses, missing)))
-        finder = Pathfinder(
-            atlas, angles, limits, tolerance=tolerance,
-            progress=progress and (lambda more, missing: progress(count + more, missing)),
-        )  # fmt: skip
-        if around := finder.around(first):
+        tell = progress and (lambda more, missing: progress(count + more, missing))
+        if (finder := _finder(scene, slide, angles, limits, tolerance, tell, missing)) and (
+            around := finder.around(first)
+        ):
             other = finder.closest(tasks, begun, around).solution
             if other.residual < solution.residual - 1e-9:
                 solution, model = replace(other, iterations=solution.iterations + finder.count), finder.model
@@ -132,6 +130,23 @@ def solve_once(
         "straight_way": straight,
         "seconds": seconds,
     }
+
+
+def _finder(
+    scene: Scene,
+    slide: float,
+    angles: AngleLimit,
+    limits: Sequence[RowLimit],
+    tolerance: float,
+    progress: Callable[[int, float], None] | None,
+    missing: float,
+) -> Pathfinder | None:
+    """Return what finds ways around snaps; None where the scene cannot begin with as little patience as that has."""
+    try:
+        atlas = Atlas.of(scene, slide, progress and (lambda poses: progress(poses, missing)))
+    except (SceneError, StepError):
+        return None
+    return Pathfinder(atlas, angles, limits, tolerance=tolerance, progress=progress)
 
 
 def _mesh_error(model: StaticModel, angles: FloatArray) -> dict[str, Any]:

@@ -36,6 +36,14 @@ def test_a_slide_that_is_no_length_is_refused(words: list[str]) -> None:
     assert "'3 cm' is no length: give metres, or as 35mm" in result.stderr
 
 
+def test_a_start_has_an_angle_for_each_servo_of_the_scene() -> None:
+    words = ["ik", "--scene", "cross", *COARSE, "--target", "0 0 -0.0065", "--start"]
+    assert tripod(*words, "-1.5 -1.5 -1.5 -1.5").exit_code == 0
+    assert (
+        "--start is '-1.5 -1.5 -1.5'; it must be 4 finite numbers" in tripod(*words, "-1.5 -1.5 -1.5").stderr
+    )
+
+
 def test_json_holds_the_same_and_a_target_out_of_reach_ends_with_1() -> None:
     result = tripod("ik", "--target", "0,0,0.1", "--torque-max", "0.2", "--json", *COARSE)
     assert result.exit_code == 1

@@ -2,12 +2,16 @@
 
 import xml.etree.ElementTree as ET
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tripod_ik.inverse import InverseSolver, Outcome
+from tripod_ik.limits import AngleLimit
 from tripod_ik.model import StaticModel, linear_state
 from tripod_ik.once import solve_once
+from tripod_ik.tasks import PositionTask
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.description import urdf
 from tripod_sim.run import run
@@ -80,3 +84,24 @@ def test_description_and_compliance_name_four_servos() -> None:
     assert [n for n in names if n and n.startswith("servo_")] == [f"servo_{i}" for i in range(4)]
     state = linear_state(Simulation(load_scene(*CROSS)).compliance())
     assert state.joint_names == ("servo_0", "servo_1", "servo_2", "servo_3")
+
+
+EMIO = Path(__file__).parents[2] / "examples" / "emio.toml"
+
+
+def test_a_robot_whose_own_pose_is_firmer_begins_there_and_reaches_what_is_below_it() -> None:
+    """From the Tripod's working pose the search creeps along a snap, 19 mm off."""
+    scene = load_scene(EMIO)
+    np.testing.assert_array_equal(StaticModel(scene).home, np.zeros(4))
+    target = (0.005, -0.15, 0.0)
+    found = solve_once(scene, target, slide=0.035)
+    assert found["reached"], found["reason"]
+    np.testing.assert_allclose(found["position"], target, atol=1e-6)
+
+
+def test_a_search_along_a_snap_says_so() -> None:
+    model = StaticModel(load_scene(EMIO), angles=np.full(4, HOME))
+    solver = InverseSolver(model, AngleLimit(-3.15, 3.15), max_iterations=30)
+    found = solver.solve([PositionTask(np.array([0.005, -0.15, 0.0]))])
+    assert found.outcome is Outcome.UNFINISHED
+    assert found.reason.endswith("along poses close to a snap; from another start it may get around them")
