@@ -20,7 +20,7 @@ from tripod_sim.figures.stability import stability
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.recording import Recording, check_out
 from tripod_sim.scene_file import load_scene
-from tripod_sim.scene_short import springs_alone
+from tripod_sim.scene_short import soft_bodies, springs_alone
 from tripod_sim.script import script_of
 from tripod_sim.simulation import Simulation
 
@@ -190,7 +190,9 @@ class Firmness:
         """Look at the start, and then `LOOKS` times."""
         self._simulation, self._every = simulation, max(1, steps // LOOKS)
         self._known = (
-            bool(simulation.effector) and not contact_of(simulation.scene) and bool(simulation.scene.mesh)
+            bool(simulation.effector)
+            and not contact_of(simulation.scene)
+            and any(body.mesh for body in soft_bodies(simulation.scene))
         )
         self.seen: list[float] | None = None
         self.look()

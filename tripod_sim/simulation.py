@@ -47,6 +47,13 @@ REHEARSED = 0.01
 """Motion of the servos that a rehearsal tries [rad]: more than at rest, so that equations are solved; and the share of
 a step's time up to which prescribed motions go when kernels compile: all of it would cost as much as the first step."""
 
+UNSTABLE_START = (
+    "the platforms begin in an unstable equilibrium: with inertia the bodies leave it, at rest they snap under a small "
+    "load; begin with another platform position; if a finer mesh or another element tells of none, it is the mesh that "
+    "buckles"
+)
+"""What is to say where the bodies have no stiffness against some move once platforms are let go."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:
@@ -577,7 +584,8 @@ class Simulation:
     def notes(self) -> tuple[str, ...]:
         """What users should know of the scene."""
         plate = self._parts.plate.board.notes if self._parts.plate else ()
-        return (*plate, *self._parts.notes)
+        unstable = (UNSTABLE_START,) if self.scene.platform and not self._softest else ()
+        return (*plate, *self._parts.notes, *unstable)
 
     @property
     def ball_event(self) -> str:

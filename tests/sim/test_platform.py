@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,11 @@ import pytest
 from tripod_host.rotations import rotation_vector
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import SceneError
+from tripod_sim.run import run
 from tripod_sim.scene_file import scene_from_toml, scene_to_toml
+from tripod_sim.simulation import UNSTABLE_START
+
+EMIO = Path(__file__).parents[2] / "examples" / "emio.toml"
 
 LENGTH, WIDTH, THICK, YOUNG = 0.1, 0.01, 0.002, 1e6
 BEND = 1.0
@@ -206,3 +211,30 @@ def test_a_scene_without_one_does_not_import_it() -> None:
     )
     subprocess.run([sys.executable, "-c", code], check=True)
     assert not load_scene("two_cloths").platform
+
+
+@pytest.mark.parametrize(
+    ("push", "firm", "said"), [(1e-3, False, True), (1e-4, True, False)]
+)
+def test_an_unstable_start_is_told(push: float, firm: bool, said: bool) -> None:
+    """Straight strips that a platform presses together beyond the strain at which they buckle, 0.033 %, or less."""
+    held = ", ".join(
+        f'{{ set = "{name}", point = [{x}, {WIDTH / 2}, {THICK / 2}], to = [{to}, 0, 0] }}'
+        for name, x, to in (
+            ("left_end", LENGTH, -0.02 - push * LENGTH), ("right_end", 0.24 - LENGTH, 0.02 + push * LENGTH),
+        )
+    )  # fmt: skip
+    place = f"position = [0.12, {WIDTH / 2}, {THICK / 2}]\nmass = 1e-6"
+    simulation = Simulation(
+        scene_from_toml(f"{SCENE.partition('[[platform]]')[0]}[[platform]]\n{place}\nhold = [{held}]\n")
+    )
+    assert (UNSTABLE_START in simulation.notes) == said
+    if firm:
+        softness = simulation.compliance().softness
+        assert softness
+        assert softness.firmness > 0
+
+
+def test_a_run_of_bodies_tells_how_near_a_snap_is() -> None:
+    result = run(str(EMIO), duration=0.01)
+    assert result["figures"]["stability"]["firmness"][0] == pytest.approx(0.2, abs=0.05)
