@@ -26,6 +26,7 @@ from tripod_bringup.screen import Screen
 from tripod_bringup.status_line import status_line
 from tripod_bringup.supervisor import Ending, Supervisor
 from tripod_graph import names
+from tripod_graph.log_place import LogPlaceError, check_log_place
 from tripod_graph.loopback import LoopbackError, check_loopback, keep_local
 from tripod_host.locks import private_directory
 from tripod_host.open_files import OpenFilesError, check_open_files
@@ -106,6 +107,7 @@ def up(options: UpOptions, screen: Screen) -> int:
     try:
         check_open_files()
         check_loopback()
+        check_log_place(os.environ)
         domain = domain_id(os.environ)
         with taken(last=True), only_one(domain, options.namespace, private_directory(os.environ)):
             if options.record is not None:
@@ -114,7 +116,7 @@ def up(options: UpOptions, screen: Screen) -> int:
     except DomainBusyError as error:
         print(f"tripod up: {error}", file=sys.stderr)
         return ALREADY_UP
-    except (DomainError, LoopbackError, OpenFilesError, RecordError) as error:
+    except (DomainError, LogPlaceError, LoopbackError, OpenFilesError, RecordError) as error:
         print(f"tripod up: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
     except OSError as error:  # of the lock

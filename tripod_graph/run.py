@@ -13,6 +13,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+from tripod_graph.log_place import check_log_place
 from tripod_graph.loopback import check_loopback, keep_local
 from tripod_graph.namespace import full_namespace
 from tripod_host.open_files import OpenFilesError, check_open_files
@@ -151,6 +152,7 @@ def _run_one(
 
     try:
         check_loopback()
+        check_log_place(os.environ)
         files = _init([w for w in words if w != "--subnet"])
     except Exception as error:  # noqa: BLE001 - rclpy raises several private kinds for bad arguments
         return _refused(name, error), False
