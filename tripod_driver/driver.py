@@ -80,6 +80,11 @@ class Driver:
         """Who said where the servos were when the board became ready; empty if nobody did."""
         return "" if self._place is None else self._place.source
 
+    @property
+    def message(self) -> str:
+        """What is wrong or odd, and what to do about it; empty when all is well."""
+        return "; ".join(filter(None, (self.safety.message, self.link.session.odd)))
+
     def connect(self) -> None:
         """Let `tick` open the port, and open it again whenever it is lost; a fault is forgotten."""
         self._connected = True

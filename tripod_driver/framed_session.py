@@ -97,6 +97,7 @@ class FramedSession(Session):
         """Say hello from `now` on, until `ANSWER_TIME` after the board must have booted."""
         self._decoder = Decoder(len(self._calibration.servos))
         self._heard.clear()
+        self._lost.clear()
         self._echo = self._restarted = False
         self._open(now, now + boot_time + ANSWER_TIME)
         self.message = f"waiting up to {boot_time + ANSWER_TIME:g} s for the board's answer"
@@ -159,7 +160,7 @@ class FramedSession(Session):
     def odd(self) -> str:
         """That frames are lost, and how many."""
         lost = sum(self._lost)
-        if lost < LOST_MAX:
+        if self.state is not SessionState.READY or lost < LOST_MAX:
             return ""
         return f"{lost} of the last {len(self._lost)} packets were lost on the line; check cable and plugs"
 

@@ -22,7 +22,7 @@ def status_message(driver: Driver) -> RobotStatus:
     safety = driver.safety
     return RobotStatus(
         state=safety.state,
-        message=safety.message or driver.link.session.odd,
+        message=driver.message,
         port=driver.link.port.name,
         protocol=driver.link.session.name,
         joint_names=list(safety.servos),

@@ -225,7 +225,7 @@ class DriverNode(LifecycleNode):
         driver, safety, session = self._driver, self._safety, self._driver.link.session
         found, declared = self._turns.rate(time.monotonic()), 1.0 / (TURN * driver.period)
         late = short("the machine is too busy: looks at what is to be sent", found, declared)
-        odd = safety.message or session.odd or late
+        odd = driver.message or late
         level = Level.WARN if odd else Level.OK
         if safety.state in (State.DISCONNECTED, State.FAULT):
             level = Level.ERROR

@@ -246,7 +246,12 @@ def test_a_loss_is_told_by_the_status() -> None:
     assert messages.status_message(bench.driver).message == ""
     lose(bench, 0.2, 0.0)
     bench.run(2.0, bench.stream)
-    assert "packets were lost on the line" in messages.status_message(bench.driver).message
+    told = messages.status_message(bench.driver).message
+    assert re.fullmatch(r"\d+ of the last \d+ packets were lost on the line; check cable and plugs", told)
+    bench.safety.halt(bench.clock.now)
+    assert (
+        messages.status_message(bench.driver).message == f"{bench.safety.message}; {bench.link.session.odd}"
+    )
 
 
 def test_at_rest_one_greeting_that_is_lost_ends_nothing() -> None:

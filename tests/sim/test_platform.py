@@ -213,9 +213,7 @@ def test_a_scene_without_one_does_not_import_it() -> None:
     assert not load_scene("two_cloths").platform
 
 
-@pytest.mark.parametrize(
-    ("push", "firm", "said"), [(1e-3, False, True), (1e-4, True, False)]
-)
+@pytest.mark.parametrize(("push", "firm", "said"), [(1e-3, False, True), (1e-4, True, False)])
 def test_an_unstable_start_is_told(push: float, firm: bool, said: bool) -> None:
     """Straight strips that a platform presses together beyond the strain at which they buckle, 0.033 %, or less."""
     held = ", ".join(
