@@ -74,9 +74,10 @@ class JointPath:
             moved = np.abs(np.diff(np.interp(grid, self.times, self.joints[:, i]))) * rate / WINDOW
             k = int(moved.argmax())
             if moved[k] > SLACK * speed[i]:
+                slower = 0.99 * speed[i] / moved[k]
                 raise PlayError(
                     f"{name} would move at {moved[k]:.2f} rad/s at {grid[k]:.2f} s; the driver allows "
-                    f"{speed[i]:.2f} rad/s: choose --rate {0.99 * rate * speed[i] / moved[k]:.2f} or less"
+                    f"{speed[i]:.2f} rad/s: let it take {1 / slower:.2f} times as long (a rate of {rate * slower:.2f})"
                 )
 
 

@@ -27,7 +27,10 @@ def test_a_motion_within_range_and_speed_may_be_played_as_fast_as_the_servos_are
     path = swing(0.4)
     path.check(LOWER, UPPER, SPEED, start=0.0, rate=1.0)
     path.check(LOWER, UPPER, SPEED, start=0.0, rate=5.0)
-    with pytest.raises(PlayError, match=r"servo_1 would move at 2\.\d+ rad/s at .* --rate 4\.9"):
+    with pytest.raises(
+        PlayError,
+        match=r"servo_1 would move at 2\.\d+ rad/s at .*: let it take 1\.1\d times as long \(a rate of 4\.9",
+    ):
         path.check(LOWER, UPPER, SPEED, start=0.0, rate=5.7)
 
 

@@ -114,7 +114,10 @@ class SerialPort(Port):
 
 def reason_not_opened(path: str, error: Exception) -> str:
     """Return why `path` could not be opened and what to do about it."""
-    number = getattr(error, "errno", None)
+    inner = error.__context__  # pyserial puts into words what the system says of a setting
+    number = inner.args[0] if isinstance(inner, termios.error) else getattr(error, "errno", None)
+    if number in (errno.ENOTTY, errno.EISDIR):
+        return f"{path} is no serial port; serial ports: {listing(serial_ports())}"
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return f"{path} does not exist; serial ports: {listing(serial_ports())}"
     if number in (errno.EACCES, errno.EPERM):
