@@ -133,11 +133,11 @@ class KeepUp:
         if self._work:
             self._work.join(2.0)
 
-    def look(self) -> None:
-        """See whether the machine keeps up, and begin to do something about it."""
+    def look(self, *, beside: bool = False) -> None:
+        """See whether the machine keeps up, and begin to do something about it; not while another is built `beside`."""
         if self._closed or (self._work and self._work.is_alive()):
             return
-        running = self._physics.activity is Activity.RUNNING
+        running = self._physics.activity is Activity.RUNNING and not beside
         if not running:
             self._meter.rest()
         if not running or (seen := self._meter.look()) is None:

@@ -4,7 +4,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,7 @@ from tripod_sim.scene_topics import SceneTopics
 from tripod_sim.simulated_clock import SimulatedClock
 from tripod_sim.simulation import Simulation
 from tripod_sim.standard_services import StandardServices
+from tripod_sim.successor import Anew, Successor
 from tripod_sim.teller import Teller
 from tripod_sim.transforms import Transforms
 
@@ -109,25 +110,8 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 
 
-@dataclass(frozen=True)
-class Anew:
-    """How a node begins that takes the place of another.
-
-    Attributes:
-        changes: Overrides of the scene to begin with, beside those of the parameters.
-        before: Those of the node before, to go back to where the scene cannot be built with `changes`.
-    """
-
-    changes: tuple[str, ...] = ()
-    before: tuple[str, ...] = ()
-
-
 class SimNode(Node):
-    """Feeds `RealTime` with the commands of the graph and publishes its snapshots.
-
-    Attributes:
-        anew: How the node that shall take this one's place begins; None while nobody asked for that.
-    """
+    """Feeds `RealTime` with the commands of the graph and publishes its snapshots."""
 
     def __init__(self, rerun: Rerun | None = None, *, rate: float = 1.0, begin: Anew | None = None) -> None:
         """Build the simulation.
@@ -135,13 +119,13 @@ class SimNode(Node):
         Args:
             rerun: Make the steps of a recording again instead, `rate` times as fast.
             rate: See `rerun`.
-            begin: What it begins with that takes the place of another.
+            begin: What takes the place of the simulation of another node; None: it builds its own.
         """
         super().__init__("sim")
         values = declare(self, PARAMETERS, self._adopt)
-        self.anew: Anew | None = None
+        self._successor = Successor(self._no_successor)
         self._source, self._overrides, self._changes = values["scene"], list[str](), list[str]()
-        simulation, notice = (rerun.simulation, "") if rerun else self._build(values, begin or Anew())
+        simulation = rerun.simulation if rerun else self._build(values, begin)
         scene, self._rerun = simulation.scene, rerun
         self._notes = simulation.notes
         self._lock = threading.Lock()
@@ -173,7 +157,6 @@ class SimNode(Node):
         )
         source = scene.name if rerun else values["scene"]
         self._teller = Teller(self, source, simulation, self._physics.latest, self._changes)
-        self._teller.say(notice)
         self._teller.publish_scene()
         if rerun is None:
             self._teller.hear(self, self._on_request, self._refuse)
@@ -187,7 +170,7 @@ class SimNode(Node):
         self.create_timer(STATUS_PERIOD, self._on_status_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._report)
         self._keep_up = self._look_after(values) if rerun is None else None
-        self._teller.standing = self._kept
+        self._teller.standing = lambda: self._successor.words or self._kept()
         sys.setswitchinterval(5e-4)  # the physics thread never waits long for the executor's
         self._physics.start()
         self.get_logger().info(
@@ -197,28 +180,26 @@ class SimNode(Node):
         for note in self._notes:
             self.get_logger().warning(note)
 
-    def _build(self, values: dict[str, Any], begin: Anew) -> tuple[Simulation, str]:
-        """Return the simulation with what is changed, or without where that cannot be built, and why in words."""
+    @property
+    def anew(self) -> Anew | None:
+        """What a node that takes this one's place begins with; None until somebody asked for it and it is built."""
+        return self._successor.ready
+
+    def _build(self, values: dict[str, Any], begin: Anew | None) -> Simulation:
+        """Return the simulation that the parameters describe, or that of `begin`, which is that with changes."""
         self._overrides = [w for w in values["set"].split(";") if w.strip()]
         if values["accuracy"]:
             self._overrides = self._settle(values, self._overrides)
-        notice = ""
-        for changes in (begin.changes, begin.before):
-            self._changes = list(changes)
-            scene = load_scene(self._source, [*self._overrides, *changes])
-            try:
-                simulation = Simulation(scene)
-            except (SceneError, StepError) as error:
-                if changes == begin.before:
-                    if isinstance(error, SceneError):
-                        raise
-                    raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
-                notice = f"without {'; '.join(changes)}: {error}"
-                self.get_logger().warning(notice)
-            else:
-                simulation.rehearse()
-                return simulation, notice
-        raise AssertionError("the last of them raises")
+        if begin:
+            self._changes = list(begin.changes)
+            return begin.simulation
+        scene = load_scene(self._source, self._overrides)
+        try:
+            simulation = Simulation(scene)
+        except StepError as error:
+            raise ParameterError(f"scene {scene.name!r} has no start state: {error}") from None
+        simulation.rehearse()
+        return simulation
 
     def _settle(self, values: dict[str, Any], overrides: list[str]) -> list[str]:
         """Return the overrides of the setting for an accuracy, and say what it is. Raises SceneError."""
@@ -250,7 +231,8 @@ class SimNode(Node):
         study = Path(values["study"]) if values["study"] else None
         settings = Settings(self._source, (*self._overrides, *self._changes), study)
         keep_up = KeepUp(self._physics, settings, self.get_logger().warning, self._count_poses)
-        self.create_timer(LOOK_PERIOD, keep_up.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        look = lambda: keep_up.look(beside=self._successor.changes is not None)  # noqa: E731
+        self.create_timer(LOOK_PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         return keep_up
 
     def _join_graph(self, simulation: Simulation) -> None:
@@ -291,6 +273,7 @@ class SimNode(Node):
         """End the physics."""
         if self._keep_up:
             self._keep_up.close()
+        self._successor.close()
         self._physics.stop()
 
     def _new_follower(self) -> CommandFollower:
@@ -452,16 +435,21 @@ class SimNode(Node):
             self._teller.say(str(error))
 
     def _begin_anew(self, request: Request) -> None:
-        changes: list[str] = []
+        """Have what is asked for built beside what runs. Raises SceneError."""
+        changes, building = list[str](), self._successor.changes
+        now = self._changes if building is None else building
         if request.do == "effect":
-            changes = changed(self._changes, request)
+            changes = changed(now, request)
         elif request.do == "accuracy":
             from tripod_sim.accuracy.choice import choose  # noqa: PLC0415 - only where it is asked for
 
-            effects = [w for w in self._changes if w.partition("=")[0] in EFFECTS]
+            effects = [w for w in now if w.partition("=")[0] in EFFECTS]
             changes = list(choose(self._source, request.accuracy, [*self._overrides, *effects]).overrides)
-        load_scene(self._source, [*self._overrides, *changes])  # what cannot be is told by the node that runs
-        self.anew = Anew(tuple(changes), tuple(self._changes))
+        self._successor.wish(self._source, self._overrides, changes)
+
+    def _no_successor(self, why: str) -> None:
+        self._teller.say(why)
+        self.get_logger().warning(why)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._physics.request_reset()
@@ -543,6 +531,7 @@ class SimNode(Node):
             *self._authority.notices(time.monotonic()),
             beyond,
             self._kept(),
+            self._successor.words,
             *self._notes,
         )
         return "; ".join(word for word in words if word)

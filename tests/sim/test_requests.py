@@ -5,11 +5,12 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
-from tripod_sim.errors import SceneError
+from tripod_sim.errors import SceneError, StepError
 from tripod_sim.requests import Request, changed, request_of
 
 ROOT = Path(__file__).parents[2]
@@ -105,10 +106,48 @@ def test_the_node_does_what_is_asked_and_says_what_it_does_not(make) -> None:
     ear.ask(do="explode")
     graph.wait(lambda: "do is 'explode'" in ear.notice(), "the refusal")
     ear.ask(effect="maze", on=True)  # the ball lies on the piece: its place is no maze's
+    graph.wait(lambda: "it cannot begin with maze={}: " in ear.notice(), "why there is no such scene")
     ear.ask(effect="gravity", on=False)  # a ball needs gravity
     graph.wait(lambda: "gravity" in ear.notice(), "the refusal")
     ear.ask(effect="sleep", on=True)
     graph.wait(lambda: graph.node.anew and graph.node.anew.changes == ("sleep={}",), "the wish to begin anew")
+
+
+@pytest.mark.ros
+def test_all_goes_on_while_another_simulation_is_built_and_the_newest_wish_counts(
+    make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rclpy")
+    from tripod_graph import names
+    from tripod_sim import successor
+
+    may, built, simulation = threading.Event(), list[str](), successor.Simulation
+
+    def slow(scene):
+        built.append(scene.name)
+        assert may.wait(60)
+        if not scene.gravity:
+            raise StepError("no rest")
+        return simulation(scene)
+
+    monkeypatch.setattr(successor, "Simulation", slow)
+    graph = make(scene="pendulum", set="duration=1.0").start()
+    ear = Ear(graph.ear)
+    graph.wait(lambda: ear.requests.get_subscription_count() and ear.figures, "the simulator")
+    ear.ask(effect="damping", on=True)
+    graph.wait(lambda: "building the scene with damping={}: until" in ear.notice(), "what it waits for")
+    told = "building the scene with damping={}: until that is ready all goes on as it is"
+    first = graph.next(names.SIM_STATUS, lambda s: told in s.message)
+    graph.next(names.SIM_STATUS, lambda s: told in s.message and s.step > first.step + 20)
+    ear.ask(effect="gravity", on=False)
+    graph.wait(lambda: "damping={}; gravity=off" in ear.notice(), "the newest wish")
+    may.set()
+    graph.wait(lambda: "it cannot begin with damping={}; gravity=off: no rest" in ear.notice(), "why not")
+    assert len(built) == 2
+    assert graph.node.anew is None
+    ear.ask(effect="damping", on=True)
+    graph.wait(lambda: graph.node.anew and graph.node.anew.changes == ("damping={}",), "what is ready")
+    assert graph.node.anew.simulation.scene.damping
 
 
 @pytest.mark.ros
