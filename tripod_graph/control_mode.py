@@ -72,7 +72,7 @@ class Speaker:
         """The node keeps the object."""
         self._node, self._decider = node, decider
         self._publisher = node.create_publisher(ControlMode, names.CONTROL_MODE, LATCHED)
-        self._timer = node.create_timer(REPEAT, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(REPEAT, self.repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def decide(self, mode: Mode) -> None:
         """Decide on `mode` and say so, unless the operator refuses."""
@@ -98,7 +98,8 @@ class Speaker:
         """Wait until the last word has arrived, at most `longest` [s]."""
         self._publisher.wait_for_all_acked(Duration(seconds=longest))
 
-    def _on_timer(self) -> None:
+    def repeat(self) -> None:
+        """Say what is due now; the timer calls it."""
         due = self._decider.due(*clocks(self._node))
         if due is not None:
             self.say(due)

@@ -38,7 +38,7 @@ PATIENCE = 3.0
 """Time without a pose of the effector after which that is said [s]: nodes find each other within it."""
 
 LEVELLING = 0.8
-"""Time in which the plate can become level at the end [s], less than the lease of a decision that nobody repeats."""
+"""Time in which the plate can get level at the end [s]: less than the lease of a decision, which is repeated before."""
 
 
 class PlayNode(Node):
@@ -64,6 +64,7 @@ class PlayNode(Node):
     def close(self) -> None:
         """Ask for the level plate, then leave the graph and say so: everything holds, then parks."""
         if self._rest is not None and self._mandate.held:
+            self._speaker.repeat()
             self._send(self._rest, np.zeros(2))
             time.sleep(LEVELLING)
         self._speaker.leave(self._mandate)
