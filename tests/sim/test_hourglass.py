@@ -112,4 +112,4 @@ def test_a_file_in_millimetres_is_asked_about(tmp_path: Path) -> None:
     assert build(load_scene(scene)).notes == ()
     fixed = "fixed=[{low=[-1, -10, -10], high=[1, 10, 10]}]"
     (note,) = build(load_scene(scene, ["mesh.scale=1000", fixed])).notes
-    assert note.endswith("m wide; if the file is in millimetres, set mesh.scale = 0.001")
+    assert note.endswith("m wide; if it is described in millimetres, set mesh.scale = 0.001")

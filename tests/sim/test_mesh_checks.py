@@ -7,6 +7,7 @@ import meshio
 import numpy as np
 import pytest
 
+from tripod_sim import Simulation
 from tripod_sim.build import build
 from tripod_sim.effects.fixed import Fixed
 from tripod_sim.effects.inertia import Inertia
@@ -18,6 +19,7 @@ from tripod_sim.mesh.solid_mesh import SolidMesh, check_held, check_mesh, elemen
 from tripod_sim.mesh.topology import MOST_NEIGHBOURS, coincident, edge_uses, parts
 from tripod_sim.mesh.y_piece import LEVELS, y_piece
 from tripod_sim.scene import Scene
+from tripod_sim.scene_file import scene_from_toml
 from tripod_sim.tables.bodies import Material
 from tripod_sim.tables.bodies import Mesh as SceneMesh
 
@@ -200,3 +202,37 @@ def test_a_mesh_that_was_accepted_is_checked_once_and_another_like_it_again(
     moved[mesh.elements[0, 6]] -= 3.0
     assert "inverted" in refusal(SolidMesh(moved, mesh.elements))
     assert "inverted" in refusal(SolidMesh(mesh.nodes, mesh.elements[:, [4, 5, 6, 7, 0, 1, 2, 3]]))
+
+
+MILLIMETRES = """
+name = "brick"
+gravity = {}
+[mesh]
+source = "block"
+scale = 0.001
+corners = [[0,0,0],[20,0,0],[20,10,0],[0,10,0],[0,0,10],[20,0,10],[20,10,10],[0,10,10]]
+cells = [2, 1, 1]
+[material]
+mass = 0.002
+[[fixed]]
+low = [0, 0, 0]
+high = [0, 1, 1]
+"""
+
+
+def test_what_has_no_effect_or_no_sensible_mass_is_told() -> None:
+    """Of a brick of 20 x 10 x 10 mm, corners in millimetres; 2 g are 1000 kg/m³."""
+    assert Simulation(scene_from_toml(MILLIMETRES)).notes == ()
+    (unread,) = Simulation(scene_from_toml(MILLIMETRES.replace("cells", "level = 3\nlegs = 4\ncells"))).notes
+    assert unread == "mesh.level, mesh.legs: without effect where mesh.source is 'block'"
+    heavy = MILLIMETRES.replace("mass = 0.002", "mass = 2")
+    (note,) = Simulation(scene_from_toml(heavy)).notes
+    assert note == (
+        "the density of material.mass, 2 kg in 2e-06 m³, is 1e+06 kg/m³; usual is 10 to 25000 kg/m³; or grams?"
+    )
+    assert (
+        Simulation(scene_from_toml(heavy.replace("gravity = {}\n", ""))).notes == ()
+    )  # it does nothing there
+    metres = MILLIMETRES.replace("scale = 0.001\n", "").replace("high = [0, 1, 1]", "high = [0, 10, 10]")
+    (wide,) = Simulation(scene_from_toml(metres)).notes
+    assert wide.endswith("is 20 m wide; if it is described in millimetres, set mesh.scale = 0.001")

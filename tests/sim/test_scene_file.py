@@ -27,6 +27,7 @@ from tripod_sim.effects.prescribed import Prescribed
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import MAX_BYTES, scene_to_toml
 from tripod_sim.tables.bodies import Material, Mesh
+from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import Marker, NodeSet
@@ -144,6 +145,41 @@ def test_an_override_changes_what_it_names_and_nothing_else(scene, word, read, v
     assert read(before) != value
     changed = {f for f in before.__dict__ if getattr(before, f) != getattr(after, f)}
     assert changed == {word.split("=")[0].split(".")[0].strip()}
+
+
+@pytest.mark.parametrize(
+    ("word", "note"),
+    [
+        (
+            "material.young=250",
+            "material.young is 250 Pa; usual is 1000 to 1e+12 Pa; kPa? 250 kPa are 2.5e+05 Pa",
+        ),
+        (
+            "material.young=0.25",
+            "material.young is 0.25 Pa; usual is 1000 to 1e+12 Pa; MPa? 0.25 MPa are 2.5e+05 Pa",
+        ),
+        (
+            "material.density=1.1",
+            "material.density is 1.1 kg/m³; usual is 10 to 25000 kg/m³; g/cm³? 1.1 g/cm³ are 1100",
+        ),
+        (
+            "gravity.acceleration=[0,0,-9810]",
+            "gravity.acceleration is -9810 m/s²; usual is 0 to 1000 m/s²; mm/s²? ",
+        ),
+        ("material.density=1100", ""),
+        ("gravity.acceleration=[0,0,0]", ""),
+    ],
+)
+def test_a_number_of_an_unusual_size_is_told_with_the_unit_in_which_it_would_not_be(
+    word: str, note: str
+) -> None:
+    said = unusual(load_scene("tripod", [word]))
+    assert len(said) == bool(note)
+    assert all(text.startswith(note) for text in said)
+
+
+def test_the_shipped_scenes_have_no_unusual_numbers() -> None:
+    assert not [said for name in scene_names() for said in unusual(load_scene(name))]
 
 
 def test_the_last_override_of_a_field_counts() -> None:

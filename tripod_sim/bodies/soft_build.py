@@ -14,7 +14,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.materials.law import parameters_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.mesh.suited import suited, width_note
+from tripod_sim.mesh.suited import mass_note, suited, unread_note, width_note
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import HOME, field_of, pose_of, soft_bodies
@@ -43,9 +43,11 @@ def assembled(scene: Scene, read: Callable[[Mesh], SolidMesh]) -> tuple[Assembly
         SceneError: a mesh or net cannot be made, or a tie misses.
     """
     bodies, notes, first = list[SoftBody](), list[str](), 0
-    tables = soft_bodies(scene)
+    tables, weighs = soft_bodies(scene), bool(scene.gravity or scene.inertia)
     for k, table in enumerate(tables):
-        body, said = _body(SoftBody(table, field_of(scene, k), np.zeros(0, dtype=np.int64), k), read)
+        body, said = _body(
+            SoftBody(table, field_of(scene, k), np.zeros(0, dtype=np.int64), k), read, weighs=weighs
+        )
         notes += said if len(tables) == 1 else [f"body {table.name!r}: {note}" for note in said]
         count = len(body.mesh.nodes)
         bodies.append(replace(body, nodes=first + np.arange(count)))
@@ -67,8 +69,10 @@ def sets_of(scene: Scene, assembly: Assembly) -> NodeSets:
     return NodeSets(scene.set, assembly.nodes, assembly.groups, assembly.named)
 
 
-def _body(body: SoftBody, read: Callable[[Mesh], SolidMesh]) -> tuple[SoftBody, tuple[str, ...]]:
-    """Return a body with its mesh where it begins, and notes on it."""
+def _body(
+    body: SoftBody, read: Callable[[Mesh], SolidMesh], *, weighs: bool
+) -> tuple[SoftBody, tuple[str, ...]]:
+    """Return a body with its mesh where it begins, and notes on it; `weighs`: whether its mass counts."""
     table = body.table
     notes: tuple[str, ...] = ()
     try:
@@ -79,7 +83,10 @@ def _body(body: SoftBody, read: Callable[[Mesh], SolidMesh]) -> tuple[SoftBody, 
         else:
             assert table.mesh
             solid, notes = suited(read(table.mesh))
-            body, notes = replace(body, solid=solid), (*width_note(table.mesh.source, solid.nodes), *notes)
+            body, size = replace(body, solid=solid), width_note(table.mesh.source, solid.nodes)
+            if weighs and not size:  # in other units nothing is right
+                size = mass_note(_material(table), solid, body.field)
+            notes = (*unread_note(table.mesh, body.field), *size, *notes)
     except SceneError as error:
         raise SceneError(f"{body.field}{error}") from None
     if table.position == (0.0, 0.0, 0.0) and table.orientation == HOME:

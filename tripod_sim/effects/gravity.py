@@ -14,7 +14,9 @@ class Gravity:
         acceleration: [m/s²], three components in world.
     """
 
-    acceleration: tuple[float, float, float] = number((0.0, 0.0, -9.81), unit="m/s²", low=-1e6, high=1e6)
+    acceleration: tuple[float, float, float] = number(
+        (0.0, 0.0, -9.81), unit="m/s²", low=-1e6, high=1e6, usual=(0.0, 1e3)
+    )
 
 
 def act(gravity: Gravity, draft: Draft) -> None:

@@ -25,8 +25,8 @@ class Load:
     """
 
     set: str
-    force: Vector | None = number(None, unit="N")
-    pressure: float | None = number(None, unit="Pa")
+    force: Vector | None = number(None, unit="N", low=-1e9, high=1e9)
+    pressure: float | None = number(None, unit="Pa", low=-1e13, high=1e13)
     mass: float | None = number(None, unit="kg", above=0, high=1e6)
     share: str = one_of("area", "even", default="area")
 

@@ -2,16 +2,17 @@
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
 from tripod_sim.elements.hexahedron import CORNERS, H8_MODES, functions
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh
 
 
-def block(corners: tuple[tuple[float, float, float], ...], cells: tuple[int, int, int]) -> SolidMesh:
+def block(corners: FloatArray, cells: tuple[int, int, int]) -> SolidMesh:
     """Return a mesh of eight-node hexahedra.
 
     Args:
-        corners: Eight, in VTK order [m].
+        corners: Eight, in VTK order [m], shape (8, 3).
         cells: How many along the edges from corner 0 to 1, to 3 and to 4.
 
     Raises:
@@ -25,4 +26,4 @@ def block(corners: tuple[tuple[float, float, float], ...], cells: tuple[int, int
     a, b, c = cells
     steps = ((CORNERS + 1) // 2).astype(int)
     elements = [numbers[p : a + p, q : b + q, r : c + r].ravel() for p, q, r in steps]
-    return SolidMesh(functions(places) @ np.array(corners), np.stack(elements, axis=1), H8_MODES)
+    return SolidMesh(functions(places) @ corners, np.stack(elements, axis=1), H8_MODES)

@@ -3,6 +3,8 @@
 import math
 from pathlib import Path
 
+import numpy as np
+
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.errors import SceneError
 from tripod_sim.mesh.solid_mesh import SolidMesh, check_mesh
@@ -25,7 +27,7 @@ def described_mesh(description: Mesh) -> SolidMesh:
         from tripod_sim.mesh.block import block  # noqa: PLC0415 - only where it is described
 
         _check_count(math.prod(description.cells), description)
-        mesh = block(description.corners, description.cells)
+        mesh = block(description.scale * np.array(description.corners), description.cells)
     elif "." in description.source:
         from tripod_sim.mesh.read import read_solid  # noqa: PLC0415 - only where it is described
 

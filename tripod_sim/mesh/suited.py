@@ -5,29 +5,60 @@ from dataclasses import replace
 import numpy as np
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import H8, H8_MODES
 from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
 from tripod_sim.elements.tetrahedron import T4
 from tripod_sim.mesh.bending import deflection_share, tetrahedra_share
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.tables.bodies import DENSITY, Material, Mesh
+from tripod_sim.tables.fields import out_of_usual
 
 TOLD = 0.1
 """Error of deflections, relative, from which on it is told. On the Tripod's meshes it is 0.053 for `h8_modes`, of what
 docs/convergence.md measures there."""
 
 WIDE = 2.0
-"""Width of a body from a file from which on it is asked whether the file has other units [m]."""
+"""Width of a body from which on it is asked whether it is described in other units [m]."""
 
 
 def width_note(source: str, nodes: FloatArray) -> tuple[str, ...]:
-    """Return what users should know of the width of what was read from the file `source`; `nodes` [m], shape (n, 3)."""
+    """Return what users should know of the width of what `source` describes; `nodes` [m], shape (n, 3)."""
     width = float(np.ptp(nodes, axis=0).max())
     if width < WIDE:
         return ()
     return (
-        f"mesh.source {source!r} is {width:.4g} m wide; if the file is in millimetres, set mesh.scale = 0.001",
+        f"mesh.source {source!r} is {width:.4g} m wide; if it is described in millimetres, set mesh.scale = 0.001",
     )
+
+
+READ = {"y_piece": ("level", "legs"), "block": ("corners", "cells", "scale")}
+"""Fields that a generator reads, of those that not all sources do."""
+
+ALL_READ = ("level", "legs", "corners", "cells", "scale")
+
+
+def unread_note(table: Mesh, field: str = "") -> tuple[str, ...]:
+    """Return what users should know of fields of `table` that its source does not read; `field`: before `mesh`."""
+    read = READ.get(table.source, ("scale",))
+    unread = [name for name in ALL_READ if name not in read and getattr(table, name) != getattr(Mesh, name)]
+    if not unread:
+        return ()
+    names = ", ".join(f"{field}mesh.{name}" for name in unread)
+    return (f"{names}: without effect where {field}mesh.source is {table.source!r}",)
+
+
+def mass_note(material: Material, mesh: SolidMesh, field: str = "") -> tuple[str, ...]:
+    """Return what users should know of the density that follows from `material.mass`; `field`: before `material`."""
+    if material.density is not None:
+        return ()
+    volume = float(node_volumes(mesh.kind, mesh.nodes[mesh.elements])[0].sum())
+    said = out_of_usual(material.mass / volume, "kg/m³", DENSITY)
+    if not said:
+        return ()
+    grams = "" if out_of_usual(1e-3 * material.mass / volume, "kg/m³", DENSITY) else "; or grams?"
+    return (f"the density of {field}material.mass, {material.mass:g} kg in {volume:.4g} m³, {said}{grams}",)
 
 
 def suited(mesh: SolidMesh) -> tuple[SolidMesh, tuple[str, ...]]:

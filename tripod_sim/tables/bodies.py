@@ -6,6 +6,9 @@ from tripod_sim.materials.laws import NAMES
 from tripod_sim.tables.fields import number, one_of
 from tripod_sim.tables.robot import Effector, Servos
 
+YOUNG, DENSITY = (1e3, 1e12), (10.0, 25e3)
+"""What is usual: from jelly to diamond [Pa], from foam to osmium [kg/m³]."""
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -21,10 +24,11 @@ class Mesh:
         element: Kind of element: `h8_modes` (with incompatible modes), `h8_mean` (with mean dilatation), `h8`,
             `h20`, `h20_full`, `h27`, `t4`, `t10`; of a file those that its cells allow (linear hexahedra all, linear
             tetrahedra `t4` and `t10`).
-        scale: Length unit of a file [m]: 0.001 for millimetres.
+        scale: Length unit of a file or of `corners` [m]: 0.001 for millimetres.
         refine: How many times every edge is halved, so that each element becomes eight.
         legs: Strips of the piece, evenly about Z; the servos' `count` goes with it.
-        corners: Of a block, eight in VTK order: four below, counter-clockwise seen from above, and those over them [m].
+        corners: Of a block, eight in VTK order: four below, counter-clockwise seen from above, and those over them, in
+            units of `scale`.
         cells: Of a block along its three edges, the first from corner 0 to 1, then to 3 and to 4.
     """
 
@@ -54,11 +58,11 @@ class Material:
     """
 
     law: str = one_of(*NAMES, default="neo_hooke")
-    young: float | None = number(None, unit="Pa", above=0, high=1e13)
+    young: float | None = number(None, unit="Pa", above=0, high=1e13, usual=YOUNG)
     poisson: float = number(0.45, low=0, high=0.499)
     parameters: tuple[float, ...] = number((), low=-1e13, high=1e13)
     mass: float = number(0.032, unit="kg", above=0, high=1e6)
-    density: float | None = number(None, unit="kg/m³", above=0, high=1e6)
+    density: float | None = number(None, unit="kg/m³", above=0, high=1e6, usual=DENSITY)
 
 
 @dataclass(frozen=True)
@@ -72,10 +76,10 @@ class Region:
 
     set: str
     law: str = one_of(*NAMES, default="neo_hooke")
-    young: float | None = number(None, unit="Pa", above=0, high=1e13)
+    young: float | None = number(None, unit="Pa", above=0, high=1e13, usual=YOUNG)
     poisson: float = number(0.45, low=0, high=0.499)
     parameters: tuple[float, ...] = number((), low=-1e13, high=1e13)
-    density: float | None = number(None, unit="kg/m³", above=0, high=1e6)
+    density: float | None = number(None, unit="kg/m³", above=0, high=1e6, usual=DENSITY)
 
 
 @dataclass(frozen=True)

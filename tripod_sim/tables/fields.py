@@ -19,9 +19,13 @@ def number(
     above: float | None = None,
     low: float | None = None,
     high: float | None = None,
+    usual: tuple[float, float] | None = None,
 ) -> Any:
-    """Declare a field with its unit and range: `above` excludes the bound, `low` and `high` include it."""
-    return field(default=default, metadata={"unit": unit, "above": above, "low": low, "high": high})
+    """Declare a field with its unit and range: `above` excludes the bound, `low` and `high` include it; `usual`: sizes
+    out of which a number is told, see `unusual`.
+    """
+    meta = {"unit": unit, "above": above, "low": low, "high": high, "usual": usual}
+    return field(default=default, metadata=meta)
 
 
 def one_of(*choices: str, default: str) -> Any:
@@ -51,6 +55,46 @@ def check_fields(table: Any, path: str) -> None:
             if not _within(meta, v):
                 fits = partial(_within, meta)
                 raise SceneError(f"{where} is {value}; {allowed(meta)}{other_unit(v, meta['unit'], fits)}")
+
+
+def unusual(table: Any, path: str = "") -> list[str]:
+    """Return which fields of a dataclass, and of those in it, are of an unusual size, one sentence each."""
+    found = []
+    for f in fields(table):
+        value, where = getattr(table, f.name), f"{path}.{f.name}" if path else f.name
+        if is_dataclass(value):
+            found += unusual(value, where)
+        elif isinstance(value, tuple) and value and is_dataclass(value[0]):
+            found += [said for i, part in enumerate(value) for said in unusual(part, f"{where}.{i}")]
+        elif value is not None and (usual := f.metadata.get("usual")):
+            for v in _numbers(value):
+                if said := out_of_usual(v, f.metadata["unit"], usual):
+                    found.append(f"{where} {said}")
+    return found
+
+
+LIKELY_UNITS = {
+    "Pa": (("kPa", 1e3), ("MPa", 1e6), ("GPa", 1e9)),
+    "kg/m³": (("g/cm³", 1e3),),
+    "kg": (("g", 1e-3),),
+    "m/s²": (("mm/s²", 1e-3),),
+}
+"""Units that a number may have been meant in, and their sizes."""
+
+
+def out_of_usual(value: float, unit: str, usual: tuple[float, float]) -> str:
+    """Return in words that the size of a number is out of what is usual, and in which unit it would not be; else empty.
+
+    Zero is usual.
+    """
+    low, high = usual
+    if value == 0 or low <= abs(value) <= high:
+        return ""
+    hint = next(
+        (f"; {name}? {value:g} {name} are {value * size:.4g} {unit}"
+         for name, size in LIKELY_UNITS.get(unit, ()) if low <= abs(value) * size <= high), "",
+    )  # fmt: skip
+    return f"is {value:.4g} {unit}; usual is {low:g} to {high:g} {unit}{hint}"
 
 
 def _numbers(value: Any) -> Iterator[float]:
