@@ -6,6 +6,7 @@ it ends. The exit code is 1 if any recording is not whole, or not where it began
 
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -33,6 +34,7 @@ from tripod_host.priority import stand_back
 from tripod_record.chunk import COMPRESSIONS
 from tripod_record.definitions import definition_text, message_class
 from tripod_record.errors import RecordError
+from tripod_record.losses import Losses
 from tripod_record.place import MEGABYTE, check_place, recording_directory
 from tripod_record.recorder import Progress, Recorder, State
 from tripod_record.selection import is_selected, listening, patterns
@@ -127,7 +129,7 @@ class RecordNode(Node):
         self._seen: dict[str, tuple[int, tuple[str, ...]]] = {}
         self._looks = 0
         self._taken: list[_Taken] = []
-        self._lost = 0
+        self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self.create_service(Trigger, names.RECORD_START, self._on_start)
         self.create_service(Trigger, names.RECORD_STOP, self._on_stop)
         self.create_service(Trigger, names.RECORD_SPLIT, self._on_split)
@@ -147,7 +149,7 @@ class RecordNode(Node):
         check_place(self._directory, min_free)
         directory = recording_directory(self._directory, self._name, datetime.now())
         writer = BagWriter(directory, compression=self._values["compression"])
-        self._lost = 0
+        self._losses.clear()
         self._types.clear()
         self._refused.clear()
         self._seen.clear()
@@ -255,7 +257,12 @@ class RecordNode(Node):
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
         recorder.add_topic(topic)
-        events = SubscriptionEventCallbacks(message_lost=self._on_lost, use_default_callbacks=False)
+        losses = self._losses[topic.name]
+
+        def count(event: Any) -> None:
+            losses.told += event.total_count_change
+
+        events = SubscriptionEventCallbacks(message_lost=count, use_default_callbacks=False)
         take = self._taker(recorder, topic.name)
         message_type = message_class(topic.type)
         try:
@@ -271,11 +278,14 @@ class RecordNode(Node):
             (name + end for topic, end in ATTACHED.items() if name == self.resolve_topic_name(topic)), ""
         )
 
+        losses = self._losses[name]
+
         def take(data: bytes, info: dict[str, Any]) -> None:
             if attachment:
                 recorder.attach(attachment.lstrip("/"), deserialize_message(data, String).data.encode())
             sent, sequence = info["source_timestamp"], info["publication_sequence_number"]
             received = info["received_timestamp"] or time.time_ns()
+            losses.take(sequence or 0)
             self._taken.append(_Taken(received, name, data, sent or 0, sequence or 0))
 
         return take
@@ -295,9 +305,6 @@ class RecordNode(Node):
         if self._refused.get(name) != reason:
             self._refused[name] = reason
             self.get_logger().warning(f"topic {name}: {reason}")
-
-    def _on_lost(self, event: Any) -> None:
-        self._lost += event.total_count_change
 
     def _on_start(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
@@ -326,6 +333,10 @@ class RecordNode(Node):
             response.message = self._recorder.progress.error or "the disk does not answer"
             response.success = False
         return response
+
+    @property
+    def _lost(self) -> int:
+        return sum(losses.lost for losses in self._losses.values())
 
     def _summary(self, progress: Progress) -> str:
         lost = progress.dropped + progress.destroyed + self._lost
