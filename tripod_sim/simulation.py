@@ -27,6 +27,7 @@ from tripod_sim.scene_short import BALL, discs_of, joints_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.fields import unusual
+from tripod_sim.tables.unread import unread
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.rigid_set import RigidSystem
@@ -586,7 +587,7 @@ class Simulation:
         """What users should know of the scene."""
         plate = self._parts.plate.board.notes if self._parts.plate else ()
         unstable = (UNSTABLE_START,) if self.scene.platform and not self._softest else ()
-        return (*plate, *unusual(self.scene), *self._parts.notes, *unstable)
+        return (*plate, *unusual(self.scene), *unread(self.scene), *self._parts.notes, *unstable)
 
     @property
     def ball_event(self) -> str:

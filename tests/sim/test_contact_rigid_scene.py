@@ -227,7 +227,7 @@ def test_bodies_that_pass_through_something_at_the_start_are_named_or_lifted() -
 
 
 def test_bad_rigid_bodies_are_named(tmp_path: Path) -> None:
-    assert "rigid.0.mass is 0.0; it must be above 0 kg" in refused("stack", "rigid.0.mass=0")
+    assert "rigid.0.mass is 0.0; it must be at least 1e-09 kg" in refused("stack", "rigid.0.mass=0")
     assert "rigid.0.size is (0.1, -0.1, 0.1); it must be above 0 m" in refused(
         "stack", "rigid.0.size=[0.1,-0.1,0.1]"
     )

@@ -31,6 +31,7 @@ from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
 from tripod_sim.tables.robot import Effector, Servos
 from tripod_sim.tables.sets import Marker, NodeSet
+from tripod_sim.tables.unread import unread
 
 FUZZ = settings(max_examples=300, deadline=None, derandomize=True, database=None)
 
@@ -178,8 +179,23 @@ def test_a_number_of_an_unusual_size_is_told_with_the_unit_in_which_it_would_not
     assert all(text.startswith(note) for text in said)
 
 
-def test_the_shipped_scenes_have_no_unusual_numbers() -> None:
-    assert not [said for name in scene_names() for said in unusual(load_scene(name))]
+def test_the_shipped_scenes_have_no_unusual_numbers_and_no_idle_fields() -> None:
+    scenes = [load_scene(name) for name in scene_names()]
+    assert not [said for scene in scenes for said in (*unusual(scene), *unread(scene))]
+
+
+@pytest.mark.parametrize(
+    ("scene", "word", "note"),
+    [
+        ("tripod", "mesh.cells=[2,2,2]", "mesh.cells: without effect where mesh.source is 'y_piece'"),
+        ("pendulum", "springs.scale=0.001", "springs.scale: without effect where springs.source is 'chain'"),
+        ("drape", "springs.size=2", "springs.size: without effect where springs.source is"),
+        ("stack", "rigid.1.radius=0.2", "rigid.1.radius: without effect where rigid.1.shape is 'box'"),
+    ],
+)
+def test_a_field_that_has_no_effect_is_told(scene: str, word: str, note: str) -> None:
+    (said,) = unread(load_scene(scene, [word]))
+    assert said.startswith(note)
 
 
 def test_the_last_override_of_a_field_counts() -> None:

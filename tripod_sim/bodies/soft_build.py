@@ -14,7 +14,7 @@ from tripod_sim.errors import SceneError
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.materials.law import parameters_of
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.mesh.suited import mass_note, suited, unread_note, width_note
+from tripod_sim.mesh.suited import mass_note, suited, width_note
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import HOME, field_of, pose_of, soft_bodies
@@ -86,7 +86,7 @@ def _body(
             body, size = replace(body, solid=solid), width_note(table.mesh.source, solid.nodes)
             if weighs and not size:  # in other units nothing is right
                 size = mass_note(_material(table), solid, body.field)
-            notes = (*unread_note(table.mesh, body.field), *size, *notes)
+            notes = (*size, *notes)
     except SceneError as error:
         raise SceneError(f"{body.field}{error}") from None
     if table.position == (0.0, 0.0, 0.0) and table.orientation == HOME:

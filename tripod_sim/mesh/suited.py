@@ -12,7 +12,7 @@ from tripod_sim.elements.tetrahedron import T4
 from tripod_sim.mesh.bending import deflection_share, tetrahedra_share
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.tables.bodies import DENSITY, Material, Mesh
+from tripod_sim.tables.bodies import DENSITY, Material
 from tripod_sim.tables.fields import out_of_usual
 
 TOLD = 0.1
@@ -31,22 +31,6 @@ def width_note(source: str, nodes: FloatArray) -> tuple[str, ...]:
     return (
         f"mesh.source {source!r} is {width:.4g} m wide; if it is described in millimetres, set mesh.scale = 0.001",
     )
-
-
-READ = {"y_piece": ("level", "legs"), "block": ("corners", "cells", "scale")}
-"""Fields that a generator reads, of those that not all sources do."""
-
-ALL_READ = ("level", "legs", "corners", "cells", "scale")
-
-
-def unread_note(table: Mesh, field: str = "") -> tuple[str, ...]:
-    """Return what users should know of fields of `table` that its source does not read; `field`: before `mesh`."""
-    read = READ.get(table.source, ("scale",))
-    unread = [name for name in ALL_READ if name not in read and getattr(table, name) != getattr(Mesh, name)]
-    if not unread:
-        return ()
-    names = ", ".join(f"{field}mesh.{name}" for name in unread)
-    return (f"{names}: without effect where {field}mesh.source is {table.source!r}",)
 
 
 def mass_note(material: Material, mesh: SolidMesh, field: str = "") -> tuple[str, ...]:

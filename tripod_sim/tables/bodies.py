@@ -212,7 +212,7 @@ class Rigid:
     scale: float = number(1.0, unit="m", above=0, high=1e3)
     size: tuple[float, float, float] = number((0.1, 0.1, 0.1), unit="m", above=0, high=1e3)
     radius: float = number(0.05, unit="m", above=0, high=1e3)
-    mass: float = number(1.0, unit="kg", above=0, high=1e6)
+    mass: float = number(1.0, unit="kg", low=1e-9, high=1e6)
     position: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m", low=-1e3, high=1e3)
     orientation: tuple[float, float, float, float] = number((0.0, 0.0, 0.0, 1.0), low=-1.01, high=1.01)
     velocity: tuple[float, float, float] = number((0.0, 0.0, 0.0), unit="m/s", low=-1e4, high=1e4)
