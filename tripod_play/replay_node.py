@@ -40,6 +40,9 @@ PATIENCE = 10.0
 """Time within which a driver must be heard, and within which the servos arrive after a ramp [s]."""
 
 MOVING = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatus.PARKED)
+DEAF = 1.0
+"""A motion ends when the robot has not followed it for so long [s]: it was told to stop, or is gone."""
+
 SIMULATING = (SimStatus.RUNNING, SimStatus.HOLDING, SimStatus.PARKED)
 
 
@@ -49,11 +52,13 @@ class Follower:
 
     Attributes:
         able: Whether it can move now.
-        message: Why not.
+        follows: Whether it follows a trajectory now.
+        message: Why it cannot move, or does not follow.
         lower, upper, speed: Ranges [rad] and slew rates [rad/s] of its servos.
     """
 
     able: bool
+    follows: bool
     message: str
     lower: Sequence[float]
     upper: Sequence[float]
@@ -100,7 +105,8 @@ class ReplayNode(Node):
         self._since = time.monotonic()
         self._arrival: float | None = None  # on the way to the first pose: when it should be reached
         self._ramp: tuple[FloatArray, float] | None = None  # where and when that way began
-        self._over_at = float("-inf")
+        self._deaf_since: float | None = None
+        self._played_at = self._over_at = float("-inf")
         self._transport: Transport | None = None  # once the motion plays
         self._commands = self.create_publisher(JointTrajectory, names.JOINT_TRAJECTORY, RELIABLE)
         self._speaker = Speaker(self, self._mandate)
@@ -145,12 +151,21 @@ class ReplayNode(Node):
             self.get_logger().warning(str(error))
 
     def _on_driver(self, m: RobotStatus) -> None:
-        why = f"the driver cannot move: {m.message or 'no robot is connected'}"
-        self._follower = Follower(m.state in MOVING, why, m.lower, m.upper, m.speed)
+        able, follows = m.state in MOVING, m.state == RobotStatus.ACTIVE
+        why = f"the driver cannot move: {m.message or ('it holds' if able else 'no robot is connected')}"
+        self._hear(able, follows, why, m.lower, m.upper, m.speed)
 
     def _on_simulator(self, m: SimStatus) -> None:
-        why = f"the simulator cannot move: {m.message or 'it is paused'}"
-        self._follower = Follower(m.state in SIMULATING, why, m.lower, m.upper, self._simulated or ())
+        able, follows = m.state in SIMULATING, m.state == SimStatus.RUNNING
+        why = f"the simulator cannot move: {m.message or ('it holds' if able else 'it is paused')}"
+        self._hear(able, follows, why, m.lower, m.upper, self._simulated or ())
+
+    def _hear(self, able: bool, follows: bool, why: str, *bounds: Sequence[float]) -> None:
+        self._follower = Follower(able, follows, why, *bounds)
+        if follows:
+            self._deaf_since = None
+        elif self._deaf_since is None:
+            self._deaf_since = time.monotonic()
 
     def _on_joints(self, message: JointState) -> None:
         angles = dict(zip(message.name, message.position, strict=False))
@@ -216,7 +231,7 @@ class ReplayNode(Node):
             return
         self._send(np.zeros(1), first[None])
         if self._here is not None and np.abs(self._here - first[:servos]).max() < NEAR:
-            self._transport = Transport(self._start, self._rate, now)
+            self._transport, self._played_at = Transport(self._start, self._rate, now), now
         elif now > self._arrival + PATIENCE + 2 * (self._arrival - began):
             self._end(
                 f"the servos do not reach the first pose, {', '.join(f'{a:.3f}' for a in first[:servos])} rad"
@@ -224,6 +239,13 @@ class ReplayNode(Node):
 
     def _play(self, transport: Transport, now: float) -> None:
         grid = np.arange(0.0, AHEAD, SPACING)
+        if (
+            self._deaf_since is not None
+            and self._follower
+            and now > max(self._deaf_since, self._played_at) + DEAF
+        ):
+            self._end(self._follower.message)
+            return
         place = transport.place(now)
         if place < self.duration:
             self._over_at = now + AHEAD

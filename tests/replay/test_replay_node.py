@@ -46,7 +46,7 @@ class Driver(Node):
 
     def say(self, **status: Any) -> None:
         values = {
-            "state": RobotStatus.PARKED,
+            "state": RobotStatus.ACTIVE if self.asked else RobotStatus.PARKED,
             "lower": [-1.0] * 3,
             "upper": [0.5] * 3,
             "speed": [4.0] * 3,
@@ -69,7 +69,8 @@ class Simulator(Driver):
         self._seen = self.create_publisher(JointState, names.SIM_JOINT_STATES, RELIABLE)
 
     def say(self, **status: Any) -> None:
-        values = {"state": SimStatus.PARKED, "lower": [-1.0] * 3, "upper": [0.5] * 3, **status}
+        state = SimStatus.RUNNING if self.asked else SimStatus.PARKED
+        values = {"state": state, "lower": [-1.0] * 3, "upper": [0.5] * 3, **status}
         self._told.publish(SimStatus(**values))
         self._seen.publish(JointState(name=list(names.SERVOS), position=self.here.tolist()))
 
@@ -225,6 +226,26 @@ def test_another_operator_ends_it(make) -> None:
     for _ in range(20):
         graph.executor.spin_once(timeout_sec=0.01)
     assert len(graph.driver.asked) <= count + 1  # one may have been under way
+
+
+@pytest.mark.parametrize(
+    ("status", "why"),
+    [
+        ({"state": RobotStatus.HOLDING, "message": "stopped by service"}, "stopped by service"),
+        ({"state": RobotStatus.DISCONNECTED, "message": "mock was lost"}, "mock was lost"),
+        ({"state": RobotStatus.HOLDING}, "it holds"),
+    ],
+)
+def test_a_motion_that_the_robot_does_not_follow_ends_and_says_why(make, status: dict, why: str) -> None:
+    times = np.array([0.0, 60.0])
+    graph = make(JointPath(times, np.full((2, 3), -0.1), 3))
+    graph.until(lambda: graph.node.place > 0.2)
+    began = time.monotonic()
+    graph.until(lambda: time.monotonic() > began + 0.3, **status)
+    graph.until(lambda: time.monotonic() > began + 1.6)  # it was short, and is forgotten
+    assert not graph.node.done
+    graph.until(lambda: graph.node.done, **status)
+    assert (graph.node.done, graph.node.failed) == (f"the driver cannot move: {why}", True)
 
 
 def test_paused_it_holds_the_pose_and_steps_by_a_tenth(make) -> None:
