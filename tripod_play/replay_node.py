@@ -39,10 +39,10 @@ NEAR = 0.03
 PATIENCE = 10.0
 """Time within which a driver must be heard, and within which the servos arrive after a ramp [s]."""
 
-MOVING = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatus.PARKED)
 DEAF = 1.0
 """A motion ends when the robot has not followed it for so long [s]: it was told to stop, or is gone."""
 
+MOVING = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatus.PARKED)
 SIMULATING = (SimStatus.RUNNING, SimStatus.HOLDING, SimStatus.PARKED)
 
 
