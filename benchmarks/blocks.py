@@ -12,6 +12,7 @@ from tripod_sim.constraints.groups import Groups
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.elements.hexahedron import CORNERS
 from tripod_sim.forces.anchor import Anchor
+from tripod_sim.forces.element_inertia import ElementInertia, ElementMasses, lacking
 from tripod_sim.forces.gravity import GravityForce
 from tripod_sim.forces.solid import Solid
 from tripod_sim.integrators.newton import Newton
@@ -51,6 +52,15 @@ def lumped(mesh: SolidMesh, mass: float) -> tuple[FloatArray, FloatArray]:
     return found[0], found[1]
 
 
+def beside(mesh: SolidMesh, mass: float) -> list[ElementMasses]:
+    """Return what those of `lumped` lack of the inertia of quadratic elements, in all of `mass` [kg]."""
+    if mesh.kind.size in (4, 8):
+        return []
+    nodes = mesh.nodes[mesh.elements]
+    density = mass / node_volumes(mesh.kind, nodes)[0].sum()
+    return [lacking(mesh.kind, nodes, mesh.elements, np.full(len(mesh.elements), density))]
+
+
 def elastic(mesh: SolidMesh, young: float, poisson: float, law: str = "neo_hooke") -> Solid:
     """Return the elastic solid on a mesh; `young` in Pa."""
     parameters = vector(law, *lame_constants(young, poisson))
@@ -65,6 +75,7 @@ class Block:
         mesh: Its mesh.
         solid: Its elasticity.
         mass: Inertia of nodes [kg], shape (n,).
+        masses: What that lacks of the inertia of elements.
         gravity: Its weight.
         state: Where it is.
         stepper: The time integrator.
@@ -74,6 +85,7 @@ class Block:
     mesh: SolidMesh
     solid: Solid
     mass: FloatArray
+    masses: list[ElementMasses]
     gravity: GravityForce
     state: State
     stepper: Substeps
@@ -91,6 +103,14 @@ class Block:
         self.stepper.forget()
 
     @property
+    def momentum(self) -> FloatArray:
+        """M v [kg m/s], shape (n, 3)."""
+        found = self.mass[:, None] * self.state.velocities
+        for masses in self.masses:
+            masses.add(self.state.velocities, found)
+        return found
+
+    @property
     def modes(self) -> FloatArray:
         """The modes of its elements [m], which may have none."""
         return self.state.modes if self.solid.has_modes else self.solid.rest_modes()
@@ -98,7 +118,7 @@ class Block:
     def energies(self) -> tuple[float, float]:
         """Return kinetic energy, and the sum of kinetic, strain and gravity [J]."""
         s = self.state
-        kinetic = 0.5 * float(self.mass @ (s.velocities**2).sum(axis=1))
+        kinetic = 0.5 * float(np.vdot(s.velocities, self.momentum))
         return kinetic, kinetic + self.solid.energy(s.positions, self.modes) + self.gravity.energies(
             s.positions
         )[1]
@@ -106,8 +126,7 @@ class Block:
     def momenta(self) -> tuple[FloatArray, FloatArray]:
         """Return linear [kg m/s] and angular momentum about the origin [kg m²/s]."""
         s = self.state
-        angular = (self.mass[:, None] * np.cross(s.positions, s.velocities)).sum(axis=0)
-        return self.mass @ s.velocities, angular
+        return self.momentum.sum(axis=0), np.cross(s.positions, self.momentum).sum(axis=0)
 
 
 def block(
@@ -139,9 +158,10 @@ def block(
     solid, (load, inert) = elastic(mesh, young, poisson, law), lumped(mesh, mass)
     nodes = np.array(mesh.nodes)
     gravity, inertia = GravityForce(load, acceleration, nodes), Anchor(len(nodes))
-    groups = Groups(len(nodes), fixed=np.array(held, dtype=np.int64))
-    system = System(nodes, [solid], groups, [gravity, inertia], damping=damping[1])
+    groups, masses = Groups(len(nodes), fixed=np.array(held, dtype=np.int64)), beside(mesh, mass)
+    terms = [gravity, inertia, *(ElementInertia(m, inertia) for m in masses)]
+    system = System(nodes, [solid], groups, terms, damping=damping[1])
     stepper = ImplicitScheme(
         scheme, ImplicitStage(Newton(system, tolerance, 100), inertia, inert, damping[0]), 8
     )
-    return Block(mesh, solid, inert, gravity, system.start_state(np.zeros(1)), stepper, dt)
+    return Block(mesh, solid, inert, masses, gravity, system.start_state(np.zeros(1)), stepper, dt)

@@ -35,7 +35,7 @@ from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.rotations import rotation_vector
-from tripod_sim.bodies.soft_build import assembled, sets_of
+from tripod_sim.bodies.soft_build import assembled, element_masses, sets_of
 from tripod_sim.build import build
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError, StepError
@@ -59,6 +59,7 @@ from tripod_sim.tables.sets import NodeSet
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.world import World
+    from tripod_sim.forces.element_inertia import ElementMasses
 
 
 NEAR = 5e-6
@@ -158,7 +159,8 @@ class MeshError:
         Raises:
             SceneError: it cannot be built.
         """
-        parts, solver = build(richer(scene)), scene.solver
+        fine, solver = richer(scene), scene.solver
+        parts = build(fine)
         assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)
         self._others: Others | None = None
         if len(soft_bodies(scene)) > 1 or scene.contact or scene.ball or scene.maze:
@@ -176,6 +178,8 @@ class MeshError:
         self._moving, count = scene.inertia is not None, len(mesh.nodes)
         self._before, self._acceleration = np.zeros((count, 3)), np.zeros((count, 3))
         self._mass = parts.mass[: len(parts.mesh.nodes), None]
+        self._elements = masses_of(fine) if self._moving else []
+        self._there = np.zeros_like(parts.mesh.nodes)
         if self._moving:
             self._drag = scene.damping.mass if scene.damping else 0.0
             lag = scene.damping.stiffness if scene.damping else 0.0
@@ -233,9 +237,12 @@ class MeshError:
         own = self._own
         assert own
         if self._loads:
-            force = self._loads.force[: len(self._nodes)]
-            interpolate(self._nodes, self._weights, self._acceleration, self._acceleration, 0.0, force)
-            force *= -self._mass
+            force, there = self._loads.force[: len(self._nodes)], self._there
+            interpolate(self._nodes, self._weights, self._acceleration, self._acceleration, 0.0, there)
+            np.negative(there, out=there)
+            np.multiply(self._mass, there, out=force)
+            for masses in self._elements:
+                masses.add(there, force)
             if self._others:
                 self._others.add(state, own, self._acceleration, self._loads.force)
                 self._others.hold(state, self._seen, own)
@@ -290,13 +297,15 @@ class Others:
         """`mesh`, `simulated`: as for `MeshError`; `richer`: what it made of the richer mesh."""
         body = soft_bodies(scene)[0]
         assert body.mesh and body.material and isinstance(richer.mesh, SolidMesh)
-        parts = build(alone(scene, body.mesh))
+        by_itself = alone(scene, body.mesh)
+        parts = build(by_itself)
         assert isinstance(parts.system, System) and isinstance(richer.system, System)
         system = self._system = parts.system
         joints = len(system.groups.driven) + 1 + bool(system.groups.prescribed)
         self._count, self._state = len(mesh.nodes), system.start_state(np.zeros(joints))
         self._nodes, self._weights = interpolation(richer.mesh, mesh.nodes)
         self._mass, self._held = parts.mass, system.groups.held()
+        self._elements = masses_of(by_itself)
         self._disc, self._fine_disc = system.groups.rigid[0], richer.system.groups.rigid[0]
         none = np.zeros(0, dtype=np.int64)
         self._plate = simulated.plate.nodes if simulated.plate else none
@@ -416,6 +425,8 @@ class Others:
         system.evaluate(own)
         lacks = system.gradient.copy()
         lacks[:n] += self._mass[:n, None] * acceleration
+        for masses in self._elements:
+            masses.add(acceleration, lacks)
         lacks[self._own_plate] += self._mass[self._own_plate, None] * self._acceleration
         lacks[self._held] = 0.0
         x, disc = own.positions, self._disc
@@ -427,6 +438,12 @@ class Others:
         arms = fine.positions[self._fine_disc] - fine.centres[0]
         inertia = np.eye(3) * np.vdot(arms, arms) - arms.T @ arms
         force[self._fine_disc] += total / len(arms) + np.cross(np.linalg.solve(inertia, moment), arms)
+
+
+def masses_of(scene: Scene) -> "list[ElementMasses]":
+    """Return what the masses of nodes lack of the inertia of the elements of a scene's bodies."""
+    assembly, _ = assembled(scene, described_mesh)
+    return element_masses(assembly, sets_of(scene, assembly))
 
 
 @njit(cache=True, error_model="numpy")

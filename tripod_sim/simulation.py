@@ -611,6 +611,9 @@ class Simulation:
         """Return the energies of the present state."""
         s = self.state
         kinetic = 0.5 * float(self._mass @ (s.velocities**2).sum(axis=1))
+        if isinstance(self._system, System):
+            unused = np.zeros_like(s.velocities)
+            kinetic += sum(term.add_inertia(s.velocities, unused) for term in self._system.terms)
         strain, gravity = self._system.potentials(s)
         if (rigid := self._parts.rigid) and s.rigid:
             moving, fallen = rigid.energies(s.rigid)

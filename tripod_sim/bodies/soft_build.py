@@ -21,6 +21,7 @@ from tripod_sim.scene_short import HOME, field_of, pose_of, soft_bodies
 from tripod_sim.tables.bodies import Body, Material, Mesh, Region
 
 if TYPE_CHECKING:
+    from tripod_sim.forces.element_inertia import ElementMasses
     from tripod_sim.forces.spring_force import SpringDampers
     from tripod_sim.forces.strain_bound import StrainBound
 
@@ -120,11 +121,8 @@ def masses(assembly: Assembly, sets: NodeSets, size: int) -> Masses:
         assert mesh
         volumes = node_volumes(mesh.kind, mesh.nodes[mesh.elements])
         volume = volumes[0].sum(axis=1)
-        density = np.full(len(volume), material.density or material.mass / volume.sum())
+        density = _densities(body, sets, volume)
         total = material.mass
-        for region, elements in _regions(body, sets):
-            if region.density:
-                density[elements] = region.density
         if material.density or any(region.density for region, _ in _regions(body, sets)):
             total = float(density @ volume)
         for mass, parts in zip((load, inert), volumes, strict=True):
@@ -132,6 +130,30 @@ def masses(assembly: Assembly, sets: NodeSets, size: int) -> Masses:
             np.add.at(own, mesh.elements, parts * (density / density[0])[:, None])
             mass[body.nodes] += own * (total / own.sum())
     return Masses(load, inert)
+
+
+def _densities(body: SoftBody, sets: NodeSets, volume: FloatArray) -> FloatArray:
+    """Return the density of each element of a body, whose `volume` is given [m³], all of shape (m,) [kg/m³]."""
+    material = _material(body.table)
+    density = np.full(len(volume), material.density or material.mass / volume.sum())
+    for region, elements in _regions(body, sets):
+        if region.density:
+            density[elements] = region.density
+    return density
+
+
+def element_masses(assembly: Assembly, sets: NodeSets) -> "list[ElementMasses]":
+    """Return what the masses of nodes lack of the inertia of quadratic elements, for each body that has such."""
+    found = []
+    for body in assembly.bodies:
+        if not (mesh := body.solid) or mesh.kind.size in (4, 8):
+            continue
+        from tripod_sim.forces.element_inertia import lacking  # noqa: PLC0415 - only with quadratic elements
+
+        corners = mesh.nodes[mesh.elements]
+        density = _densities(body, sets, node_volumes(mesh.kind, corners)[0].sum(axis=1))
+        found.append(lacking(mesh.kind, corners, body.blocks, density))
+    return found
 
 
 def elastic_terms(assembly: Assembly, sets: NodeSets, rest: FloatArray, groups: Groups) -> list[ElasticTerm]:

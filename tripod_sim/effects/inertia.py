@@ -42,11 +42,16 @@ class Inertia:
 
 
 def act(inertia: Inertia, draft: Draft) -> None:
-    """Add the term of inertia that implicit schemes have."""
+    """Add the terms of inertia that implicit schemes have; explicit ones move the masses of nodes alone."""
     if inertia.scheme not in EXPLICIT:
+        from tripod_sim.bodies.soft_build import element_masses
         from tripod_sim.forces.anchor import Anchor
 
         draft.inertia = Anchor(len(draft.rest))
+        if found := element_masses(draft.assembly, draft.sets):
+            from tripod_sim.forces.element_inertia import ElementInertia
+
+            draft.terms += [ElementInertia(masses, draft.inertia) for masses in found]
 
 
 EFFECT = Effect(
@@ -57,6 +62,7 @@ EFFECT = Effect(
     rest=False,
     modules=(
         "forces.anchor",
+        "forces.element_inertia",
         "integrators.schemes",
         "integrators.stage",
         "integrators.explicit",
@@ -66,6 +72,7 @@ EFFECT = Effect(
     ),
     stages={
         "forces.anchor.Anchor": {"add_gradient": "inertia"},
+        "forces.element_inertia.ElementInertia": {"add_gradient": "inertia", "add_products": "inertia"},
         "integrators.explicit.ExplicitSteps": {
             "_longest_part": "stability limit",
             "_advance": "explicit parts",

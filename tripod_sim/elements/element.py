@@ -80,11 +80,20 @@ def reference_gradients(element: Element, nodes: FloatArray) -> tuple[FloatArray
     return gradients, determinant * element.weights
 
 
+def shape_products(element: Element, nodes: FloatArray, rule: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Return int N_a N_b dV [m³], shape (m, n, n), of elements with `nodes` (m, n, 3), by points and weights."""
+    points, weights = rule
+    volume = np.abs(np.linalg.det(element.jacobians(nodes, points))) * weights
+    values = element.functions(points)
+    return np.asarray(np.einsum("eq,qa,qb->eab", volume, values, values))
+
+
 def node_volumes(element: Element, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the volumes with which nodes carry loads and inertia [m³], both of shape (m, n).
 
     Loads are consistent, int N_a dV. Inertia is lumped: the same for linear elements; for quadratic ones, where that is
     negative at corners, in proportion to int N_a^2 dV [HintonRockZienkiewicz1976]. Either sums to the element's volume.
+    What is lacking of the inertia of quadratic elements, implicit schemes add (`forces.element_inertia`).
     """
     volume = np.linalg.det(element.jacobians(nodes, element.points)) * element.weights
     values = element.functions(element.points)

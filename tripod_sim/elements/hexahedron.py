@@ -42,5 +42,16 @@ def gauss(count: int) -> tuple[FloatArray, FloatArray]:
     return points, np.einsum("i,j,k->ijk", w, w, w).ravel()
 
 
+def collapsed(count: int) -> tuple[FloatArray, FloatArray]:
+    """Return a rule on the tetrahedron with corners 0, x, y and z, of `gauss`, of degree 2 count - 3, shapes alike.
+
+    The cube [0, 1]^3 is collapsed to it: x = a, y = b (1 - a), z = c (1 - a) (1 - b) [Hughes1987].
+    """
+    points, weights = gauss(count)
+    a, b, c = (0.5 * (1 + points)).T
+    xi = np.column_stack([a, b * (1 - a), c * (1 - a) * (1 - b)])
+    return xi, weights / 8 * (1 - a) ** 2 * (1 - b)
+
+
 H8 = Element("h8", "hexahedron", CORNERS, functions, gradients, *gauss(2), FACES, 8)
 H8_MODES = replace(H8, name="h8_modes", modes=True)

@@ -15,13 +15,14 @@ class Anchor(Term):
     Attributes:
         weight: w [N/m], shape (n,).
         point: y [m], shape (n, 3).
+        per_mass: w / m, the same for all nodes with mass [1/s²].
     """
 
     name = "inertia"
     weight: FloatArray
 
     def __init__(self, size: int) -> None:
-        self.weight, self.point = np.zeros(size), np.zeros((size, 3))
+        self.weight, self.point, self.per_mass = np.zeros(size), np.zeros((size, 3)), 0.0
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
         """Add dQ/dx [N] to `g` and return Q [J]."""

@@ -21,9 +21,10 @@ class Term:
     Attributes:
         name: Of the effect that brings it, for messages.
         weight: w of a Hessian w_i I at each node [N/m], shape (n,); None: it has none of this form.
+        has_inertia: Whether it has what the masses of nodes lack; see `add_inertia`.
     """
 
-    name = ""
+    name, has_inertia = "", False
     weight: FloatArray | None = None
 
     def add_gradient(self, x: FloatArray, g: FloatArray) -> float:
@@ -33,6 +34,10 @@ class Term:
     def energies(self, x: FloatArray) -> tuple[float, float]:
         """Return what of V is strain energy of the bodies and what their potential in gravity [J]: none of it."""
         return 0.0, 0.0
+
+    def add_inertia(self, a: FloatArray, out: FloatArray) -> float:
+        """Add what nodes lack in mass, times `a`, to `out`, both of shape (n, 3); return half of a . that: nothing."""
+        return 0.0
 
 
 class BlockTerm(Term):

@@ -73,6 +73,7 @@ class ImplicitStage:
         """Make the system's potential that of a stage of `s` [s] with what is `known`."""
         system, inertia, (z, u) = self.newton.system, self._inertia, self.known[:2]
         damping = system.damping
+        inertia.per_mass = 1 / s**2 + self._mass_damping / s
         aim_anchor(self._mass, self._mass_damping, s, z, u, inertia.weight, inertia.point)
         for term, part in self._kept:
             term.aim(s, self.known.reshape(-1)[part])

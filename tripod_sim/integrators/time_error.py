@@ -124,6 +124,7 @@ class ErrorTransport:
         self._reduced, self._torques = np.zeros(system.unknowns), np.zeros(len(system.torques))
         self._differences = np.zeros((3, n, 3))
         self._left = np.zeros((2, system.unknowns))
+        self._heavy = [t for t in getattr(system, "terms", ()) if t.has_inertia]
         self._none = np.zeros(system.unknowns)
         self._effector = system.groups.rigid[0] if system.groups.rigid else None
 
@@ -284,6 +285,9 @@ class ErrorTransport:
             first, c1, second, c2, p, q, factor, self._mass, self._inertia.weight, s, share, self._known, self._y,
             self._force,
         )  # fmt: skip
+        for term in self._heavy:
+            per_speed, per_move = 1 / s, (1 - share) * self._inertia.per_mass
+            term.add_inertia(per_speed * (self._known[1] + factor * q) + per_move * self._y, self._force)
 
     def _measure_rates(self, state: ErrorState, derivative: int, factor: float, s: float) -> None:
         """Write the rates of the errors at the end of a stage to `before`."""
