@@ -66,6 +66,7 @@ class ElementInertia(BlockTerm):
         self.elements, self._masses, self._anchor = masses.elements, masses, anchor
         m, k = masses.elements.shape
         self.matrices, self._written = np.zeros((m, 3 * k, 3 * k)), 0.0
+        self._origin = np.zeros_like(anchor.point)
 
     def stiffness(self, x: FloatArray, *, project: bool) -> None:
         """Write `matrices`, which change with the step alone."""
@@ -81,7 +82,8 @@ class ElementInertia(BlockTerm):
 
     def add_products(self, dx: FloatArray, g: FloatArray) -> None:
         """Add the blocks times `dx` [m] to `g` [N]."""
-        self._masses.add(self._anchor.per_mass * dx, g)
+        masses = self._masses
+        _add(masses.couplings, masses.elements, self._anchor.per_mass, dx, self._origin, g)
 
     def add_inertia(self, a: FloatArray, out: FloatArray) -> float:
         """Add the product of what nodes lack in mass with `a` to `out`; return half of a . that."""
