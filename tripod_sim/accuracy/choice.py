@@ -24,7 +24,7 @@ from tripod_sim.scene_file import load_scene, words_of
 MARGIN = 3.0
 """Error in other cases over that in a study's own, where it was not measured."""
 
-MEASURED = {"tripod_static": (1.7,), "tripod_dynamic": (1.35, 1.6), "pendulum": (4.0,), "cloth": (12.0,)}
+MEASURED = {"tripod_static": (1.7,), "tripod_dynamic": (1.5, 1.95), "pendulum": (4.0,), "cloth": (12.0,)}
 """The same by study, for each quantity that it promises, measured by benchmarks/accuracy_promise.py. A study that lets
 a cloth fall is gentler than cloths that are thrown and fold."""
 
