@@ -16,6 +16,7 @@ from tripod_sim.elements.element import Element, node_volumes, shape_products
 from tripod_sim.elements.hexahedron import collapsed, gauss
 from tripod_sim.forces.anchor import Anchor
 from tripod_sim.forces.term import BlockTerm
+from tripod_sim.forces.term_kernels import couple
 
 
 class ElementMasses(NamedTuple):
@@ -94,22 +95,14 @@ class ElementInertia(BlockTerm):
 def _add(couplings: Array, elements: Array, factor: float, x: Array, y: Array, g: Array) -> float:
     """Add `factor` couplings (x - y) to `g`, all of shape (n, 3); return half of (x - y) . that."""
     size, total = couplings.shape[1], 0.0
-    d = np.empty((3, size))
+    d, f = np.empty((3, size)), np.empty((3, size))
     for e in range(elements.shape[0]):
         for a in range(size):
             n = elements[e, a]
             for i in range(3):
                 d[i, a] = x[n, i] - y[n, i]
+        total += couple(couplings[e], d, f)
         for a in range(size):
-            f0 = f1 = f2 = 0.0
-            for b in range(size):
-                c = couplings[e, a, b]
-                f0 += c * d[0, b]
-                f1 += c * d[1, b]
-                f2 += c * d[2, b]
-            n = elements[e, a]
-            g[n, 0] += factor * f0
-            g[n, 1] += factor * f1
-            g[n, 2] += factor * f2
-            total += f0 * d[0, a] + f1 * d[1, a] + f2 * d[2, a]
+            for i in range(3):
+                g[elements[e, a], i] += factor * f[i, a]
     return 0.5 * factor * total
