@@ -57,19 +57,28 @@ def check_fields(table: Any, path: str) -> None:
                 raise SceneError(f"{where} is {value}; {allowed(meta)}{other_unit(v, meta['unit'], fits)}")
 
 
-def unusual(table: Any, path: str = "") -> list[str]:
-    """Return which fields of a dataclass, and of those in it, are of an unusual size, one sentence each."""
-    found = []
+def tables_in(table: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield a dataclass and those in it, each before what is in it, and its path: empty, `mesh`, `obstacles.0` ..."""
+    yield path, table
     for f in fields(table):
         value, where = getattr(table, f.name), f"{path}.{f.name}" if path else f.name
         if is_dataclass(value):
-            found += unusual(value, where)
+            yield from tables_in(value, where)
         elif isinstance(value, tuple) and value and is_dataclass(value[0]):
-            found += [said for i, part in enumerate(value) for said in unusual(part, f"{where}.{i}")]
-        elif value is not None and (usual := f.metadata.get("usual")):
-            for v in _numbers(value):
-                if said := out_of_usual(v, f.metadata["unit"], usual):
-                    found.append(f"{where} {said}")
+            for i, part in enumerate(value):
+                yield from tables_in(part, f"{where}.{i}")
+
+
+def unusual(table: Any) -> list[str]:
+    """Return which fields of a dataclass, and of those in it, are of an unusual size, one sentence each."""
+    found = []
+    for path, part in tables_in(table):
+        for f in fields(part):
+            value, where = getattr(part, f.name), f"{path}.{f.name}" if path else f.name
+            if value is not None and (usual := f.metadata.get("usual")):
+                for v in _numbers(value):
+                    if said := out_of_usual(v, f.metadata["unit"], usual):
+                        found.append(f"{where} {said}")
     return found
 
 

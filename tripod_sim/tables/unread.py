@@ -1,10 +1,11 @@
 """Fields that have no effect, because what the table describes is of another kind."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from tripod_sim.tables.bodies import Mesh, Rigid, Springs
+from tripod_sim.tables.fields import tables_in
 
 
 @dataclass(frozen=True)
@@ -29,21 +30,18 @@ READS = {
 }
 
 
-def unread(table: Any, path: str = "") -> list[str]:
+def unread(scene: Any) -> list[str]:
     """Return which fields of a dataclass, and of those in it, are given and have no effect, one sentence a table."""
     found = []
-    if reads := READS.get(type(table)):
-        kind = getattr(table, reads.kind)
-        counted = reads.by_kind.get(kind, reads.others)
-        every = dict.fromkeys([name for names in (*reads.by_kind.values(), reads.others) for name in names])
-        idle = [n for n in every if n not in counted and getattr(table, n) != getattr(type(table), n)]
-        if idle:
-            names = ", ".join(f"{path}.{name}" for name in idle)
-            found.append(f"{names}: without effect where {path}.{reads.kind} is {kind!r}")
-    for f in fields(table):
-        value, where = getattr(table, f.name), f"{path}.{f.name}" if path else f.name
-        if is_dataclass(value):
-            found += unread(value, where)
-        elif isinstance(value, tuple) and value and is_dataclass(value[0]):
-            found += [said for i, part in enumerate(value) for said in unread(part, f"{where}.{i}")]
+    for path, table in tables_in(scene):
+        if reads := READS.get(type(table)):
+            kind = getattr(table, reads.kind)
+            counted = reads.by_kind.get(kind, reads.others)
+            every = dict.fromkeys(
+                [name for names in (*reads.by_kind.values(), reads.others) for name in names]
+            )
+            idle = [n for n in every if n not in counted and getattr(table, n) != getattr(type(table), n)]
+            if idle:
+                names = ", ".join(f"{path}.{name}" for name in idle)
+                found.append(f"{names}: without effect where {path}.{reads.kind} is {kind!r}")
     return found
