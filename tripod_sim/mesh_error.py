@@ -1,27 +1,21 @@
 """The error that the mesh makes of the effector's position, estimated while a scene runs.
 
-A richer mesh of the same piece, with the same clamps, material and weight, is kept at rest beside the body in motion:
-its driven frames stand where those of the body stand, and it carries the body's inertia as a dead load,
+A richer mesh of the same piece, with the same clamps, material and weight, is kept at rest beside the body in motion.
+Its driven frames stand where those of the body stand, and it carries as a dead load what the body's own mesh lacks for
+balance,
 
-    dE+/dx (x+) = m+ (G - T a),      error = H x+ - H x,
+    r = dE/dx (x),      dE+/dx (x+) = P^T r,      error = H x+ - H x,
 
-G gravity, a the accelerations that the body's elastic forces balance, T the interpolation in its elements, H the mean
-of the disc's nodes. Where both are linear that is the dual-weighted residual [BeckerRannacher2001] with the dual
-solution of the richer mesh, error = -z+ . R+(x), A+ z+ = H^T: a step with the kept tangent A+ costs the one
-back-substitution that the dual would, gives all three components, and what the linearisation misses is seen and
-corrected by the next. Accelerations are taken as known, so the error follows at once: that the errors themselves have
-inertia, and vibrate, is left out.
+E and E+ the energies of the body alone, in its weight, on the two meshes, P what interpolates in the elements of the
+richer one at the places of the body's nodes, H the mean of the disc's nodes. So r are the forces by which all else
+acts: inertia, damping, contact, ball, maze, ties, other bodies. By P^T they do the same work in each move of the richer
+mesh; were that the body's own, there would be no error. Of the disc's nodes only force and moment count, since what
+keeps it rigid is among their r.
 
-Stiffness damping b makes elastic forces g lag behind: g + b dg/dt = f, so a is the measured one passed through the same
-first-order lag.
-
-What else acts on the body, by contact, ball, maze, ties or other bodies, is what its own mesh lacks for balance,
-
-    r = dE/dx (x) - m (G - a),
-
-forces on nodes that are taken as known as well. They go to the richer mesh by the transpose of its interpolation P at
-the places of these nodes, P^T r: they do the same work in each of its moves. Of the disc's nodes only force and moment
-count, since what keeps it rigid is among their r.
+Where both are linear that is the dual-weighted residual [BeckerRannacher2001] with the dual solution of the richer
+mesh, error = -z+ . R+(x), A+ z+ = H^T: a step with the kept tangent A+ costs the one back-substitution that the dual
+would, gives all three components, and what the linearisation misses is seen and corrected by the next. The forces are
+taken as known, so the error follows at once: that the errors themselves have inertia, and vibrate, is left out.
 """
 
 import time
@@ -35,7 +29,7 @@ from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.rotations import rotation_vector
-from tripod_sim.bodies.soft_build import assembled, element_masses, sets_of
+from tripod_sim.bodies.soft_build import assembled, sets_of
 from tripod_sim.build import build
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError, StepError
@@ -59,7 +53,6 @@ from tripod_sim.tables.sets import NodeSet
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.world import World
-    from tripod_sim.forces.element_inertia import ElementMasses
 
 
 NEAR = 5e-6
@@ -162,11 +155,8 @@ class MeshError:
         fine, solver = richer(scene), scene.solver
         parts = build(fine)
         assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)
-        self._others: Others | None = None
-        if len(soft_bodies(scene)) > 1 or scene.contact or scene.ball or scene.maze:
-            self._others = Others(scene, mesh, parts, simulated)
-        system = self._others.supported(parts.system, scene) if self._others else parts.system
-        self._system = system
+        self._outside = Outside(scene, mesh, parts, simulated)
+        system = self._system = self._outside.supported(parts.system, scene)
         self._newton = Newton(system, solver.tolerance, solver.max_iterations)
         self._newton.near = NEAR
         self._careful = QuasiStatic(self._newton, solver.max_halvings, solver.max_turn, reach_of(scene))
@@ -175,18 +165,8 @@ class MeshError:
         self._rest = mesh.nodes
         self._own: State | None = None
         self._dx, self._move = np.zeros_like(system.rest), np.zeros(system.unknowns)
-        self._moving, count = scene.inertia is not None, len(mesh.nodes)
-        self._before, self._acceleration = np.zeros((count, 3)), np.zeros((count, 3))
-        self._mass = parts.mass[: len(parts.mesh.nodes), None]
-        self._elements = masses_of(fine) if self._moving else []
-        self._there = np.zeros_like(parts.mesh.nodes)
-        if self._moving:
-            self._drag = scene.damping.mass if scene.damping else 0.0
-            lag = scene.damping.stiffness if scene.damping else 0.0
-            self._rate, self._lets = 1 / scene.dt, scene.dt / (scene.dt + lag)
-        self._loads = NodalLoads(system.rest) if self._moving or self._others else None
-        if self._loads:
-            system.take(self._loads)
+        self._loads = NodalLoads(system.rest)
+        system.take(self._loads)
 
     def start(self, state: State) -> MeshErrorReport:
         """Begin anew with `state`: bring the richer mesh to its rest there; return the error there.
@@ -201,10 +181,6 @@ class MeshError:
         self._trial = own.copy()
         self._newton.forget()
         self._credit = 0.0
-        if self._moving:
-            self._before[:], self._acceleration[:] = state.velocities[: len(self._before)], 0.0
-            if self._others:
-                self._others.start(state)
         self.estimate(state)  # goes there; the next one is as those to come, also in what it takes
         begin = time.thread_time()
         self._last = self.estimate(state)
@@ -219,10 +195,6 @@ class MeshError:
         """
         end = time.thread_time()
         self._credit += self._share * (end - begin)
-        if self._moving:
-            track(state.velocities, self._rate, self._drag, self._lets, self._before, self._acceleration)
-            if self._others:
-                self._others.track(state, self._rate, self._drag, self._lets)
         due = self._credit >= self._cost
         if due:
             self._last = self.estimate(state)
@@ -236,16 +208,8 @@ class MeshError:
         """Return the error at `state`."""
         own = self._own
         assert own
-        if self._loads:
-            force, there = self._loads.force[: len(self._nodes)], self._there
-            interpolate(self._nodes, self._weights, self._acceleration, self._acceleration, 0.0, there)
-            np.negative(there, out=there)
-            np.multiply(self._mass, there, out=force)
-            for masses in self._elements:
-                masses.add(there, force)
-            if self._others:
-                self._others.add(state, own, self._acceleration, self._loads.force)
-                self._others.hold(state, self._seen, own)
+        self._outside.load(state, own, self._loads.force)
+        self._outside.hold(state, self._seen, own)
         try:
             self._settle(own, state)
         except StepError:
@@ -270,7 +234,7 @@ class MeshError:
         own.copy_to(trial)
         self._carry(own, state, trial)
         try:
-            self._newton.solve(trial, joints, keep=1.0 + (self._others.changes if self._others else 0))
+            self._newton.solve(trial, joints, keep=1.0 + self._outside.changes)
             trial.copy_to(own)
         except NewtonError:
             self._careful.step(own, joints, 0.0)
@@ -286,8 +250,8 @@ class MeshError:
         system.move(own, move, dx, 1.0, out)
 
 
-class Others:
-    """What other things do to the first body: forces on the nodes of the richer mesh, and obstacles that hold it.
+class Outside:
+    """What acts on the first body from outside: forces on the nodes of the richer mesh, and obstacles that hold it.
 
     Attributes:
         changes: How often other points have been held.
@@ -297,21 +261,17 @@ class Others:
         """`mesh`, `simulated`: as for `MeshError`; `richer`: what it made of the richer mesh."""
         body = soft_bodies(scene)[0]
         assert body.mesh and body.material and isinstance(richer.mesh, SolidMesh)
-        by_itself = alone(scene, body.mesh)
-        parts = build(by_itself)
+        parts = build(alone(scene, body.mesh))
         assert isinstance(parts.system, System) and isinstance(richer.system, System)
         system = self._system = parts.system
         joints = len(system.groups.driven) + 1 + bool(system.groups.prescribed)
         self._count, self._state = len(mesh.nodes), system.start_state(np.zeros(joints))
         self._nodes, self._weights = interpolation(richer.mesh, mesh.nodes)
-        self._mass, self._held = parts.mass, system.groups.held()
-        self._elements = masses_of(by_itself)
+        self._held = system.groups.held()
         self._disc, self._fine_disc = system.groups.rigid[0], richer.system.groups.rigid[0]
         none = np.zeros(0, dtype=np.int64)
         self._plate = simulated.plate.nodes if simulated.plate else none
         self._own_plate = parts.plate.nodes if parts.plate else none
-        self._fine_plate = richer.plate.nodes if richer.plate else none
-        self._before, self._acceleration = np.zeros((2, len(self._plate), 3))
         self._support: Support | None = None
         self._world: World | None = None
         self.changes = 0
@@ -397,24 +357,8 @@ class Others:
                 self._normal[v] = normal
         return along, sticks
 
-    def start(self, state: State) -> None:
-        """Begin anew with `state`, at rest."""
-        self._before[:], self._acceleration[:] = state.velocities[self._plate], 0.0
-
-    def track(self, state: State, rate: float, drag: float, share: float) -> None:
-        """Take notice of a step to `state`; the rest is as for `track`."""
-        if len(self._plate):
-            track(state.velocities[self._plate], rate, drag, share, self._before, self._acceleration)
-
-    def add(self, state: State, fine: State, acceleration: FloatArray, force: FloatArray) -> None:
-        """Add the forces at `state` [N] to `force`, shape (nodes of the richer mesh, 3).
-
-        Args:
-            state: Of the simulation.
-            fine: Of the richer mesh.
-            acceleration: Of the nodes of the body's own mesh [m/s²], shape (n, 3).
-            force: Changed.
-        """
+    def load(self, state: State, fine: State, force: FloatArray) -> None:
+        """Write the forces at `state` [N] to `force`, shape (nodes of the richer mesh, 3); `fine`: its state."""
         own, system, n = self._state, self._system, self._count
         if own.modes.size:
             own.modes[:] = state.modes[: len(own.modes)]
@@ -424,46 +368,16 @@ class Others:
         own.positions[self._own_plate] = state.positions[self._plate]
         system.evaluate(own)
         lacks = system.gradient.copy()
-        lacks[:n] += self._mass[:n, None] * acceleration
-        for masses in self._elements:
-            masses.add(acceleration, lacks)
-        lacks[self._own_plate] += self._mass[self._own_plate, None] * self._acceleration
         lacks[self._held] = 0.0
         x, disc = own.positions, self._disc
         total = lacks[disc].sum(axis=0)
         moment = np.cross(x[disc] - own.centres[0], lacks[disc]).sum(axis=0)
         lacks[disc] = 0.0
+        force[:] = 0.0
         np.add.at(force, self._nodes, self._weights[:, :, None] * lacks[:n, None])
-        force[self._fine_plate] = -self._mass[self._own_plate, None] * self._acceleration
         arms = fine.positions[self._fine_disc] - fine.centres[0]
         inertia = np.eye(3) * np.vdot(arms, arms) - arms.T @ arms
         force[self._fine_disc] += total / len(arms) + np.cross(np.linalg.solve(inertia, moment), arms)
-
-
-def masses_of(scene: Scene) -> "list[ElementMasses]":
-    """Return what the masses of nodes lack of the inertia of the elements of a scene's bodies."""
-    assembly, _ = assembled(scene, described_mesh)
-    return element_masses(assembly, sets_of(scene, assembly))
-
-
-@njit(cache=True, error_model="numpy")
-def track(
-    velocities: FloatArray, rate: float, drag: float, share: float, before: FloatArray, acceleration: FloatArray
-) -> None:  # fmt: skip
-    """Let `acceleration` [m/s²], shape (n, 3), follow the change of `velocities` [m/s] since `before`, (n, 3).
-
-    Args:
-        velocities: At the end of a step; `before` becomes a copy of its first n.
-        rate: 1 / dt [1/s].
-        drag: a of the damping force -a M v [1/s], which counts as acceleration.
-        share: dt / (dt + b), what a lag of b lets through in a step.
-    """
-    for n in range(before.shape[0]):
-        for i in range(3):
-            v = velocities[n, i]
-            now = (v - before[n, i]) * rate + drag * v
-            acceleration[n, i] += share * (now - acceleration[n, i])
-            before[n, i] = v
 
 
 @njit(cache=True, error_model="numpy")

@@ -47,7 +47,7 @@ SCENES = {
     "choosing springs": ("pendulum", "dt=auto"),
     "sleeping solid": (*SOLID, "sleep={}"),
     "doubling springs": ("pendulum", "time_error={}"),
-    "estimating robot": (*ROBOT, 'time_error={steps="auto"}'),
+    "estimating robot": (*ROBOT, "mesh.element=h20", 'time_error={steps="auto"}'),
     "stack by its way": ("stack", "dt=auto", "time_error.accuracy=0.05"),
     "bounded robot": (*ROBOT, "clamp.stiffness=1.4e10", "mesh_error={}"),
     "cloth alone": (*CLOTH, "obstacles=off", "contact.self_contact=true"),

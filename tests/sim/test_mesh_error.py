@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from tests.scenes import CUBE, SHARP
-from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim import SceneError, Simulation, load_scene, mesh_error
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.forces.support import Support
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
-from tripod_sim.mesh_error import Others, alone, finer, interpolation, richer, track
+from tripod_sim.mesh_error import Outside, alone, finer, interpolation, richer
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.bodies import Mesh
 
@@ -107,7 +107,7 @@ def test_beside_other_things_the_effector_errs_as_estimated(
     assert ((told > 0.5 * lengths) & (told < 2.0 * lengths)).all(), told / lengths
     left = np.linalg.norm(true - found - estimated, axis=1)[[15, -1]]
     assert (left < 0.5 * lengths).all(), left / lengths
-    monkeypatch.setattr(Others, "add", lambda *_: None)
+    monkeypatch.setattr(Outside, "load", lambda *_: None)
     _, without = effector((*words, ALWAYS), way)
     assert np.linalg.norm(estimated[-1] - without[-1]) > 0.01 * lengths[-1], "what acts on it counts"
 
@@ -209,6 +209,21 @@ def test_a_fast_motion_errs_as_estimated_with_its_inertia() -> None:
     assert (left < 0.1 * np.linalg.norm(true - found, axis=1)).all()
     rest, held = effector((*WORKING, ALWAYS, "gravity=off"), way)
     assert np.isfinite(held).all() and np.isfinite(rest).all()
+
+
+@pytest.mark.parametrize("damping", [(), ("damping=off",), ("damping.mass=20.0",)])
+@pytest.mark.parametrize("scheme", ["implicit_euler", "tr_bdf2"])
+def test_a_fast_motion_is_told_no_error_by_its_own_mesh(
+    scheme: str, damping: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What acts on the body is what its own mesh lacks for balance, whatever scheme and damping make of it."""
+    way = [np.array([W + 0.3 * min(1, k / 6), W, W, 0.035]) for k in range(1, 31)]
+    words = (*WORKING, ALWAYS, "mesh.element=h20", f"inertia.scheme={scheme}", *damping)
+    _, richer_told = effector(words, way)
+    monkeypatch.setattr(mesh_error, "finer", lambda mesh: mesh)
+    _, told = effector(words, way)
+    assert np.linalg.norm(richer_told, axis=1).min() > 1e-4
+    assert np.linalg.norm(told, axis=1).max() < 1e-9
 
 
 def test_the_default_share_tells_it_seldom_and_the_same_within_a_part() -> None:
@@ -313,17 +328,6 @@ def test_values_go_to_other_nodes_by_tetrahedra_too(element: str) -> None:
         np.einsum("pa,pai->pi", weights, (mesh.nodes @ slopes)[nodes]), points @ slopes, atol=1e-12
     )
     assert weights.min() > (-1e-9 if element == "t4" else -0.2), "the points lie in the elements"
-
-
-def test_accelerations_lag_as_stiffness_damping_lets_forces_lag() -> None:
-    before, acceleration = np.zeros((1, 3)), np.zeros((1, 3))
-    dt, lag, drag = 0.01, 0.03, 2.0
-    a, v, g = np.array([[1.0, 0, -2]]), np.zeros((1, 3)), np.zeros((1, 3))
-    for _ in range(3):
-        v = v + dt * a
-        g = (dt * (a + drag * v) + lag * g) / (dt + lag)  # g + lag (g - g_before) / dt = a + drag v
-        track(v, 1 / dt, drag, dt / (dt + lag), before, acceleration)
-    np.testing.assert_allclose(acceleration, g, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
