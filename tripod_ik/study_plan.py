@@ -42,7 +42,7 @@ ROBOT = "robot.level"
 
 DEFAULT: Settings = {
     "mesh.element": "h20",
-    "mesh.level": 13,
+    "mesh.level": 8,
     "material.law": "neo_hooke",
     ITERATIONS: 200,
     ACCURACY: 1e-7,

@@ -70,10 +70,6 @@ QUADRATIC = ("h20", "h20_full", "h27", "t10")
 GRADED = 8
 """The coarsest mesh level of the Y whose cells are graded for quadratic elements; see `mesh.y_piece.LEVELS`."""
 
-HALVED = {13: 14}
-"""Mesh levels of the Y by those whose edges along the sheet they halve, for quadratic elements, which need no more of
-them through its thickness: that tells as much as half of all edges, at little more than half the unknowns."""
-
 
 def richer(scene: Scene) -> Scene:
     """Return the static scene of the first body alone on the mesh that tells the error of its own."""
@@ -85,16 +81,14 @@ def richer(scene: Scene) -> Scene:
 def finer(mesh: Mesh) -> Mesh:
     """Return the mesh that tells the error of `mesh`.
 
-    Quadratic elements on the same cells tell the error of linear ones, half the edges that of quadratic ones, all or
-    those along the sheet (`HALVED`): hexahedra, also for the tetrahedra into which a generator divides its cells. Cells
-    of a file stay of their kind. The Y's levels below `GRADED` are too coarse at disc and clamp for that: they are held
-    against quadratic hexahedra on it.
+    Quadratic elements on the same cells tell the error of linear ones, half the edges that of quadratic ones:
+    hexahedra, also for the tetrahedra into which a generator divides its cells. Cells of a file stay of their kind. The
+    Y's levels below `GRADED` are too coarse at disc and clamp for that: they are held against quadratic hexahedra of
+    that level.
     """
     generated, quadratic = mesh.source in ("y_piece", "block"), mesh.element in QUADRATIC
     if mesh.source == "y_piece" and mesh.level < GRADED:
         return replace(mesh, element="h20", level=GRADED)
-    if mesh.source == "y_piece" and quadratic and mesh.level in HALVED:
-        return replace(mesh, element="h20", level=HALVED[mesh.level])
     if quadratic:
         return replace(mesh, element="h20" if generated else mesh.element, refine=mesh.refine + 1)
     return replace(mesh, element="t10" if mesh.element == "t4" and not generated else "h20")

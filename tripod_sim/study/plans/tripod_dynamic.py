@@ -22,7 +22,7 @@ CLAMP = "{stiffness=1.4e10}"
 
 DEFAULT: Settings = {
     "mesh.element": "h20",
-    "mesh.level": 13,
+    "mesh.level": 8,
     "clamp": CLAMP,
     "inertia.scheme": "tr_bdf2",
     "dt": 0.002,
@@ -61,7 +61,7 @@ def finest(_: Settings) -> tuple[Settings, ...]:
 def quick_finest(_: Settings) -> tuple[Settings, ...]:
     """Return a reference that takes seconds."""
     fine = {**DEFAULT, **FINE, "mesh.element": "h20", "dt": 5e-4}
-    return ({**fine, "mesh.level": 13}, {**fine, "mesh.level": 8})
+    return ({**fine, "mesh.level": 8}, {**fine, "mesh.level": 14})
 
 
 def plan(*, quick: bool) -> Plan:

@@ -36,7 +36,7 @@ SIDEWAYS = "[9.81, 0.0, 0.0]"
 
 DEFAULT: Settings = {
     "mesh.element": "h20",
-    "mesh.level": 13,
+    "mesh.level": 8,
     "clamp": CLAMP,
     "material.law": "neo_hooke",
     "solver.linear": "auto",
@@ -74,7 +74,7 @@ def plan(*, quick: bool) -> Plan:
             *grid(LINEAR, solver__tolerance=(1e-2, 1e-4, 1e-6)),
             *grid(LINEAR, solver__linear=("ldl", "cg")),
             *grid(DEFAULT, solver__tolerance=(1e-2, 1e-4, 1e-6)),
-            *grid(DEFAULT, solver__max_turn=(0.3,)),
+            *grid(DEFAULT, mesh__level=(13,), solver__max_turn=(0.1, 0.3)),
             *grid(LINEAR, material__law=("neo_hooke", "stable_neo_hooke", "corotational")),
             *grid(turn, mesh__element=("h8_modes",), mesh__level=(4, 9)),
             *grid(turn, mesh__element=("h8_mean", "h8", "t10"), mesh__level=(1, 2)),
