@@ -61,6 +61,7 @@ from tripod_ik.tracker_settings import TrackerSettings
 from tripod_sim import Simulation, load_scene
 from tripod_sim.errors import StepError
 
+MESH = "mesh.level=13"
 DT, LONGEST = 0.02, 2.4
 """Time between commands of the quasi-static model, longest time for a goal [s]."""
 
@@ -84,7 +85,7 @@ def start_angles(slide: float) -> np.ndarray:
 
 def model_at(slide: float) -> StaticModel:
     """Return the model at its start."""
-    return StaticModel(load_scene("tripod"), slide, start_angles(slide))
+    return StaticModel(load_scene("tripod", [MESH]), slide, start_angles(slide))
 
 
 class Timed:
@@ -92,7 +93,7 @@ class Timed:
 
     def __init__(self, slide: float) -> None:
         """`slide`: [m]."""
-        self.finder = Pathfinder(Atlas.of(load_scene("tripod"), slide), *Tracker(SETTINGS).reach)
+        self.finder = Pathfinder(Atlas.of(load_scene("tripod", [MESH]), slide), *Tracker(SETTINGS).reach)
         begin = time.thread_time()
         self.finder.prepare()
         print(
@@ -255,7 +256,7 @@ def moving(slide: float, guide: Timed, radius: float, height: float) -> list[tup
     Largest speed [m/s], time until it stays within `NEAR` of the goal [s], distance at the end [m].
     """
     angles = ", ".join(f"{a:.9f}" for a in start_angles(slide))
-    simulation = Simulation(load_scene("tripod", [f"servos.angles=[{angles}]", f"servos.slide={slide}"]))
+    simulation = Simulation(load_scene("tripod", [MESH, f"servos.angles=[{angles}]", f"servos.slide={slide}"]))
     dt, now, rows = simulation.scene.dt, 0.0, []
     joints, every = simulation.state.joints.copy(), round(DT / dt)
     for _ in range(round(RESTED / dt)):
@@ -329,7 +330,7 @@ class Slide:
     def search(self, goal: np.ndarray) -> float:
         """Return how near to a goal, from the start, the search comes [m]."""
         if self._flood is None:
-            model = Flood.model(load_scene("tripod"), self._slide, start_angles(self._slide))
+            model = Flood.model(load_scene("tripod", [MESH]), self._slide, start_angles(self._slide))
             self._flood = Flood(
                 model, SETTINGS.angle_min, SETTINGS.angle_max, LIMITS, spacing=0.2, within=0.016
             )

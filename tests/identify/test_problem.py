@@ -63,7 +63,7 @@ def test_a_motion_answers_to_damping_and_its_start() -> None:
         ("material.yuong", "material has no 'yuong'; it has law, young, .*did you mean 'young'"),
         ("material.law", "it is 'neo_hooke', no number that could be fitted"),
         ("material.density", "it is None, no number that could be fitted; give it a value"),
-        ("mesh.level", "it is a whole number, 13; only values without steps"),
+        ("mesh.level", "it is a whole number, 8; only values without steps"),
         ("time_error.tolerance", "time_error has no 'tolerance'; it is off"),
         ("servos.zero.3", "servos.zero has 0, 1, 2"),
         ("frame.q", "frame has x, y, z, rx, ry, rz"),

@@ -100,8 +100,7 @@ more layers, since along the sheet alone no refinement cures the locking of line
 convergence needs. 12 for `h8_modes` and 13 for `h20` are graded for the effector's position with that clamp, by
 benchmarks/graded_mesh.py: the fewest unknowns on its way that err by less than 1.25 and 1 %. No element of 12 is
 shorter in the clamp than 3 mm: at 2.5 mm, half the thickness, the modes of `h8_modes` buckle where servos press the
-clamp's edge. 14 is for `h20` in motion, where strips twist, too: two elements across are most of the 1.5 % by which 8
-and 13 err there."""
+clamp's edge. 14 halves the edges of 13 along the sheet."""
 
 
 def divided(level: YLevel, m: int) -> YLevel:
