@@ -2,13 +2,13 @@
 
 Each robot has a modulus, zeros of its servos and a slide of its own, drawn at random; it carries a weight of 100 g and
 shows 30 poses, computed with another mesh and another element than the model's, with errors of 0.3 mm and 0.5 degrees.
-The model begins at the values of the scene `tripod`, on mesh level 13, and is asked for all of these, and for the mass of piece and weight
-besides: poses at rest cannot tell all three from each other, since only their ratios count. That must be said. Counted
-is how often the 90 % intervals, by noise alone and with what other meshes foretell, hold the truth; and the CPU time of
-one identification. Identification compares the model with `h20`, too, of which the robots are; `--truth tetrahedra`
-makes them of an element that it does not know (`t10`), `--truth level` with the model's own on a finer mesh. All these
-have an error of their own, about as large as the model's. A body of silicone has none: `--truth fine` halves the edges
-of the first.
+The model begins at the values of the scene `tripod`, on mesh level 13, and is asked for all of these, and for the mass
+of piece and weight besides: poses at rest cannot tell all three from each other, since only their ratios count. That
+must be said. Counted is how often the 90 % intervals, by noise alone and with what other meshes foretell, hold the
+truth; and the CPU time of one identification. Identification compares the model with `h20`, too, of which the robots
+are; `--truth tetrahedra` makes them of an element that it does not know (`t10`), `--truth level` with the model's own
+on a finer mesh. All these have an error of their own, about as large as the model's. A body of silicone has none:
+`--truth fine` halves the edges of the first.
 
 `--motion`: instead of poses each robot shows a motion of 0.8 s, its arms going quickly to four poses where the
 disc swings, 100 rows a second, computed with half the model's steps; its damping is asked for, its weight known.

@@ -256,7 +256,9 @@ def moving(slide: float, guide: Timed, radius: float, height: float) -> list[tup
     Largest speed [m/s], time until it stays within `NEAR` of the goal [s], distance at the end [m].
     """
     angles = ", ".join(f"{a:.9f}" for a in start_angles(slide))
-    simulation = Simulation(load_scene("tripod", [MESH, f"servos.angles=[{angles}]", f"servos.slide={slide}"]))
+    simulation = Simulation(
+        load_scene("tripod", [MESH, f"servos.angles=[{angles}]", f"servos.slide={slide}"])
+    )
     dt, now, rows = simulation.scene.dt, 0.0, []
     joints, every = simulation.state.joints.copy(), round(DT / dt)
     for _ in range(round(RESTED / dt)):
