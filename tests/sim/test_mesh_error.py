@@ -6,6 +6,7 @@ import pytest
 from tests.scenes import CUBE, SHARP
 from tripod_sim import SceneError, Simulation, load_scene, mesh_error
 from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.figures.errors import effector_error
 from tripod_sim.forces.support import Support
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
@@ -280,18 +281,24 @@ def test_of_two_equilibria_it_takes_that_of_the_body() -> None:
     assert told and 1e-5 < told.distance < 1e-3
 
 
-def test_the_shipped_mesh_errs_in_motion_as_estimated() -> None:
-    at = (f"servos.angles=[{W},{W},{W}]", "servos.slide=0.035")
-    way = np.array([[W + 0.2 * min(1, k / 15), W, W, 0.035] for k in range(1, 31)])
-    places = {}
-    for name, words in (("own", (ALWAYS,)), ("true", ("mesh.level=9",))):
-        simulation = Simulation(load_scene("tripod", [*at, *words]))
-        reports = [simulation.step(joints).mesh_error for joints in way]
-        told = [report.distance for report in reports if report]
-        places[name] = simulation.state.centres[0].copy(), told
-    true = float(np.linalg.norm(places["true"][0] - places["own"][0]))
-    assert true > 3e-5, "there is an error to find"
-    assert 0.5 * true < places["own"][1][-1] < 2 * true
+def test_the_shipped_scene_errs_in_motion_as_estimated_of_mesh_and_steps() -> None:
+    scene = load_scene("tripod", WORKING)
+    finer_words = ("mesh.level=9", f"dt={scene.dt / 4}", "solver.mode=newton", "solver.tolerance=1e-6")
+    own, true = (
+        Simulation(load_scene("tripod", [*WORKING, *words]))
+        for words in (("mesh_error={}", "time_error={}"), finer_words)
+    )
+    misses, told, mesh = [], [], []
+    for k in range(1, 31):
+        report = own.step([W + 0.2 * min(1, k / 15), W, W, 0.035])
+        for part in range(4 * k - 3, 4 * k + 1):
+            true.step([W + 0.2 * min(1, part / 60), W, W, 0.035])
+        misses.append(np.linalg.norm(true.state.centres[0] - own.state.centres[0]))
+        told.append(effector_error(report))
+        mesh.append(report.mesh_error.distance if report.mesh_error else np.nan)
+    assert max(misses) > 2e-5, "there is an error to find"
+    assert 0.5 * max(misses) < max(told) < 2 * max(misses)
+    assert 0.0 < max(mesh) < max(told)
 
 
 def test_after_a_long_way_in_one_step_it_finds_its_rest_again() -> None:
