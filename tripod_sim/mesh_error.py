@@ -55,7 +55,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.world import World
 
 
-NEAR = 5e-6
+NEAR = 5e-7
 """How far from its solution a coordinate of the richer mesh may be [m]: far below errors that matter."""
 
 STIFF = 100.0
