@@ -21,12 +21,13 @@ there. `python benchmarks/mesh_error.py --write` also writes docs/accuracy.md.
 import argparse
 import datetime
 import json
+import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from calibration import calibration  # it sets the number of threads, so it comes before NumPy
 
@@ -55,6 +56,9 @@ NEAR = 2e-5
 
 UNSURE = 2e-4
 """How far the two are apart where neither is known to be right [m]."""
+
+PATIENCE = 300
+"""Time after which the truth of a case is not known [s]."""
 
 EVERY = "mesh_error.share=1e6"
 POSE, MOVE, WIDE = "poses", "moves", "wide motions"
@@ -176,7 +180,13 @@ class Case:
             for kind, motions in kinds.items():
                 done = sum(row["kind"] == kind for row in rows)
                 for k, given in enumerate(motions[done:], done):
-                    rows.append({"kind": kind, "case": k, **self._judged(given)})
+                    signal.alarm(PATIENCE)
+                    try:
+                        found = self._judged(given)
+                    except TimeoutError as error:
+                        found = {"failed": str(error)}
+                    signal.alarm(0)
+                    rows.append({"kind": kind, "case": k, **found})
                     out.write(json.dumps(rows[-1]) + "\n")
                     out.flush()
                     print(self.name, rows[-1], flush=True)
@@ -254,6 +264,11 @@ def line_of(name: str, rows: list[dict[str, Any]]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
+def out_of_patience(*_: object) -> NoReturn:
+    """Give up a case."""
+    raise TimeoutError(f"no solution in {PATIENCE} s")
+
+
 def main() -> None:
     """Run what is missing and print the table."""
     parser = argparse.ArgumentParser(
@@ -270,6 +285,7 @@ def main() -> None:
         "--cost", action="store_true", help="only what the estimate makes of the time of a step"
     )
     options = parser.parse_args()
+    signal.signal(signal.SIGALRM, out_of_patience)
     if options.cost:
         print("\n".join(cost()))
         return

@@ -176,7 +176,7 @@ def test_a_motion_that_no_steps_can_tell_is_called_so() -> None:
 
 def test_where_no_mesh_is_finer_the_errors_say_that_they_are_without_it(tmp_path: Path) -> None:
     words = "; without what the mesh errs"
-    coarse = plan(Subject("tripod", duration=0.5), quick=True)
+    coarse = plan(Subject("tripod", duration=0.4), quick=True)
     assert coarse.note.startswith("A finer mesh would take longer")
     assert coarse.quantities[0].what.endswith(words)
     bodies = plan(Subject("finger", duration=0.05), quick=True)
