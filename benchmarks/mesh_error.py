@@ -217,7 +217,7 @@ class Case:
         return own, simulation(*FINER, *words, *EXACT, f"dt={own.scene.dt / PARTS}")
 
 
-CASES = (Case("h20", 8, 100, 100, 40), Case("h20", 13, 30, 30, 0), Case("h8_modes", 12, 30, 30, 0))
+CASES = (Case("h20", 8, 100, 100, 25), Case("h20", 13, 30, 30, 0), Case("h8_modes", 12, 30, 30, 0))
 """The default mesh, and those that `--accuracy` takes for less."""
 
 
