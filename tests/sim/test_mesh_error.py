@@ -301,6 +301,20 @@ def test_the_shipped_scene_errs_in_motion_as_estimated_of_mesh_and_steps() -> No
     assert 0.0 < max(mesh) < max(told)
 
 
+def test_a_pose_of_the_shipped_mesh_is_told_to_a_micrometre() -> None:
+    """It errs by less than a fiftieth of a millimetre there."""
+    joints = np.array([-0.25, -0.25, -0.25, 0.00585])
+    own, finer_one = (
+        Simulation(load_scene("tripod", [*STILL, "solver.max_turn=0.3", "solver.tolerance=1e-6", *words]))
+        for words in ((ALWAYS,), ("mesh.level=9",))
+    )
+    report = own.step(joints)
+    finer_one.step(joints)
+    assert report.mesh_error
+    error = finer_one.state.centres[0] - own.state.centres[0]
+    np.testing.assert_allclose(report.mesh_error.effector, error, atol=1e-6)
+
+
 def test_after_a_long_way_in_one_step_it_finds_its_rest_again() -> None:
     still = (CLAMP, "inertia=off", "damping=off", "mesh_error.share=1e-9")
     simulation = Simulation(load_scene(SHARP, [*WORKING, *still]))
