@@ -23,7 +23,8 @@ import datetime
 import json
 import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -142,6 +143,22 @@ def chosen(path: Path) -> dict[str, list[Motion]]:
     }
 
 
+@contextmanager
+def patience() -> Iterator[None]:
+    """Raise TimeoutError within, once it has taken `PATIENCE`."""
+
+    def give_up(*_: object) -> NoReturn:
+        raise TimeoutError(f"no solution in {PATIENCE} s")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(PATIENCE)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
 def followed(found: Simulation, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return positions of the effector [m], shape (steps, 3), and what bounds their errors [m], NaN without."""
     found.reset()
@@ -180,13 +197,7 @@ class Case:
             for kind, motions in kinds.items():
                 done = sum(row["kind"] == kind for row in rows)
                 for k, given in enumerate(motions[done:], done):
-                    signal.alarm(PATIENCE)
-                    try:
-                        found = self._judged(given)
-                    except TimeoutError as error:
-                        found = {"failed": str(error)}
-                    signal.alarm(0)
-                    rows.append({"kind": kind, "case": k, **found})
+                    rows.append({"kind": kind, "case": k, **self._judged(given)})
                     out.write(json.dumps(rows[-1]) + "\n")
                     out.flush()
                     print(self.name, rows[-1], flush=True)
@@ -195,11 +206,12 @@ class Case:
     def _judged(self, given: Motion) -> dict[str, Any]:
         """Return the largest true error of a motion or pose [m], and the largest bound that was told."""
         try:
-            own, true = self._built(given.words, still=not given.duration)
-            start, dt, parts = own.command.copy(), own.scene.dt, PARTS if given.duration else 1
-            places, errors = followed(own, given.way(start, dt))
-            reference, _ = followed(true, given.way(start, dt, parts))
-        except StepError as error:
+            with patience():
+                own, true = self._built(given.words, still=not given.duration)
+                start, dt, parts = own.command.copy(), own.scene.dt, PARTS if given.duration else 1
+                places, errors = followed(own, given.way(start, dt))
+                reference, _ = followed(true, given.way(start, dt, parts))
+        except (StepError, TimeoutError) as error:
             return {"failed": str(error)}
         miss = np.linalg.norm(reference[parts - 1 :: parts] - places, axis=1)
         found = {"true": float(miss.max()), "told": float(errors.max())}
@@ -264,11 +276,6 @@ def line_of(name: str, rows: list[dict[str, Any]]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def out_of_patience(*_: object) -> NoReturn:
-    """Give up a case."""
-    raise TimeoutError(f"no solution in {PATIENCE} s")
-
-
 def main() -> None:
     """Run what is missing and print the table."""
     parser = argparse.ArgumentParser(
@@ -285,7 +292,6 @@ def main() -> None:
         "--cost", action="store_true", help="only what the estimate makes of the time of a step"
     )
     options = parser.parse_args()
-    signal.signal(signal.SIGALRM, out_of_patience)
     if options.cost:
         print("\n".join(cost()))
         return
