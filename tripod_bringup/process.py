@@ -57,13 +57,13 @@ class SupervisedProcess:
         spec: What runs.
         tail: The newest lines of its output, for the report of its death.
         effort: What it does, since it was started or told to stop.
-        killed: Whether it had to be killed.
+        killed: Why it had to be killed, empty if it had not.
     """
 
     spec: ProcessSpec
     on_line: LineHandler
     tail: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
-    killed: bool = False
+    killed: str = ""
 
     def __post_init__(self) -> None:
         self._popen = subprocess.Popen(
@@ -102,6 +102,11 @@ class SupervisedProcess:
             return f"was ended by {signal.Signals(-code).name}"
         return f"exited with code {code}"
 
+    @property
+    def left_in_order(self) -> bool:
+        """Whether it ended as it should: by itself with 0, or by SIGTERM, when it had nothing yet to leave in order."""
+        return not self.killed and self.returncode in (0, -signal.SIGTERM)
+
     def terminate(self) -> None:
         """Ask it to stop in order."""
         self.effort = Effort(self.pid)
@@ -109,10 +114,10 @@ class SupervisedProcess:
             with contextlib.suppress(ProcessLookupError):
                 self._popen.terminate()
 
-    def kill(self) -> None:
+    def kill(self, why: str = "was killed") -> None:
         """End it and whatever it started, at once."""
         if self.returncode is None:
-            self.killed = True
+            self.killed = why
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self.pid, signal.SIGKILL)
             self._popen.wait()

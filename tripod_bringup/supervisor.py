@@ -2,7 +2,6 @@
 
 import contextlib
 import queue
-import signal
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -16,6 +15,9 @@ LONG_START = 5.0
 """Processor time after which the screen shows how much a start has taken [s]."""
 PERIOD = 0.1
 """Between two looks at the children [s]."""
+FROZEN = 5.0
+"""Time after which a process that is to stop and does nothing at all is given up [s]: who waits for a disk or a servo
+looks for it several times a second."""
 
 
 @dataclass
@@ -138,8 +140,10 @@ class Supervisor:
                     return
                 for process in left:
                     effort = process.effort.again()
-                    if effort.busy + effort.idle > process.spec.stop_time:
-                        process.kill()
+                    if effort.still > FROZEN:
+                        process.kill(f"did nothing for {FROZEN:g} s when it was to stop")
+                    elif effort.busy + effort.idle > process.spec.stop_time:
+                        process.kill(f"did not stop within {process.spec.stop_time:g} s")
                 self._pause("stopping " + ", ".join(process.spec.name for process in left))
         for process in self.processes.values():
             process.wait_for_output()
@@ -148,20 +152,11 @@ class Supervisor:
 
     def _blame_bad_stops(self, ending: Ending) -> None:
         for process in self.processes.values():
-            spec = process.spec
-            # ended by SIGTERM itself: it was still starting, with nothing yet to leave in order
-            if ending.code or not (process.killed or process.returncode not in (0, -signal.SIGTERM)):
+            if ending.code or process.left_in_order:
                 continue
-            how = (
-                f"did not stop within {spec.stop_time:g} s"
-                if process.killed
-                else f"{process.end} while stopping"
-            )
-            ending.code, ending.cause, ending.output = (
-                spec.exit_code,
-                f"{spec.name} {how}",
-                list(process.tail),
-            )
+            how = process.killed or f"{process.end} while stopping"
+            ending.code, ending.cause = process.spec.exit_code, f"{process.spec.name} {how}"
+            ending.output = list(process.tail)
 
     def _work(self, spec: ProcessSpec) -> str:
         """Return the name of a process, with the time that it has worked on its start where that is long."""

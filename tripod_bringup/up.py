@@ -94,11 +94,13 @@ class Facts:
     Attributes:
         page: Address of the page.
         recording: Path of the recording.
+        cut_short: Whether the recorder did not end in order.
         last: The newest line shown of each node.
     """
 
     page: str = ""
     recording: str = ""
+    cut_short: bool = False
     last: dict[str, str] = field(default_factory=dict)
 
 
@@ -170,6 +172,8 @@ def _run(options: UpOptions, screen: Screen) -> int:
         ending = supervisor.run(_Until(options.duration, graph))
     if graph.failure and not ending.code:
         ending = Ending(FAILED, graph.failure)
+    recorder = supervisor.processes.get("record")
+    facts.cut_short = recorder is not None and not recorder.left_in_order
     screen.close()
     return _report(ending, graph.demo, facts, options, screen)
 
@@ -299,6 +303,8 @@ def _status(watch: "Watch", facts: Facts) -> str:
 def _report(ending: Ending, demo: "DemoNode | None", facts: Facts, options: UpOptions, screen: Screen) -> int:
     said = [parsed.text for parsed in map(parse, ending.output) if parsed.level >= Level.ERROR]
     stopped = ": ".join(["stopped", ending.cause, *said[-1:]])
+    if facts.cut_short and facts.recording:
+        stopped += f"; the recording may be incomplete: {facts.recording}"
     if ending.code:
         print(f"tripod up: {stopped}", file=sys.stderr)
     else:

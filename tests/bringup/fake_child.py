@@ -34,7 +34,9 @@ def on_term(*_: object) -> None:
     note("asked")
     if given.deaf:
         return
-    time.sleep(given.stop_time)
+    begun = time.monotonic()
+    while time.monotonic() < begun + given.stop_time:
+        time.sleep(0.02)
     note("ended")
     sys.exit(given.stop_code)
 

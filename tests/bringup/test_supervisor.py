@@ -181,6 +181,26 @@ def test_a_child_that_does_not_stop_is_killed_and_named(log: Log) -> None:
     assert log.events()[-1] == "ended record", "the rest stops in order all the same"
 
 
+def test_a_child_that_is_frozen_is_given_up_soon_and_one_that_waits_is_not(
+    log: Log, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tripod_bringup.supervisor.FROZEN", 0.6)
+    frozen = spec(log, "record", code=14, stop_time=60.0)
+    waits = spec(log, "driver", "--stop-time", "1.5", code=12, stop_time=60.0)
+    supervisor = Supervisor([[frozen], [waits]])
+
+    def freeze() -> str:
+        os.kill(supervisor.processes["record"].pid, signal.SIGSTOP)
+        return "enough"
+
+    begun = time.monotonic()
+    ending = supervisor.run(freeze)
+    assert (ending.code, ending.cause) == (14, "record did nothing for 0.6 s when it was to stop")
+    assert time.monotonic() - begun < 30
+    assert log.events()[-1] == "ended driver", "it was waited for, and the frozen one could not even hear"
+    assert not any(map(alive, log.pids()))
+
+
 def test_a_child_that_fails_while_stopping_is_named(log: Log) -> None:
     ending = Supervisor([[spec(log, "driver", "--stop-code", "1", code=12)]]).run(lambda: "enough")
     assert (ending.code, ending.cause) == (12, "driver exited with code 1 while stopping")

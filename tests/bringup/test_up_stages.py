@@ -156,3 +156,13 @@ def test_why_a_node_ended_is_an_error_that_it_told_last_and_no_warning(
     ending = Ending(10, "sim was ended by SIGKILL", ["recorded", said] if why else [said])
     assert _report(ending, None, Facts(), UpOptions(), Screen(terminal=False)) == 10
     assert capsys.readouterr().err == f"tripod up: stopped: sim was ended by SIGKILL{why}\n"
+
+
+def test_a_recorder_that_did_not_end_in_order_is_told_with_its_recording(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    ending = Ending(14, "record was ended by SIGKILL", ["recording a.mcap"])
+    facts = Facts(recording="a.mcap", cut_short=True)
+    assert _report(ending, None, facts, UpOptions(), Screen(terminal=False)) == 14
+    said = "tripod up: stopped: record was ended by SIGKILL; the recording may be incomplete: a.mcap\n"
+    assert capsys.readouterr().err == said

@@ -41,6 +41,18 @@ def test_a_process_that_waits_for_a_processor_is_neither() -> None:
     assert (watched.effort.idle, watched.effort.busy) == (0, 0)
 
 
+def test_only_what_does_nothing_at_all_is_still() -> None:
+    watched = Watched()
+    for _ in range(10):
+        watched.passes(0.1)
+    assert abs(watched.effort.still - 1.0) < 1e-9
+    watched.passes(0.1, used=1e-6)
+    assert watched.effort.still == 0, "the shortest work counts"
+    watched.passes(0.1)
+    watched.passes(0.1, active=True)
+    assert watched.effort.still == 0, "it would work if it could"
+
+
 def test_whoever_looks_seldom_does_not_count_what_it_missed() -> None:
     watched = Watched()
     watched.passes(1000.0)
