@@ -137,7 +137,7 @@ class StaticModel:
         self._state: LinearState | None = None
         self._image = images(count, mirrored=False)[0]
         start, end = self.simulation.command, np.append(wanted, slide)
-        slides = slide != joints.slide and any(np.any(arm.inward) for arm in joints.arms)
+        slides = slide != joints.slide and joints.slides
         own = None if slides or angles is not None else (self.state().firmness, self.save())
         for part in np.linspace(0.0, 1.0, 11)[
             1:

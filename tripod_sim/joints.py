@@ -89,6 +89,11 @@ class Joints:
         return np.array([arm.high for arm in self.arms])
 
     @property
+    def slides(self) -> bool:
+        """Whether any of them slides."""
+        return any(arm.inward.any() for arm in self.arms)
+
+    @property
     def start(self) -> FloatArray:
         """Angles [rad] and slide [m] at the start, shape (count + 1,)."""
         return np.array([*(arm.angle for arm in self.arms), self.slide])

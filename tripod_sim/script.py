@@ -57,6 +57,8 @@ def script_of(scene: Scene, servo: str | None = None, slide: str | None = None) 
     for option, text in (("--servo", servo), ("--slide", slide)):
         if text is not None and not joints:
             raise SceneError(f"{option}: scene {scene.name!r} has no servos")
+    if slide is not None and joints and not joints.slides:
+        raise SceneError(f"--slide: no servo of scene {scene.name!r} slides")
     if not joints:
         return Script()
     if servo is not None or slide is not None or not scene.motion:

@@ -18,6 +18,7 @@ from tripod_sim.scene_short import effector_of, joints_of, rigids_of, soft_bodie
 
 COARSE = ["mesh.level=1"]
 TRIPOD = [*COARSE, "mesh.element=h8_modes", "inertia.scheme=implicit_euler", "dt=0.005"]
+EMIO = str(Path(__file__).parents[2] / "examples" / "emio.toml")
 BEND = "0:0,0,0; 0.2:-0.4,-0.3,0.1"
 
 
@@ -253,6 +254,7 @@ def test_progress_rises_to_one() -> None:
         ({"overrides": ["mesh.level=15"]}, "mesh.level is 15"),
         ({"scene": "silicone", "servo": "0:0,0,0"}, "--servo: scene 'silicone' has no servos"),
         ({"scene": "silicone", "slide": "0.01"}, "--slide: scene 'silicone' has no servos"),
+        ({"scene": EMIO, "slide": "0.01", "overrides": []}, "--slide: no servo of scene 'emio' slides"),
         ({"scene": "tripot"}, "scene 'tripot' is unknown"),
     ],
 )  # fmt: skip

@@ -1,9 +1,11 @@
-"""Fields that have no effect, because what the table describes is of another kind."""
+"""Fields that have no effect, because what is described is of another kind."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tripod_sim.effects.maze import Maze
+from tripod_sim.scene_short import joints_of
 from tripod_sim.tables.bodies import Mesh, Rigid, Springs
 from tripod_sim.tables.fields import tables_in
 
@@ -14,7 +16,7 @@ class Reads:
 
     Attributes:
         kind: Field that says what is described.
-        by_kind: Fields that a kind reads, of those that not all do.
+        by_kind: Fields that a kind reads, of those that not all do; a kind is what the field ends with.
         others: Those that any other kind reads.
     """
 
@@ -27,21 +29,34 @@ READS = {
     Mesh: Reads("source", {"y_piece": ("level", "legs"), "block": ("corners", "cells", "scale")}, ("scale",)),
     Springs: Reads("source", {"chain": ("nodes", "size"), "grid": ("nodes", "size")}, ("scale",)),
     Rigid: Reads("shape", {"box": ("size",), "ball": ("radius",)}, ("source", "scale")),
+    Maze: Reads("source", {".stl": ("scale", "start", "goal")}, ("pitch", "wall", "height", "hole_radius")),
 }
 
 
 def unread(scene: Any) -> list[str]:
-    """Return which fields of a dataclass, and of those in it, are given and have no effect, one sentence a table."""
+    """Return which fields of a scene, and of the tables in it, are given and have no effect, one sentence a cause."""
     found = []
     for path, table in tables_in(scene):
         if reads := READS.get(type(table)):
             kind = getattr(table, reads.kind)
-            counted = reads.by_kind.get(kind, reads.others)
+            counted = next(
+                (names for end, names in reads.by_kind.items() if kind.endswith(end)), reads.others
+            )
             every = dict.fromkeys(
                 [name for names in (*reads.by_kind.values(), reads.others) for name in names]
             )
-            idle = [n for n in every if n not in counted and getattr(table, n) != getattr(type(table), n)]
-            if idle:
-                names = ", ".join(f"{path}.{name}" for name in idle)
+            if names := _given(path, table, [name for name in every if name not in counted]):
                 found.append(f"{names}: without effect where {path}.{reads.kind} is {kind!r}")
+    if scene.servo and (names := _given("servos", scene.servos, ["axis_radius", "clamp_radius"])):
+        found.append(f"{names}: without effect where servos have tables of their own")
+    if (joints := joints_of(scene)) and not joints.slides:
+        for path in ("servos", "motion"):
+            if names := _given(path, getattr(scene, path), ["slide"]):
+                found.append(f"{names}: without effect where no servo has a direction inward")
     return found
+
+
+def _given(path: str, table: Any, names: Sequence[str]) -> str:
+    """Return which of some fields of a table are not as they would be if nothing were said of them."""
+    given = [name for name in names if table and getattr(table, name) != getattr(type(table), name)]
+    return ", ".join(f"{path}.{name}" for name in given)
