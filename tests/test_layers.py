@@ -35,6 +35,7 @@ ROS_EDGE = {
         "goal_request",
         "limits",
         "parameters",
+        "presence",
         "qos",
         "executor",
         "run",

@@ -19,6 +19,7 @@ from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
 from tripod_graph.mandate import Mandate
 from tripod_graph.mode import Decision, Mode
+from tripod_graph.presence import Mix
 from tripod_graph.qos import NEWEST, RELIABLE
 from tripod_graph.source import new_source
 
@@ -47,8 +48,9 @@ class Watch(Node):
         self._heard: dict[
             str, tuple[float, Any, type | None]
         ] = {}  # when, what, and of which kind if it is serialised
-        self._numbers: dict[str, int] = {}  # of the newest status, as its publisher counts
-        self._mixed: dict[str, float] = {}  # when that fell: another publisher's
+        self._mixes = {
+            topic: Mix(self, topic) for topic in (names.SIM_STATUS, names.IK_STATUS, names.ROBOT_STATUS)
+        }
         self._mandate = Mandate(new_source("up", self.get_namespace()))
         self._processes: Callable[[], Mapping[str, str]] = dict
         self._patient = Patient()
@@ -110,20 +112,11 @@ class Watch(Node):
         """Return what keeps a status, which is read where it is told."""
 
         def keep(data: bytes, info: Mapping[str, Any]) -> None:
-            number = info["publication_sequence_number"] or 0  # not every middleware counts
+            self._mixes[topic].hear(info)
             with self._lock:
-                if number <= self._numbers.get(topic, -1):
-                    self._mixed[topic] = time.monotonic()
-                self._numbers[topic] = number
                 self._heard[topic] = (time.monotonic(), data, kind)
 
         return keep
-
-    def _is_doubled(self, topic: str) -> bool:
-        """Whether several nodes publish `topic` now; one that was killed a moment ago is none."""
-        with self._lock:
-            mixed = self._mixed.get(topic, float("-inf"))
-        return time.monotonic() - mixed < SILENT_AFTER and self.count_publishers(topic) > 1
 
     def _fresh(self, topic: str) -> Any | None:
         with self._lock:
@@ -144,7 +137,7 @@ class Watch(Node):
         if record is not None and record.level == bytes([Level.ERROR]):
             return said
         for name, topic in (("sim", names.SIM_STATUS), ("driver", names.ROBOT_STATUS)):
-            if self._is_doubled(topic):
+            if self._mixes[topic].mixed:
                 return f"{name} runs more than once in this graph: end all but one"
         nodes = [("ik", ik), ("driver", robot)]
         failed = sim is not None and sim.state == SimStatus.FAILED

@@ -27,6 +27,7 @@ from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import declare
+from tripod_graph.presence import Rival
 from tripod_graph.qos import LATCHED, RELIABLE, SENSOR
 from tripod_graph.run import run_node
 from tripod_graph.timers import set_period
@@ -67,6 +68,7 @@ class DriverNode(LifecycleNode):
         topics = (names.ROBOT_JOINT_STATES, *([names.JOINT_STATES] if values["joint_states"] else []))
         self._joint_states = [self.create_publisher(JointState, topic, RELIABLE) for topic in topics]
         self._status = self.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+        self._rival = Rival(self, self._status)
         self._calibration = self.create_publisher(String, names.CALIBRATION, LATCHED)
         self._calibration.publish(String(data=calibration_text(chosen_calibration(values))))
         self._imu: Publisher | None = None  # until the board has told of one
@@ -225,7 +227,7 @@ class DriverNode(LifecycleNode):
         driver, safety, session = self._driver, self._safety, self._driver.link.session
         found, declared = self._turns.rate(time.monotonic()), 1.0 / (TURN * driver.period)
         late = short("the machine is too busy: looks at what is to be sent", found, declared)
-        odd = driver.message or late
+        odd = driver.message or self._rival.notice or late
         level = Level.WARN if odd else Level.OK
         if safety.state in (State.DISCONNECTED, State.FAULT):
             level = Level.ERROR

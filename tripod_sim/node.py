@@ -28,6 +28,7 @@ from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.motion_clock import MotionClock
 from tripod_graph.parameters import Parameter, ParameterError, declare
+from tripod_graph.presence import Rival
 from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE
 from tripod_graph.range import Fence, RangeWatch, cut
 from tripod_graph.run import Companion, run_node
@@ -243,6 +244,7 @@ class SimNode(Node):
         self._ball = self.create_publisher(PoseStamped, names.SIM_BALL_POSE, RELIABLE) if has_ball else None
         self._compliance = self.create_publisher(Compliance, names.COMPLIANCE, RELIABLE)
         self._status = self.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
+        self._rival = Rival(self, self._status)
         self._commands = self.create_publisher(Float64MultiArray, names.COMMANDS, KEPT)
         self._checkpoint = self.create_publisher(UInt8MultiArray, names.CHECKPOINT, LATCHED)
         self._recorders = 0
@@ -565,7 +567,8 @@ class SimNode(Node):
         ignored = next(self._authority.notices(time.monotonic()), "")
         snap = snap_words(*firmness) if (firmness := self._teller.firmness) else ""
         near = f"a snap is {snap}" if snap else ""
-        if trouble := stalls(latest) or latest.report.instability or ignored or near or self._kept():
+        rival = self._rival.notice
+        if trouble := stalls(latest) or latest.report.instability or rival or ignored or near or self._kept():
             return Level.WARN, trouble, values
         running = self._physics.activity is realtime.Activity.RUNNING
         if running and 0 < speed.real_time_factor < 0.95:

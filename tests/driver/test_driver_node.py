@@ -397,3 +397,10 @@ def test_a_clock_that_stands_still_holds_no_servo_on_a_command_that_is_dead(
     operator.wait_state(operator.status.PARKED, "the way to the park position")
     assert min(p[0] for p in board.packets) > -1.2, "the trajectory went on"
     client.wait(lambda: near(board.packets[-1], PARKED), "the park position")
+
+
+@pytest.mark.ros
+def test_another_that_publishes_the_same_topics_is_told(client, namespace, operator, start_driver) -> None:
+    drivers = [start_driver("port:=mock") for _ in range(2)]
+    said = f"another node {namespace}/driver publishes the same topics as this one"
+    client.wait(lambda: all(said in driver.log for driver in drivers), "both warnings")

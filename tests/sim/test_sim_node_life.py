@@ -23,6 +23,7 @@ from tripod_graph import names
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.limits import LIMIT_PARAMETERS
 from tripod_graph.parameters import ParameterError
+from tripod_graph.qos import RELIABLE
 from tripod_sim import SceneError, StepError, load_scene
 from tripod_sim.node import _within_scene
 from tripod_sim.scene import Scene
@@ -206,8 +207,25 @@ def test_the_process_refuses_bad_parameters_with_code_2_in_one_line(launch) -> N
         assert process.output().count("\n") == 1
 
 
+def test_another_that_publishes_the_same_topics_is_told(make) -> None:
+    graph = make().start()
+    other = graph.ear.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
+    own = graph.node.get_namespace()
+    said = f"another node {own}/ear publishes the same topics as this one, such as {own}/sim/status, "
+
+    def told() -> bool:
+        other.publish(SimStatus())
+        health = graph.heard[names.DIAGNOSTICS]
+        return any(s.level == b"\x01" and s.message.startswith(said) for m in health for s in m.status)
+
+    graph.wait(told, "the warning")
+
+
 def test_the_process_ends_in_order_on_signals(launch) -> None:
-    running = [(launch("set:=mesh.level=1"), number) for number in (signal.SIGINT, signal.SIGTERM)]
+    running = [
+        (launch("set:=mesh.level=1", f"__ns:=/{number.name}"), number)
+        for number in (signal.SIGINT, signal.SIGTERM)
+    ]
     deadline = time.monotonic() + DEADLINE
     for process, number in running:
         while "scene tripod: 456 nodes" not in process.output():

@@ -1,0 +1,77 @@
+"""Two nodes that publish the same topics tell of each other, and of nobody who only was there."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from tests.graph.bench import Bench
+from tripod_graph import presence
+from tripod_graph.presence import Rival
+from tripod_graph.qos import RELIABLE
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def bench(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    monkeypatch.setattr(presence, "PERIOD", 0.1)
+    bench = Bench(domain)
+    yield bench
+    bench.close()
+
+
+class Teller:
+    """A node that publishes a status each time it is asked to, and looks for rivals."""
+
+    def __init__(self, bench: Bench, namespace: str = "/left") -> None:
+        self.node: Any = bench.add(Node("sim", namespace=namespace, context=bench.context))
+        self.publisher = self.node.create_publisher(String, "sim/status", RELIABLE)
+        self.rival = Rival(self.node, self.publisher)
+        self.warned: list[str] = []
+        self.node.get_logger = lambda: self
+        self.warning = self.warned.append
+
+    def say(self) -> None:
+        self.publisher.publish(String(data="running"))
+
+
+def each_speaks(tellers: list[Teller], condition: Callable[[], Any]) -> Callable[[], Any]:
+    def check() -> Any:
+        for teller in tellers:
+            teller.say()
+        return condition()
+
+    return check
+
+
+def test_both_of_two_warn_once_of_each_other_and_what_to_do(bench: Bench) -> None:
+    tellers = [Teller(bench), Teller(bench)]
+    apart = Teller(bench, "/right")
+    bench.wait(each_speaks([*tellers, apart], lambda: all(t.rival.notice for t in tellers)), "both notices")
+    looks = iter(range(200))
+    bench.wait(each_speaks([*tellers, apart], lambda: next(looks) == 100), "more looks")
+    for teller in tellers:
+        assert teller.warned == [teller.rival.notice]
+        assert "another node /left/sim publishes" in teller.rival.notice
+        assert "/left/sim/status" in teller.rival.notice
+        assert "namespace" in teller.rival.notice and "ROS_DOMAIN_ID" in teller.rival.notice
+    assert not apart.rival.notice, "another namespace has other topics"
+    tellers[1].node.destroy_publisher(tellers[1].publisher)
+    bench.wait(lambda: not tellers[0].rival.notice, "the end of the notice")
+    assert not list(tellers[0].node.subscriptions), "alone it does not listen to itself"
+
+
+def test_one_that_is_known_but_silent_is_none(bench: Bench) -> None:
+    """So is one that was killed, until its time is over."""
+    teller, silent = Teller(bench), Teller(bench)
+    bench.wait(lambda: list(teller.node.subscriptions), "the look")
+    looks = iter(range(100))
+    bench.wait(each_speaks([teller], lambda: next(looks) == 50), "more looks")
+    assert silent.node.count_publishers("sim/status") == 2
+    assert not teller.rival.notice
