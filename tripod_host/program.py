@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from tripod_host.stop import end_at_once
 
@@ -25,13 +26,15 @@ def program(name: str) -> Iterator[None]:
     Linear algebra has one thread, unless the environment says otherwise.
 
     Raises:
-        SystemExit: with code 1 and one line where standard output is closed or full, a file cannot be opened, a library
-            cannot be loaded, or memory is short; with 141 and none where the reader of standard output left.
+        SystemExit: with code 1 and one line where standard output is closed or full, the current directory is gone, a
+            file cannot be opened, a library cannot be loaded, or memory is short; with 141 and none where the reader of
+            standard output left.
     """
     end_at_once()
     open_streams(name)
     for variable in SINGLE:
         os.environ.setdefault(variable, "1")
+    check_directory(name)
     try:
         try:
             yield
@@ -70,6 +73,15 @@ def open_streams(name: str) -> None:
     ):  # names and signs that the locale does not have are written as \x..
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+
+
+def check_directory(name: str) -> None:
+    """End with one line where the current directory is gone: names of files lead nowhere, and libraries complain."""
+    try:
+        Path.cwd()
+    except OSError as error:
+        print(f"{name}: the current directory is gone ({_words(error)}); cd to another", file=sys.stderr)
+        sys.exit(FAILED)
 
 
 def _is_open(fd: int) -> bool:

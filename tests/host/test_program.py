@@ -75,6 +75,20 @@ def test_what_the_machine_lacks_is_told_in_one_line(failing: str, said: str) -> 
     assert (done.returncode, done.stderr) == (1, said)
 
 
+def test_a_directory_that_is_gone_is_told_in_one_line(tmp_path: Path) -> None:
+    line = f"cd {tmp_path} && mkdir gone && cd gone && rmdir ../gone"
+    command = f'{line} && exec "{sys.executable}" -c "$0"'
+    done = subprocess.run(
+        ["bash", "-c", command, HEAD + "print('lost')"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    said = "it: the current directory is gone (No such file or directory); cd to another\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", said)
+
+
 def test_linear_algebra_has_one_thread_unless_the_environment_says_otherwise(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
