@@ -31,7 +31,7 @@ class Progress:
 
     def say(self, text: str) -> None:
         """Write a text beside the bar."""
-        self._update(description=text)
+        self._update(description=text, refresh=True)
 
 
 def run_scene(
@@ -82,6 +82,8 @@ def run_scene(
                         out=out,
                         recorded=shown.begin if shown.wanted else None,
                         progress=progress,
+                        say=progress.say if progress else None,
+                        noted=_tell_note,
                     )
                 except StepError as error:
                     broken = error
@@ -109,12 +111,14 @@ def _tell(result: dict[str, Any], *, as_json: bool, quiet: bool) -> int:
         width = max(len(name) for name, _ in rows)
         for name, text in rows:
             print(f"{name:<{width}}  {text}")
-    for note in result.get("notes", ()):
-        print(f"tripod run: note: {note}", file=sys.stderr)
     if unstable := result.get("instability"):
         print(f"tripod run: {unstable}", file=sys.stderr)
         return FAILED
     return 0
+
+
+def _tell_note(note: str) -> None:
+    print(f"tripod run: note: {note}", file=sys.stderr)
 
 
 def _complain(error: Exception, code: int) -> int:

@@ -26,29 +26,36 @@ from tripod_sim.errors import SceneError
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.mesh.described import described_mesh
-from tripod_sim.mesh.solid_mesh import check_held
+from tripod_sim.mesh.solid_mesh import SolidMesh, check_held
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import FIRST, rigids_of, soft_bodies, springs_alone
 from tripod_sim.steppers import stepper_of
 from tripod_sim.system import System
+from tripod_sim.tables.bodies import Mesh
 
 if TYPE_CHECKING:
     from tripod_sim.springs.spring_system import SpringSystem
 
 Progress = Callable[[float], None]
+Say = Callable[[str], None]
 
 
-def build(scene: Scene, progress: Progress | None = None) -> Parts:
-    """Return the parts of a simulation of `scene`; `progress` is told how far its bodies are bent to fit together.
+def build(scene: Scene, progress: Progress | None = None, say: Say | None = None) -> Parts:
+    """Return the parts of a simulation of `scene`.
+
+    Args:
+        scene: What is described.
+        progress: Told how far its bodies are bent to fit together, 0 to 1.
+        say: Told how large what is being built is, a line each time that more is known of it.
 
     Raises SceneError.
     """
     for effect, table in _effects(scene):
         if effect.prepare:
             scene = effect.prepare(table, scene)
-    parts = _built(scene, progress)
+    parts = _built(scene, progress, say)
     for effect, table in _effects(scene):
         if effect.finish:
             parts = effect.finish(table, scene, parts, _built)
@@ -62,7 +69,7 @@ def _effects(scene: Scene) -> Iterator[tuple[Effect, Any]]:
             yield effect, table_of(scene, name)
 
 
-def _built(scene: Scene, progress: Progress | None = None) -> Parts:
+def _built(scene: Scene, progress: Progress | None = None, say: Say | None = None) -> Parts:
     """Return the parts of a simulation whose body is solved for in every step."""
     if scene.springs and springs_alone(scene):  # a loop of its own, faster than that of any terms
         from tripod_sim.springs.spring_build import build_springs
@@ -76,12 +83,18 @@ def _built(scene: Scene, progress: Progress | None = None) -> Parts:
         from tripod_sim.contact.rigid_build import build_rigid
 
         return build_rigid(scene)
-    return _of_terms(scene, progress)
+    return _of_terms(scene, progress, say or (lambda text: None))
 
 
-def _of_terms(scene: Scene, progress: Progress | None) -> Parts:
+def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
     """Return the parts of a simulation of soft bodies, whose potential is a list of terms."""
-    assembly, notes = assembled(scene, described_mesh)
+
+    def read(description: Mesh) -> SolidMesh:
+        mesh = described_mesh(description)
+        say(f"building {len(mesh.elements)} elements, {len(mesh.nodes)} nodes")
+        return mesh
+
+    assembly, notes = assembled(scene, read)
     draft = Draft(scene, assembly, sets_of(scene, assembly), assembly.nodes)
     used = list(_effects(scene))
 
@@ -124,6 +137,8 @@ def _of_terms(scene: Scene, progress: Progress | None) -> Parts:
         )  # fmt: skip
 
     system = made(draft.groups)
+    elements = sum(len(body.solid.elements) for body in assembly.bodies if body.solid)
+    say(f"preparing the first step: {elements} elements, {system.unknowns} unknowns")
     if platforms and not scene.inertia:
         system.assembly = platforms.bending(assembly, made, scene.solver, progress)
     stepping = [(effect.step, table) for effect, table in used if effect.step]

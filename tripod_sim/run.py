@@ -19,9 +19,10 @@ from tripod_sim.figures.energy import EnergyBooks
 from tripod_sim.figures.stability import stability
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.recording import Recording, check_out
+from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.scene_short import soft_bodies, springs_alone
-from tripod_sim.script import script_of
+from tripod_sim.script import Script, script_of
 from tripod_sim.simulation import Simulation
 
 SETTLING = 1.0
@@ -41,6 +42,8 @@ def run(
     out: Path | None = None,
     recorded: Callable[[Recording], None] | None = None,
     progress: Callable[[float], None] | None = None,
+    say: Callable[[str], None] | None = None,
+    noted: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
     """Simulate a scene and return its summary.
 
@@ -55,6 +58,8 @@ def run(
         recorded: Called before the first step with the recording, which grows with each step; None: there is none
             unless `out` is given.
         progress: Called with the finished fraction after each step.
+        say: Called with a line on how large what is being built is, and with an empty one before the first step.
+        noted: Called with each of the notes as soon as it is known.
 
     Returns:
         effector (position [m], quaternion x y z w) or None, angles [rad], slide [m], torques [N m], energies [J],
@@ -81,17 +86,12 @@ def run(
     script = script_of(description, servo, slide)
     if servo is not None or slide is not None:
         description = replace(description, motion=None)  # the user's own takes its place
-    if duration is None:
-        duration = script.end + SETTLING if script.end > 0 else description.duration
-    longest = MOST_STEPS * description.dt
-    if not 0 < duration <= longest:
-        raise SceneError(
-            f"the duration is {duration:g} s; it must be positive and at most {longest:g} s, {MOST_STEPS} steps of dt"
-        )
-    steps = max(1, round(duration / description.dt))
+    steps = _steps(description, script, duration)
     description = script.started(description)
     check_out("--out", out, (".npz",))
-    simulation = Simulation(description, progress)
+    simulation = Simulation(description, progress, say=say, noted=noted)
+    if say:
+        say("")
     recording = Recording(simulation, steps) if out or recorded else None
     if recording and recorded:
         recorded(recording)
@@ -136,6 +136,7 @@ def run(
     figures = stability(
         simulation.report, totals["halvings"], books.balance, description.dt, least.seen, at_rest=rest
     )
+    simulation.note(*_unstable(unstable, steps))
     pose, ball = simulation.effector, simulation.ball
     return {
         "scene": description.name,
@@ -169,10 +170,22 @@ def run(
         **({"time_error": asdict(estimate) | worst} if (estimate := simulation.report.time_error) else {}),
         **_mesh_error(simulation, worst_mesh["worst"]),
         **({"markers": _markers(simulation)} if description.marker else {}),
-        **({"notes": notes} if (notes := [*simulation.notes, *_unstable(unstable, steps)]) else {}),
+        **({"notes": list(simulation.notes)} if simulation.notes else {}),
         **({"ball": {"position": ball.position.tolist(), "event": simulation.ball_event}} if ball else {}),
         **_contact_summary(simulation),
     }
+
+
+def _steps(scene: Scene, script: Script, duration: float | None) -> int:
+    """Return how many steps a run takes. Raises SceneError."""
+    if duration is None:
+        duration = script.end + SETTLING if script.end > 0 else scene.duration
+    longest = MOST_STEPS * scene.dt
+    if not 0 < duration <= longest:
+        raise SceneError(
+            f"the duration is {duration:g} s; it must be positive and at most {longest:g} s, {MOST_STEPS} steps of dt"
+        )
+    return max(1, round(duration / scene.dt))
 
 
 LOOKS = 20

@@ -100,20 +100,38 @@ class Simulation:
         report: What the last step took.
         torques: Torque that each servo exerts on the body, about its axis towards growing angle [N m], shape (s,).
         left_out: Rigid bodies on the body that the last compliance leaves out, since nothing keeps them in place.
+        notes: What users should know of the scene.
     """
 
-    def __init__(self, scene: Scene, progress: Callable[[float], None] | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        progress: Callable[[float], None] | None = None,
+        *,
+        say: Callable[[str], None] | None = None,
+        noted: Callable[[str], None] | None = None,
+    ) -> None:
         """Build the simulation and put it in its start state. Kernels compile here, never in the first step.
 
         A body that servos hold starts in static equilibrium at their start angles; any other starts undeformed, or bent
-        as far as platforms ask for; `progress` is told the share of that which is done.
+        as far as platforms ask for.
+
+        Args:
+            scene: What to simulate.
+            progress: Told the share of that bending which is done.
+            say: Told in a line how large what is being built is.
+            noted: Told each of the notes as soon as it is known: also of a scene that then cannot begin.
 
         Raises:
             SceneError: the scene cannot be built.
             StepError: no equilibrium in the start configuration.
         """
         self.scene = scene
-        parts = self._parts = build(scene, progress)
+        self.notes: tuple[str, ...] = ()
+        self._noted = noted
+        self.note(*unusual(scene), *unread(scene))
+        parts = self._parts = build(scene, progress, say)
+        self.note(*(parts.plate.board.notes if parts.plate else ()), *parts.notes)
         self.joints = joints_of(scene)
         posed = bool(self.joints or scene.platform or (scene.fixed and discs_of(scene)))
         self._static = build(at_rest(scene), progress) if scene.inertia and posed else parts
@@ -135,15 +153,12 @@ class Simulation:
         self.report = StepReport()
         self.left_out: tuple[int, ...] = ()
         self._rest: RestState | None = None
-        self._softest: SoftestMove | None = None
         self._servos: ServoMotion | None = parts.servos
         self._ball = parts.ball
         undeformed = self.state.copy()
-        static = self._static.system
-        if static.groups.rigid and isinstance(static, System) and not contact_of(scene):
-            from tripod_sim.softness import softest_move  # noqa: PLC0415 - only with an effector
-
-            self._softest = softest_move(static, self.state)
+        self._softest = self._softest_move()
+        if scene.platform and not self._softest:
+            self.note(UNSTABLE_START)
         if self.joints:
             self._pose(self._goal(joints, 0.0))
         if parts.check_start:
@@ -165,6 +180,22 @@ class Simulation:
         self._start_torques = self.torques.copy()
         self._mesh_error = self._begin_mesh_error()
         self._prepare()
+
+    def note(self, *notes: str) -> None:
+        """Add to what users should know of the scene, and tell it."""
+        self.notes += notes
+        if self._noted:
+            for text in notes:
+                self._noted(text)
+
+    def _softest_move(self) -> "SoftestMove | None":
+        """Return what tells how firm the body is; None where that is not known, or there is no stiffness."""
+        static = self._static.system
+        if not (static.groups.rigid and isinstance(static, System)) or contact_of(self.scene):
+            return None
+        from tripod_sim.softness import softest_move  # noqa: PLC0415 - only with an effector
+
+        return softest_move(static, self.state)
 
     def _begin(self, joints: FloatArray) -> State:
         """Return the undeformed state; where bodies do not fit so, that of rest."""
@@ -581,13 +612,6 @@ class Simulation:
     def plate(self) -> "Plate | None":
         """The maze on the effector; None in a scene without one."""
         return self._parts.plate
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What users should know of the scene."""
-        plate = self._parts.plate.board.notes if self._parts.plate else ()
-        unstable = (UNSTABLE_START,) if self.scene.platform and not self._softest else ()
-        return (*plate, *unusual(self.scene), *unread(self.scene), *self._parts.notes, *unstable)
 
     @property
     def ball_event(self) -> str:

@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tripod_bringup import cli, node_command, up_command
+from tripod_bringup.run_command import _tell_note
 from tripod_sim.errors import SceneError, StepError
 
 ROOT = Path(__file__).parents[2]
@@ -81,13 +82,24 @@ def test_run_passes_its_options_on(fake_run: FakeRun, tmp_path: Path) -> None:
         "out": out,
         "recorded": None,
         "progress": None,
+        "say": None,
+        "noted": _tell_note,
     }
 
 
 def test_run_without_options_leaves_all_to_the_scene(fake_run: FakeRun) -> None:
     tripod("run", "silicone")
-    nothing = dict.fromkeys(("duration", "servo", "slide", "out", "recorded", "progress"))
-    assert fake_run.given == {**nothing, "overrides": []}
+    nothing = dict.fromkeys(("duration", "servo", "slide", "out", "recorded", "progress", "say"))
+    assert fake_run.given == {**nothing, "overrides": [], "noted": _tell_note}
+
+
+def test_run_tells_what_is_odd_of_a_scene_that_cannot_begin() -> None:
+    odd = ["mesh.level=1", "mesh.cells=[2,2,2]", "solver.tolerance=1e-14"]
+    result = tripod("run", "silicone", *(word for text in odd for word in ("--set", text)))
+    note, error = result.stderr.splitlines()
+    assert note == "tripod run: note: mesh.cells: without effect where mesh.source is 'y_piece'"
+    assert error.startswith("tripod run: step 1 at 0 s cannot be saved")
+    assert result.exit_code == 1
 
 
 def test_run_prints_one_json_object_that_any_reader_takes(fake_run: FakeRun) -> None:

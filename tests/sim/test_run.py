@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tripod_sim import SceneError, StepError, load_scene, scene_names
+from tripod_sim import SceneError, Simulation, StepError, load_scene, scene_names
 from tripod_sim import run as run_module
 from tripod_sim.run import run
 from tripod_sim.scene_short import effector_of, joints_of, rigids_of, soft_bodies
@@ -449,3 +449,17 @@ def test_a_motion_that_cannot_be_is_refused_by_a_run_and_by_nothing_else(overrid
 def test_a_scene_without_its_servos_runs_without_its_motion() -> None:
     words = ["servos=off", "clamp=off", "fixed=[{low=[0.045,-1,-1],high=[1,1,1]}]", *TRIPOD]
     assert run("tripod", duration=0.01, overrides=words)["steps"] == 2
+
+
+def test_what_is_built_is_told_with_its_size_until_the_first_step() -> None:
+    said: list[str] = []
+    result = run(
+        "tripod", duration=0.005, overrides=TRIPOD, say=said.append, progress=lambda _: said.append("step")
+    )
+    simulation = Simulation(load_scene("tripod", TRIPOD))
+    elements, nodes = len(simulation.mesh.elements), len(simulation.mesh.nodes)
+    unknowns = simulation._system.unknowns
+    assert said[0] == f"building {elements} elements, {nodes} nodes"
+    assert f"preparing the first step: {elements} elements, {unknowns} unknowns" in said
+    assert said[-2:] == ["", "step"]
+    assert "notes" not in result

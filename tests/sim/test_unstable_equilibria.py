@@ -35,7 +35,9 @@ def test_a_column_held_straight_is_unstable_beyond_euler_s_load(element: str) ->
 
 
 def test_a_run_says_when_it_became_unstable() -> None:
-    notes = run("column", duration=1.0, overrides=COLUMN)["notes"]
+    told: list[str] = []
+    notes = run("column", duration=1.0, overrides=COLUMN, noted=told.append)["notes"]
+    assert notes == told
     assert any("steps ended in an unstable equilibrium, first at 0.6" in note for note in notes), notes
     assert "notes" not in run("column", duration=0.4, overrides=COLUMN)
 
