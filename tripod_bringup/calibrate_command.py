@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
+import numpy as np
+
 from tripod_driver.calibration import Calibration
 from tripod_driver.calibration_file import calibration_text, read_calibration
 from tripod_driver.calibrator import ANY_PULSE, HELP, SPEED, Calibrator, shaft_calibration
@@ -30,6 +32,9 @@ from tripod_teleop.terminal import Terminal, TerminalError
 
 TICK: Final = 0.01
 """Time between two looks for keys [s]."""
+
+PATIENCE: Final = 300.0
+"""Time without a key after which a robot that waits for one parks [s]: servos that hold for hours burn."""
 
 DECISION: Final = Decision(Mode.TELEOP, "calibrate")
 """Whoever calibrates is in charge, and says so at each step."""
@@ -75,7 +80,10 @@ class ServoSession(Protocol):
 
 
 class CalibrateSession:
-    """One calibration from the opening of the port to the file. Nothing moves before the key g.
+    """One calibration from the opening of the port to the file.
+
+    Nothing moves before the key g. In the end, and after `PATIENCE` without a key, all shafts go to where the piece is
+    flat.
 
     Attributes:
         code: Exit code, once it has ended.
@@ -102,7 +110,8 @@ class CalibrateSession:
         self._link = Link(port, *sessions, retry_min=0.5, retry_max=2.0)
         self._driver = Driver(self._link, self._safety, memory=Memory(state_folder(os.environ)))
         self._file, self._console, self._parser = file, console, KeyParser()
-        self._sure = False
+        self._sure = self._left = False
+        self._heard = float("inf")
 
     def begin(self, now: float) -> None:
         """Open the port, and say what the keys do."""
@@ -117,18 +126,40 @@ class CalibrateSession:
             self.calibrator.board(self._link.session.pulse_range)
         for key in self._parser.feed(self._console.read()):
             self._key(key, now)
-        pulses = self.calibrator.advance(now)
+            self._heard = now
+        if now - self._heard > PATIENCE and self._safety.can_move:
+            self._heard = float("inf")
+            self._console.print(
+                f"no key for {PATIENCE / 60:.0f} minutes: the servos park; what was found is kept"
+            )
+            self.calibrator.park()
+        angles = ANY_PULSE.angles(self.calibrator.advance(now))
         self._safety.control_mode(DECISION, 0.0, now)
         if self._safety.listens:
-            self._safety.trajectory(SERVOS, [0.0], [ANY_PULSE.angles(pulses)], now, source=DECISION.source)
+            self._safety.trajectory(SERVOS, [0.0], [angles], now, source=DECISION.source)
         self._driver.tick(now)
+        there = np.allclose(self._safety.place, angles, rtol=0, atol=1e-9)
         self._console.show(self._line())
         if self._safety.state is State.FAULT:
             self._end(FAILED, self._safety.message)
+        elif self._left and not self._safety.can_move:
+            self._end(0, f"the servos keep their place: {self._safety.message}")
+        elif self._left and self.calibrator.parked and there and self._driver.at_rest:
+            self._end(0, "the servos are parked")
 
     def stop(self, asked: int) -> bool:
-        """Return whether to end at once, having been asked to stop so often."""
-        return asked > 0
+        """Return whether to end at once, having been asked to stop so often; the first time it parks."""
+        if asked and not self._left:
+            self.park()
+        return asked > 1
+
+    def park(self) -> None:
+        """Leave; `step` goes on until the servos are parked."""
+        if self._safety.can_move:
+            self._left = True
+            self.calibrator.park()
+        else:
+            self._end(0, "nothing was moved")
 
     def close(self, now: float) -> None:
         """Send nothing more and close the port."""
@@ -140,9 +171,9 @@ class CalibrateSession:
                 self._sure = True
                 self.calibrator.notice = "not written: w writes, q again leaves"
                 return
-            self._end(0, "left; the servos keep their place until the board lets go")
+            self.park()
             return
-        self._sure = False
+        self._sure = self._left = False
         if key == "g":
             if self._safety.state is State.READY:
                 self._safety.activate(now)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
-from tripod_bringup.calibrate_command import DECISION, FAILED, Console
+from tripod_bringup.calibrate_command import DECISION, FAILED, PATIENCE, Console
 from tripod_driver.calibration import Calibration
 from tripod_driver.choose_session import common_bounds
 from tripod_driver.driver import Driver
@@ -36,9 +36,6 @@ KEYS: Final = """\
 
 UNANSWERED: Final = 5.0
 """Time after which a sensor that says nothing is given up [s]."""
-
-PATIENCE: Final = 300.0
-"""Time without a key after which a robot that waits for one parks [s]: servos that hold for hours burn."""
 
 STALE: Final = 4
 """Images that a camera may have kept from before."""

@@ -41,7 +41,8 @@ HELP: Final = """\
   p            find the pulse range of the servo, p again ends that. Take the piece off before. Up and + then
                lengthen the pulse, [ and ] mark where the shaft stands at 0 and at 180 degrees; beyond the range
                known so far only + and - go on, by 5 us: leave off where the servo hums or stops
-  w            write the file; q leaves, Ctrl-C too"""
+  w            write the file
+  q            leave, Ctrl-C too: all servos go slowly to where the piece is flat; any other key stops that"""
 
 
 @dataclass
@@ -117,22 +118,37 @@ class Calibrator:
         """Begin with all shafts where `calibration` says that the piece is flat; bounds of pulses [us], shape (3,)."""
         self.drafts = [Draft.of(servo) for servo in calibration.servos]
         self._lower, self._upper = lower, upper
-        self.pulses = [
-            min(max(draft.pulse(draft.flat), low), high)
-            for draft, low, high in zip(self.drafts, lower, upper, strict=True)
-        ]
+        self.pulses = self._flat
         self.chosen = 0
         self.finds_range = False
         self.notice = ""
         self.changed = False
         self._board: tuple[float, float] | None = None
         self._sign, self._until, self._last = 0, float("-inf"), float("-inf")
+        self._parking = False
         self._stepped_at = float("-inf")
 
     @property
     def shafts(self) -> list[float]:
         """Set-points [rad], 0 to pi within the pulse ranges found so far, shape (3,)."""
         return [draft.shaft(pulse) for draft, pulse in zip(self.drafts, self.pulses, strict=True)]
+
+    @property
+    def _flat(self) -> list[float]:
+        """Where the piece is flat [us], as far as that can be sent, shape (3,)."""
+        return [
+            min(max(draft.pulse(draft.flat), low), high)
+            for draft, low, high in zip(self.drafts, self._lower, self._upper, strict=True)
+        ]
+
+    def park(self) -> None:
+        """Let all shafts go to where the piece is flat, until a key is pressed."""
+        self._sign, self._parking = 0, True
+
+    @property
+    def parked(self) -> bool:
+        """Whether all set-points are where the piece is flat."""
+        return self.pulses == self._flat
 
     def board(self, pulse_range: tuple[float, float] | None) -> None:
         """Take what pulses the board makes [us]: none moves beyond. None: it does not tell, so none is found."""
@@ -142,7 +158,7 @@ class Calibrator:
     def press(self, key: str, now: float) -> bool:
         """Do what `key` asks for at `now` [s]; return False if it means nothing here."""
         self.advance(now)
-        moving, self._sign = self._sign, 0  # any other key stops
+        moving, self._sign, self._parking = self._sign or self._parking, 0, False  # any other key stops
         self.notice = ""
         if key == "space":
             self.notice = "stopped" if moving else "at rest"
@@ -219,7 +235,12 @@ class Calibrator:
 
     def advance(self, now: float) -> list[float]:
         """Return the pulses due at `now` [s], in us, shape (3,); call it at a regular rate."""
-        if self._sign:
+        if self._parking:
+            duration = min(max(0.0, now - self._last), HOLD)
+            for i, (draft, flat) in enumerate(zip(self.drafts, self._flat, strict=True)):
+                way = duration * (draft.pulse(SPEED) - draft.pulse(0.0))
+                self.pulses[i] = min(max(flat, self.pulses[i] - way), self.pulses[i] + way)
+        elif self._sign:
             duration = min(max(0.0, min(now, self._until) - self._last), HOLD)
             draft = self.drafts[self.chosen]
             speed = PULSE_SPEED if self.finds_range else draft.pulse(SPEED) - draft.pulse(0.0)

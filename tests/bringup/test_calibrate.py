@@ -8,6 +8,7 @@ import pytest
 
 from tests.bringup.console import Script
 from tripod_bringup.calibrate_command import (
+    PATIENCE,
     TICK,
     CalibrateSession,
     calibrate,
@@ -65,10 +66,11 @@ def test_nothing_moves_before_g_and_then_one_shaft_at_a_time_slowly(tmp_path: Pa
     way = bench.shafts
     assert way[0] == pytest.approx([math.pi] * 3, abs=1e-3)
     steps = np.abs(np.diff(way, axis=0))
-    assert ((steps > 1e-9).sum(axis=1) <= 1).all()
+    end = int(way[:, 2].argmin())  # then q: they park
+    assert ((steps[:end] > 1e-9).sum(axis=1) <= 1).all()
     assert steps.max() <= SPEED * 0.03 + 1e-3
     went = SPEED * (2.0 - 0.05 + HOLD)
-    assert way[-1] == pytest.approx(
+    assert way[end] == pytest.approx(
         [math.pi - went, math.pi, math.pi - SPEED * (1.0 - 0.05 + HOLD)], abs=5e-3
     )
     assert not bench.port.is_open
@@ -82,7 +84,7 @@ def test_space_and_any_other_key_stop_at_once(tmp_path: Path, key: bytes) -> Non
     )
     bench.console.keys = {at: k for at, k in bench.console.keys.items() if not (k == DOWN and at > 1.3)}
     bench.run()
-    assert bench.shafts[-1, 0] == pytest.approx(math.pi - SPEED * 0.8, abs=SPEED * 3 * TICK + 2e-3)
+    assert bench.shafts[:, 0].min() == pytest.approx(math.pi - SPEED * 0.8, abs=SPEED * 3 * TICK + 2e-3)
 
 
 def test_what_the_keys_mark_is_written_and_read_back(tmp_path: Path) -> None:
@@ -112,12 +114,78 @@ def test_q_asks_before_it_throws_away_what_was_found(tmp_path: Path) -> None:
     assert not bench.file.exists()
 
 
-def test_ctrl_c_closes_the_port(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, {0.2: b"g"})
+# the end ------------------------------------------------------------------------------------------------------
 
-    stopped = lambda: bench.console.now > 1.0  # noqa: E731
-    assert calibrate(bench.session, bench.console.clock, bench.console.sleep, stopped) == 0
+
+def test_who_leaves_lets_the_servos_go_slowly_to_where_the_piece_is_flat(tmp_path: Path) -> None:
+    turned = {0.5 + 0.02 * k: b"-" for k in range(40)}  # servo 0 by 20 degrees, which is flat
+    keys = {0.2: b"g", **turned, 2.0: b"z", **held(DOWN, 2.1, 2.0), 5.0: b"w", 5.1: b"q"}
+    bench = Bench(tmp_path, keys)
+    assert bench.run() == 0
+    assert bench.console.said[-1] == "the servos are parked"
+    flat = read_calibration(bench.file).servos[0].offset
+    assert flat == pytest.approx(math.radians(160), abs=1e-5)
+    assert bench.shafts[:, 0].min() < flat - 0.4
+    assert bench.shafts[-1] == pytest.approx([flat, math.pi, math.pi], abs=1e-3)
+    back = bench.shafts[bench.shafts[:, 0].argmin() :]
+    assert np.abs(np.diff(back, axis=0)).max() <= SPEED * 0.03 + 1e-3
     assert not bench.port.is_open
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_ctrl_c_parks_and_a_second_one_ends_at_once(tmp_path: Path, again: bool) -> None:
+    bench = Bench(tmp_path, {0.2: b"g", **held(DOWN, 0.5, 2.0)})
+
+    def stopped() -> int:
+        return (bench.console.now > 3.0) + (again and bench.console.now > 3.1)
+
+    assert calibrate(bench.session, bench.console.clock, bench.console.sleep, stopped) == 0
+    parked = bench.shafts[-1] == pytest.approx([math.pi] * 3, abs=1e-3)
+    assert parked == (not again)
+    assert bench.console.now < 3.2 or not again
+    assert not bench.port.is_open
+
+
+def test_ctrl_c_before_anything_moved_ends_at_once(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, {})
+    stopped = lambda: int(bench.console.now > 1.0)  # noqa: E731
+    assert calibrate(bench.session, bench.console.clock, bench.console.sleep, stopped) == 0
+    assert bench.console.said[-1] == "nothing was moved" and not bench.board.history
+    assert not bench.port.is_open
+
+
+def test_a_key_stops_the_servos_on_their_way_to_the_end(tmp_path: Path) -> None:
+    keys = {0.2: b"g", **held(DOWN, 0.5, 2.0), 3.0: b"q", 4.0: b" ", 9.0: b"q"}
+    bench = Bench(tmp_path, keys)
+    sleep, seen = bench.console.sleep, dict[int, float]()
+
+    def look(duration: float) -> None:
+        sleep(duration)
+        if bench.board.history:
+            seen[int(bench.console.now)] = bench.shafts[-1, 0]
+
+    assert calibrate(bench.session, bench.console.clock, look) == 0
+    assert seen[3] < seen[5] == seen[8] < math.pi - 0.1
+    assert bench.shafts[-1, 0] == pytest.approx(math.pi, abs=1e-3)
+
+
+def test_without_a_key_for_long_the_servos_park_and_what_was_found_is_kept(tmp_path: Path) -> None:
+    late = 2.0 + PATIENCE
+    keys = {0.2: b"g", 0.5: b"-", 0.6: b"z", **held(DOWN, 1.0, 1.0), late + 10: b"w", late + 11: b"q"}
+    bench = Bench(tmp_path, keys)
+    bench.console.patience = late + 30.0
+    sleep, parked = bench.console.sleep, list[float]()
+
+    def look(duration: float) -> None:
+        sleep(duration)
+        if late + 5.0 < bench.console.now < late + 10.0:
+            parked.append(bench.shafts[-1, 0])
+
+    assert calibrate(bench.session, bench.console.clock, look) == 0
+    assert "no key for 5 minutes: the servos park; what was found is kept" in bench.console.said
+    flat = read_calibration(bench.file).servos[0].offset
+    assert flat < math.pi - 0.5 * FINE
+    assert parked == pytest.approx([flat] * len(parked), abs=1e-3)
 
 
 def test_a_board_that_must_not_be_driven_ends_it_with_the_reason(tmp_path: Path) -> None:
@@ -192,7 +260,7 @@ def test_no_pulse_is_ever_beyond_what_the_board_tells(tmp_path: Path, key: bytes
     )
     assert bench.run() == 0  # the mock would have refused it, which ends in a fault
     pulses = np.array(bench.board.history)[:, 0] / 10
-    assert pulses[-1] == end
+    assert (pulses.max() if key == b"+" else pulses.min()) == end
     assert np.abs(np.diff(pulses)).max() <= PULSE_STEP
     said = "the board makes no longer pulse" if key == b"+" else "the board makes no shorter pulse"
     assert any(said in line for line in bench.console.lines)

@@ -12,9 +12,9 @@ import tripod_bringup.measure_command as measure_module
 import tripod_bringup.measuring as measuring_module
 from tests.bringup.console import Script
 from tests.scenes import SHARP
-from tripod_bringup.calibrate_command import calibrate
+from tripod_bringup.calibrate_command import PATIENCE, calibrate
 from tripod_bringup.measure_command import evaluate, measure_command, zeros_of
-from tripod_bringup.measuring import PATIENCE, HeightSensor, ImuSensor, MarkerSensor, MeasureSession, reach
+from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, reach
 from tripod_bringup.pose_file import PoseFile
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
 from tripod_driver.calibration_file import calibration_text, read_calibration
