@@ -124,6 +124,18 @@ def test_where_the_disc_leans_on_an_obstacle_the_mesh_makes_no_error() -> None:
     assert np.linalg.norm(estimated[-1]) < 5e-5
 
 
+def test_what_holds_the_body_is_no_force_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nodes that hold a strip of the coarse mesh lie in elements of the richer one that are not held altogether."""
+    held = "fixed=[{low=[0.025, -0.02, -0.01], high=[0.033, 0.02, 0.01]}]"
+    way = [np.array([0.0, -0.3, -0.3, 0.0])]
+    words = (*STILL, ALWAYS, "mesh.level=1", held)
+    _, told = effector(words, way)
+    monkeypatch.setattr(Outside, "load", lambda *_: None)
+    _, without = effector(words, way)
+    assert np.linalg.norm(told) > 1e-4
+    assert np.abs(told - without).max() < 1e-6  # [m], by forces within the tolerance
+
+
 def test_beside_other_things_the_motion_is_the_same_to_the_bit_and_reset_begins_anew() -> None:
     words = (*WORKING, *BESIDE["a weight"])
     way = [np.array([W + 0.02 * k, W, W, 0.035]) for k in range(1, 11)]
