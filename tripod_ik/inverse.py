@@ -35,6 +35,10 @@ LONGEST_STEP, SHORTEST_STEP = 0.3, 1e-8
 SHARE = 0.5
 """What a step may use of what is left to a snap, see `SnapLimit`."""
 
+CREEPING, CREPT = 30, 0.03
+"""A search that meets a snap ends where so many programs bring it closer by less than that share of what is missing: it
+creeps along the snap, and from another start it may get around that."""
+
 PASSED = 1e-6
 """A solution keeps its hard limits if it passes none by more than this [rad]: 15 nm of the effector, 2e-7 N m."""
 
@@ -230,7 +234,7 @@ class InverseSolver:
     def _descend(self, tasks: Sequence[Task], side: float, end: float, time_limit: float) -> Solution:
         """Solve from where the model stands, on the branch of `side`, until `end` on the clock [s]."""
         state, longest = self._seen(self.model.state()), LONGEST_STEP
-        iterations, outcome, reason, snaps = 0, Outcome.UNFINISHED, "", False
+        outcome, reason, snaps, missing = Outcome.UNFINISHED, "", False, list[float]()
         while True:
             problem = build_ik(
                 state,
@@ -243,7 +247,8 @@ class InverseSolver:
                 self._kept_to,
             )
             result = self._solver.solve(problem)
-            iterations, snaps = iterations + 1, snaps or SNAP in result.active_limits
+            missing.append(result.error)
+            snaps = snaps or SNAP in result.active_limits
             self._count += 1
             if self._progress:
                 self._progress(self._count, result.error)
@@ -252,12 +257,12 @@ class InverseSolver:
                 outcome, reason = Outcome.FAILED, result.status
             elif step <= self._accuracy or longest < SHORTEST_STEP:
                 outcome = Outcome.REACHED if result.error <= self._tolerance else Outcome.CLOSEST
-            elif self._count >= self._max_iterations:
+            elif self._count >= self._max_iterations or (snaps and _creeps(missing)):
                 reason = f"{self._count} iterations, the last step was {step:.2g} rad"
                 if snaps:
                     reason += ", along poses close to a snap; from another start it may get around them"
             elif time.perf_counter() >= end:
-                reason = f"the time limit of {time_limit:g} s ended after {iterations} iterations"
+                reason = f"the time limit of {time_limit:g} s ended after {len(missing)} iterations"
             else:
                 better = self._advance(problem, result, side)
                 if better:
@@ -267,7 +272,7 @@ class InverseSolver:
                 continue
             return Solution(
                 outcome, reason, state, result.error, _now(problem),
-                tuple(n for n in result.active_limits if not n.endswith(" step")), result.kkt, step, iterations,
+                tuple(n for n in result.active_limits if not n.endswith(" step")), result.kkt, step, len(missing),
                 hard_limits_passed(state, self._row_limits),
             )  # fmt: skip
 
@@ -321,6 +326,11 @@ def _home_firmness(model: StaticModel) -> float:
     firmness = model.go_home().firmness
     model.restore(here)
     return firmness
+
+
+def _creeps(missing: Sequence[float]) -> bool:
+    """Return whether what was found missing in a search [m] has hardly become less lately."""
+    return len(missing) > CREEPING and missing[-1] > (1 - CREPT) * missing[-1 - CREEPING]
 
 
 def _is_better(solution: Solution, other: Solution) -> bool:
