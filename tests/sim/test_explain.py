@@ -13,7 +13,7 @@ from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.explain import sampling
-from tripod_sim.explain.costs import switched_on
+from tripod_sim.explain.costs import cost, switched_on
 from tripod_sim.explain.memory import memory, size
 from tripod_sim.explain.objects import owned, walk
 from tripod_sim.explain.report import _in_place, explain
@@ -248,6 +248,29 @@ def test_what_is_absent_is_measured_or_says_why_not() -> None:
     assert costs["clamp"].why_not.startswith("clamp needs servos")
     assert costs["strain_limit"].why_not.startswith("strain_limit needs springs")
     assert "switching on effector" in told
+
+
+@pytest.mark.usefixtures("short")
+def test_what_would_take_too_long_is_left_out_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tripod_sim.explain.costs.PATIENCE", 1e-6)
+    found = {c.effect: c for c in explain("silicone", TRIPOD).absent}
+    assert found["effector"].seconds is None
+    assert found["effector"].why_not == "left out: it would take longer than 1e-06 s to measure"
+    assert found["clamp"].why_not.startswith("clamp needs servos")
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("rounds", [1, 2])
+def test_an_effect_that_takes_too_long_is_told_from_fewer_passes_or_left_out(
+    rounds: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base = Sampler(Simulation(load_scene("silicone", TRIPOD)))
+    clock = iter([0.0] * (1 + rounds) + [1e3])
+    monkeypatch.setattr("tripod_sim.explain.costs.thread_time", lambda: next(clock))
+    found = cost("effector", "silicone", TRIPOD, base, 5, 0.0)
+    assert (found.seconds is None) == (rounds == 1)
+    assert found.why_not.startswith("left out") == (rounds == 1)
+    assert next(clock, None) is None
 
 
 def test_a_fixed_box_holds_one_end_of_the_body() -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import thread_time
 
 import numpy as np
 
@@ -12,8 +13,11 @@ from tripod_sim.explain.sampling import Sampler, advance, estimate
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 
-ROUNDS = 5
-"""Passes over the scene without and with an effect, alternately."""
+ROUNDS, FEWEST = 5, 2
+"""Passes over the scene without and with an effect, alternately; and what is needed at least to tell the noise."""
+
+PATIENCE = 20.0
+"""Time that one effect may take: a scene that takes longer for its fewest passes is not tried with it [s]."""
 
 LONGEST = 2.0
 """Time that is spent on reaching typical steps with an effect [s]."""
@@ -35,9 +39,9 @@ class Cost:
         effect: Its name.
         meaning: What it is, in one line.
         words: Overrides that switch it on.
-        seconds: More time of a step [s]; None where the effect cannot be switched on with defaults.
+        seconds: More time of a step [s]; None where the effect cannot be switched on with defaults, or is left out.
         noise: Of that [s].
-        why_not: Why it cannot be switched on, in one sentence; empty where it can.
+        why_not: Why, in one sentence; empty where there is a time.
     """
 
     effect: str
@@ -48,8 +52,10 @@ class Cost:
     why_not: str = ""
 
 
-def cost(effect: str, source: str | Path, overrides: Sequence[str], base: Sampler, steps: int) -> Cost:
-    """Return what `effect` would cost a scene.
+def cost(
+    effect: str, source: str | Path, overrides: Sequence[str], base: Sampler, steps: int, alone: float
+) -> Cost:
+    """Return what `effect` would cost a scene; it is left out where that takes much more than `PATIENCE`.
 
     Args:
         effect: A name that the scene does not have.
@@ -57,17 +63,32 @@ def cost(effect: str, source: str | Path, overrides: Sequence[str], base: Sample
         overrides: Of the scene.
         base: Of the scene as it is, after `steps` steps.
         steps: Made before those that are timed.
+        alone: What building and the fewest passes of the scene as it is take [s]: with an effect it is hardly less.
     """
     added = switched_on(effect, base.simulation)
     if effect in NEEDS:
         return Cost(effect, meaning(effect), (), why_not=NEEDS[effect])
+    left_out = Cost(
+        effect,
+        meaning(effect),
+        added,
+        why_not=f"left out: it would take longer than {PATIENCE:g} s to measure",
+    )
     try:
-        simulation = Simulation(load_scene(source, [*overrides, *added]))
+        scene = load_scene(source, [*overrides, *added])
+        if alone > PATIENCE:
+            return left_out
+        simulation = Simulation(scene)
+        start = thread_time()  # kernels are compiled
         advance(simulation, steps, LONGEST)
         other = Sampler(simulation)
         count = other.count = min(other.count, base.count)
         without, with_ = [], []
-        for _ in range(ROUNDS):
+        for done in range(ROUNDS):
+            if thread_time() - start > PATIENCE:
+                if done < FEWEST:
+                    return left_out
+                break
             without.append(base.one_pass()[:count])
             with_.append(other.one_pass())
     except (SceneError, StepError) as error:

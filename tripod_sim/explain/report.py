@@ -10,7 +10,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.effects import absent, named
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.explain.costs import Cost, cost
+from tripod_sim.explain.costs import FEWEST, PATIENCE, Cost, cost
 from tripod_sim.explain.loops import kernel_stages
 from tripod_sim.explain.memory import Size, memory, size
 from tripod_sim.explain.sampling import ROUNDS, Sampler, StepTimes, estimate, steps_ahead
@@ -117,9 +117,10 @@ def explain(
     step, stages, timed, looped = _stages(sampler)
     found: list[Cost] = []
     missing = absent(scene) if costs else []
+    alone = build + FEWEST * (sampler.count + 1) * step.mean
     for k, effect in enumerate(missing):
         tell(0.4 + 0.6 * k / len(missing), f"switching on {effect}")
-        found.append(cost(effect, source, overrides, sampler, steps))
+        found.append(cost(effect, source, overrides, sampler, steps, alone))
     tell(1.0, "")
     return Explanation(
         scene, build, steps * scene.dt, sampler.count, step, stages, timed, looped, memory(simulation),
@@ -133,7 +134,10 @@ def _stages(sampler: Sampler) -> tuple[StepTimes, tuple[Stage, ...], float, floa
     watch.measure_itself()
     untouched, whole = list[FloatArray](), list[FloatArray]()
     parts, costs = list[FloatArray](), list[FloatArray]()
-    for _ in range(ROUNDS):
+    start = thread_time()
+    for done in range(ROUNDS):
+        if done >= FEWEST and thread_time() - start > PATIENCE:
+            break
         untouched.append(sampler.one_pass())
         time_stages(sampler.simulation, watch)
         try:
