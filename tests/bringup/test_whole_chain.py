@@ -15,6 +15,7 @@ import pytest
 
 pytest.importorskip("tripod_msgs", reason="the messages are not built: run `make setup`")
 
+import numpy as np
 from mcap.reader import NonSeekingReader
 from rosbags.highlevel import AnyReader
 
@@ -25,6 +26,10 @@ from tripod_graph.mode import NONE, Mode
 
 ROOT = Path(__file__).parents[2]
 TRACK = 6.0
+LIGHT = ("mesh.element=h8_modes", "inertia.scheme=bdf2", "dt=0.005")
+"""A tenth of the work of the scene: what is shown here is the chain, also beside others on the machine."""
+SETTLE = 0.1
+"""Simulated time in which the body follows the servos to within about a tenth of their way [s]."""
 TOPICS = {
     f"/{topic}".replace("//", "/")
     for topic in (
@@ -87,6 +92,7 @@ class Session:
 def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     directory = tmp_path_factory.mktemp("chain")
     words = ("--demo", "--duration", str(TRACK), "--record", "bags", "--view-port", str(free_port()))
+    words += tuple(word for change in LIGHT for word in ("--set", change))
     with own_domain() as domain:
         process = start(*words, directory=directory, domain=domain)
         try:
@@ -117,16 +123,41 @@ def longest_silence(recording: Path) -> float:
     return 1e-9 * max(b - a for times in inside for a, b in pairwise(times))
 
 
+def lag(recording: Path) -> float:
+    """Return the time by which the body came late after its first second in mode IK, rms over its poses [s].
+
+    That is the time beyond `SETTLE` in which it made its last steps of `SETTLE`: 0 in real time.
+    """
+    steps: list[tuple[float, float]] = []
+    poses: list[float] = []
+    asked: list[float] = []
+    topics = {f"/{name}": name for name in (names.SIM_STATUS, names.EFFECTOR_POSE, names.TARGET_POSE)}
+    with AnyReader([recording.parent]) as reader:
+        for connection, _, raw in reader.messages(c for c in reader.connections if c.topic in topics):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec  # type: ignore[attr-defined]
+            match topics[connection.topic]:
+                case names.SIM_STATUS:
+                    steps.append((stamp, message.time))  # type: ignore[attr-defined]
+                case names.EFFECTOR_POSE:
+                    poses.append(stamp)
+                case names.TARGET_POSE:
+                    asked.append(stamp)
+    stamps, times = np.array(steps).T
+    seen = np.array([p for p in poses if asked[0] + 1.0 < p < asked[-1]])
+    begun = np.interp(np.interp(seen, stamps, times) - SETTLE, times, stamps)
+    return float(np.sqrt(np.mean(np.maximum(seen - begun - SETTLE, 0.0) ** 2)))
+
+
 def error_allowed(session: Session) -> float:
     """Return the bound on the tracking error, rms [m].
 
-    Half a millimetre is promised where the chain keeps real time. On a machine so busy that the simulation falls
-    behind, the targets run away from it, at 8 mm/s at most: then it only has to follow at all. So they do while one of
-    the nodes is held up, for more than 0.1 s.
+    Half a millimetre is promised where the chain keeps real time. While the simulation falls behind, or one of the
+    nodes is held up for more than 0.1 s, the targets run away from the body, at 8 mm/s at most, for the time that it is
+    late.
     """
-    if figure(session.summary["real-time factor, median"]) <= 0.95:
-        return 2.5e-3
-    return 0.5e-3 + 8e-3 * max(0.0, longest_silence(session.recording) - 0.1)
+    held_up = max(0.0, longest_silence(session.recording) - 0.1)
+    return 0.5e-3 + 8e-3 * (held_up + lag(session.recording))
 
 
 @pytest.mark.ros
