@@ -5,6 +5,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -57,14 +58,30 @@ class Console(Protocol):
         """Write lines that stay."""
 
 
+class Nobody:
+    """A console in the place of a terminal that is gone."""
+
+    def read(self) -> bytes:
+        """Return no key."""
+        return b""
+
+    def show(self, line: str) -> None:
+        """Draw nothing."""
+
+    def print(self, text: str) -> None:
+        """Write nothing."""
+
+
 class ServoSession(Protocol):
     """A conversation with servos and somebody at a terminal, from the opening of the port to its end.
 
     Attributes:
         code: Exit code, once it has ended.
+        console: The terminal.
     """
 
     code: int | None
+    console: Console
 
     def begin(self, now: float) -> None:
         """Open the port, and say what the keys do."""
@@ -74,6 +91,9 @@ class ServoSession(Protocol):
 
     def stop(self, asked: int) -> bool:
         """Return whether to end at once, having been asked to stop so often."""
+
+    def park(self) -> None:
+        """Leave; `step` goes on until the servos are parked."""
 
     def close(self, now: float) -> None:
         """Send nothing more and close the port."""
@@ -87,6 +107,7 @@ class CalibrateSession:
 
     Attributes:
         code: Exit code, once it has ended.
+        console: The terminal.
         calibrator: What the keys have found.
     """
 
@@ -109,13 +130,14 @@ class CalibrateSession:
         self._safety = Safety(limits, lower, upper, start=begin)
         self._link = Link(port, *sessions, retry_min=0.5, retry_max=2.0)
         self._driver = Driver(self._link, self._safety, memory=Memory(state_folder(os.environ)))
-        self._file, self._console, self._parser = file, console, KeyParser()
+        self._file, self._parser = file, KeyParser()
+        self.console = console
         self._sure = self._left = False
         self._heard = float("inf")
 
     def begin(self, now: float) -> None:
         """Open the port, and say what the keys do."""
-        self._console.print(
+        self.console.print(
             f"Keys:\n{HELP}\ng begins: all servos then go to where the piece should be flat, at once."
         )
         self._driver.connect()
@@ -124,12 +146,12 @@ class CalibrateSession:
         """Do what the keys and the clock ask for at `now` [s]; `code` is set when it is over."""
         if self._safety.listens or self._safety.state is State.READY:
             self.calibrator.board(self._link.session.pulse_range)
-        for key in self._parser.feed(self._console.read()):
+        for key in self._parser.feed(self.console.read()):
             self._key(key, now)
             self._heard = now
         if now - self._heard > PATIENCE and self._safety.can_move:
             self._heard = float("inf")
-            self._console.print(
+            self.console.print(
                 f"no key for {PATIENCE / 60:.0f} minutes: the servos park; what was found is kept"
             )
             self.calibrator.park()
@@ -139,7 +161,7 @@ class CalibrateSession:
             self._safety.trajectory(SERVOS, [0.0], [angles], now, source=DECISION.source)
         self._driver.tick(now)
         there = np.allclose(self._safety.place, angles, rtol=0, atol=1e-9)
-        self._console.show(self._line())
+        self.console.show(self._line())
         if self._safety.state is State.FAULT:
             self._end(FAILED, self._safety.message)
         elif self._left and not self._safety.can_move:
@@ -192,10 +214,10 @@ class CalibrateSession:
             self.calibrator.notice = f"not written: {self._file}: {error.strerror}"
             return
         self.calibrator.saved()
-        self._console.print(f"written: {self._file}; use it: tripod driver calibration:={self._file}")
+        self.console.print(f"written: {self._file}; use it: tripod driver calibration:={self._file}")
 
     def _end(self, code: int, said: str) -> None:
-        self._console.print(said)
+        self.console.print(said)
         self.code = code
 
     def _line(self) -> str:
@@ -251,16 +273,20 @@ def calibrate(
 ) -> int:
     """Run `session` until it is over or fails; the port is closed in any case. Return the exit code.
 
-    `stopped`: how often one has asked it to stop.
+    `stopped`: how often one has asked it to stop. Where the terminal is gone, it parks.
     """
     session.begin(clock())
+    gone = False
     try:
         while session.code is None and not session.stop(stopped()):
-            session.step(clock())
+            try:
+                session.step(clock())
+            except TerminalError as error:
+                gone, session.console = True, Nobody()
+                session.park()
+                with suppress(OSError):  # standard error may be the same terminal
+                    print(f"tripod calibrate: {error}", file=sys.stderr, flush=True)
             sleep(TICK)
-    except TerminalError as error:
-        print(f"tripod calibrate: {error}", file=sys.stderr)
-        return FAILED
     finally:
         session.close(clock())
-    return session.code or 0
+    return session.code or (FAILED if gone else 0)

@@ -204,6 +204,7 @@ class MeasureSession:
 
     Attributes:
         code: Exit code, once it has ended: 0, also when the user has left.
+        console: The terminal.
         left: Whether the user has left before the last pose.
     """
 
@@ -228,7 +229,7 @@ class MeasureSession:
         self._link = Link(port, *sessions, retry_min=0.5, retry_max=2.0)
         self._driver = Driver(self._link, self._safety, memory=Memory(state_folder(os.environ)))
         self._poses, self._sensor, self._keep = poses, sensor, keep
-        self._console, self._parser = console, KeyParser()
+        self.console, self._parser = console, KeyParser()
         self._player: PosePlayer | None = None
         self._asks = False
         self._notice = ""
@@ -239,19 +240,19 @@ class MeasureSession:
 
     def begin(self, now: float) -> None:
         """Open the port, and say what the keys do."""
-        self._console.print(
+        self.console.print(
             f"{self._sensor.help}\nKeys:\n{KEYS}\ng begins: the servos then go slowly to {len(self._poses)} poses."
         )
         self._driver.connect()
 
     def step(self, now: float) -> None:
         """Do what the keys, the sensor and the clock ask for at `now` [s]; `code` is set when it is over."""
-        for key in self._parser.feed(self._console.read()):
+        for key in self._parser.feed(self.console.read()):
             self._key(key, now)
             self._heard = now
         player = self._player
         if now - self._heard > PATIENCE and player and (player.held or self._asks) and not self.left:
-            self._console.print(f"no key for {PATIENCE / 60:.0f} minutes: the servos park")
+            self.console.print(f"no key for {PATIENCE / 60:.0f} minutes: the servos park")
             self.park()
         self._safety.control_mode(DECISION, 0.0, now)
         if player and self._safety.listens:
@@ -264,7 +265,7 @@ class MeasureSession:
             else:
                 self._asks = False
         self._driver.tick(now)
-        self._console.show(self._line())
+        self.console.show(self._line())
         if self._safety.state is State.FAULT:
             self._end(FAILED, self._safety.message)
         elif player and player.phase is Phase.PARKED and self._driver.at_rest:
@@ -300,7 +301,7 @@ class MeasureSession:
                 self._sensor.begin(now)
             found = self._sensor.poll(now, self._link.session)
         except DataError as error:
-            self._console.print(f"tripod calibrate: {error}")
+            self.console.print(f"tripod calibrate: {error}")
             self._outcome = FAILED
             self.park()
             return
@@ -308,7 +309,7 @@ class MeasureSession:
             return
         self._asks, self._heard = False, now
         if not all(map(math.isfinite, found)):
-            self._console.print(f"pose {player.number + 1}: left out")
+            self.console.print(f"pose {player.number + 1}: left out")
         self._keep(player.number, found)
         player.next()
 
@@ -332,7 +333,7 @@ class MeasureSession:
             self._notice = f"{key} does nothing here"
 
     def _end(self, code: int, said: str) -> None:
-        self._console.print(said)
+        self.console.print(said)
         self.code = code
 
     def _line(self) -> str:

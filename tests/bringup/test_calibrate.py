@@ -20,6 +20,7 @@ from tripod_driver.calibration_file import read_calibration
 from tripod_driver.calibrator import FINE, HOLD, PULSE_PAUSE, PULSE_SPEED, PULSE_STEP, SPEED, Calibrator
 from tripod_driver.ports.mock import Fault, MockPort
 from tripod_driver.ports.mock_board import MockBoard
+from tripod_teleop.terminal import TerminalError
 
 UP, DOWN = b"\x1b[A", b"\x1b[B"
 
@@ -143,6 +144,23 @@ def test_ctrl_c_parks_and_a_second_one_ends_at_once(tmp_path: Path, again: bool)
     parked = bench.shafts[-1] == pytest.approx([math.pi] * 3, abs=1e-3)
     assert parked == (not again)
     assert bench.console.now < 3.2 or not again
+    assert not bench.port.is_open
+
+
+def test_a_terminal_that_is_gone_parks_the_servos(tmp_path: Path, capsys) -> None:
+    bench = Bench(tmp_path, {0.2: b"g", **held(DOWN, 0.5, 2.0)})
+    read = bench.console.read
+
+    def lost() -> bytes:
+        if bench.console.now > 3.0:
+            raise TerminalError("the terminal is gone")
+        return read()
+
+    bench.console.read = lost
+    assert bench.run() == 1
+    assert capsys.readouterr().err == "tripod calibrate: the terminal is gone\n"
+    assert bench.shafts[:, 0].min() < math.pi - 0.4
+    assert bench.shafts[-1] == pytest.approx([math.pi] * 3, abs=1e-3)
     assert not bench.port.is_open
 
 
