@@ -9,7 +9,12 @@ import pytest
 from benchmarks import stability
 from tests.scenes import SHARP
 from tripod_sim import SceneError, Simulation, StepError, load_scene
+from tripod_sim.integrators.load_steps import LoadSteps
+from tripod_sim.integrators.newton import NewtonReport
+from tripod_sim.state import State
+from tripod_sim.system import System
 
+FIXED = "fixed=[{low=[0.045, -1, -1], high=[1, 1, 1]}]"
 WORKING = (-1.5, -1.5, -1.5, 0.035)
 
 CASES = {
@@ -105,6 +110,42 @@ def test_a_step_that_cannot_be_saved_names_the_element_and_keeps_the_last_good_s
     good.copy_to(simulation.state)
     simulation.step()
     assert np.isfinite(simulation.state.positions).all()
+
+
+HEAVY = ["mesh.level=1", "material.mass=1e6", "inertia=off", "damping=off"]
+
+
+@pytest.mark.parametrize("words", [["servos=off", FIXED], ["servos.angles=[-1,-1,-1]"]])
+def test_a_weight_that_no_load_steps_bear_is_tried_once(
+    words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shorter parts begin at the same load; and where no servo moves they are the same."""
+    whole, tries = LoadSteps.carry, list[int]()
+
+    def carry(self: LoadSteps, state: State) -> NewtonReport:
+        report = whole(self, state)
+        tries.append(report.halvings)
+        return report
+
+    monkeypatch.setattr(LoadSteps, "carry", carry)
+    with pytest.raises(StepError) as told:
+        Simulation(load_scene(SHARP, [*HEAVY, *words]))
+    assert tries == [LoadSteps.HALVINGS + 1]
+    assert ("even in parts" in str(told.value)) == ("servos=off" not in words)
+
+
+@pytest.mark.parametrize("steps", ["fixed", "auto"])
+def test_a_step_that_fails_takes_a_bounded_number_of_linear_solves(
+    steps: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["mesh.level=1", "solver.mode=newton", "solver.max_iterations=20", f"time_error.steps={steps}"]
+    simulation = Simulation(load_scene(SHARP, words))
+    newton = simulation._stepper.newton
+    spent = newton.spent
+    monkeypatch.setattr(System, "unbalanced", lambda self: 1.0)
+    with pytest.raises(StepError, match=r"even in parts of 0\.25 of it: unbalanced force 1 N above"):
+        simulation.step()
+    assert 60 <= newton.spent - spent <= 63
 
 
 @pytest.mark.parametrize(

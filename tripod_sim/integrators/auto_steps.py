@@ -19,10 +19,8 @@ The equations of a part are solved as far as its error is worth, not to the scen
 """
 
 import math
-from typing import NoReturn
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.errors import StepError
 from tripod_sim.integrators.newton import Newton, NewtonError, NewtonReport
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.substeps import Substeps
@@ -114,20 +112,22 @@ class AutoSteps(Substeps):
         allowed = max(0, math.floor(math.log2(dt / self._shortest) + 1e-9))
         units = 2 ** max(allowed, self._max_halvings)
         least, start, worst, most = units >> allowed, state.joints.copy(), 0.0, 0.0
-        done, again, euler = 0, False, self._mixed and estimate.order != SECOND
+        failed, done, again, euler = 0, 0, False, self._mixed and estimate.order != SECOND
         size = self._rung(estimate.proposed / dt * units if estimate.proposed else units)
         while done < units:
             size = min(max(size, least), units if done == 0 else done & -done)
             h, end = dt * (size / units), done + size
             goal = joints if end == units else start + (end / units) * (joints - start)
             limit = SPARE * self._tolerance if euler else self._tolerance
+            spent = self.newton.spent
             try:
                 result = self._try_part(state, goal, h, limit, fresh=euler)
             except NewtonError as error:
                 self._take_back(state)
                 report.halvings += 1
-                if size == 1:
-                    self._give_up(state, 1 / units, error)
+                failed += self.newton.spent - spent
+                if size == 1 or failed >= self._most_failed:
+                    self._give_up(self._origin, state, size / units, error)
                 size, least, again = size // 2, min(least, size // 2), True
                 continue
             report.iterations += result.iterations
@@ -173,13 +173,6 @@ class AutoSteps(Substeps):
         assert self._backup
         self._backup.copy_to(state)
         self._scheme.recall_history()
-
-    def _give_up(self, state: State, part: float, error: NewtonError) -> NoReturn:
-        self._origin.copy_to(state)
-        self.forget()
-        raise StepError(
-            f"step {state.step + 1} at {state.time:.4g} s cannot be saved, even in parts of {part:.2g} of it: {error}"
-        ) from error
 
     def _euler_suffices(self, estimate: ErrorState, dt: float) -> bool:
         """Return whether steps of implicit Euler of the proposed length go on; if not, propose one of TR-BDF2."""

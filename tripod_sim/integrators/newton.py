@@ -70,6 +70,7 @@ class Newton:
             0 goes on to the tolerance.
         bound: Inequality that solves keep within; None without one.
         indefinite: Whether the tangent factored last had to be changed to be positive definite.
+        spent: Linear solves so far, those of solves that failed among them.
     """
 
     SHORTEST = 1e-4
@@ -95,6 +96,7 @@ class Newton:
         self._ahead: float | None = None
         self.store: FactorStore | None = None
         self.near, self._moved = 0.0, 0.0
+        self.spent = 0
         self.indefinite = False
 
     def forget(self) -> None:
@@ -237,6 +239,7 @@ class Newton:
         before = system.unbalanced()
         solution = self._proposed()
         report.iterations += 1
+        self.spent += 1
         slope = dot(system.residual, solution)
         np.negative(solution, out=solution)
         scale = 1.0
@@ -278,6 +281,7 @@ class Newton:
     def _step(self, state: State, trial: State, report: NewtonReport) -> float:
         """Solve for a step from the evaluated `state`, write it to `trial`, return Phi there."""
         report.iterations += 1
+        self.spent += 1
         solution = self._proposed()
         np.negative(solution, out=solution)
         return self._walk(state, trial, solution, 1.0)

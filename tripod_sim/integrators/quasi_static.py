@@ -5,6 +5,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton, NewtonReport
+from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
 
@@ -27,6 +28,7 @@ class QuasiStatic(Substeps):
         super().__init__(newton, max_halvings)
         self._watch = watch
         self._max_turn, self._reach = max_turn, reach
+        self._loads_help = True
         self._load = LoadSteps(newton.system, newton.tolerance)
 
     def _largest_part(self, move: FloatArray) -> float:
@@ -34,12 +36,23 @@ class QuasiStatic(Substeps):
         turn = max(float(np.abs(move[:s]).max(initial=0.0)), abs(float(move[s])) / self._reach)
         return 1.0 / max(1, int(np.ceil(turn / self._max_turn)))
 
+    def _smallest_part(self, move: FloatArray) -> float:
+        """As `Substeps._smallest_part`; where nothing moves, all parts are the same."""
+        return super()._smallest_part(move) if move.any() else self._largest_part(move)
+
+    def step(self, state: State, joints: FloatArray, dt: float) -> StepReport:
+        """As `Substeps.step`."""
+        self._loads_help = True
+        return super().step(state, joints, dt)
+
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
-        load = self._load.carry(state)
+        load = self._load.carry(state) if self._loads_help else NewtonReport()
+        self._loads_help &= load.halvings <= LoadSteps.HALVINGS  # else a shorter part begins at the same load
         report = self.newton.solve(state, joints)
         report.iterations += load.increments
         report.factorisations += load.increments
         report.increments, report.halvings = load.increments, load.halvings
+        self._loads_help = True
         report.unstable = self._watch and self.newton.indefinite and not self._is_stable(state)
         return report
 

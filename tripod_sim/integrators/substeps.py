@@ -1,7 +1,7 @@
 """Advancing in parts: a part that fails is rolled back and halved."""
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -15,6 +15,11 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.integrators.time_error import ErrorTransport
 
 
+MOST_FAILED = 3
+"""Parts of a step that fail may take together so many times the linear solves after which one is given up: parts that
+can be saved fail at once, where an element turns inside out, and others go on failing however short they are."""
+
+
 class Substeps(ABC):
     """Advances a state by steps, whole or in parts. A scheme says in `_part` how it advances over one part.
 
@@ -26,6 +31,7 @@ class Substeps(ABC):
     def __init__(self, newton: Newton, max_halvings: int) -> None:
         """`max_halvings`: the smallest part is 2^-max_halvings of the largest."""
         self.newton, self._max_halvings = newton, max_halvings
+        self._most_failed = MOST_FAILED * newton.max_iterations
         self._backup: State | None = None
         self.errors: ErrorTransport | None = None
         self._bound = newton.bound
@@ -37,6 +43,10 @@ class Substeps(ABC):
     def _largest_part(self, move: FloatArray) -> float:
         """Return the largest fraction of a step to try, for joints that move by `move`, shape (s + 1,)."""
         return 1.0
+
+    def _smallest_part(self, move: FloatArray) -> float:
+        """Return the smallest fraction of a step to try, for joints that move by `move`, shape (s + 1,)."""
+        return self._largest_part(move) * 0.5**self._max_halvings
 
     def forget(self) -> None:
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
@@ -93,26 +103,23 @@ class Substeps(ABC):
             self._backup = state.copy()
         start, report, done = state.joints.copy(), StepReport(), 0.0
         first = size = self._largest_part(joints - start)
+        least, failed = self._smallest_part(joints - start), 0
         origin: State | None = None
         while done < 1.0:
             end = 1.0 if done + size > 1.0 - 1e-9 else done + size
             goal = joints if end == 1.0 else start + end * (joints - start)
             state.copy_to(self._backup)
+            spent = self.newton.spent
             try:
                 h = dt if end - done == 1.0 else dt * (end - done)
                 result = self._bounded_part(state, goal, h) if self._bound else self._part(state, goal, h)
             except NewtonError as error:
                 self._backup.copy_to(state)
                 report.halvings += 1
+                failed += self.newton.spent - spent
+                if size < 2 * least * 0.999 or failed >= self._most_failed:
+                    self._give_up(origin or state, state, size, error)
                 size *= 0.5
-                if size < first * 0.5**self._max_halvings * 0.999:
-                    if origin is not None:
-                        origin.copy_to(state)
-                    self.forget()
-                    raise StepError(
-                        f"step {state.step + 1} at {state.time:.4g} s cannot be saved, even in parts of "
-                        f"{size * 2:.2g} of it: {error}"
-                    ) from error
                 continue
             if end < 1.0 and origin is None:
                 origin = self._backup.copy()
@@ -129,3 +136,12 @@ class Substeps(ABC):
         if self.errors and state.errors:
             report.time_error = self.errors.report(state.errors, np.nan)
         return report
+
+    def _give_up(self, origin: State, state: State, part: float, error: NewtonError) -> NoReturn:
+        """Take `state` back to `origin`, where the step began, and raise StepError: a `part` failed with `error`."""
+        origin.copy_to(state)
+        self.forget()
+        parts = f", even in parts of {part:.2g} of it" if part < 1 else ""
+        raise StepError(
+            f"step {state.step + 1} at {state.time:.4g} s cannot be saved{parts}: {error}"
+        ) from error

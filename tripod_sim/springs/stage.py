@@ -94,6 +94,7 @@ class SpringNewton(Newton):
         """Move `state` to the end of the stage of `s` [s], in place, velocities too. Raises NewtonError."""
         outcome = self.solver.solve(state, s, predict=self._predict)
         report = self.solver.report()
+        self.spent += report.iterations
         if outcome != kernels.SOLVED:
             raise NewtonError(self.solver.why(outcome))
         if self.end:
