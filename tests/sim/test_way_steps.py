@@ -155,6 +155,15 @@ def test_the_length_of_a_part_with_a_hit_follows_its_linear_law(ratio: float, gi
     assert after_hit(1.01, 0.0) == 0.5
 
 
+def test_servos_that_start_cost_few_tries() -> None:
+    """The jump of their speed adds as a hit does, so the second try that fails tells the length of the third."""
+    rejected = [
+        made("maze", *ROLLING, "dt=auto", f"time_error.accuracy={accuracy}").step(START + TURN / 6).rejected
+        for accuracy in (0.1, 0.05)
+    ]
+    assert max(rejected) <= 2
+
+
 def test_where_an_accuracy_is_asked_for_contact_forces_may_take_longer() -> None:
     words = ("dt=auto", "contact.max_solves=20")
     assert made("bounce", *words, "time_error.accuracy=0.01")._stepper.awake.world.law.max_solves == 200

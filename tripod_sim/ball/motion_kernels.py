@@ -31,3 +31,34 @@ def plate_at(plate: Array, s: float, dt: float, pose: Array) -> None:
         way[i] = a * plate[2, i] + dt * (b * plate[5, i] + c * plate[6, i])
         pose[2, i] = da * plate[2, i] / dt + db * plate[5, i] + dc * plate[6, i]
     turned(way, plate[7:], pose[3:])
+
+
+@njit(cache=True, error_model="numpy")
+def move_ahead(
+    centre: Array,
+    rotation: Array,
+    start: Array,
+    end: Array,
+    ahead: float,
+    dt: float,
+    out_centre: Array,
+    out_rotation: Array,
+    out_twist: Array,
+) -> None:
+    """Write the motion of a plate that is ahead of another by a time, to first order: x + ahead v.
+
+    Args:
+        centre, rotation: Of the other at the start and at the end of a step, shapes (2, 3) [m] and (2, 3, 3).
+        start, end: Its velocity [m/s] and angular velocity [rad/s] there, both (2, 3).
+        ahead: [s].
+        dt: [s].
+        out_centre, out_rotation, out_twist: Written, as `PlateMotion` has them.
+    """
+    turn = np.empty(3)
+    for k in range(2):
+        twist = end if k else start
+        for i in range(3):
+            out_centre[k, i] = centre[k, i] + ahead * twist[0, i]
+            turn[i] = ahead * twist[1, i]
+            out_twist[k, i] = end[k, i] + ahead / dt * (end[k, i] - start[k, i])
+        turned(turn, rotation[k], out_rotation[k])

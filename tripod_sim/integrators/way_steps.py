@@ -33,10 +33,11 @@ its own share and some of what the parts before have spared,
 
     A ds + max(SPEND (A S + floor - sum so far), LEAST (A S + floor)).
 
-A motion without hits then gets equal errors per way, and a hit, whose error is h v / 2 however short the step, what the
-way to it has spared. Where that is too much, a part goes up to the hit, whose instant is known from how bodies move on
-without forces, and a short one over it. The floor is A times the contact distance or FINE times the size of everything,
-or the tolerance where that is larger: what is finer nobody sees. Without an accuracy a part may add the tolerance.
+A motion without hits then gets equal errors per way, and a hit, whose error is h v / 2 however short the step, what
+the way to it has spared. Where that is too much, a part goes up to the hit, whose instant is known from how bodies
+move on without forces, and a short one over it. Servos that start or stop are hits, too: what is taken back twice is
+taken to add as one does. The floor is A times the contact distance or FINE times the size of everything, or the
+tolerance where that is larger: what is finer nobody sees. Without an accuracy a part may add the tolerance.
 """
 
 from dataclasses import replace
@@ -224,7 +225,7 @@ class WaySteps:
                 again_from()
                 total.rejected += 1
                 hit = report.contact.meets if np.isfinite(ratio) and report.contact else np.inf
-                change = after_hit(ratio, given) if np.isfinite(hit) else max(change, SHRINK)
+                change = after_hit(ratio, given) if again or np.isfinite(hit) else max(change, SHRINK)
                 length = max(h * (change if np.isfinite(ratio) else 0.5), shortest)
                 flight = BEFORE * hit * h if length < BEFORE * hit * h < h else 0.0
                 again = True

@@ -9,8 +9,9 @@ from collections.abc import Callable
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_host.rotations import axial, rotation_matrix, skew
+from tripod_host.rotations import axial, skew
 from tripod_sim.ball.ball import BallOnPlate, BallState, Place, PlateMotion
+from tripod_sim.ball.motion_kernels import move_ahead
 from tripod_sim.ball.obstacle_kernels import MISSES, sweep
 from tripod_sim.ball.plate_kernels import SKIN
 from tripod_sim.ball.rest import carried
@@ -119,10 +120,10 @@ class MazeBall:
         motion = PlateMotion(np.zeros((2, 3)), np.zeros((2, 3, 3)), np.zeros((2, 3)))
 
         def follow(ball: BallState, ahead: float, twist: FloatArray, time: float, dt: float) -> None:
-            for k, (velocity, spin) in enumerate((twist, own.twist)):
-                motion.centre[k] = own.centre[k] + ahead * velocity
-                motion.rotation[k] = rotation_matrix(ahead * spin) @ own.rotation[k]
-            motion.twist[:] = own.twist + ahead / dt * (own.twist - twist)
+            move_ahead(
+                own.centre, own.rotation, twist, own.twist, ahead, dt,
+                motion.centre, motion.rotation, motion.twist,
+            )  # fmt: skip
             mover.advance(ball, motion, time - dt, dt)
 
         return follow
