@@ -39,6 +39,10 @@ CREEPING, CREPT = 30, 0.03
 """A search that meets a snap ends where so many programs bring it closer by less than that share of what is missing: it
 creeps along the snap, and from another start it may get around that."""
 
+STALLED, BETTERED = 10, 1e-3
+"""A search whose steps are shortened ends at the closest pose where so many programs bring it closer by less than that
+share of what is missing: at an end of the equilibria it would go on for ever, in ever smaller steps."""
+
 PASSED = 1e-6
 """A solution keeps its hard limits if it passes none by more than this [rad]: 15 nm of the effector, 2e-7 N m."""
 
@@ -63,8 +67,8 @@ class Solution:
     """Where the search ended; the model stands there.
 
     Attributes:
-        outcome: REACHED within the tolerance; CLOSEST at a pose that no step betters; UNFINISHED where time or
-            iterations ended before; FAILED where the quadratic program was not solved.
+        outcome: REACHED within the tolerance; CLOSEST at a pose that no step betters, or none by much; UNFINISHED
+            where time or iterations ended before; FAILED where the quadratic program was not solved.
         reason: More about the last two, and where a body hangs so slack that it need not be as the solution has it.
         state: The linearised state at the solution: angles, torques, pose of the effector.
         residual: What is missing in all [m], see `tasks.total_distance`.
@@ -254,10 +258,15 @@ class InverseSolver:
                 self._progress(self._count, result.error)
             step = float(np.abs(result.command - state.angles).max())
             if not result.ok:
+                if longest >= SHORTEST_STEP and self._count < self._max_iterations:
+                    longest /= 4
+                    continue
                 outcome, reason = Outcome.FAILED, result.status
-            elif step <= self._accuracy or longest < SHORTEST_STEP:
+            elif (
+                step <= self._accuracy or longest < SHORTEST_STEP or (not snaps and _stalls(missing, result))
+            ):
                 outcome = Outcome.REACHED if result.error <= self._tolerance else Outcome.CLOSEST
-            elif self._count >= self._max_iterations or (snaps and _creeps(missing)):
+            elif self._count >= self._max_iterations or (snaps and _creeps(missing, CREEPING, CREPT)):
                 reason = f"{self._count} iterations, the last step was {step:.2g} rad"
                 if snaps:
                     reason += ", along poses close to a snap; from another start it may get around them"
@@ -328,9 +337,14 @@ def _home_firmness(model: StaticModel) -> float:
     return firmness
 
 
-def _creeps(missing: Sequence[float]) -> bool:
-    """Return whether what was found missing in a search [m] has hardly become less lately."""
-    return len(missing) > CREEPING and missing[-1] > (1 - CREPT) * missing[-1 - CREEPING]
+def _stalls(missing: Sequence[float], result: IkResult) -> bool:
+    """Return whether steps that would be longer hardly make what is missing [m] less."""
+    return any(n.endswith(" step") for n in result.active_limits) and _creeps(missing, STALLED, BETTERED)
+
+
+def _creeps(missing: Sequence[float], programs: int, share: float) -> bool:
+    """Return whether so many programs have made what was found missing [m] less by no more than a share of it."""
+    return len(missing) > programs and missing[-1] > (1 - share) * missing[-1 - programs]
 
 
 def _is_better(solution: Solution, other: Solution) -> bool:

@@ -98,9 +98,8 @@ def solve_once(
     began = clock.perf_counter()
     begun, first = model.angles, model.state()
     solution = solver.solve(tasks, everywhere=True)
-    if (
-        solution.outcome is Outcome.CLOSEST and SNAP in solution.active_limits
-    ):  # another way round may be closer
+    held_by_limits = set(solution.active_limits) - {SNAP}
+    if solution.outcome is Outcome.CLOSEST and not held_by_limits:  # another way round may be closer
         count, missing = solution.iterations, solution.residual
         tell = progress and (lambda more, missing: progress(count + more, missing))
         if (finder := _finder(scene, slide, angles, limits, tolerance, tell, missing)) and (

@@ -167,6 +167,10 @@ class IkSolver:
             self._osqp.update_settings(eps_abs=COARSE, rho=RHO)
             iterations += more
         if not kkt <= KKT_TOLERANCE:
+            if status == "solved":
+                status = (
+                    f"no solution to {KKT_TOLERANCE:g} rad: the optimality conditions are missed by {kkt:.2g}"
+                )
             return _held(problem, iterations, status, kkt)
         self._last = x, y
         return _solved(problem, x, y, iterations, status)

@@ -304,6 +304,10 @@ def test_without_time_the_result_is_used_only_if_it_is_certified(monkeypatch, se
     assert held.status == status
     assert not held.ok
     assert held.command == pytest.approx(WORKING + 0.01, abs=1e-15)
+    monkeypatch.setattr(solver, "KKT_TOLERANCE", 1e-14)
+    ended = IkSolver(3).solve(problem)
+    assert not ended.ok
+    assert "the optimality conditions are missed by" in ended.status
 
 
 def test_without_polishing_osqp_finds_the_same_by_itself():
