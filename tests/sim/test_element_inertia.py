@@ -57,6 +57,12 @@ def test_a_body_that_falls_freely_is_not_deformed(element: str, scheme: str) -> 
     assert deformed(simulation, 8) < 1e-12
 
 
+@pytest.mark.parametrize("element", ["h20", "t10"])
+def test_with_an_explicit_scheme_lumped_masses_weigh_so_that_free_fall_deforms_nothing(element: str) -> None:
+    simulation = Simulation(bar(element, "inertia.scheme=semi_implicit_euler", "damping=off"))
+    assert deformed(simulation, 4) < 1e-12
+
+
 def test_of_a_spinning_bar_the_energy_is_told_and_kept() -> None:
     simulation = Simulation(bar("h20_full", "gravity=off", "inertia.scheme=tr_bdf2", "dt=0.001", "material.young=1e7",
                                 "initial_velocity=[{spin=[20.0, 0.0, 0.0], centre=[0.15, 0.01, 0.005]}]"))  # fmt: skip

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from tripod_sim.effect import Draft, Effect
+from tripod_sim.effects.inertia import EXPLICIT
 from tripod_sim.tables.fields import number
 
 
@@ -20,10 +21,15 @@ class Gravity:
 
 
 def act(gravity: Gravity, draft: Draft) -> None:
-    """Add the weight of the nodes, dead loads with it."""
+    """Add the weight of the nodes, dead loads with it.
+
+    Explicit schemes move the lumped masses of nodes: it is these that weigh then, so that free fall deforms nothing.
+    """
     from tripod_sim.forces.gravity import GravityForce
 
-    draft.terms.append(GravityForce(draft.load, gravity.acceleration, draft.rest, draft.dead))
+    inertia = draft.scene.inertia
+    masses = draft.inert if inertia and inertia.scheme in EXPLICIT else draft.load
+    draft.terms.append(GravityForce(masses, gravity.acceleration, draft.rest, draft.dead))
 
 
 EFFECT = Effect(
