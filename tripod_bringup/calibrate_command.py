@@ -201,10 +201,12 @@ class CalibrateSession:
                 self._safety.activate(now)
         elif key == "w":
             self._write()
+        elif key == "?":
+            self.console.print(f"Keys:\n{HELP}")
         elif not self._safety.can_move and key in ("up", "down", "+", "-", "p"):
             self.calibrator.notice = "nothing moves yet: g begins"
         elif not self.calibrator.press(key, now):
-            self.calibrator.notice = f"{key} does nothing here"
+            self.calibrator.notice = f"{key} does nothing here; ? shows the keys"
 
     def _write(self) -> None:
         try:

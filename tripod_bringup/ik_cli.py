@@ -118,8 +118,15 @@ def ik(
     subnet: Subnet = False,
 ) -> None:
     """Run the node, or solve once; the help is `IK_HELP`."""
-    if target is None and (accuracy or budget or study):
-        print("tripod ik: --accuracy, --budget and --study need --target", file=sys.stderr)
+    given = [
+        parameter.opts[0]
+        for parameter in context.command.params
+        if parameter.name not in ("values", "subnet")
+        and (source := context.get_parameter_source(str(parameter.name)))
+        and source.name == "COMMANDLINE"
+    ]
+    if target is None and given:
+        print(f"tripod ik: {given[0]} needs --target; the node has parameters, NAME:=VALUE", file=sys.stderr)
         raise typer.Exit(2)
     if target is None:
         raise typer.Exit(run_node_command("ik", values or [], subnet=subnet, ros=context.obj))

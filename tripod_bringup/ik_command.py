@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tripod_bringup.compiling import compiling_told
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 
 if TYPE_CHECKING:
@@ -24,14 +25,21 @@ LINE = 60
 """Width of the line that tells the progress."""
 
 
-def show_progress(count: int, missing: float) -> None:
-    """Overwrite the line on stderr that tells how far the search is."""
-    print(
-        f"\r{f'{count} linearisations, {1e3 * missing:.3f} mm left':<{LINE}}",
-        end="",
-        file=sys.stderr,
-        flush=True,
-    )
+def overwrite(text: str) -> None:
+    """Overwrite the line on stderr that tells what goes on."""
+    print(f"\r{text:<{LINE}}", end="" if text else "\r", file=sys.stderr, flush=True)
+
+
+class Progress:
+    """How far a search is: what it has looked at, and the least that was missing so far."""
+
+    def __init__(self) -> None:
+        self._count, self._missing = 0, math.inf
+
+    def __call__(self, count: int, missing: float) -> None:
+        """Show the progress; what counts anew, or looks elsewhere, does not take it back."""
+        self._count, self._missing = max(count, self._count), min(missing, self._missing)
+        overwrite(f"{self._count} linearisations, {1e3 * self._missing:.3f} mm left")
 
 
 def solve_command(
@@ -75,19 +83,23 @@ def solve_command(
                 print(choice.sentence, file=sys.stderr)
         description = load_scene(scene, overrides)
         joints = joints_of(description)
-        result = solve_once(
-            description,
-            numbers("--target", target, 3, "m"),
-            tilt=numbers("--tilt", tilt, 2, "rad"),
-            goal=Goal(goal),
-            slide=slide,
-            start=None if start is None else numbers("--start", start, joints.count if joints else 3, "rad"),
-            torque_max=math.inf if torque_max is None else torque_max,
-            hard=hard,
-            box=None if corners is None else (corners[:3], corners[3:]),  # type: ignore[arg-type]
-            any_branch=any_branch,
-            progress=show_progress if sys.stderr.isatty() else None,
-        )
+        shown = sys.stderr.isatty()
+        with compiling_told("tripod ik", overwrite if shown else None):
+            result = solve_once(
+                description,
+                numbers("--target", target, 3, "m"),
+                tilt=numbers("--tilt", tilt, 2, "rad"),
+                goal=Goal(goal),
+                slide=slide,
+                start=None
+                if start is None
+                else numbers("--start", start, joints.count if joints else 3, "rad"),
+                torque_max=math.inf if torque_max is None else torque_max,
+                hard=hard,
+                box=None if corners is None else (corners[:3], corners[3:]),  # type: ignore[arg-type]
+                any_branch=any_branch,
+                progress=Progress() if shown else None,
+            )
         if posterior is not None:
             result |= expected_error(description, posterior, result, slide)
         if choice:
@@ -100,7 +112,7 @@ def solve_command(
         return FAILED
     finally:
         if sys.stderr.isatty():
-            print(f"\r{'':<{LINE}}\r", end="", file=sys.stderr, flush=True)
+            overwrite("")
     if as_json:
         print(json.dumps(plain(result)))
     else:

@@ -329,8 +329,10 @@ class MeasureSession:
                 self._player = PosePlayer(self._poses, start.tolist(), self._flat.tolist())
             else:
                 self._notice = "not yet: the board is not ready"
+        elif key == "?":
+            self.console.print(f"{self._sensor.help}\nKeys:\n{KEYS}")
         elif not (self._asks and self._sensor.key(key)):
-            self._notice = f"{key} does nothing here"
+            self._notice = f"{key} does nothing here; ? shows the keys"
 
     def _end(self, code: int, said: str) -> None:
         self.console.print(said)

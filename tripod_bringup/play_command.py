@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tripod_bringup.compiling import compiling_told
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain, progress_bar
 
 NOT_SOLVED = 1
@@ -112,9 +113,12 @@ def solve_command(
         description = load_scene(scene, words)
         if live:
             return _solve_live(description, PlayerSettings(), delay, subnet=subnet, ros=ros)
-        eye, simulation = Eye(noise=noise, delay=delay), Simulation(description)
-        won: list[dict[str, Any]] = []
-        with progress_bar(shown=not quiet and sys.stderr.isatty()) as progress:
+        eye, won = Eye(noise=noise, delay=delay), list[dict[str, Any]]()
+        with (
+            progress_bar(shown=not quiet and sys.stderr.isatty()) as progress,
+            compiling_told("tripod solve", progress.say if progress else None),
+        ):
+            simulation = Simulation(description)
             for k in range(games):
                 solution = solve(simulation, seed + k, eye=eye, limit=limit)
                 won.append(

@@ -17,7 +17,7 @@ from tripod_bringup.calibrate_command import (
 )
 from tripod_driver.calibration import Calibration, ServoCalibration
 from tripod_driver.calibration_file import read_calibration
-from tripod_driver.calibrator import FINE, HOLD, PULSE_PAUSE, PULSE_SPEED, PULSE_STEP, SPEED, Calibrator
+from tripod_driver.calibrator import FINE, HELP, HOLD, PULSE_PAUSE, PULSE_SPEED, PULSE_STEP, SPEED, Calibrator
 from tripod_driver.ports.mock import Fault, MockPort
 from tripod_driver.ports.mock_board import MockBoard
 from tripod_teleop.terminal import TerminalError
@@ -165,9 +165,10 @@ def test_a_terminal_that_is_gone_parks_the_servos(tmp_path: Path, capsys) -> Non
 
 
 def test_ctrl_c_before_anything_moved_ends_at_once(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, {})
+    bench = Bench(tmp_path, {0.5: b"?"})
     stopped = lambda: int(bench.console.now > 1.0)  # noqa: E731
     assert calibrate(bench.session, bench.console.clock, bench.console.sleep, stopped) == 0
+    assert "\n".join(bench.console.said).count(HELP) == 2
     assert bench.console.said[-1] == "nothing was moved" and not bench.board.history
     assert not bench.port.is_open
 

@@ -14,7 +14,7 @@ from tests.bringup.console import Script
 from tests.scenes import SHARP
 from tripod_bringup.calibrate_command import PATIENCE, calibrate
 from tripod_bringup.measure_command import evaluate, measure_command, zeros_of
-from tripod_bringup.measuring import HeightSensor, ImuSensor, MarkerSensor, MeasureSession, reach
+from tripod_bringup.measuring import KEYS, HeightSensor, ImuSensor, MarkerSensor, MeasureSession, reach
 from tripod_bringup.pose_file import PoseFile
 from tripod_driver.calibration import Calibration, CalibrationError, ServoCalibration
 from tripod_driver.calibration_file import calibration_text, read_calibration
@@ -204,10 +204,13 @@ def test_the_workshops_packets_carry_every_pose(tmp_path: Path, protocol: str) -
 
 
 def test_space_stops_and_g_goes_on(tour: np.ndarray, tmp_path: Path) -> None:
-    bench = Bench(tour[4:5], HeightSensor(), tmp_path, {0.2: b"x", 0.3: b"g", 1.0: b" ", 3.0: b"g"})
+    bench = Bench(
+        tour[4:5], HeightSensor(), tmp_path, {0.2: b"x", 0.25: b"?", 0.3: b"g", 1.0: b" ", 3.0: b"g"}
+    )
     bench.human.heights = ["1"]
     assert bench.run() == 0
-    assert any("x does nothing here" in line for line in bench.human.lines)
+    assert any("x does nothing here; ? shows the keys" in line for line in bench.human.lines)
+    assert "\n".join(bench.human.said).count(KEYS) == 2
     assert any("stopped, g goes on" in line for line in bench.human.lines)
     moved = np.abs(np.diff(bench.way, axis=0)).max(axis=1)
     assert moved.max() <= 2 * SPEED * 0.03 + 2e-3

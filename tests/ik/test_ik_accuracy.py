@@ -73,7 +73,8 @@ def test_the_command_solves_with_it_and_says_so() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["ik", "--accuracy", "1%"], "--accuracy, --budget and --study need --target"),
+        (["ik", "--accuracy", "1%"], "--accuracy needs --target"),
+        (["ik", "--json", "--slide", "0.03"], "--slide needs --target; the node has parameters, NAME:=VALUE"),
         ([*IK, "--accuracy", "1"], "--accuracy is '1'; it must be a percentage"),
         ([*IK, "--accuracy", "1%", "--budget", "2ms"], "exclude each other"),
     ],
