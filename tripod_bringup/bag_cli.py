@@ -24,7 +24,10 @@ def info(
     file: Recording,
     *,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
-    check: Annotated[bool, typer.Option("--check", help="Read every message, believe no summary.")] = False,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Read every message, believe no summary; 1 if anything is missing."),
+    ] = False,
 ) -> None:
     """Tell what a recording holds: topics, types, counts, rates, time span."""
     from tripod_record.info import info_command  # noqa: PLC0415

@@ -219,14 +219,17 @@ def printable(text: str) -> str:
 
 
 def info_command(path: Path, *, as_json: bool = False, check: bool = False) -> int:
-    """Print what is in a recording; return 0, `DAMAGED`, or, with one line on stderr, `UNREADABLE`."""
+    """Print what is in a recording; return 0, `DAMAGED`, or, with one line on stderr, `UNREADABLE`.
+
+    That the end is missing counts as damage for who asks for a check: a recording goes on, or was killed.
+    """
     try:
         info = read_info(path, check=check)
     except (RecordError, OSError) as error:
         print(f"tripod bag info: {printable(str(error))}", file=sys.stderr)
         return UNREADABLE
     print(info_json(info) if as_json else info_text(info), end="")
-    return DAMAGED if info.damage else 0
+    return DAMAGED if info.damage or (check and info.truncated) else 0
 
 
 def _counted(reader: Reader) -> tuple[dict[int, int], int | None, int | None]:

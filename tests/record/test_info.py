@@ -106,6 +106,7 @@ def test_a_killed_recording_is_read_and_called_truncated(
 ) -> None:
     assert counts(read_info(killed)) == {"/chatter": 60, "/mesh": 6}
     assert info_command(killed) == 0
+    assert info_command(killed, check=True) == 1
     assert (
         "TRUNCATED  not closed: still being recorded, or its recorder was killed" in capsys.readouterr().out
     )
