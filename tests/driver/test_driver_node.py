@@ -169,6 +169,7 @@ def test_stop_service_and_stop_mode_hold_at_once_until_the_mode_changes(
     )
     answer = client.call(Trigger, names.ROBOT_STOP, Trigger.Request())
     assert answer.success
+    board.settle()
     held = len(board.packets)
     operator.send([-2.0, -2.0, -2.0])
     client.wait(lambda: len(board.packets) > held + 3, "the keep-alive")
