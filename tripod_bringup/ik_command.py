@@ -26,11 +26,11 @@ LINE = 60
 
 
 def overwrite(text: str) -> None:
-    """Overwrite the line on stderr that tells what goes on."""
+    """Overwrite the line on stderr that tells what goes on; without a text leave it empty."""
     print(f"\r{text:<{LINE}}", end="" if text else "\r", file=sys.stderr, flush=True)
 
 
-class Progress:
+class SearchProgress:
     """How far a search is: what it has looked at, and the least that was missing so far."""
 
     def __init__(self) -> None:
@@ -83,6 +83,7 @@ def solve_command(
                 print(choice.sentence, file=sys.stderr)
         description = load_scene(scene, overrides)
         joints = joints_of(description)
+        begin = None if start is None else numbers("--start", start, joints.count if joints else 3, "rad")
         shown = sys.stderr.isatty()
         with compiling_told("tripod ik", overwrite if shown else None):
             result = solve_once(
@@ -91,14 +92,12 @@ def solve_command(
                 tilt=numbers("--tilt", tilt, 2, "rad"),
                 goal=Goal(goal),
                 slide=slide,
-                start=None
-                if start is None
-                else numbers("--start", start, joints.count if joints else 3, "rad"),
+                start=begin,
                 torque_max=math.inf if torque_max is None else torque_max,
                 hard=hard,
                 box=None if corners is None else (corners[:3], corners[3:]),  # type: ignore[arg-type]
                 any_branch=any_branch,
-                progress=Progress() if shown else None,
+                progress=SearchProgress() if shown else None,
             )
         if posterior is not None:
             result |= expected_error(description, posterior, result, slide)
@@ -110,9 +109,6 @@ def solve_command(
     except StepError as error:
         print("tripod ik: " + " ".join(str(error).split()), file=sys.stderr)
         return FAILED
-    finally:
-        if sys.stderr.isatty():
-            overwrite("")
     if as_json:
         print(json.dumps(plain(result)))
     else:

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tripod_bringup import cli
-from tripod_bringup.ik_command import Progress
+from tripod_bringup.ik_command import SearchProgress
 
 COARSE = ["--set", "mesh.level=1"]
 
@@ -131,7 +131,7 @@ def test_reach_writes_table_picture_and_summary(tmp_path) -> None:
 
 
 def test_the_progress_of_a_search_does_not_run_backwards(capsys: pytest.CaptureFixture[str]) -> None:
-    progress = Progress()
+    progress = SearchProgress()
     progress(10, 0.005)
     progress(3, 0.009)
     assert capsys.readouterr().err.split("\r")[-1].rstrip() == "10 linearisations, 5.000 mm left"
