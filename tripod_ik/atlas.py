@@ -18,7 +18,7 @@ import numpy as np
 from tripod_graph.names import WORKING_SLIDE
 from tripod_host.arrays import FloatArray
 from tripod_ik.errors import IkError
-from tripod_ik.model import Saved, StaticModel, image_of, working_angles
+from tripod_ik.model import Saved, StaticModel, foretold_miss, image_of, working_angles
 from tripod_ik.roads import DIGITS, Poses, Roads, Ways
 from tripod_ik.snap import SOFTEST, WITHIN
 from tripod_ik.state import LinearState
@@ -183,6 +183,8 @@ class Atlas:
         rho, slope = here.state.firmness, here.state.firmness_slope
         if rho * (rho + 2 * slope @ (angles - here.state.angles)) < BEYOND:
             return None
+        if (number := self._goes_on_to(here.state, known)) is not None:
+            return number
         self.model.restore(here.saved)
         try:
             state = self.model.follow(
@@ -196,6 +198,18 @@ class Atlas:
         if state.firmness < SOFTEST:
             return None
         return self._add(cell, state, max(here.level, self.distance(state.equilibrium)))
+
+    def _goes_on_to(self, here: LinearState, known: Sequence[int]) -> int | None:
+        """Return which of the poses known in a cell beside `here` need not be gone to, None for none or for several.
+
+        Both are firm, and it is half as far as equilibria are apart, at most, from where the Jacobians foretell it.
+        """
+        found = []
+        for number in known:
+            there = self.poses[number].state
+            if min(here.firmness, there.firmness) >= FIRM and foretold_miss(here, there) < SAME / 2:
+                found.append(number)
+        return found[0] if len(found) == 1 else None
 
     def near(
         self, state: LinearState, among: Iterable[int], ways: Ways | None = None

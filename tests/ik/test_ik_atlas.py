@@ -66,6 +66,26 @@ def test_images_save_the_way_to_poses_and_change_none_of_them(model):
     assert sum(len(p.neighbours) for p in with_images.poses) == sum(len(p.neighbours) for p in each.poses)
 
 
+def test_firm_neighbours_that_are_known_are_not_gone_to_and_are_those_that_would_be(model, monkeypatch):
+    gone_to, follow = list[int](), model.follow
+
+    def count(*words, **options):
+        gone_to[-1] += 1
+        return follow(*words, **options)
+
+    monkeypatch.setattr(model, "follow", count)
+    atlases = []
+    for _ in range(2):
+        gone_to.append(0)
+        atlases.append(atlas_of(model))
+        atlases[-1].within(0.009)
+        monkeypatch.setattr(Atlas, "_goes_on_to", lambda self, here, known: None)
+    foretold, each = atlases
+    assert known(foretold) == known(each)
+    assert [p.neighbours for p in foretold.poses] == [p.neighbours for p in each.poses]
+    assert gone_to[0] < 0.8 * gone_to[1]
+
+
 def test_poses_depend_on_nothing_that_was_asked_for_before(model):
     at_once, by_and_by = atlas_of(model), atlas_of(model)
     first = by_and_by.within(0.004)
