@@ -55,6 +55,28 @@ class Sums(NamedTuple):
     body: Array
 
 
+class Pairs(NamedTuple):
+    """Where the blocks (3, 3) of pairs of free nodes of elements are added, on and above the diagonal.
+
+    first (m + 1,): Where the pairs of each element begin; nodes (k, 2): three times the places of both in the element;
+    starts (k, 3): where the columns of the block begin in `pattern.data`.
+    """
+
+    first: Array
+    nodes: Array
+    starts: Array
+
+
+class Bound(NamedTuple):
+    """Elements with nodes of bodies or frames, numbers (k,), and where they are added beside a body.
+
+    starts (k, nodes, 6): where the columns of the element's body begin in `pattern.data` for each of its free nodes.
+    """
+
+    elements: Array
+    starts: Array
+
+
 class Reduction:
     """Maps between nodes and unknowns for one mesh and one set of groups.
 
@@ -89,7 +111,7 @@ class Reduction:
             if two.any():
                 e = np.flatnonzero(two)[0]
                 raise SceneError(f"element {e} touches two rigid bodies; refine the mesh between them")
-        self.pattern, self._slots, self._body_slots, self._node_slots = self._symbolic()
+        self.pattern, self._pairs, self._bound, self._body_slots, self._node_slots = self._symbolic()
         self.drive = np.zeros((self.unknowns, self.driven))
         self.drive_drive = np.zeros((self.driven, self.driven))
         body = np.zeros((max(self.bodies, 1), 6, 6))
@@ -101,25 +123,15 @@ class Reduction:
         self._beside = np.flatnonzero(beside)
         self._held = self._beside[self.pattern.indices[self._beside] == column[self._beside]]
 
-    def _symbolic(self) -> tuple[sparse.csc_matrix, list[IndexArray], IndexArray, IndexArray]:
-        """Return the pattern and where in its data stand: blocks of element pairs, bodies, diagonals of free nodes."""
+    def _symbolic(self) -> tuple[sparse.csc_matrix, list[Pairs], list[Bound], IndexArray, IndexArray]:
+        """Return the pattern and where in its data stand: pairs of nodes, bodies, diagonals of free nodes."""
         n, first = self.unknowns, 3 * self.free_count
-        starts, wanted = [], []
-        for elements in self.blocks:
-            kind, base = self.kind[elements], self.base[elements]  # (m, a)
-            row, col = (
-                base[:, :, None, None],
-                base[:, None, :, None] + np.arange(6),
-            )  # first row of each column
-            is_free, is_rigid = kind == FREE, kind == RIGID
-            below = base[:, :, None] <= base[:, None, :]
-            block = is_free[:, :, None] & is_free[:, None, :] & below
-            bordered = is_free[:, :, None] & is_rigid[:, None, :]
-            wanted.append((block[..., None] & (np.arange(6) < 3)) | bordered[..., None])
-            starts.append((col * n + row)[wanted[-1]])
+        pairs = [self._pairs_of(elements) for elements in self.blocks]
+        bound = [self._bound_of(elements) for elements in self.blocks]
         own = [np.arange(6 * b + first, 6 * b + first + 6) for b in range(self.bodies)]
-        starts_of_bodies = [(b[:, None] * n + b[::3]).ravel() for b in own]
-        keys = (distinct(np.concatenate([*starts, *starts_of_bodies]))[:, None] + np.arange(3)).ravel()
+        starts = [*(keys for *_, keys in pairs), *(keys for *_, keys in bound)]
+        starts += [b[:, None] * n + b[::3] for b in own]
+        keys = (distinct(np.concatenate([start.ravel() for start in starts]))[:, None] + np.arange(3)).ravel()
         keys = keys[keys % n <= keys // n]
         indptr = np.searchsorted(keys, np.arange(n + 1) * n)
         pattern = sparse.csc_matrix((np.ones(len(keys)), keys % n, indptr), shape=(n, n))
@@ -127,13 +139,37 @@ class Reduction:
         def slot(key: IndexArray) -> IndexArray:
             return np.searchsorted(keys, key)
 
-        slots = []
-        for start, want in zip(starts, wanted, strict=True):
-            slots.append(np.full((*want.shape[:3], 6), -1, dtype=np.int64))
-            slots[-1][want] = slot(start)
-        bodies = np.array([slot(b * n + b[0]) for b in own], dtype=np.int64).reshape(-1, 6)
-        diagonal = (np.arange(first) * (n + 1)).reshape(-1, 3)
-        return pattern, slots, bodies, slot(diagonal)
+        bounds = [Bound(some, np.full((*beside.shape, 6), -1)) for some, beside, _ in bound]
+        for there, (_, beside, start) in zip(bounds, bound, strict=True):
+            there.starts[beside] = slot(start)
+        return (
+            pattern,
+            [Pairs(begin, nodes, slot(start)) for begin, nodes, start in pairs],
+            bounds,
+            np.array([slot(b * n + b[0]) for b in own], dtype=np.int64).reshape(-1, 6),
+            slot((np.arange(first) * (n + 1)).reshape(-1, 3)),
+        )
+
+    def _pairs_of(self, elements: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
+        """Return the free pairs of elements, as in `Pairs`, with n column + row for where they start, shape (k, 3)."""
+        base, free = self.base[elements], self.kind[elements] == FREE
+        above = base[:, :, None] <= base[:, None, :]
+        e, a, b = np.nonzero(free[:, :, None] & free[:, None, :] & above)
+        keys = (base[e, b][:, None] + np.arange(3)) * self.unknowns + base[e, a][:, None]
+        return np.searchsorted(e, np.arange(len(elements) + 1)), 3 * np.column_stack([a, b]), keys
+
+    def _bound_of(self, elements: IndexArray) -> tuple[IndexArray, IndexArray, IndexArray]:
+        """Return the elements at bodies and frames, which of their nodes are free beside a body, and where these begin.
+
+        That is n column + row for the columns of the body, shape (nodes beside one, 6).
+        """
+        kind = self.kind[elements]
+        some = np.flatnonzero(((kind == RIGID) | (kind == DRIVEN)).any(axis=1))
+        base, kind = self.base[elements[some]], kind[some]
+        body = np.where(kind == RIGID, base, -1).max(axis=1)
+        beside = (kind == FREE) & (body >= 0)[:, None]
+        keys = (body[np.nonzero(beside)[0]][:, None] + np.arange(6)) * self.unknowns + base[beside][:, None]
+        return some, beside, keys
 
     def gradient(self, g: FloatArray, out: FloatArray, torque: FloatArray) -> None:
         """Write the reduced gradient J^T g.
@@ -188,7 +224,8 @@ class Reduction:
         for out in self._sums:
             out[:] = 0.0
         for block, matrices, factor in parts:
-            _add_elements(matrices, factor, self._nodes, self.blocks[block], self._slots[block], self._sums)
+            _add_pairs(matrices, factor, self._pairs[block], self.pattern.data)
+            _add_bound(matrices, factor, self._nodes, self.blocks[block], self._bound[block], self._sums)
         _add_nodes(mass, g, self._nodes, self._body_slots, self._node_slots, self.free, self._sums)
         if self._pinned:
             self.pattern.data[self._beside] = 0.0
@@ -431,59 +468,99 @@ def _jacobian(kind: int, r: Array, axes: Array, number: int, J: Array) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _add_elements(
-    stiffness: Array, factor: float, nodes: Nodes, elements: Array, slots: Array, sums: Sums
+def _add_pairs(stiffness: Array, factor: float, pairs: Pairs, data: Array) -> None:
+    """Add the blocks of pairs of free nodes; element matrices are symmetric, so rows stand for columns."""
+    first, nodes, starts = pairs
+    for e in range(stiffness.shape[0]):
+        K = stiffness[e]
+        for p in range(first[e], first[e + 1]):
+            a, b = nodes[p]
+            for c in range(3):
+                start = starts[p, c]
+                for i in range(3 if a != b else c + 1):
+                    data[start + i] += factor * K[b + c, a + i]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_bound(
+    stiffness: Array, factor: float, nodes: Nodes, elements: Array, bound: Bound, sums: Sums
 ) -> None:
+    """Add what elements have in columns of bodies and frames: of an element each body or frame once."""
+    kind, number = nodes.kind, nodes.number
+    size = elements.shape[1]
+    W, todo = np.empty((6, 3 * size)), np.empty(size, np.bool_)
+    for k in range(bound.elements.shape[0]):
+        e = bound.elements[k]
+        todo[:] = True
+        for b in range(size):
+            n = elements[e, b]
+            if not todo[b] or (kind[n] != RIGID and kind[n] != DRIVEN):
+                continue
+            W[: 6 if kind[n] == RIGID else 1] = 0.0
+            for c in range(b, size):
+                m = elements[e, c]
+                if kind[m] == kind[n] and number[m] == number[n]:
+                    _add_columns(stiffness[e], 3 * c, m, nodes, W)
+                    todo[c] = False
+            _add_rows(W, factor, n, nodes, elements[e], bound.starts[k], sums)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_columns(K: Array, column: int, node: int, nodes: Nodes, W: Array) -> None:
+    """Add K J of a node's three columns, as rows; J as in `_jacobian`."""
+    r = nodes.lever[node]
+    k0, k1, k2 = K[column], K[column + 1], K[column + 2]
+    if nodes.kind[node] == DRIVEN:
+        J = np.empty(3)
+        cross(nodes.axes[nodes.number[node]], r, J)
+        for i in range(K.shape[0]):
+            W[0, i] += J[0] * k0[i] + J[1] * k1[i] + J[2] * k2[i]
+        return
+    for i in range(K.shape[0]):
+        W[0, i] += k0[i]
+        W[1, i] += k1[i]
+        W[2, i] += k2[i]
+        W[3, i] += r[1] * k2[i] - r[2] * k1[i]
+        W[4, i] += r[2] * k0[i] - r[0] * k2[i]
+        W[5, i] += r[0] * k1[i] - r[1] * k0[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_rows(
+    W: Array, factor: float, of: int, nodes: Nodes, element: Array, starts: Array, sums: Sums
+) -> None:
+    """Add factor J^T W of an element, W in the columns of the body or frame that the node `of` belongs to."""
     kind, number, base, lever, axes = nodes
     data, drive, drive_drive, body = sums
-    J, JA, B, C = np.empty((3, 6)), np.empty((3, 6)), np.empty((3, 6)), np.empty((6, 6))
-    size = elements.shape[1]
-    for e in range(elements.shape[0]):
-        K = stiffness[e]
-        for b in range(size):
-            nb = elements[e, b]
-            kb = kind[nb]
-            if kb == FIXED:
+    J = np.empty((3, 6))
+    column, rigid = number[of], kind[of] == RIGID
+    for a in range(element.shape[0]):
+        n = element[a]
+        if kind[n] == FIXED or (rigid and kind[n] == DRIVEN):
+            continue
+        if kind[n] != FREE:
+            high = _jacobian(kind[n], lever[n], axes, number[n], J)
+        for c in range(6 if rigid else 1):
+            w0, w1, w2 = factor * W[c, 3 * a], factor * W[c, 3 * a + 1], factor * W[c, 3 * a + 2]
+            if kind[n] == FREE:
+                if rigid:
+                    start = starts[a, c]
+                    data[start] += w0
+                    data[start + 1] += w1
+                    data[start + 2] += w2
+                else:
+                    drive[base[n], column] += w0
+                    drive[base[n] + 1, column] += w1
+                    drive[base[n] + 2, column] += w2
                 continue
-            if kb != FREE:
-                width = _jacobian(kb, lever[nb], axes, number[nb], J)
-            for a in range(size):
-                na = elements[e, a]
-                ka = kind[na]
-                if ka == FIXED or (kb == FREE and ka != FREE) or (kb == RIGID and ka == DRIVEN):
-                    continue
-                if kb == FREE:
-                    if base[na] > base[nb]:
-                        continue
-                    for c in range(3):
-                        start = slots[e, a, b, c]
-                        for i in range(3 if na != nb else c + 1):
-                            data[start + i] += factor * K[3 * a + i, 3 * b + c]
-                    continue
-                for i in range(3):
-                    for c in range(width):
-                        k0, k1, k2 = K[3 * a + i, 3 * b], K[3 * a + i, 3 * b + 1], K[3 * a + i, 3 * b + 2]
-                        B[i, c] = C[i, c] = factor * (k0 * J[0, c] + k1 * J[1, c] + k2 * J[2, c])
-                if ka == FREE and kb == RIGID:
-                    for c in range(6):
-                        start = slots[e, a, b, c]
-                        for i in range(3):
-                            data[start + i] += B[i, c]
-                    continue
-                high = 3
-                if ka != FREE:
-                    high = _jacobian(ka, lever[na], axes, number[na], JA)
-                    for k in range(high):
-                        for c in range(width):
-                            C[k, c] = JA[0, k] * B[0, c] + JA[1, k] * B[1, c] + JA[2, k] * B[2, c]
-                for k in range(high):
-                    if kb == RIGID:
-                        for c in range(6):
-                            body[number[nb], k, c] += C[k, c]
-                    elif ka == DRIVEN:
-                        drive_drive[number[na], number[nb]] += C[k, 0]
-                    else:
-                        drive[base[na] + k, number[nb]] += C[k, 0]
+            for r in range(high):
+                value = J[0, r] * w0 + J[1, r] * w1 + J[2, r] * w2
+                if rigid:
+                    body[column, r, c] += value
+                elif kind[n] == RIGID:
+                    drive[base[n] + r, column] += value
+                else:
+                    drive_drive[number[n], column] += value
 
 
 @njit(cache=True, error_model="numpy")
