@@ -11,6 +11,9 @@ from numba import njit
 from tripod_host.arrays import Array
 from tripod_sim.linear.ldl_symbolic import Symbolic
 
+ROWS = 4
+"""Rows that are eliminated at once."""
+
 
 class Numbers(NamedTuple):
     """Of one factorisation, and scratch.
@@ -40,11 +43,10 @@ def numbers(plan: Symbolic, data: Array) -> Numbers:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
-def _eliminate_row(F: Array, size: int, i: int, pivots: int, inverse: Array) -> None:
-    """Subtract from row i what the first `pivots` rows eliminate, four at a time."""
-    n, start, end = size - i, i, size
+def _eliminate_row(F: Array, size: int, i: int, k: int, pivots: int, inverse: Array) -> None:
+    """Subtract from row i what the rows from k to `pivots` eliminate, four at a time."""
+    n, start, end = size - i, k * size + i, (k + 1) * size
     out = F[i * size + i : (i + 1) * size]
-    k = 0
     while k + 4 <= pivots:
         u0, u1 = F[start:end], F[start + size : end + size]
         u2, u3 = F[start + 2 * size : end + 2 * size], F[start + 3 * size : end + 3 * size]
@@ -70,40 +72,38 @@ def _eliminate_row(F: Array, size: int, i: int, pivots: int, inverse: Array) -> 
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}, inline="always")
-def _eliminate_two_rows(F: Array, size: int, i: int, pivots: int, inverse: Array) -> None:
-    """The same for rows i and i + 1."""
+def _eliminate_rows(F: Array, size: int, i: int, pivots: int, inverse: Array) -> None:
+    """Subtract from `ROWS` rows from i on what the first `pivots` rows eliminate: what is read serves all of them."""
     n, start, end = size - i, i, size
-    out0, out1 = F[i * size + i : (i + 1) * size], F[(i + 1) * size + i : (i + 2) * size]
+    o0, o1 = F[i * size + i : (i + 1) * size], F[(i + 1) * size + i : (i + 2) * size]
+    o2, o3 = F[(i + 2) * size + i : (i + 3) * size], F[(i + 3) * size + i : (i + 4) * size]
     k = 0
     while k + 4 <= pivots:
         u0, u1 = F[start:end], F[start + size : end + size]
         u2, u3 = F[start + 2 * size : end + 2 * size], F[start + 3 * size : end + 3 * size]
-        a0, a1, a2, a3 = (
-            u0[0] * inverse[k],
-            u1[0] * inverse[k + 1],
-            u2[0] * inverse[k + 2],
-            u3[0] * inverse[k + 3],
-        )
-        b0, b1, b2, b3 = (
-            u0[1] * inverse[k],
-            u1[1] * inverse[k + 1],
-            u2[1] * inverse[k + 2],
-            u3[1] * inverse[k + 3],
-        )
+        v0, v1, v2, v3 = inverse[k], inverse[k + 1], inverse[k + 2], inverse[k + 3]
+        a0, a1, a2, a3 = u0[0] * v0, u1[0] * v1, u2[0] * v2, u3[0] * v3
+        b0, b1, b2, b3 = u0[1] * v0, u1[1] * v1, u2[1] * v2, u3[1] * v3
+        c0, c1, c2, c3 = u0[2] * v0, u1[2] * v1, u2[2] * v2, u3[2] * v3
+        d0, d1, d2, d3 = u0[3] * v0, u1[3] * v1, u2[3] * v2, u3[3] * v3
         for j in range(n):
             f0, f1, f2, f3 = u0[j], u1[j], u2[j], u3[j]
-            out0[j] -= a0 * f0 + a1 * f1 + a2 * f2 + a3 * f3
-            out1[j] -= b0 * f0 + b1 * f1 + b2 * f2 + b3 * f3
+            o0[j] -= a0 * f0 + a1 * f1 + a2 * f2 + a3 * f3
+            o1[j] -= b0 * f0 + b1 * f1 + b2 * f2 + b3 * f3
+            o2[j] -= c0 * f0 + c1 * f1 + c2 * f2 + c3 * f3
+            o3[j] -= d0 * f0 + d1 * f1 + d2 * f2 + d3 * f3
         k += 4
         start += 4 * size
         end += 4 * size
     while k < pivots:
         u0 = F[start:end]
-        a0, b0 = u0[0] * inverse[k], u0[1] * inverse[k]
+        a0, b0, c0, d0 = u0[0] * inverse[k], u0[1] * inverse[k], u0[2] * inverse[k], u0[3] * inverse[k]
         for j in range(n):
             f0 = u0[j]
-            out0[j] -= a0 * f0
-            out1[j] -= b0 * f0
+            o0[j] -= a0 * f0
+            o1[j] -= b0 * f0
+            o2[j] -= c0 * f0
+            o3[j] -= d0 * f0
         k += 1
         start += size
         end += size
@@ -139,8 +139,11 @@ def factor(p: Symbolic, A: Numbers) -> int:
                     row[to[j]] += left[j]
         own = pivots[s]
         inv = inverse[own : own + width]
+        whole = width - width % ROWS
         for i in range(width):
-            _eliminate_row(F, size, i, i, inv)
+            if i < whole and i % ROWS == 0:
+                _eliminate_rows(F, size, i, i, inv)
+            _eliminate_row(F, size, i, i - i % ROWS if i < whole else 0, i, inv)
             d = F[i * size + i]
             if not 0.0 < abs(d) < np.inf:  # zero, infinite or not a number
                 return -1 - (own + i)
@@ -148,11 +151,12 @@ def factor(p: Symbolic, A: Numbers) -> int:
                 negative += 1
             inv[i] = 1.0 / d
         i = width
-        while i + 2 <= size:
-            _eliminate_two_rows(F, size, i, width, inv)
-            i += 2
-        if i < size:
-            _eliminate_row(F, size, i, width, inv)
+        while i + ROWS <= size:
+            _eliminate_rows(F, size, i, width, inv)
+            i += ROWS
+        while i < size:
+            _eliminate_row(F, size, i, 0, width, inv)
+            i += 1
         at = panel[s]
         factors[at : at + width * size] = F[: width * size]
         if parent[s] >= 0:

@@ -14,13 +14,13 @@ from scipy import sparse
 from tripod_host.arrays import IndexArray
 from tripod_sim.linear.keys import distinct
 
-WIDE = 24
+WIDE = 42
 """Pivots up to which a front is merged with its parent at the price of some zeros."""
 
 SMALL = 500_000
 """Entries of a pattern up to which its plan is kept for whoever builds the same system again."""
 
-WASTE = 0.25
+WASTE = 0.15
 """Zeros that such a merged front may hold, as a share of its panel."""
 
 
