@@ -118,8 +118,8 @@ class ExpectedError:
             self._thread.join(2.0)
 
 
-def expected_error(posterior: Path, scene: Callable[[], "Scene"]) -> ExpectedError:
-    """Return what tells the expected error by the posterior in a file; `scene`: gives the one that it is of.
+def expected_error(posterior: Path, scene: "Scene") -> ExpectedError:
+    """Return what tells the expected error by the posterior in a file; `scene`: that it is of.
 
     Raises IkError where the file has none.
     """
@@ -133,16 +133,12 @@ def expected_error(posterior: Path, scene: Callable[[], "Scene"]) -> ExpectedErr
     return ExpectedError(bars_by(known, scene))
 
 
-def bars_by(posterior: "Posterior", scene: Callable[[], "Scene"]) -> Bars:
-    """Return what computes the bars; the scene is loaded once."""
+def bars_by(posterior: "Posterior", scene: "Scene") -> Bars:
+    """Return what computes the bars."""
     from tripod_identify.bars import pose_bars  # noqa: PLC0415 - an effect that is absent
 
-    loaded: list[Scene] = []
-
     def bars(angles: FloatArray, slide: float) -> tuple[FloatArray, Expected]:
-        if not loaded:
-            loaded.append(scene())
-        found = pose_bars(loaded[0], posterior, angles[None], np.array([slide]))
+        found = pose_bars(scene, posterior, angles[None], np.array([slide]))
         shift = (found.mesh + found.steps)[0] if found.known else np.zeros(6)
         return found.poses[0, :3], Expected(shift, found.half[0])
 

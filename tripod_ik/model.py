@@ -13,12 +13,13 @@ from tripod_host.arrays import FloatArray
 from tripod_ik.arrays import frozen
 from tripod_ik.errors import IkError
 from tripod_ik.snap import longest_step
+from tripod_ik.solvable import nothing_to_solve
 from tripod_ik.state import LinearState
 from tripod_ik.symmetry import Image, images
 from tripod_sim.compliance import Compliance
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.scene import Scene, at_rest
-from tripod_sim.scene_short import effector_of, joints_of
+from tripod_sim.scene_short import joints_of
 from tripod_sim.simulation import Simulation
 from tripod_sim.state import State
 
@@ -114,9 +115,9 @@ class StaticModel:
             SceneError: the scene cannot be built.
             StepError: there is no way to the pose.
         """
-        joints = joints_of(scene)
-        if not (joints and effector_of(scene)):
-            raise IkError(f"scene {scene.name!r} has no servos or no effector: there is nothing to solve for")
+        joints, reason = joints_of(scene), nothing_to_solve(scene)
+        if reason or not joints:
+            raise IkError(reason)
         count = joints.count
         low, high = np.array([(arm.low, arm.high) for arm in joints.arms]).T
         near = np.clip(working_angles(count), low, high)

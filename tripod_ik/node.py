@@ -52,10 +52,12 @@ from tripod_ik.settings import (
     model_error,
     tracker_settings,
 )
+from tripod_ik.solvable import nothing_to_solve
 from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
 from tripod_ik.tracker import LONGEST_DT, SMOOTH, Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal
+from tripod_sim.scene_file import load_scene
 
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
@@ -71,14 +73,14 @@ class IkNode(Node):
     def __init__(self) -> None:
         super().__init__("ik")
         values = declare(self, PARAMETERS, self._adopt)
+        self._scene, self._slide = load_scene(values["scene"]), values["slide"]
         self._targets = TargetBox(values["target_low"], values["target_high"])
         self._guide = Guide(self._build_pathfinder)
         self._servos = len(names.SERVOS)  # until the driver or a compliance tells of others
         self._tracker = Tracker(tracker_settings(values), model_error(values), self._guide, SMOOTH)
         self._tracker.resize(self._servos)
-        self._observer, self._expected = load_observer(values), expected(values)
+        self._observer, self._expected = load_observer(values), expected(values, self._scene)
         self._range = RangeWatch(command_limits(self._tracker.settings, self._servos))
-        self._scene, self._slide = values["scene"], values["slide"]
         self._guide.slide = self._slide
         self._atlas: Any = None
         self._own = OwnModel(self._build_model)
@@ -123,12 +125,21 @@ class IkNode(Node):
         self.create_timer(WATCH, self._on_timer, clock=steady)
         self._own_timer = self.create_timer(1.0 / values["own_model_rate"], self._on_own_timer, clock=steady)
         self._diagnostics = Diagnostics(self, self._report)
+        self.get_logger().info(self._work())
+
+    def _work(self) -> str:
+        """Return what it does, for who has just started it."""
+        reason = nothing_to_solve(self._scene)
+        alone = f"not at all: {reason}" if reason else f"by its own model of scene {self._scene.name}"
+        return (
+            f"{names.JOINT_TRAJECTORY} follows the {self._tracker.settings.goal} of {names.TARGET_POSE} in mode IK, "
+            f"by {names.COMPLIANCE}; without a simulator {alone}"
+        )
 
     def _build_model(self, angles: FloatArray) -> Any:
         from tripod_ik.model import StaticModel  # noqa: PLC0415 - beside a simulator it is not needed
-        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
-        return StaticModel(load_scene(self._scene), self._slide, angles)
+        return StaticModel(self._scene, self._slide, angles)
 
     def _adopt(self, values: Mapping[str, Any]) -> None:
         """Take rates, times, tolerance and gains that have changed."""
@@ -146,10 +157,9 @@ class IkNode(Node):
     def _build_pathfinder(self, slide: float) -> Any:
         from tripod_ik.atlas import Atlas  # noqa: PLC0415 - a node that is never in charge needs no model
         from tripod_ik.pathfinder import Pathfinder  # noqa: PLC0415
-        from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
         if self._atlas is None or abs(slide - self._atlas.model.slide) > SLID:
-            self._atlas = Atlas.of(load_scene(self._scene), slide, self._guide.tell)
+            self._atlas = Atlas.of(self._scene, slide, self._guide.tell)
         return Pathfinder(self._atlas, *self._tracker.reach)
 
     def close(self) -> None:

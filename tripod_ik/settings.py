@@ -14,6 +14,7 @@ from tripod_ik.tracker_settings import Goal, TrackerSettings
 if TYPE_CHECKING:
     from tripod_ik.expected import ExpectedError
     from tripod_ik.load import LoadObserver
+    from tripod_sim.scene import Scene
 
 _COMMAND, _TRACKER = CommandLimits(), TrackerSettings()
 
@@ -215,14 +216,13 @@ def load_observer(values: Mapping[str, Any]) -> "LoadObserver | None":
     return LoadObserver(values["feedback_delay"])
 
 
-def expected(values: Mapping[str, Any]) -> "ExpectedError | None":
+def expected(values: Mapping[str, Any], scene: "Scene") -> "ExpectedError | None":
     """Return what tells the expected error of poses, None where nobody asks; raise IkError for a file without it."""
     if not values["posterior"]:
         return None
     from tripod_ik.expected import expected_error  # noqa: PLC0415 - an effect that is absent
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415
 
-    return expected_error(Path(values["posterior"]), lambda: load_scene(values["scene"]))
+    return expected_error(Path(values["posterior"]), scene)
 
 
 def _box(low: Sequence[float], high: Sequence[float]) -> Any:

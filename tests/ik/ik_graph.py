@@ -103,8 +103,8 @@ class Graph:
         self.nodes = [self.sim]
 
     def start(self, **parameters):
-        """Start the node: with no model to look farther, since none is of this robot, unless a scene is named."""
-        parameters = {"scene": "none", **parameters}
+        """Start the node: with no model to look farther, since none is of this robot, unless another scene is named."""
+        parameters = {"scene": "silicone", **parameters}
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         before = Node.__init__
         node = None

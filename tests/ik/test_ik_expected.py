@@ -11,6 +11,7 @@ from tests.ik.plant import SpringRobot
 from tripod_ik.errors import IkError
 from tripod_ik.expected import APART, STILL, Expected, ExpectedError
 from tripod_ik.settings import PARAMETERS, expected
+from tripod_sim import load_scene
 
 ROBOT, ANGLES = SpringRobot(slide=0.035), np.array([-1.2, -1.4, -0.9])
 ERROR = Expected(np.array([1e-4, 0, 2e-4, 0, 0, 1e-3]), np.full(6, 3e-4))
@@ -73,14 +74,15 @@ def test_another_robot_than_the_identified_one_is_named() -> None:
 def test_a_file_without_posterior_is_refused(tmp_path: Path) -> None:
     values = {p.name: p.default for p in PARAMETERS}
     with pytest.raises(IkError, match=r"parameter 'posterior': .*missing.json cannot be read"):
-        expected(values | {"posterior": str(tmp_path / "missing.json")})
+        expected(values | {"posterior": str(tmp_path / "missing.json")}, load_scene("tripod"))
 
 
 def test_nothing_is_loaded_where_nobody_asks() -> None:
     code = (
         "import sys, tripod_ik.node\n"
         "from tripod_ik.settings import PARAMETERS, expected\n"
-        "assert expected({p.name: p.default for p in PARAMETERS}) is None\n"
+        "from tripod_sim import load_scene\n"
+        "assert expected({p.name: p.default for p in PARAMETERS}, load_scene('tripod')) is None\n"
         "assert not {'tripod_ik.expected', 'tripod_identify'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -35,6 +35,8 @@ DEADLINE = 60.0
         ({"target_low": [0.2, 0.0, 0.0]}, "target_low .* must be below target_high"),
         ({"angle_min": 0.7}, "low 0.7 rad must be below high 0.6 rad"),
         ({"speed": 1.0}, "parameter 'speed' is unknown; parameters: "),
+        ({"scene": "nosuch"}, "scene 'nosuch' is unknown; scenes: "),
+        ({"scene": "nosuch.toml"}, "scene file 'nosuch.toml' cannot be read"),
     ],
 )
 def test_bad_parameters_are_refused_by_name(graph, parameters, message):
@@ -42,22 +44,29 @@ def test_bad_parameters_are_refused_by_name(graph, parameters, message):
         graph.start(**parameters)
 
 
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("tolerance:=-1", "parameter 'tolerance' is -1.0; allowed: at least 1e-07 m"),
+        ("scene:=nosuch", "ik: scene 'nosuch' is unknown; scenes: "),
+    ],
+)
 @pytest.mark.usefixtures("domain")
-def test_the_process_refuses_bad_parameters_with_code_2():
+def test_the_process_refuses_bad_parameters_with_code_2(word, message):
     run = subprocess.run(
-        [sys.executable, "-m", "tripod_ik.node", "tolerance:=-1"],
+        [sys.executable, "-m", "tripod_ik.node", word],
         capture_output=True,
         text=True,
         timeout=DEADLINE,
         check=False,
     )
     assert run.returncode == 2
-    assert "parameter 'tolerance' is -1.0; allowed: at least 1e-07 m" in run.stderr
-    assert "Traceback" not in run.stderr
+    assert message in run.stderr
+    assert run.stderr.count("\n") == 1
 
 
-def test_the_process_ends_in_order_on_ctrl_c(domain):
-    """It says so in its last status, and leaves with code 0."""
+def test_the_process_says_what_it_does_and_ends_in_order_on_ctrl_c(domain):
+    """It says the latter in its last status, and leaves with code 0."""
     rclpy.init(domain_id=domain)
     ear = rclpy.create_node("ear")
     states = []
@@ -83,7 +92,11 @@ def test_the_process_ends_in_order_on_ctrl_c(domain):
         process.kill()  # after the graph was left: see tests/domains.py
         process.wait()
     assert process.returncode == 0
-    assert errors == ""
+    (line,) = errors.splitlines()
+    assert (
+        "[ik]: joint_trajectory follows the position of target_pose in mode IK, by sim/compliance; " in line
+    )
+    assert line.endswith("without a simulator by its own model of scene tripod")
     assert states[-1].message == "stopped"
 
 
