@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from typer.core import TyperCommand
 
-from tripod_bringup.node_values import ValueSyntaxError, node_arguments, split_word, typed
+from tripod_bringup.node_values import RawYaml, node_arguments, read, split_word, typed
 from tripod_graph.loopback import keep_local
 from tripod_graph.run import split_ros
 
@@ -83,21 +83,29 @@ class UnknownParameterError(ValueError):
 
 def parameter_table(name: str) -> tuple["Parameter", ...]:
     """Return the parameters of the node `name`. Raises ImportError where it, or ROS, is not installed."""
-    parameters: tuple[Parameter, ...] = importlib.import_module(f"tripod_{name}.node").PARAMETERS
+    parameters: tuple[Parameter, ...] = importlib.import_module(f"tripod_{name}.settings").PARAMETERS
     return parameters
 
 
 def parse_values(words: Sequence[str], table: Sequence["Parameter"], node: str) -> dict[str, object]:
-    """Return the values that `words` (NAME:=VALUE) set. Raises ValueSyntaxError, UnknownParameterError."""
-    kinds = {p.name: type(p.default) for p in table}
+    """Return the values that `words` (NAME:=VALUE) set.
+
+    Raises:
+        ValueSyntaxError: one is no such word.
+        UnknownParameterError: there is no such parameter.
+        ParameterError, which is a ValueError: it cannot be that.
+    """
+    known = {p.name: p for p in table}
     values: dict[str, object] = {}
     for word in words:
         key, value = split_word(word)
-        if (
-            key not in kinds and key != "use_sim_time" and not key.startswith("__")
-        ):  # __ns:= and __node:= remap
-            raise UnknownParameterError(unknown_name(f"parameter of {node}", key, sorted(kinds)))
-        values[key] = typed(value, kinds.get(key, object))
+        if parameter := known.get(key):
+            values[key] = given = typed(value, type(parameter.default))
+            parameter.taken(read(given) if isinstance(given, RawYaml) else given)
+        elif key == "use_sim_time" or key.startswith("__"):  # __ns:= and __node:= remap
+            values[key] = RawYaml(value)
+        else:
+            raise UnknownParameterError(unknown_name(f"parameter of {node}", key, sorted(known)))
     return values
 
 
@@ -127,8 +135,8 @@ def run_node_command(
         print(f"tripod {name}: {missing_import(error)}", file=sys.stderr)
         return 1
     try:
-        values = parse_values(words, module.PARAMETERS, name)
-    except (ValueSyntaxError, UnknownParameterError) as error:
+        values = parse_values(words, parameter_table(name), name)
+    except ValueError as error:
         print(f"tripod {name}: {error}", file=sys.stderr)
         return BAD_ARGUMENTS
     own = [*node_arguments(values), *(["--subnet"] if subnet else [])]

@@ -44,6 +44,35 @@ def typed(text: str, kind: type) -> object:
     return text if kind is str and not quoted else RawYaml(text)
 
 
+def read(text: str) -> object:
+    """Return what ROS reads of YAML that sets a parameter. Raises ValueSyntaxError where it is none.
+
+    >>> read("1e3"), read("[1, y]"), read("'1e3'")
+    (1000.0, [1, True], '1e3')
+    """
+    import yaml  # noqa: PLC0415 - only where a parameter is set
+
+    try:
+        value: object = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError):
+        raise ValueSyntaxError(f"{text!r} is not YAML; quote it") from None
+    if text[:1] in ("'", '"'):
+        return value
+    return [_plain(v) for v in value] if isinstance(value, list) else _plain(value)
+
+
+def _plain(value: object) -> object:
+    """Return what ROS takes unquoted text for: numbers of C, which YAML 1.1 writes with a point, and y for yes."""
+    if not isinstance(value, str):
+        return value
+    if value in ("y", "Y", "n", "N"):
+        return value in ("y", "Y")
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
 def yaml_value(value: object) -> str:
     """Return `value` as YAML on one line."""
     if isinstance(value, RawYaml):

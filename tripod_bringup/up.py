@@ -20,7 +20,7 @@ from tripod_bringup.demo_report import report_demo
 from tripod_bringup.doctor import ENOUGH_SPACE
 from tripod_bringup.lock import DomainBusyError, DomainError, domain_id, only_one
 from tripod_bringup.log_lines import Level, parse
-from tripod_bringup.node_values import node_arguments
+from tripod_bringup.node_values import node_arguments, read
 from tripod_bringup.process import ProcessSpec
 from tripod_bringup.screen import Screen
 from tripod_bringup.status_line import status_line
@@ -130,7 +130,7 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
     """Return what to start, in order: the recorder sees all, the driver moves last."""
     place = [] if options.namespace == "/" else [f"__ns:={options.namespace}"]
 
-    simulated = str(options.values.get("sim", {}).get("publish_clock", "")).lower() == "true"
+    simulated = read(str(options.values.get("sim", {}).get("publish_clock", "false"))) is True
 
     def spec(name: str, values: Mapping[str, object], **more: object) -> ProcessSpec:
         asked = options.values.get(name, {})

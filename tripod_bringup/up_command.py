@@ -2,16 +2,23 @@
 
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tripod_bringup.accuracy_option import chosen, wished
-from tripod_bringup.node_command import missing_import, unknown_name
+from tripod_bringup.node_command import (
+    UnknownParameterError,
+    missing_import,
+    parameter_table,
+    parse_values,
+    unknown_name,
+)
 from tripod_bringup.node_values import RawYaml, split_word
 from tripod_bringup.screen import Screen
 from tripod_bringup.script import joint_path
 from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, up
+from tripod_graph.loopback import keep_local
 from tripod_graph.namespace import full_namespace
 
 if TYPE_CHECKING:
@@ -41,9 +48,11 @@ def up_command(
     study: Path | None = None,
 ) -> int:
     """Run the chain; return the exit code that `tripod_bringup.up` documents."""
+    keep_local(subnet=subnet)
     try:
         scene, words = named_scene(words, scene)
         values = node_values(words)
+        check_used(values, record=demo or record is not None, view=view)
         namespace = full_namespace(namespace)
         add_overrides(values, overrides)
         check_scene(scene, words_of_set(values))
@@ -57,6 +66,9 @@ def up_command(
             raise ValueError(f"--duration is {duration}; it must be finite")
     except ValueError as error:
         print(f"tripod up: {error}", file=sys.stderr)
+        return BAD_ARGUMENTS
+    except ImportError as error:
+        print(f"tripod up: {missing_import(error)}", file=sys.stderr)
         return BAD_ARGUMENTS
     screen = Screen()
     if demo:
@@ -86,12 +98,16 @@ def up_command(
 
 
 def node_values(words: Sequence[str]) -> dict[str, dict[str, object]]:
-    """Return parameters by node from words such as `driver.angle_max:=0.3`. Raises ValueError.
+    """Return parameters by node from words such as `driver.angle_max:=0.3`.
+
+    Raises:
+        ValueError: a node or a parameter is unknown, or a value not allowed.
+        ImportError: a node, or ROS, is not installed.
 
     >>> node_values(["view.port:=8081"])
     {'view': {'port': '8081'}}
     """
-    values: dict[str, dict[str, object]] = {}
+    own: dict[str, list[str]] = {}
     for word in words:
         name, value = split_word(word)
         node, dot, parameter = name.partition(".")
@@ -99,8 +115,27 @@ def node_values(words: Sequence[str]) -> dict[str, dict[str, object]]:
             raise ValueError(f"{word!r} names no node; write NODE.NAME:=VALUE, such as driver.angle_max:=0.3")
         if node not in EXIT_CODES:
             raise ValueError(unknown_name("node", node, list(EXIT_CODES)))
-        values.setdefault(node, {})[parameter] = RawYaml(value)
-    return values
+        own.setdefault(node, []).append(f"{parameter}:={value}")
+    return {node: _values_of(node, words) for node, words in own.items()}
+
+
+def _values_of(node: str, words: Sequence[str]) -> dict[str, object]:
+    """Return the parameters of one node; raise ValueError, which names it."""
+    try:
+        return parse_values(words, parameter_table(node), node)
+    except UnknownParameterError:
+        raise
+    except ValueError as error:
+        raise ValueError(f"{node}: {error}") from None
+
+
+def check_used(values: Mapping[str, Mapping[str, object]], *, record: bool, view: bool) -> None:
+    """Raise ValueError for a parameter that would change nothing: of a node that does not run, or said otherwise."""
+    if "scene" in values.get("sim", {}):
+        raise ValueError("sim.scene: name the scene by the first word, as in tripod up maze")
+    for node, runs, advice in (("record", record, "add --record DIR"), ("view", view, "leave out --no-view")):
+        if node in values and not runs:
+            raise ValueError(f"{node}.{next(iter(values[node]))}: {node} does not run; {advice}")
 
 
 def named_scene(words: Sequence[str], option: str) -> tuple[str, Sequence[str]]:

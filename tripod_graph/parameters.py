@@ -63,6 +63,23 @@ class Parameter:
             return f"at least {self.low:g}{unit}"
         return f"at most {self.high:g}{unit}" if self.high is not None else ""
 
+    def taken(self, value: Any) -> Any:
+        """Return a value that was given as this parameter takes it: integers for floats as the floats that they are.
+
+        Raises:
+            ParameterError: it is of another type, or not allowed.
+        """
+        found = _as_float(value, self.default)
+        try:
+            fits = _type(found) is _type(self.default)
+        except TypeError:  # ROS has no such parameters
+            fits = False
+        if not fits:
+            wanted = "list of numbers" if isinstance(self.default, list) else type(self.default).__name__
+            raise ParameterError(f"parameter '{self.name}' is {value!r}; it must be of type {wanted}")
+        self.check(found)
+        return found
+
     def check(self, value: Any) -> None:
         """Raise ParameterError unless `value` is within the range or the choices."""
         values = value if isinstance(value, list | tuple) else [value]
@@ -100,11 +117,7 @@ def declare(node: Node, table: Sequence[Parameter], adopt: Adopt | None = None) 
     for p in table:
         kind = _type(p.default)
         given = overrides.get(p.name)
-        value = p.default if given is None else _as_float(given.value, p.default)
-        if _type(value) is not kind:
-            wanted = "list of numbers" if isinstance(p.default, list) else type(p.default).__name__
-            raise ParameterError(f"parameter '{p.name}' is {given.value!r}; it must be of type {wanted}")
-        p.check(value)
+        value = p.taken(p.default if given is None else given.value)
         if value == []:  # which rclpy takes for bytes, unless it is set with its type
             overrides.pop(p.name, None)
             node.declare_parameter(p.name, kind)

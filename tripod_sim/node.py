@@ -24,10 +24,10 @@ from tripod_graph.diagnostics import Diagnostics, Level, Report
 from tripod_graph.executor import Patient
 from tripod_graph.follow_action import FollowAction
 from tripod_graph.goal import Motion, motion_of
-from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
+from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision, Mode, ModeTracker
 from tripod_graph.motion_clock import MotionClock
-from tripod_graph.parameters import Parameter, ParameterError, declare
+from tripod_graph.parameters import ParameterError, declare
 from tripod_graph.presence import Rival
 from tripod_graph.qos import KEPT, LATCHED, NEWEST, RELIABLE
 from tripod_graph.range import Fence, RangeWatch, cut
@@ -52,6 +52,7 @@ from tripod_sim.scene import Scene
 from tripod_sim.scene_file import load_scene
 from tripod_sim.scene_short import effector_of
 from tripod_sim.scene_topics import SceneTopics
+from tripod_sim.settings import PARAMETERS
 from tripod_sim.simulated_clock import SimulatedClock
 from tripod_sim.simulation import Simulation
 from tripod_sim.standard_services import StandardServices
@@ -64,51 +65,6 @@ STATUS_PERIOD = 0.1
 
 REPEAT_PERIOD = 1.0
 """Time after which a state that no longer changes is published again, for who came late [s]."""
-
-PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("scene", "tripod", "Name of a shipped scene, or the path of a .toml file"),
-    Parameter("set", "", "Overrides of the scene, dotted.path=value, separated by semicolons"),
-    Parameter(
-        "accuracy",
-        "",
-        "Cheapest setting with an error below this: 5%, draft, real-time, reference; empty: as it is",
-    ),
-    Parameter("study", "", "File of the study that accuracy and keep_up look into; empty: the scene's own"),
-    Parameter(
-        "keep_up",
-        True,
-        "Where the machine is too slow go on with cheaper settings of the study, until there is room again",
-    ),
-    Parameter(
-        "body_rate", 30.0, "Node positions published a second", "Hz", low=0.1, high=1000.0, dynamic=True
-    ),
-    Parameter(
-        "pose_rate",
-        100.0,
-        "Effector poses and joint states a second",
-        "Hz",
-        low=0.1,
-        high=1000.0,
-        dynamic=True,
-    ),
-    Parameter(
-        "compliance_rate",
-        50.0,
-        "Compliances a second, while someone listens",
-        "Hz",
-        low=0.1,
-        high=1000.0,
-        dynamic=True,
-    ),
-    Parameter(
-        "publish_clock",
-        False,
-        "Publish simulated time on /clock and command, stamp and move by it; the others take use_sim_time:=true",
-    ),
-    Parameter("frame_prefix", "", "Stands before every frame on /tf but `world`: two robots have two"),
-    *LIMIT_PARAMETERS,
-    JOINT_STATES_PARAMETER,
-)
 
 
 class SimNode(Node):

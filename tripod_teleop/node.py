@@ -18,9 +18,9 @@ from tripod_graph import names
 from tripod_graph.command import CommandError, CommandLimits
 from tripod_graph.control_mode import Speaker, authority_values, clocks, listen
 from tripod_graph.diagnostics import Diagnostics, Level, Report
-from tripod_graph.limits import LIMIT_PARAMETERS, limits_from
+from tripod_graph.limits import limits_from
 from tripod_graph.mode import Decision, Mode
-from tripod_graph.parameters import Parameter, ParameterError, declare
+from tripod_graph.parameters import ParameterError, declare
 from tripod_graph.qos import RELIABLE
 from tripod_graph.range import RangeWatch
 from tripod_graph.run import REFUSED, run_node
@@ -32,32 +32,9 @@ from tripod_teleop.joints import JointWatch
 from tripod_teleop.keys import HELP, KEYS, Act, Move
 from tripod_teleop.operate import Operator, Toss
 from tripod_teleop.screen import range_text, status_line
+from tripod_teleop.settings import LIMITS, PARAMETERS
 from tripod_teleop.terminal import Terminal, TerminalError
 from tripod_teleop.waiter import KeyWaiter
-
-LIMITS = ("angle_min", "angle_max", "angle_speed", "slide_max", "slide_speed", "park")
-"""The command limits that matter to an operator; silence is the followers' affair."""
-
-PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("speed", 0.5, "Speed of a servo whose key is down", "rad/s", low=0.01, high=4.0, dynamic=True),
-    Parameter(
-        "hold",
-        0.2,
-        "Time for which a key press counts: silence means stop",
-        "s",
-        low=0.05,
-        high=1.0,
-        dynamic=True,
-    ),
-    Parameter("pose_time", 3.0, "Shortest time of a motion to a pose", "s", low=0.5, high=60.0, dynamic=True),
-    Parameter(
-        "catch", list(Toss.catch), "Angles of the catch, key Q; one: of all servos", "rad", low=-3.2, high=3.2
-    ),
-    Parameter(
-        "throw", list(Toss.throw), "Angles of the throw, key z; one: of all servos", "rad", low=-3.2, high=3.2
-    ),
-    *(p for p in LIMIT_PARAMETERS if p.name in LIMITS),
-)
 
 SEND_PERIOD = 0.05
 """Time between two set-points [s]; each tells where the joints should be when the next one comes."""

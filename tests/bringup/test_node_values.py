@@ -1,24 +1,26 @@
 """Parameters on their way to a node."""
 
-from dataclasses import dataclass
+import re
 
 import pytest
 import yaml
 
+pytest.importorskip("rclpy")
+
 from tripod_bringup.node_command import UnknownParameterError, parse_values
 from tripod_bringup.node_values import RawYaml, ValueSyntaxError, node_arguments, split_word, typed
-from tripod_bringup.up_command import node_values
+from tripod_bringup.up_command import check_used, node_values
+from tripod_graph.parameters import Parameter, ParameterError
 
-
-@dataclass
-class Row:
-    """What `parse_values` reads of a parameter."""
-
-    name: str
-    default: object
-
-
-TABLE = [Row("port", "auto"), Row("rate", 50.0), Row("park", [0.0, 0.0])]
+TABLE = [
+    Parameter("port", "auto", "A port"),
+    Parameter("rate", 50.0, "A rate", "Hz", low=1.0, high=50.0),
+    Parameter("park", [0.0, 0.0], "Angles"),
+    Parameter("start", [], "Angles"),
+    Parameter("count", 3, "How many", low=0),
+    Parameter("parks", True, "Whether"),
+    Parameter("mode", "slow", "How", choices=("slow", "fast")),
+]
 
 
 @pytest.mark.parametrize(
@@ -37,14 +39,59 @@ def test_a_word_that_sets_nothing_is_refused(word: str) -> None:
 
 
 def test_text_parameters_take_numbers_as_text_and_numbers_stay_yaml() -> None:
-    values = parse_values(["port:=2024", "rate:=25", "park:=[0, 1]"], TABLE, "driver")  # type: ignore[arg-type]
+    values = parse_values(["port:=2024", "rate:=25", "park:=[0, 1]"], TABLE, "driver")
     assert node_arguments(values) == ['port:="2024"', "rate:=25", "park:=[0, 1]"]
     assert node_arguments({"port": typed("'quoted'", str)}) == ["port:='quoted'"]
 
 
 def test_an_unknown_parameter_is_refused_with_the_one_that_is_meant() -> None:
-    with pytest.raises(UnknownParameterError, match=r"'prot'; did you mean 'port'\? known: park, port, rate"):
-        parse_values(["prot:=mock"], TABLE, "driver")  # type: ignore[arg-type]
+    with pytest.raises(
+        UnknownParameterError,
+        match=r"'prot'; did you mean 'port'\? known: count, mode, park, parks, port, rate, start",
+    ):
+        parse_values(["prot:=mock"], TABLE, "driver")
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("rate:=51", "parameter 'rate' is 51.0; allowed: 1 to 50 Hz"),
+        ("rate:=fast", "parameter 'rate' is 'fast'; it must be of type float"),
+        ("rate:=", "parameter 'rate' is None; it must be of type float"),
+        ("count:=1.5", "parameter 'count' is 1.5; it must be of type int"),
+        ("count:=-1", "parameter 'count' is -1; allowed: at least 0"),
+        ("parks:=maybe", "parameter 'parks' is 'maybe'; it must be of type bool"),
+        ("mode:=warp", "parameter 'mode' is 'warp'; allowed: one of slow, fast"),
+        ("park:=0.5", "parameter 'park' is 0.5; it must be of type list of numbers"),
+        ("park:={a: 1}", "parameter 'park' is {'a': 1}; it must be of type list of numbers"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_before_the_node_starts(word: str, message: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(message) + "$"):
+        parse_values([word], TABLE, "driver")
+
+
+@pytest.mark.parametrize("word", ["park:=[0, 1", "park:={[]: 1}"])
+def test_what_is_not_yaml_is_refused(word: str) -> None:
+    with pytest.raises(ValueSyntaxError, match="is not YAML; quote it"):
+        parse_values([word], TABLE, "driver")
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        "rate:=1e1",
+        "rate:=0x10",
+        "rate:=25",
+        "parks:=y",
+        "parks:=off",
+        "start:=",
+        "start:=[]",
+        "start:=[0, 1e-3]",
+    ],
+)
+def test_what_ros_reads_as_a_value_passes_as_it_is_written(word: str) -> None:
+    assert node_arguments(parse_values([word], TABLE, "driver")) == [word]
 
 
 def test_remapping_passes() -> None:
@@ -64,8 +111,22 @@ def test_parameters_of_up_name_their_node() -> None:
         ("driver.:=mock", "names no node"),
         ("drvier.port:=mock", "did you mean 'driver'"),
         ("driver.port", "write NAME:=VALUE"),
+        ("driver.angle_mx:=3", "no parameter of driver is named 'angle_mx'; did you mean 'angle_max'?"),
+        ("driver.angle_max:=9", "driver: parameter 'angle_max' is 9.0; allowed: -3.2 to 3.2 rad"),
+        ("sim.body_rate:=often", "sim: parameter 'body_rate' is 'often'; it must be of type float"),
     ],
 )
-def test_parameters_of_up_without_a_known_node_are_refused(word: str, message: str) -> None:
+def test_parameters_of_up_that_no_node_takes_are_refused(word: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         node_values([word])
+
+
+def test_parameters_of_up_that_would_change_nothing_are_refused() -> None:
+    check_used(node_values(["record.max_size:=5", "view.port:=1"]), record=True, view=True)
+    for word, message in (
+        ("record.max_size:=5", "record.max_size: record does not run; add --record DIR"),
+        ("view.port:=8081", "view.port: view does not run; leave out --no-view"),
+        ("sim.scene:=maze", "name the scene by the first word"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            check_used(node_values([word]), record=False, view=False)

@@ -210,9 +210,11 @@ def test_help_of_a_node_lists_its_parameters(monkeypatch: pytest.MonkeyPatch) ->
 
 def fake_node(monkeypatch: pytest.MonkeyPatch, name: str) -> list[list[str]]:
     """Put a node in the place of the real one; returns the command lines it gets."""
+    parameters = pytest.importorskip("tripod_graph.parameters")
     calls: list[list[str]] = []
     module = types.ModuleType(f"tripod_{name}.node")
-    module.PARAMETERS = (types.SimpleNamespace(name="port", default="auto"),)  # type: ignore[attr-defined]
+    table = (parameters.Parameter("port", "auto", "A port"),)
+    monkeypatch.setattr(node_command, "parameter_table", lambda _name: table)
 
     def main(arguments: list[str]) -> int:
         calls.append(arguments)
@@ -307,6 +309,8 @@ def test_a_demo_without_a_terminal_records_and_ends_by_itself(options: list[Any]
         (["--duration", "nan"], "--duration"),
         (["--duration", "inf"], "--duration"),
         (["drvier.rate:=1"], "did you mean 'driver'"),
+        (["driver.angle_mx:=3"], "did you mean 'angle_max'"),
+        (["record.max_size:=5"], "record does not run; add --record DIR"),
         (["--view-port", "70000"], "--view-port"),
         (["--namespace", "9left"], "namespace '9left' is no name; allowed: parts of letters"),
     ],
