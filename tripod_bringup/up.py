@@ -2,7 +2,8 @@
 
 Exit codes: 0 stopped as asked; 1 this process itself failed; 2 bad arguments, or nothing could start;
 3 another `tripod up` on the domain, in the same namespace; 10 sim, 11 ik, 12 driver, 13 view, 14 record
-ended by itself, did not come up or could not stop in order (14 too: the recording is not whole, or not where it began);
+ended by itself, did not come up or could not stop in order (12 too: in all of --duration no robot answered; 14 too: the
+recording is not whole, or not where it began);
 20 the demo ran but not the whole chain did; 130 killed by a second Ctrl-C.
 """
 
@@ -169,7 +170,8 @@ def _run(options: UpOptions, screen: Screen) -> int:
         graph.watch.describe_processes(
             lambda: {name: process.end for name, process in dict(supervisor.processes).items()}
         )
-        ending = supervisor.run(_Until(options.duration, graph))
+        until = _Until(options.duration, graph)
+        ending = _judged(supervisor.run(until), over=until.over, absence=graph.watch.absence)
     if graph.failure and not ending.code:
         ending = Ending(FAILED, graph.failure)
     recorder = supervisor.processes.get("record")
@@ -260,10 +262,17 @@ def _player(options: UpOptions, executor: "Executor", say: Callable[[str], None]
 
 @dataclass
 class _Until:
-    """Says when the chain shall stop; called once everything is up, and then again and again."""
+    """Says when the chain shall stop; called once everything is up, and then again and again.
+
+    Attributes:
+        duration: How long it shall run [s], None until told.
+        graph: The nodes of this process.
+        over: Whether the time was up.
+    """
 
     duration: float | None
     graph: Graph
+    over: bool = False
     _since: float | None = None
 
     def __call__(self) -> str:
@@ -276,8 +285,18 @@ class _Until:
         if demo := self.graph.demo:
             demo.go()
             return "the demo is over" if demo.session.finished else ""
-        over = self.duration is not None and time.monotonic() - self._since >= self.duration
-        return f"{self.duration:g} s are over" if over else ""
+        self.over = self.duration is not None and time.monotonic() - self._since >= self.duration
+        return f"{self.duration:g} s are over" if self.over else ""
+
+
+def _judged(ending: Ending, *, over: bool, absence: str) -> Ending:
+    """Return how the run ended: not well where its time is `over` and no robot has answered, which `absence` explains.
+
+    Who waits until told, by Ctrl-C, may still plug the board in.
+    """
+    if ending.code or not over or not absence:
+        return ending
+    return Ending(EXIT_CODES["driver"], f"{ending.cause}, and no robot answered: {absence}")
 
 
 def _show(name: str, line: str, facts: Facts, options: UpOptions, screen: Screen) -> None:

@@ -38,9 +38,16 @@ ROBOT_STATES: Mapping[int, str] = {
     for n in ("DISCONNECTED", "CONNECTING", "READY", "ACTIVE", "HOLDING", "PARKED", "FAULT")
 }
 
+ANSWERED = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatus.PARKED)
+"""States of a driver whose board has answered."""
+
 
 class Watch(Node):
-    """Hears the status of every node and publishes STOP; its methods may be called from any thread."""
+    """Hears the status of every node and publishes STOP; its methods may be called from any thread.
+
+    Attributes:
+        absence: Why no board has ever answered the driver; empty if one has, or none was waited for long enough.
+    """
 
     def __init__(self) -> None:
         super().__init__("bringup")
@@ -64,6 +71,7 @@ class Watch(Node):
             self.create_subscription(
                 kind, topic, self._keeper(topic, kind), NEWEST, raw=True, callback_group=self._patient
             )
+        self.absence, self._answered = "", False
         self._recorder = f"{self.get_namespace().rstrip('/')}/record"
         self.create_subscription(
             DiagnosticArray, names.DIAGNOSTICS, self._on_diagnostics, RELIABLE, callback_group=self._patient
@@ -115,8 +123,17 @@ class Watch(Node):
             self._mixes[topic].hear(info)
             with self._lock:
                 self._heard[topic] = (time.monotonic(), data, kind)
+            if kind is RobotStatus and not self._answered:
+                self._look_for_board(deserialize_message(data, kind))
 
         return keep
+
+    def _look_for_board(self, robot: Any) -> None:
+        self._answered = robot.state in ANSWERED
+        if self._answered:
+            self.absence = ""
+        elif robot.state in (RobotStatus.DISCONNECTED, RobotStatus.FAULT) and robot.message:
+            self.absence = robot.message.partition("; next attempt")[0]
 
     def _fresh(self, topic: str) -> Any | None:
         with self._lock:

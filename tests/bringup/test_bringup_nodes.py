@@ -19,7 +19,7 @@ from tripod_bringup import watch as watch_module
 from tripod_bringup.demo import DemoNode, seconds, trajectory_message
 from tripod_bringup.demo_session import Phase
 from tripod_bringup.demo_target import DemoTarget
-from tripod_bringup.watch import SIM_STATES, Watch
+from tripod_bringup.watch import ROBOT_STATES, SIM_STATES, Watch
 from tripod_graph import names
 from tripod_graph.diagnostics import Diagnostics, Level
 from tripod_graph.mode import Mode
@@ -87,6 +87,31 @@ def test_the_watch_tells_what_it_heard_and_forgets_what_fell_silent(
     monkeypatch.setattr(watch_module, "SILENT_AFTER", -1.0)
     silent = watch.status()
     assert (silent.sim_state, silent.packets, silent.note) == (None, None, "sim is silent")
+
+
+def test_the_watch_tells_why_no_board_has_ever_answered(spin: Callable[..., None]) -> None:
+    watch, driver = Watch(), Node("driver")
+    robot = driver.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+
+    def tell(state: int, message: str = "") -> None:
+        """Publish a status until the watch shows it."""
+
+        def shown() -> bool:
+            robot.publish(RobotStatus(state=state, message=message))
+            return watch.status().robot_state == ROBOT_STATES[state]
+
+        spin(shown, watch, driver)
+
+    tell(RobotStatus.CONNECTING, "waiting up to 2 s for the board's answer")
+    assert watch.absence == "", "nobody has waited long enough"
+    tell(RobotStatus.DISCONNECTED, "/dev/nope does not exist; next attempt after 0.5 s")
+    assert watch.absence == "/dev/nope does not exist"
+    tell(RobotStatus.CONNECTING)
+    assert watch.absence == "/dev/nope does not exist"
+    tell(RobotStatus.READY)
+    assert watch.absence == ""
+    tell(RobotStatus.DISCONNECTED, "it was lost")
+    assert watch.absence == "", "it did answer"
 
 
 def test_the_watch_tells_what_the_recorder_complains_of(spin: Callable[..., None]) -> None:

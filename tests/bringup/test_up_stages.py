@@ -10,7 +10,7 @@ from tripod_bringup import up_command
 from tripod_bringup.node_values import RawYaml
 from tripod_bringup.screen import Screen
 from tripod_bringup.supervisor import Ending
-from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _report, _Until, stages
+from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _judged, _report, _Until, stages
 from tripod_graph import names
 
 
@@ -104,6 +104,17 @@ def test_without_duration_it_goes_on_and_with_one_it_ends() -> None:
     assert _Until(None, graph())() == ""
     assert _Until(60.0, graph())() == ""
     assert _Until(0.0, graph())() == "0 s are over"
+
+
+def test_when_its_time_is_over_and_no_robot_has_answered_it_has_failed() -> None:
+    until = _Until(0.0, graph())
+    assert not until.over
+    over, absent = Ending(0, until()), "/dev/nope does not exist"
+    failed = _judged(over, over=until.over, absence=absent)
+    assert (failed.code, failed.cause) == (12, f"0 s are over, and no robot answered: {absent}")
+    assert _judged(over, over=True, absence="") is over
+    assert _judged(Ending(0, "Ctrl-C"), over=False, absence=absent).code == 0
+    assert _judged(Ending(10, "sim died"), over=True, absence=absent).code == 10
 
 
 def test_a_demo_begins_when_all_is_up_and_ends_when_it_is_over() -> None:
