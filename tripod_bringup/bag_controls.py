@@ -19,6 +19,10 @@ class Player(Protocol):
     duration: float
 
     @property
+    def waiting(self) -> str:
+        """What it waits for, empty once it plays."""
+
+    @property
     def paused(self) -> bool:
         """Whether it stands still."""
 
@@ -40,10 +44,12 @@ class Controls:
         """The node keeps the object."""
         self._player = player
         self._terminal: Terminal | None = None
+        self._told = ""
         if sys.stdin.isatty() and sys.stdout.isatty():
             self._terminal = Terminal()
             self._terminal.enter()
-            node.create_timer(PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        look = self._look if self._terminal else self._tell
+        node.create_timer(PERIOD, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def close(self) -> None:
         """Restore the terminal."""
@@ -60,6 +66,12 @@ class Controls:
             return
         self._terminal.show(progress_line(self._player))
 
+    def _tell(self) -> None:
+        """Say once what it waits for, where there is no line to redraw."""
+        if (waiting := self._player.waiting) and waiting != self._told:
+            print(f"tripod bag play: {waiting}", file=sys.stderr, flush=True)
+        self._told = waiting
+
     def press(self, keys: bytes) -> None:
         """Do what `keys` say."""
         rest = keys.replace(b"\x1b[C", b".")
@@ -73,7 +85,9 @@ class Controls:
 
 
 def progress_line(player: Any) -> str:
-    """Return place, duration and what the keys do."""
+    """Return place, duration and what the keys do, or what it waits for."""
+    if player.waiting:
+        return f"{player.waiting}  q: end"
     share = player.place / player.duration if player.duration else 1.0
     bar = "#" * round(20 * min(max(share, 0.0), 1.0))
     state = "paused " if player.paused else "playing"

@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from tripod_bringup.compiling import compiling_told
 from tripod_bringup.options import To
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED
 from tripod_graph.run import run_node
+from tripod_host.stop import first
 from tripod_record.bag import Bag
 from tripod_record.errors import RecordError
 from tripod_record.info import printable
@@ -18,13 +20,24 @@ from tripod_sim.errors import SceneError, StepError
 RATES = (0.01, 100.0)
 """Smallest and largest rate, but for the simulator, which may also run as fast as it can."""
 
+THEN = {To.SIM: " and building its simulation", To.ROBOT: " for its motion", To.TOPICS: ""}
+"""What is done beside reading before anything plays."""
+
+INTERRUPTED = 130
+"""Exit code where it was ended before anything was played."""
+
 
 def play_command(
     file: Path, *, to: To, rate: float, start: float, topics: str, subnet: bool, ros: Sequence[str]
 ) -> int:
-    """Play, print how it ended and return the exit code: 0, 1 it broke off or differs, 2 bad input."""
+    """Play, print how it ended and return the exit code.
+
+    0; 1 it broke off or differs; 2 bad input; 130 it was ended before anything was played.
+    """
     try:
         check(to, rate, start)
+        if sys.stderr.isatty():
+            print(f"tripod bag play: reading {printable(str(file))}{THEN[to]}", file=sys.stderr, flush=True)
         bag = Bag(file)
         with bag.accounted():
             make = MAKERS[to](bag, topics, start, rate)
@@ -44,7 +57,8 @@ def play_command(
         return made[0]
 
     words = [*(["--subnet"] if subnet else []), "--ros-args", *ros]
-    code = run_node("tripod bag play", build, words, until=lambda: bool(made[0].done))
+    with first(lambda: INTERRUPTED):
+        code = run_node("tripod bag play", build, words, until=lambda: bool(made[0].done))
     for control in controls:
         control.close()
     if made and made[0].done:
@@ -54,6 +68,8 @@ def play_command(
             file=sys.stderr if failed else sys.stdout,
         )
         code = code or (FAILED if failed else 0)
+    elif made and made[0].waiting:
+        code = code or INTERRUPTED
     return code or tell_unread("play", bag)
 
 
@@ -91,7 +107,8 @@ def _into_simulator(bag: Bag, topics: str, start: float, rate: float) -> Callabl
 
     check_start(bag.info.duration, start)
     session = read_session(bag, chosen(topics))
-    rerun = session.rerun()
+    with compiling_told("tripod bag play"):
+        rerun = session.rerun()
 
     def make() -> Any:
         from tripod_bringup.bag_simulator import SimPlayer  # noqa: PLC0415

@@ -22,7 +22,10 @@ class SimPlayer(SimNode):
         done: How it ended, empty while it has not.
         duration: Of the recording [s].
         failed: Whether a body is not the recorded one.
+        waiting: What it waits for: nothing.
     """
+
+    waiting = ""
 
     def __init__(self, session: Session, rerun: Rerun, *, start: float, rate: float) -> None:
         """Make the steps before `start` [s] at once. Raises RecordError where another simulator runs."""

@@ -42,6 +42,9 @@ PATIENCE = 10.0
 DEAF = 1.0
 """A motion ends when the robot has not followed it for so long [s]: it was told to stop, or is gone."""
 
+NO_DRIVER = "start `tripod up` or `tripod driver`"
+"""What to do where no driver is heard."""
+
 MOVING = (RobotStatus.READY, RobotStatus.ACTIVE, RobotStatus.HOLDING, RobotStatus.PARKED)
 SIMULATING = (SimStatus.RUNNING, SimStatus.HOLDING, SimStatus.PARKED)
 
@@ -125,6 +128,13 @@ class ReplayNode(Node):
         return bool(self._transport and self._transport.paused)
 
     @property
+    def waiting(self) -> str:
+        """What the motion waits for, empty once it plays."""
+        if self._transport:
+            return ""
+        return "going to the first pose" if self._ramp else f"waiting for a driver: {NO_DRIVER}"
+
+    @property
     def place(self) -> float:
         """Place in the recording [s]."""
         return min(self._transport.place(time.monotonic()), self.duration) if self._transport else self._start
@@ -196,7 +206,7 @@ class ReplayNode(Node):
         follower = self._follower
         if follower is None or not follower.lower or self._commands.get_subscription_count() == 0:
             if now - self._since > PATIENCE:
-                self._end("no driver is heard in this graph: start `tripod up` or `tripod driver`")
+                self._end(f"no driver is heard in this graph: {NO_DRIVER}")
             return
         if not follower.able:
             self._end(follower.message)

@@ -39,7 +39,10 @@ class TopicPlayer(Node):
     Attributes:
         done: Why it has ended, empty while it has not.
         duration: Of the recording [s].
+        waiting: What it waits for: nothing.
     """
+
+    waiting = ""
 
     def __init__(self, bag: Bag, wanted: Callable[[str], bool], *, start: float, rate: float) -> None:
         """`wanted`: which topics; `start` [s]. Raises RecordError if there are none, or others publish on them."""

@@ -1,5 +1,9 @@
 """`tripod bag play` as users type it, and what it refuses: one line, and nothing moves."""
 
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -76,6 +80,29 @@ def test_beside_a_simulator_that_runs_it_is_refused_in_one_line(
     assert not out
     assert err.count("\n") == 1
     assert err.startswith("tripod bag play: /sim simulates in this graph already, and two would mix: stop it")
+
+
+def test_to_the_robot_it_says_that_it_waits_for_a_driver_and_ends_with_130_before_anything_played(
+    bag: Path, domain: int
+) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tripod_bringup", "bag", "play", str(bag), "--to", "robot"],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+    )
+    try:
+        assert process.stderr
+        said = process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        out, rest = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    assert said == "tripod bag play: waiting for a driver: start `tripod up` or `tripod driver`\n"
+    assert (out, rest, process.returncode) == ("", "", 130)
 
 
 @pytest.mark.parametrize("to", list(To))

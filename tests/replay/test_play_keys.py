@@ -81,6 +81,7 @@ def shown(domain: int, tmp_path: Path) -> Iterator[Shown]:
 
 def test_space_pauses_and_goes_on_keys_step_and_q_ends(shown: Shown) -> None:
     shown.line("playing", least=0.2)
+    assert shown.said.startswith("tripod bag play: reading "), "before anything plays"
     shown.press(b" ")
     place = shown.line("paused")
     shown.said = ""

@@ -123,7 +123,11 @@ def motion(first: float = -0.3, size: float = 0.2) -> JointPath:
 def test_it_takes_the_mode_goes_slowly_to_the_first_pose_and_plays_to_the_end(make) -> None:
     path = motion()
     graph = make(path, start=2.0)
+    assert graph.node.waiting == "waiting for a driver: start `tripod up` or `tripod driver`"
+    graph.until(lambda: graph.driver.asked)
+    assert graph.node.waiting == "going to the first pose"
     graph.until(lambda: graph.node.done)
+    assert graph.node.waiting == ""
     assert (graph.node.done, graph.node.failed) == ("played 1.00 s of motion", False)
     decided = [m for m in graph.driver.modes if m.mode == ControlMode.REPLAY]
     source = decided[0].source
