@@ -75,7 +75,7 @@ Overrides = Annotated[
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help="Set a field of the scene; repeatable.",
+        help="Set a field of the scene, in SI or as 100kPa; repeatable.",
         autocompletion=some_fields,
     ),
 ]

@@ -5,6 +5,7 @@ import math
 import tomllib
 import types
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from importlib import resources
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from tripod_host.reading import read_file
 from tripod_sim.errors import LONGEST, SceneError, shown
 from tripod_sim.scene import OPTIONAL, Scene
+from tripod_sim.tables.fields import units_of, with_unit
 
 MAX_BYTES = 100_000
 """A scene file larger than this is refused unread."""
@@ -230,7 +232,7 @@ def _build(cls: Any, table: Any, path: str) -> Any:
     for f in fields(cls):
         where = f"{path}.{f.name}" if path else f.name
         if f.name in table:
-            values[f.name] = _convert(hints[f.name], table[f.name], where)
+            values[f.name] = _convert(hints[f.name], table[f.name], where, f.metadata.get("unit", ""))
         elif f.default is MISSING and f.default_factory is MISSING:
             raise SceneError(f"field {where} is missing")
     return cls(**values)
@@ -257,23 +259,26 @@ def field_names() -> list[str]:
     return found
 
 
-def _convert(kind: Any, value: Any, path: str) -> Any:
-    """Return `value` as the annotated type `kind`, or raise SceneError."""
+def _convert(kind: Any, value: Any, path: str, unit: str = "") -> Any:
+    """Return `value` as the annotated type `kind`, or raise SceneError; numbers are in `unit`, or say theirs."""
     origin, arguments = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        return _convert(next(a for a in arguments if a is not type(None)), value, path)
+        return _convert(next(a for a in arguments if a is not type(None)), value, path, unit)
     if is_dataclass(kind):
         return _build(kind, value, path)
     if origin is tuple:
         if not isinstance(value, list | tuple):
             raise SceneError(f"{path} is {shown(value)}; it must be a list")
         if arguments[-1] is Ellipsis:
-            return tuple(_convert(arguments[0], v, f"{path}.{i}") for i, v in enumerate(value))
+            return tuple(_convert(arguments[0], v, f"{path}.{i}", unit) for i, v in enumerate(value))
         if len(value) != len(arguments):
             raise SceneError(f"{path} has {len(value)} values; it needs {len(arguments)}")
         return tuple(
-            _convert(a, v, f"{path}.{i}") for i, (a, v) in enumerate(zip(arguments, value, strict=True))
+            _convert(a, v, f"{path}.{i}", unit) for i, (a, v) in enumerate(zip(arguments, value, strict=True))
         )
+    if kind is float and unit and isinstance(value, str):
+        with suppress(ValueError):
+            value = with_unit(value, unit)
     number_given = isinstance(value, int | float) and not isinstance(value, bool)
     if number_given and isinstance(value, int) and not -(2**63) <= value < 2**63:
         raise SceneError(f"{path} is a whole number of more than 64 bits")
@@ -284,7 +289,8 @@ def _convert(kind: Any, value: Any, path: str) -> Any:
     if path == "dt":
         raise SceneError(f"dt is {shown(value)}; it must be a number of seconds, or auto")
     words = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
-    raise SceneError(f"{path} is {shown(value)}; it must be {words[kind]}")
+    units = f" in {unit}, or with its unit: {', '.join(units_of(unit))}" if kind is float and unit else ""
+    raise SceneError(f"{path} is {shown(value)}; it must be {words[kind]}{units}")
 
 
 def words_of(values: Mapping[str, str | float | int | bool]) -> list[str]:

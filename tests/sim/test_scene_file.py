@@ -1,6 +1,7 @@
 """Scenes as text: what is read back equals what was written, and whatever else is written is refused in one line."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import threading
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import pytest
 from hypothesis import given, settings
@@ -210,8 +211,32 @@ def test_the_last_override_of_a_field_counts() -> None:
 
 
 @pytest.mark.parametrize(
+    ("word", "value"),
+    [
+        ('material.young="100 kPa"', 1e5),
+        ("material.young=0.1MPa", 1e5),
+        ("material.young=1e5 Pa", 1e5),
+        ("material.density=1.07 g/cm3", 1070.0),
+        ("servos.axis_radius=60mm", 0.06),
+        ("servos.angle_max=30deg", math.pi / 6),
+        ("dt=2ms", 0.002),
+        ('gravity.acceleration=["0 m/s2", 0, "-9810 mm/s²"]', (0.0, 0.0, -9.81)),
+    ],
+)
+def test_a_number_may_say_its_unit(word: str, value: object) -> None:
+    scene: Any = load_scene("tripod", [word])
+    for name in word.partition("=")[0].split("."):
+        scene = getattr(scene, name)
+    assert scene == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
     ("scene", "words", "message"),
     [
+        ("tripod", "material.young=100 bar", "it must be a number in Pa, or with its unit: Pa, kPa, MPa, GPa"),
+        ("tripod", "material.young=-1kPa", "material.young is -1000.0; it must be above 0 Pa"),
+        ("tripod", "material.young=nan kPa", "material.young is nan; it must be above 0 Pa"),
+        ("tripod", "material.poisson='0.3'", "material.poisson is '0.3'; it must be a number"),
         ("tripod", "material.young=0", "material.young is 0.0; it must be above 0 Pa"),
         ("tripod", "material.young=nan", "material.young is nan; it must be above 0 Pa"),
         ("tripod", "material.young=inf", "material.young is inf; it must be above 0 Pa"),

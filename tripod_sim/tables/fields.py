@@ -130,11 +130,24 @@ OTHER_UNITS = {
 """What a number may have been meant in: the unit, its sign, its size, and from where on."""
 
 
+TYPED = str.maketrans("²³⁴", "234")
+"""How powers are typed."""
+
+
+def units_of(unit: str) -> dict[str, float]:
+    """Return the units in which a number of the SI unit `unit` may be given, and their sizes, that one first."""
+    others = [(sign, size) for _, sign, size, _ in [OTHER_UNITS[unit]]] if unit in OTHER_UNITS else []
+    return {unit: 1.0, **dict(others), **dict(LIKELY_UNITS.get(unit, ()))}
+
+
 def with_unit(text: str, unit: str) -> float:
-    """Return the number of a text in SI: `-1.5` or `-85deg`, `0.035` or `35mm`. Raises ValueError."""
-    _, sign, size, _ = OTHER_UNITS[unit]
+    """Return the number of a text in SI: `-1.5` or `-85deg`, `0.035` or `35mm`, `100 kPa`. Raises ValueError."""
     bare = text.strip()
-    return float(bare.removesuffix(sign)) * size if bare.endswith(sign) else float(bare)
+    for sign, size in sorted(units_of(unit).items(), key=lambda one: -len(one[0])):
+        for written in (sign, sign.translate(TYPED)):
+            if bare.endswith(written):
+                return float(bare.removesuffix(written)) * size
+    return float(bare)
 
 
 def other_unit(value: float, unit: str, fits: Callable[[float], bool]) -> str:
