@@ -119,9 +119,12 @@ def summary_rows(
         ("real-time factor, median", _median(measured.real_time_factor.median, 1.0, "x", 2)),
         ("step time, median", _median(measured.step_time_median.median, 1e3, " ms", 2)),
         ("step time, p99 (median of seconds)", _median(measured.step_time_p99.median, 1e3, " ms", 2)),
-        ("tracking error after 1 s, rms", _tracking(tracking)),
-        ("tracking error after 1 s, largest", _millimetres(tracking.largest if tracking.count else None)),
-        ("IK residual, rms", _millimetres(residual.rms)),
+        ("simulated effector off the moving target, rms", _tracking(tracking)),
+        (
+            "simulated effector off the moving target, largest",
+            _millimetres(tracking.largest if tracking.count else None),
+        ),
+        ("IK's answer, at rest, off the target, rms", _millimetres(residual.rms)),
         ("IK states", ", ".join(f"{k.lower()} {n}" for k, n in measured.ik_states.items()) or NOT_MEASURED),
         ("packets sent", _packets(measured)),
         ("body states received", str(measured.body_states)),
@@ -165,7 +168,9 @@ def _tracking(spread: Spread) -> str:
     if spread.rms is None:
         return NOT_MEASURED
     verdict = "below" if spread.rms < ERROR_WANTED else "NOT below"
-    return f"{_millimetres(spread.rms)} ({verdict} {ERROR_WANTED * 1e3:g} mm; {spread.count} samples)"
+    return (
+        f"{_millimetres(spread.rms)} ({verdict} {ERROR_WANTED * 1e3:g} mm; {spread.count} samples after 1 s)"
+    )
 
 
 def _packets(measured: Measurements) -> str:

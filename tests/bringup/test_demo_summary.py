@@ -47,9 +47,12 @@ def test_every_figure_is_told_with_its_unit() -> None:
     assert rows["real-time factor, median"] == "1.00x"
     assert rows["step time, median"] == "0.60 ms"
     assert rows["step time, p99 (median of seconds)"] == "3.00 ms"
-    assert rows["tracking error after 1 s, rms"] == "0.354 mm (below 0.5 mm; 2 samples)"
-    assert rows["tracking error after 1 s, largest"] == "0.400 mm"
-    assert rows["IK residual, rms"] == "0.010 mm"
+    assert (
+        rows["simulated effector off the moving target, rms"]
+        == "0.354 mm (below 0.5 mm; 2 samples after 1 s)"
+    )
+    assert rows["simulated effector off the moving target, largest"] == "0.400 mm"
+    assert rows["IK's answer, at rest, off the target, rms"] == "0.010 mm"
     assert rows["IK states"] == "tracking 50"
     assert rows["packets sent"] == "300 on mock"
     assert rows["recording"] == "recordings/one (2.5 MB, 1234 messages)"
@@ -61,7 +64,10 @@ def test_every_figure_is_told_with_its_unit() -> None:
 def test_an_error_above_what_is_wanted_is_named_so() -> None:
     measured = full()
     measured.tracking.add(2e-3)
-    assert "NOT below 0.5 mm" in dict(summary_rows(measured, None, ""))["tracking error after 1 s, rms"]
+    assert (
+        "NOT below 0.5 mm"
+        in dict(summary_rows(measured, None, ""))["simulated effector off the moving target, rms"]
+    )
 
 
 def test_what_was_not_measured_is_no_number() -> None:
