@@ -17,6 +17,12 @@ from tripod_sim.scene import Scene
 MOST_BYTES = 100_000_000
 """Of a CSV file."""
 
+EXAMPLE = (
+    "it has a row for each pose below a header, servo_0_deg,servo_1_deg,servo_2_deg,slide_mm,effector.x_mm and so on: "
+    "examples/poses.csv is one"
+)
+"""What to say of a file that is not there."""
+
 LARGEST = 1e3
 """Of a place [m] or rotation [rad] of a robot."""
 
@@ -102,7 +108,8 @@ def _table(path: Path) -> tuple[list[str], list[int], FloatArray]:
     try:
         text = read_file(path, MOST_BYTES).decode("utf-8-sig")
     except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
+        hint = f"; {EXAMPLE}" if isinstance(error, FileNotFoundError) else ""
+        raise DataError(f"{path} cannot be read: {error.strerror or error}{hint}") from None
     except UnicodeDecodeError:
         raise DataError(f"{path} is not UTF-8 text") from None
     lines = [

@@ -108,3 +108,21 @@ def test_the_controller_lets_the_servos_wave_until_it_is_stopped(domain: int) ->
     finally:
         controller.kill()
         graph.close()
+
+
+def test_the_measured_poses_are_off_by_what_their_first_line_says() -> None:
+    from tripod_identify.measured import read_csv
+    from tripod_identify.model import Told, plainly, predict
+    from tripod_identify.observe import sources_of
+    from tripod_sim import load_scene
+
+    scene = load_scene("tripod")
+    told = plainly(scene)
+    data = read_csv(EXAMPLES / "poses.csv", scene, sources_of(scene, ()), {})
+    first = (EXAMPLES / "poses.csv").read_text(encoding="utf-8").splitlines()[0]
+    zero = np.array([float(number) for number in re.findall(r"-?\d\.\d\d(?=[, ])", first)])
+    turned = Told(scene, zero, told.gain, told.sensor)
+    plain, known = (np.sqrt(np.mean((predict(t, data, ()) - data.values) ** 2)) for t in (told, turned))
+    assert zero.tolist() == [0.03, -0.02, 0.05]
+    assert known == pytest.approx(2e-4, rel=0.3)
+    assert plain > 2.5 * known

@@ -120,3 +120,12 @@ def test_rows_with_times_can_be_poses(tmp_path: Path) -> None:
 def test_a_wrong_point_is_one_line(text: str) -> None:
     with pytest.raises(DataError, match="is not of the form NAME=SET:X,Y,Z"):
         parse_point(text)
+
+
+def test_of_a_file_that_is_not_there_an_example_is_named(tmp_path: Path) -> None:
+    with pytest.raises(
+        DataError, match=r"No such file or directory; it has a row for each pose below"
+    ) as found:
+        read_csv(tmp_path / "poses.csv", tripod(), ("effector",), {})
+    named = str(found.value).rpartition(": ")[2].removesuffix(" is one")
+    assert (Path(__file__).parents[2] / named).is_file()
