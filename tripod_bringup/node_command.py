@@ -109,6 +109,23 @@ def parse_values(words: Sequence[str], table: Sequence["Parameter"], node: str) 
     return values
 
 
+def check_values(name: str, values: Mapping[str, object]) -> None:
+    """Raise ValueError where the node `name` would refuse `values`, as `parse_values` gives them, beside its defaults.
+
+    Raises:
+        ImportError: it, or ROS, is not installed.
+    """
+    settings = importlib.import_module(f"tripod_{name}.settings")
+    known = {p.name: p for p in parameter_table(name)}
+    given = {
+        key: known[key].taken(read(value) if isinstance(value, RawYaml) else value)
+        for key, value in values.items()
+        if key in known
+    }
+    if check := getattr(settings, "check", None):
+        check({p.name: p.default for p in known.values()} | given)
+
+
 def unknown_name(what: str, name: str, known: Sequence[str]) -> str:
     """Return the message for a name that does not exist: with what is meant, perhaps, and what does exist."""
     close = difflib.get_close_matches(name, known, n=1)

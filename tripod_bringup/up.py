@@ -127,6 +127,12 @@ def up(options: UpOptions, screen: Screen) -> int:
         return BAD_ARGUMENTS
 
 
+def driver_values(port: str, servos: int | None) -> dict[str, object]:
+    """Return the driver's parameters for its port and the scene's number of servos, None: it has none."""
+    other = servos not in (None, len(names.SERVOS))  # nodes take the Tripod's unless told
+    return {"port": port, **({"servos": servos} if other else {})}
+
+
 def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[ProcessSpec]]:
     """Return what to start, in order: the recorder sees all, the driver moves last."""
     place = [] if options.namespace == "/" else [f"__ns:={options.namespace}"]
@@ -139,7 +145,7 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
         arguments = [*place, *node_arguments(given), *(["--subnet"] if options.subnet else [])]
         return ProcessSpec(name, f"tripod_{name}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
 
-    other = options.servos not in (None, len(names.SERVOS))  # nodes take the Tripod's unless told
+    other = "servos" in driver_values(options.port, options.servos)
     record = spec(  # which gives up a disk that stands still by itself; the end of a long file takes long
         "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=120.0
     )
@@ -149,8 +155,12 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
     )
     view_values = {} if options.view_port is None else {"port": options.view_port}
     view = spec("view", view_values, ready=lambda: bool(facts.page))
-    driver_values = {"port": options.port, **({"servos": options.servos} if other else {})}
-    driver = spec("driver", driver_values, ready=lambda: watch.heard(names.ROBOT_STATUS), stop_time=10.0)
+    driver = spec(
+        "driver",
+        driver_values(options.port, options.servos),
+        ready=lambda: watch.heard(names.ROBOT_STATUS),
+        stop_time=10.0,
+    )
     return [
         [record] if options.record is not None else [],
         [sim, ik, *([view] if options.view else [])],

@@ -2,13 +2,15 @@
 
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tripod_bringup.accuracy_option import chosen, wished
 from tripod_bringup.node_command import (
     UnknownParameterError,
+    check_values,
     missing_import,
     parameter_table,
     parse_values,
@@ -17,7 +19,7 @@ from tripod_bringup.node_command import (
 from tripod_bringup.node_values import RawYaml, split_word
 from tripod_bringup.screen import Screen
 from tripod_bringup.script import joint_path
-from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, up
+from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, driver_values, up
 from tripod_graph.loopback import keep_local
 from tripod_graph.namespace import full_namespace
 
@@ -59,6 +61,12 @@ def up_command(
         if sentence := settle(scene, values, wished(accuracy, budget), study):
             print(sentence, file=sys.stderr)
         servos = servos_of(scene, words_of_set(values))
+        for node, given in {
+            **values,
+            "driver": {**driver_values(port, servos), **values.get("driver", {})},
+        }.items():
+            with naming(node):
+                check_values(node, given)
         script = joint_path(scene, words_of_set(values), servo, slide)
         if script and demo:
             raise ValueError("--demo moves the robot itself; leave out --servo")
@@ -121,9 +129,16 @@ def node_values(words: Sequence[str]) -> dict[str, dict[str, object]]:
 
 def _values_of(node: str, words: Sequence[str]) -> dict[str, object]:
     """Return the parameters of one node; raise ValueError, which names it."""
-    try:
+    with naming(node):
         return parse_values(words, parameter_table(node), node)
-    except UnknownParameterError:
+
+
+@contextmanager
+def naming(node: str) -> Iterator[None]:
+    """Let what is wrong with the parameters of a node name it."""
+    try:
+        yield
+    except UnknownParameterError:  # which does
         raise
     except ValueError as error:
         raise ValueError(f"{node}: {error}") from None

@@ -14,8 +14,11 @@ from tripod_driver.link import Link
 from tripod_driver.memory import Memory, state_folder
 from tripod_driver.ports.choose import CHOICES, choose_port
 from tripod_driver.ports.mock import MockPort
+from tripod_driver.ports.port import Port
 from tripod_driver.protocol import SERVO_COUNT, AngleMapping
 from tripod_driver.safety import Safety
+from tripod_driver.session import Session
+from tripod_graph.command import CommandLimits
 from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
 from tripod_graph.parameters import Parameter
 
@@ -82,8 +85,29 @@ PARAMETERS: tuple[Parameter, ...] = (
 )
 
 
+def check(values: Mapping[str, Any]) -> None:
+    """Raise ValueError, naming the parameter, where the values do not fit together; nothing is opened or written."""
+    _parts(values)
+
+
 def make_driver(values: Mapping[str, Any]) -> Driver:
     """Build the driver that the parameters describe; raise ValueError, naming the parameter, if they are wrong."""
+    sessions, port, limits = _parts(values)
+    start, memory = values["start"], Memory(state_folder(os.environ))
+    if isinstance(port, MockPort):  # of which is known where it stands
+        memory.turn_to(port.identity)
+        memory.keep(sessions[0].content(start or limits.park[:-1]))
+    return Driver(
+        Link(port, *sessions, retry_min=values["retry_min"], retry_max=values["retry_max"]),
+        Safety(limits, *common_bounds(sessions), start=start or None),
+        keep_alive=values["keep_alive"],
+        period=1.0 / values["rate"],
+        memory=memory,
+    )
+
+
+def _parts(values: Mapping[str, Any]) -> tuple[list[Session], Port, CommandLimits]:
+    """Return what speaks to the board, its port, still closed, and the limits of commands; raise ValueError."""
     start, count = values["start"], values["servos"]
     if start and len(start) != count:
         raise ValueError(f"parameter 'start' has {len(start)} values; it needs {count}")
@@ -108,17 +132,7 @@ def make_driver(values: Mapping[str, Any]) -> Driver:
         write_timeout=values["write_timeout"],
         servos=count,
     )
-    limits, memory = limits_from(values, count), Memory(state_folder(os.environ))
-    if isinstance(port, MockPort):  # of which is known where it stands
-        memory.turn_to(port.identity)
-        memory.keep(sessions[0].content(start or limits.park[:-1]))
-    return Driver(
-        Link(port, *sessions, retry_min=values["retry_min"], retry_max=values["retry_max"]),
-        Safety(limits, *common_bounds(sessions), start=start or None),
-        keep_alive=values["keep_alive"],
-        period=1.0 / values["rate"],
-        memory=memory,
-    )
+    return sessions, port, limits_from(values, count)
 
 
 def chosen_calibration(values: Mapping[str, Any]) -> Calibration:

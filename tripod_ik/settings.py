@@ -9,6 +9,7 @@ from tripod_graph.command import CommandLimits
 from tripod_graph.parameters import Parameter
 from tripod_ik.errors import IkError
 from tripod_ik.feedback import ModelError
+from tripod_ik.target import TargetBox
 from tripod_ik.tracker_settings import Goal, TrackerSettings
 
 if TYPE_CHECKING:
@@ -161,6 +162,16 @@ PARAMETERS: tuple[Parameter, ...] = (
         dynamic=True,
     ),
 )
+
+
+def check(values: Mapping[str, Any]) -> None:
+    """Raise ValueError where the values do not fit together, or name no scene or file."""
+    from tripod_sim.scene_file import load_scene  # noqa: PLC0415 - the node has loaded it
+
+    command_limits(tracker_settings(values), servos=1)
+    TargetBox(values["target_low"], values["target_high"])
+    load_observer(values)
+    expected(values, load_scene(values["scene"]))
 
 
 def tracker_settings(values: Mapping[str, Any]) -> TrackerSettings:

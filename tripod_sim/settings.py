@@ -1,6 +1,10 @@
 """Parameters of the node."""
 
-from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tripod_graph.limits import JOINT_STATES_PARAMETER, LIMIT_PARAMETERS, limits_from
 from tripod_graph.parameters import Parameter
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -47,3 +51,16 @@ PARAMETERS: tuple[Parameter, ...] = (
     *LIMIT_PARAMETERS,
     JOINT_STATES_PARAMETER,
 )
+
+
+def check(values: Mapping[str, Any]) -> None:
+    """Raise ValueError where the values do not fit together, or name no accuracy or study; the scene is not read."""
+    limits_from(values)
+    if values["accuracy"]:
+        from tripod_sim.accuracy.choice import asked  # noqa: PLC0415 - only where it is asked for
+
+        asked(values["accuracy"])
+    if values["study"]:
+        from tripod_sim.accuracy.stored import read_study  # noqa: PLC0415
+
+        read_study(Path(values["study"]))

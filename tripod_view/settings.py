@@ -62,6 +62,11 @@ class Settings:
     target: TargetHandle
 
 
+def check(values: Mapping[str, Any]) -> None:
+    """Raise ParameterError where the values do not fit together."""
+    checked_settings(values)
+
+
 def checked_settings(values: Mapping[str, Any]) -> Settings:
     """Return what the parameters `values` describe; raise ParameterError if they do not fit together."""
     try:

@@ -261,6 +261,7 @@ def test_bag_info_of_nothing_says_so(tmp_path: Path) -> None:
 @pytest.fixture
 def options(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Keep what `tripod up` would do instead of doing it."""
+    pytest.importorskip("rclpy")
     kept: list[Any] = []
 
     def up(given: Any, _screen: Any) -> int:
@@ -311,6 +312,15 @@ def test_a_demo_without_a_terminal_records_and_ends_by_itself(options: list[Any]
         (["drvier.rate:=1"], "did you mean 'driver'"),
         (["driver.angle_mx:=3"], "did you mean 'angle_max'"),
         (["record.max_size:=5"], "record does not run; add --record DIR"),
+        (["--port", "com1"], "driver: port 'com1' is none of: mock, pty, auto"),
+        (["driver.calibration:=gone.yaml"], "driver: calibration gone.yaml: No such file"),
+        (["cross", "driver.start:=[0, 0, 0]"], "driver: parameter 'start' has 3 values; it needs 4"),
+        (["ik.weights:=[1]"], "ik: parameter 'weights' has 1 values; it needs 3: x, y, z"),
+        (["ik.scene:=gone"], "ik: scene 'gone' is unknown"),
+        (["ik.posterior:=gone"], "ik: parameter 'posterior': gone cannot be read"),
+        (["sim.accuracy:=much"], "sim: --accuracy is 'much'"),
+        (["sim.study:=gone"], "sim: study 'gone' cannot be read"),
+        (["view.target_low:=[1, 0, 0]"], "view: parameter target"),
         (["--view-port", "70000"], "--view-port"),
         (["--namespace", "9left"], "namespace '9left' is no name; allowed: parts of letters"),
     ],
@@ -322,6 +332,16 @@ def test_up_refuses_bad_arguments_before_it_does_anything(
     assert result.exit_code == 2
     assert message in result.stderr
     assert options == []
+
+
+def test_looking_at_the_driver_writes_nothing(
+    options: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it keeps of a board is left alone: a port may be another's."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert tripod("up", "driver.start:=[0, 0, 0]").exit_code == 12
+    assert len(options) == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def command(*words: str) -> list[str]:
