@@ -288,6 +288,7 @@ def sim(
 ) -> None:
     """Run the simulator as a ROS node."""
     from tripod_bringup.accuracy_option import wished  # noqa: PLC0415
+    from tripod_bringup.compiling import compiling_told  # noqa: PLC0415
     from tripod_bringup.up_command import sim_companion, sim_words  # noqa: PLC0415
 
     try:
@@ -296,7 +297,8 @@ def sim(
     except ValueError as error:
         print(f"tripod sim: {error}", file=sys.stderr)
         raise typer.Exit(2) from None
-    raise typer.Exit(run_node_command("sim", words, subnet=subnet, ros=context.obj, beside=beside))
+    with compiling_told("tripod sim"):
+        raise typer.Exit(run_node_command("sim", words, subnet=subnet, ros=context.obj, beside=beside))
 
 
 @app.command(epilog=examples("tripod urdf > tripod.urdf", "tripod urdf maze --set maze.source=holes"))

@@ -151,7 +151,7 @@ def numbers(option: str, text: str, count: int, unit: str) -> list[float]:
         IkError: they are not that many finite numbers; names the option.
     """
     from tripod_ik.errors import IkError  # noqa: PLC0415
-    from tripod_sim.tables.fields import with_unit  # noqa: PLC0415
+    from tripod_sim.tables.fields import units_of, with_unit  # noqa: PLC0415
 
     words = text.replace(",", " ").split()
     try:
@@ -160,7 +160,8 @@ def numbers(option: str, text: str, count: int, unit: str) -> list[float]:
         values = []
     if len(words) != count or len(values) != count or not all(map(math.isfinite, values)):
         raise IkError(
-            f"{option} is {text!r}; it must be {count} finite numbers, such as {' '.join(['0.01'] * count)!r}"
+            f"{option} is {text!r}; it must be {count} finite numbers in {unit}, or with their unit "
+            f"({', '.join(units_of(unit))}), such as {' '.join(['0.01'] * count)!r}"
         )
     return values
 

@@ -1,6 +1,7 @@
 """What is told while the loops of a scene are compiled."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,26 @@ def test_the_first_run_of_all_says_that_it_compiles_and_the_next_does_not(tmp_pa
         ["tripod run: compiling the loops of this scene for this machine, once; up to a minute"],
         [],
     ]
+
+
+@pytest.mark.ros
+def test_a_simulator_that_is_started_alone_says_so_too(tmp_path: Path, domain: int) -> None:
+    pytest.importorskip("tripod_msgs")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tripod_bringup", "sim", "pendulum"],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "ROS_DOMAIN_ID": str(domain)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stderr
+        first = process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=300)
+    finally:
+        process.kill()
+        process.wait()
+    assert first == "tripod sim: compiling the loops of this scene for this machine, once; up to a minute\n"
 
 
 def test_each_loop_is_told_beside_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
