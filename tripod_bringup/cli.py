@@ -54,7 +54,7 @@ UP_HELP = (
     "A second Ctrl-C kills.\n\n"
     "Exit codes: 0 stopped as asked; 1 this process itself failed; 2 bad arguments; 3 another `tripod up` "
     "runs on this ROS domain in the same namespace; 10 sim, 11 ik, 12 driver, 13 view, 14 record ended by itself "
-    "or could not stop in order (12 too: in all of --duration no robot answered); "
+    "or could not stop in order (12 too: no robot answered in all of --duration or the demo); "
     "20 the demo's chain did not run; 130 killed by a second Ctrl-C."
 )
 

@@ -135,9 +135,17 @@ def summary_rows(
 
 def problems(measured: Measurements, recording: RecordingFacts | None) -> list[str]:
     """Return what shows that the chain did not run, empty if it ran."""
+    found = [measured.session_failure] if measured.session_failure else []
+    if not found or measured.real_time_factor.count:  # else it broke off before anything was measured
+        found += _missing(measured)
+    if recording is not None and not recording.messages:
+        found.append(recording.problem or "nothing was recorded")
+    return found
+
+
+def _missing(measured: Measurements) -> list[str]:
+    """Return which parts of the chain told nothing."""
     found = []
-    if measured.session_failure:
-        found.append(measured.session_failure)
     if not measured.real_time_factor.count:
         found.append("no status of the simulation")
     if not measured.body_states:
@@ -148,8 +156,6 @@ def problems(measured: Measurements, recording: RecordingFacts | None) -> list[s
         found.append("inverse kinematics solved nothing")
     if not measured.packets or measured.packets == measured.packets_before:
         found.append("no packets to the servos")
-    if recording is not None and not recording.messages:
-        found.append(recording.problem or "nothing was recorded")
     return found
 
 

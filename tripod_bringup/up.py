@@ -2,8 +2,8 @@
 
 Exit codes: 0 stopped as asked; 1 this process itself failed; 2 bad arguments, or nothing could start;
 3 another `tripod up` on the domain, in the same namespace; 10 sim, 11 ik, 12 driver, 13 view, 14 record
-ended by itself, did not come up or could not stop in order (12 too: in all of --duration no robot answered; 14 too: the
-recording is not whole, or not where it began);
+ended by itself, did not come up or could not stop in order (12 too: no robot answered in all of --duration, or in a
+demo that has played; 14 too: the recording is not whole, or not where it began);
 20 the demo ran but not the whole chain did; 130 killed by a second Ctrl-C.
 """
 
@@ -277,7 +277,7 @@ class _Until:
     Attributes:
         duration: How long it shall run [s], None until told.
         graph: The nodes of this process.
-        over: Whether the time was up.
+        over: Whether the time was up, or the demo had played.
     """
 
     duration: float | None
@@ -294,7 +294,8 @@ class _Until:
             player.wanted = True
         if demo := self.graph.demo:
             demo.go()
-            return "the demo is over" if demo.session.finished else ""
+            self.over = demo.session.finished
+            return "the demo is over" if self.over else ""
         self.over = self.duration is not None and time.monotonic() - self._since >= self.duration
         return f"{self.duration:g} s are over" if self.over else ""
 

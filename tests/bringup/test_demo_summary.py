@@ -96,6 +96,13 @@ def test_each_missing_part_of_the_chain_is_a_problem(change: dict[str, object], 
     assert problems(measured, RECORDING) == [expected]
 
 
+def test_of_a_session_that_broke_off_before_anything_was_measured_only_that_is_told() -> None:
+    measured = Measurements(session_failure="stopped while waiting for the chain")
+    assert problems(measured, RECORDING) == ["stopped while waiting for the chain"]
+    torn = RecordingFacts(Path("x"), 10, None, "torn")
+    assert problems(measured, torn) == ["stopped while waiting for the chain", "torn"]
+
+
 def test_an_empty_or_torn_recording_is_a_problem() -> None:
     assert problems(full(), RecordingFacts(Path("x"), 10, 0)) == ["nothing was recorded"]
     assert problems(full(), RecordingFacts(Path("x"), 10, None, "torn")) == ["torn"]

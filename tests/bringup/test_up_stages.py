@@ -121,7 +121,9 @@ def test_a_demo_begins_when_all_is_up_and_ends_when_it_is_over() -> None:
     demo = fake_demo(finished=False)
     assert _Until(0.0, graph(demo))() == "", "the duration is that of the targets"
     assert demo.calls == ["go"]
-    assert _Until(None, graph(fake_demo(finished=True)))() == "the demo is over"
+    until = _Until(None, graph(fake_demo(finished=True)))
+    assert until() == "the demo is over"
+    assert until.over, "then it has failed, too, where no robot has answered"
 
 
 def test_a_failure_in_a_node_of_this_process_ends_all() -> None:
