@@ -42,6 +42,9 @@ PATIENCE = 10.0
 DEAF = 1.0
 """A motion ends when the robot has not followed it for so long [s]: it was told to stop, or is gone."""
 
+SOON = 1.0
+"""Time within which a driver that runs is heard [s]."""
+
 NO_DRIVER = "start `tripod up` or `tripod driver`"
 """What to do where no driver is heard."""
 
@@ -132,7 +135,10 @@ class ReplayNode(Node):
         """What the motion waits for, empty once it plays."""
         if self._transport:
             return ""
-        return "going to the first pose" if self._ramp else f"waiting for a driver: {NO_DRIVER}"
+        if self._ramp:
+            return "going to the first pose"
+        late = time.monotonic() - self._since > SOON
+        return f"waiting for a driver: {NO_DRIVER}" if late else "looking for a driver"
 
     @property
     def place(self) -> float:

@@ -95,13 +95,16 @@ def test_to_the_robot_it_says_that_it_waits_for_a_driver_and_ends_with_130_befor
     )
     try:
         assert process.stderr
-        said = process.stderr.readline()
+        said = process.stderr.readline() + process.stderr.readline()
         process.send_signal(signal.SIGINT)
         out, rest = process.communicate(timeout=60)
     finally:
         process.kill()
         process.wait()
-    assert said == "tripod bag play: waiting for a driver: start `tripod up` or `tripod driver`\n"
+    assert said.splitlines() == [
+        "tripod bag play: looking for a driver",
+        "tripod bag play: waiting for a driver: start `tripod up` or `tripod driver`",
+    ]
     assert (out, rest, process.returncode) == ("", "", 130)
 
 

@@ -123,7 +123,7 @@ def motion(first: float = -0.3, size: float = 0.2) -> JointPath:
 def test_it_takes_the_mode_goes_slowly_to_the_first_pose_and_plays_to_the_end(make) -> None:
     path = motion()
     graph = make(path, start=2.0)
-    assert graph.node.waiting == "waiting for a driver: start `tripod up` or `tripod driver`"
+    assert graph.node.waiting == "looking for a driver"
     graph.until(lambda: graph.driver.asked)
     assert graph.node.waiting == "going to the first pose"
     graph.until(lambda: graph.node.done)
@@ -197,6 +197,8 @@ def test_without_a_driver_it_says_so_and_nothing_moves(make, monkeypatch: pytest
     while not graph.node.done and time.monotonic() < end:
         graph.executor.spin_once(timeout_sec=0.01)
     assert graph.node.done.startswith("no driver is heard in this graph")
+    monkeypatch.setattr(replay_node, "SOON", 0.0)
+    assert graph.node.waiting == "waiting for a driver: start `tripod up` or `tripod driver`"
     assert not graph.driver.asked
 
 
