@@ -145,14 +145,11 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
         arguments = [*place, *node_arguments(given), *(["--subnet"] if options.subnet else [])]
         return ProcessSpec(name, f"tripod_{name}.node", arguments, EXIT_CODES[name], **more)  # type: ignore[arg-type]
 
-    other = "servos" in driver_values(options.port, options.servos)
     record = spec(  # which gives up a disk that stands still by itself; the end of a long file takes long
         "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=120.0
     )
     sim = spec("sim", {"scene": options.scene}, ready=lambda: watch.heard(names.SIM_STATUS))
-    ik = spec(
-        "ik", {"scene": options.scene} if other else {}, ready=lambda: watch.is_published(names.IK_STATUS)
-    )
+    ik = spec("ik", {"scene": options.scene}, ready=lambda: watch.is_published(names.IK_STATUS))
     view_values = {} if options.view_port is None else {"port": options.view_port}
     view = spec("view", view_values, ready=lambda: bool(facts.page))
     driver = spec(

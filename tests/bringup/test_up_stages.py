@@ -64,7 +64,7 @@ def test_options_reach_their_nodes_and_explicit_values_win() -> None:
     assert arguments == {
         "record": ['directory:="a b"', "--subnet"],
         "sim": ['scene:="silicone"', "--subnet"],
-        "ik": ["--subnet"],
+        "ik": ['scene:="2024"', "--subnet"],
         "view": ["port:=9000", "--subnet"],
         "driver": ['port:="pty"', "rate:=25", "--subnet"],
     }
