@@ -8,6 +8,7 @@ from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.integrators.substeps import Substeps
 from tripod_sim.state import State
+from tripod_sim.system_kernels import same
 
 
 class QuasiStatic(Substeps):
@@ -30,6 +31,7 @@ class QuasiStatic(Substeps):
         self._max_turn, self._reach = max_turn, reach
         self._loads_help = True
         self._load = LoadSteps(newton.system, newton.tolerance)
+        self._unstable: bool | None = None  # the equilibrium where the last part ended; None: there is none
 
     def _largest_part(self, move: FloatArray) -> float:
         s = len(self.newton.system.groups.driven)
@@ -46,6 +48,9 @@ class QuasiStatic(Substeps):
         return super().step(state, joints, dt)
 
     def _part(self, state: State, joints: FloatArray, h: float) -> NewtonReport:
+        if report := self._unchanged(state, joints):
+            return report
+        self._unstable = None
         load = self._load.carry(state) if self._loads_help else NewtonReport()
         self._loads_help &= load.halvings <= LoadSteps.HALVINGS  # else a shorter part begins at the same load
         report = self.newton.solve(state, joints)
@@ -54,7 +59,17 @@ class QuasiStatic(Substeps):
         report.increments, report.halvings = load.increments, load.halvings
         self._loads_help = True
         report.unstable = self._watch and self.newton.indefinite and not self._is_stable(state)
+        self._unstable = report.unstable
         return report
+
+    def _unchanged(self, state: State, joints: FloatArray) -> NewtonReport | None:
+        """Return the report of a part that ends where the last one did, without a tangent; None where it may not."""
+        system = self.newton.system
+        if self._unstable is None or not same(joints, state.joints) or not system.knows(state):
+            return None
+        system.evaluate(state)
+        size = system.unbalanced()
+        return NewtonReport(residual=size, unstable=self._unstable) if size <= self.newton.tolerance else None
 
     def _is_stable(self, state: State) -> bool:
         """Return whether the tangent is positive definite at `state`, as it is."""
