@@ -98,6 +98,8 @@ def run_scene(
             if files := [path for path in (out, *written) if path and path.exists()]:
                 result["written"] = [{"file": str(path), "bytes": path.stat().st_size} for path in files]
             return _tell(result, as_json=as_json, quiet=quiet)
+    except BrokenPipeError:  # of standard output, which is no file of `written`
+        raise
     except (SceneError, PictureError, OSError) as error:  # the last: a file to write
         return _complain(error, BAD_ARGUMENTS)
 

@@ -35,11 +35,17 @@ def program(name: str) -> Iterator[None]:
     for variable in SINGLE:
         os.environ.setdefault(variable, "1")
     check_directory(name)
+    output, written = sys.stdout, os.fstat(1)
     try:
         try:
             yield
         finally:
             sys.stdout.flush()
+    except SystemExit:
+        if sys.stdout is not output or not os.path.samestat(written, os.fstat(1)):
+            # Click has put another stream in its place, or Rich /dev/null, and told by a code of its own
+            sys.exit(BROKEN_PIPE)
+        raise
     except OSError as error:
         _give_up_output()
         if error.errno == errno.EPIPE:

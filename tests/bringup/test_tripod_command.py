@@ -366,6 +366,23 @@ def test_help_imports_neither_ros_nor_numpy() -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.parametrize(
+    ("words", "code"), [(["--help"], 141), (["parameters", "driver"], 141), (["scenes", "nosuch"], 2)]
+)
+def test_a_reader_that_left_is_told_by_one_exit_code_whatever_library_notices(
+    words: list[str], code: int
+) -> None:
+    """Rich prints the help and Click the parameters; what is wrong with the words is still told."""
+    reader, output = os.pipe()
+    os.close(reader)
+    with open(output, "wb") as stdout:
+        done = subprocess.run(
+            command(*words), env=environment(), stdout=stdout, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == code
+    assert (done.stderr == "") == (code == 141)
+
+
 def test_the_version_is_that_of_the_distribution() -> None:
     done = subprocess.run(command("--version"), env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout.startswith("tripod ")
