@@ -375,7 +375,7 @@ def test_a_reader_that_left_is_told_by_one_exit_code_whatever_library_notices(
     """Rich prints the help and Click the parameters; what is wrong with the words is still told."""
     reader, output = os.pipe()
     os.close(reader)
-    with open(output, "wb") as stdout:
+    with os.fdopen(output, "wb") as stdout:
         done = subprocess.run(
             command(*words), env=environment(), stdout=stdout, stderr=subprocess.PIPE, text=True, check=False
         )
