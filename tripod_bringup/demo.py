@@ -18,7 +18,7 @@ from tripod_msgs.msg import BodyState, IkStatus, RobotStatus, SimStatus
 from tripod_bringup.demo_session import Action, DemoSession, Heard, Phase, SessionTimes
 from tripod_bringup.demo_summary import Measurements
 from tripod_bringup.demo_target import DemoTarget
-from tripod_bringup.watch import IK_STATES
+from tripod_bringup.watch import IK_STATES, SOLVED
 from tripod_graph import names
 from tripod_graph.control_mode import Speaker, clocks, listen
 from tripod_graph.executor import Patient
@@ -143,9 +143,7 @@ class DemoNode(Node):
             return
         state = IK_STATES.get(message.state, str(message.state))
         self.measured.ik_states[state] = self.measured.ik_states.get(state, 0) + 1
-        solved = message.state in (IkStatus.TRACKING, IkStatus.CLOSEST)
-        if solved and seconds(message.header.stamp) - self._stamp_start > SETTLED_AFTER:
-            self.measured.ik_residual.add(message.residual)
+        self.measured.ik_solved += message.state in SOLVED
 
     def _on_robot_status(self, message: Any) -> None:
         self.measured.packets, self.measured.port = int(message.packets_sent), message.port

@@ -71,7 +71,7 @@ class Measurements:
         step_time_p99: The same [s].
         tracking: Distance of the simulated effector from the target of the same moment [m], after the first
             second.
-        ik_residual: Distance that each command should leave [m], after the first second.
+        ik_solved: How often inverse kinematics had an answer.
         ik_states: How often inverse kinematics was in which state.
         body_states: Messages of node positions.
         packets: Packets that the driver sent since it started; None if it never said.
@@ -84,7 +84,7 @@ class Measurements:
     step_time_median: Sample = field(default_factory=Sample)
     step_time_p99: Sample = field(default_factory=Sample)
     tracking: Spread = field(default_factory=Spread)
-    ik_residual: Spread = field(default_factory=Spread)
+    ik_solved: int = 0
     ik_states: dict[str, int] = field(default_factory=dict)
     body_states: int = 0
     packets: int | None = None
@@ -114,7 +114,7 @@ def summary_rows(
     measured: Measurements, recording: RecordingFacts | None, page: str
 ) -> list[tuple[str, str]]:
     """Return the rows of the closing table: what, and the figure or why there is none."""
-    tracking, residual = measured.tracking, measured.ik_residual
+    tracking = measured.tracking
     return [
         ("real-time factor, median", _median(measured.real_time_factor.median, 1.0, "x", 2)),
         ("step time, median", _median(measured.step_time_median.median, 1e3, " ms", 2)),
@@ -124,7 +124,6 @@ def summary_rows(
             "simulated effector off the moving target, largest",
             _millimetres(tracking.largest if tracking.count else None),
         ),
-        ("IK's answer, at rest, off the target, rms", _millimetres(residual.rms)),
         ("IK states", ", ".join(f"{k.lower()} {n}" for k, n in measured.ik_states.items()) or NOT_MEASURED),
         ("packets sent", _packets(measured)),
         ("body states received", str(measured.body_states)),
@@ -152,7 +151,7 @@ def _missing(measured: Measurements) -> list[str]:
         found.append("no body states")
     if not measured.tracking.count:
         found.append("the effector was not measured against the target")
-    if not measured.ik_residual.count:
+    if not measured.ik_solved:
         found.append("inverse kinematics solved nothing")
     if not measured.packets or measured.packets == measured.packets_before:
         found.append("no packets to the servos")

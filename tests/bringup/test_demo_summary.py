@@ -31,6 +31,7 @@ def full() -> Measurements:
         step_time_median=sample(0.5e-3, 0.7e-3, 0.6e-3),
         step_time_p99=sample(2e-3, 3e-3, 10e-3),
         ik_states={"TRACKING": 50},
+        ik_solved=50,
         body_states=60,
         packets=300,
         packets_before=100,
@@ -38,7 +39,6 @@ def full() -> Measurements:
     )
     for error in (3e-4, 4e-4):
         measured.tracking.add(error)
-    measured.ik_residual.add(1e-5)
     return measured
 
 
@@ -52,7 +52,6 @@ def test_every_figure_is_told_with_its_unit() -> None:
         == "0.354 mm (below 0.5 mm; 2 samples after 1 s)"
     )
     assert rows["simulated effector off the moving target, largest"] == "0.400 mm"
-    assert rows["IK's answer, at rest, off the target, rms"] == "0.010 mm"
     assert rows["IK states"] == "tracking 50"
     assert rows["packets sent"] == "300 on mock"
     assert rows["recording"] == "recordings/one (2.5 MB, 1234 messages)"
@@ -83,7 +82,7 @@ def test_what_was_not_measured_is_no_number() -> None:
         ({"real_time_factor": Sample()}, "no status of the simulation"),
         ({"body_states": 0}, "no body states"),
         ({"tracking": Spread()}, "the effector was not measured against the target"),
-        ({"ik_residual": Spread()}, "inverse kinematics solved nothing"),
+        ({"ik_solved": 0}, "inverse kinematics solved nothing"),
         ({"packets": None}, "no packets to the servos"),
         ({"packets": 100}, "no packets to the servos"),
         ({"session_failure": "stopped while waiting"}, "stopped while waiting"),
