@@ -6,7 +6,7 @@ of the forward map without noticing. So the poses are found by a flood over a gr
 each pose from a neighbour along the equilibria (`StaticModel.follow`): where the flood comes to, the driven robot does.
 They are found in an order of their own, those whose effector is near home first, and who asks is told of those up to
 a distance: so what is answered depends on nothing that was asked before. Of poses that are images of each other
-(`StaticModel.symmetries`) one is gone to.
+(`StaticModel.symmetries`) one is gone to, and a firm one that is known is not gone to again where it is foretold.
 """
 
 import heapq
