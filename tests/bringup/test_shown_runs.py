@@ -17,7 +17,7 @@ from tripod_bringup.cli import app
 from tripod_sim import Simulation, load_scene, scene_names
 from tripod_sim.recording import Recording
 from tripod_sim.scene_short import effector_of, joints_of
-from tripod_view.player.of_run import film_of
+from tripod_view.player.of_run import SILICONE, film_of
 
 SHORT = ["run", "pendulum", "--duration", "0.1"]
 QUIET = {**os.environ, "OMP_NUM_THREADS": "1"}
@@ -27,8 +27,11 @@ def tripod(*words: str) -> Result:
     return CliRunner().invoke(app, list(words))
 
 
-@pytest.mark.parametrize("name", scene_names())
-def test_each_shipped_scene_is_shown_with_all_that_is_in_it(name: str) -> None:
+EXAMPLES = [str(path) for path in sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))]
+
+
+@pytest.mark.parametrize("name", [*scene_names(), *EXAMPLES])
+def test_each_scene_that_comes_along_is_shown_with_all_that_is_in_it(name: str) -> None:
     scene = load_scene(name)
     coarse = (
         ["springs.nodes=5"]
@@ -43,7 +46,7 @@ def test_each_shipped_scene_is_shown_with_all_that_is_in_it(name: str) -> None:
         simulation.step()
         recording.add(simulation)
     film = film_of(recording.arrays())
-    assert film.title == name
+    assert film.title == scene.name
     assert len(film.bodies) == bool(scene.mesh or scene.springs) + len(scene.body) + len(scene.rigid)
     assert all(len(body.triangles) for body in film.bodies)
     names = [piece.name for piece in film.pieces]
@@ -52,6 +55,8 @@ def test_each_shipped_scene_is_shown_with_all_that_is_in_it(name: str) -> None:
     assert names.count("ball") == 2 * bool(scene.ball)
     assert ("obstacles" in names) == bool(scene.obstacles)
     assert ("effector" in names) == bool(effector_of(scene) and not scene.maze)
+    solids = bool(scene.mesh) + sum(body.springs is None for body in scene.body)
+    assert [body.colour for body in film.bodies].count(SILICONE) == solids
     assert ("servo torques" in [c.title for c in film.curves]) == bool(joints_of(scene))
 
 

@@ -15,7 +15,7 @@ from tripod_host.arrays import FloatArray
 from tripod_view.arm import ArmGeometry, Stand
 from tripod_view.player.film import Curve, Deforming, Event, Film, FilmError, Piece, Rgb
 from tripod_view.player.robot import effector_piece, robot_pieces
-from tripod_view.player.shapes import ball, disc
+from tripod_view.player.shapes import Shape, ball, box, disc
 
 Arrays = Mapping[str, Any]
 
@@ -28,6 +28,9 @@ OBSTACLE, MAZE, GOAL, BALL, BELT = (
     (205, 45, 45),
     (250, 240, 225),
 )
+
+DISC_HEIGHT = 0.006
+"""Of an effector's disc [m]."""
 
 RATE = 50.0
 """Most pictures a second."""
@@ -93,7 +96,7 @@ def _bodies(arrays: Arrays, shown: FloatArray, scene: Mapping[str, Any]) -> list
     """Return soft and rigid bodies, each with the triangles that have corners of it."""
     soft = [("silicone", SILICONE)] if "mesh" in scene else []
     soft += [("springs", CLOTH)] if "springs" in scene else []
-    soft += [(str(b["name"]), SILICONE if "mesh" in b else CLOTH) for b in scene.get("body", [])]
+    soft += [(str(b["name"]), CLOTH if "springs" in b else SILICONE) for b in scene.get("body", [])]
     rigid = max(1, len(soft))  # none is told as a soft body of 0 nodes
     triangles, found = np.asarray(arrays["triangles"]), []
     first = np.cumsum([0, *np.asarray(arrays["bodies"]).tolist()])
@@ -121,7 +124,7 @@ def _pieces(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) 
             vertices, triangles = disc(size, 0.0004)
             found.append(Piece("goal", triangles, vertices + np.array([x, y, z]), GOAL, poses))
     elif poses is not None:
-        found.append(effector_piece(_disc_radius(scene), 0.006, poses))
+        found.append(effector_piece(_effector_shape(scene), poses))
     if "ball" in arrays:
         for (vertices, triangles), colour in zip(ball(scene["ball"]["radius"]), (BALL, BELT), strict=True):
             found.append(Piece("ball", triangles, vertices, colour, arrays["ball"][steps]))
@@ -137,10 +140,10 @@ def _stand(row: FloatArray) -> Stand:
     return Stand(tuple(numbers[:3]), tuple(numbers[3:7]), tuple(numbers[7:10]), *numbers[10:])
 
 
-def _disc_radius(scene: Mapping[str, Any]) -> float:
-    """Return the radius of the scene's effector: its own, or of the first body that has one [m]."""
-    tables = [part["effector"] for part in (scene, *scene.get("body", [])) if "effector" in part]
-    return float(tables[0]["radius"])
+def _effector_shape(scene: Mapping[str, Any]) -> Shape:
+    """Return what the scene's effector looks like: its first disc, or where there is none, its first platform's box."""
+    discs = [part["effector"] for part in (scene, *scene.get("body", [])) if "effector" in part]
+    return disc(discs[0]["radius"], DISC_HEIGHT) if discs else box(scene["platform"][0]["size"])
 
 
 def _curves(arrays: Arrays, steps: NDArray[np.int64], scene: Mapping[str, Any]) -> list[Curve]:

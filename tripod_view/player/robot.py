@@ -9,7 +9,7 @@ from tripod_host.arrays import FloatArray
 from tripod_host.rotations import quaternion_product, vector_quaternion
 from tripod_view.arm import ArmGeometry, Stand, clamp_corners
 from tripod_view.player.film import Piece, Rgb
-from tripod_view.player.shapes import box, disc, joined
+from tripod_view.player.shapes import Shape, box, joined
 from tripod_view.pose import Pose
 
 SERVO_COLOURS: tuple[Rgb, ...] = (
@@ -47,14 +47,12 @@ def robot_pieces(
     return tuple(pieces)
 
 
-def effector_piece(radius: float, height: float, poses: FloatArray) -> Piece:
-    """Return the disc of the effector at `poses`, shape (k, 7)."""
-    return _piece("effector", disc(radius, height), EFFECTOR, poses)
+def effector_piece(shape: Shape, poses: FloatArray) -> Piece:
+    """Return the effector, of any shape, at `poses`, shape (k, 7)."""
+    return _piece("effector", shape, EFFECTOR, poses)
 
 
-def _piece(
-    name: str, shape: tuple[FloatArray, NDArray[np.int64]], colour: Rgb, poses: FloatArray | None
-) -> Piece:
+def _piece(name: str, shape: Shape, colour: Rgb, poses: FloatArray | None) -> Piece:
     return Piece(name, shape[1], shape[0], colour, poses)
 
 
