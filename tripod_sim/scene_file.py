@@ -147,7 +147,10 @@ def _parse(text: str) -> dict[str, Any]:
 
 
 def override(table: dict[str, Any], word: str) -> None:
-    """Apply one `dotted.path=value` to a parsed scene, in place; `path=off` removes an effect. Raises SceneError."""
+    """Apply one `dotted.path=value` to a parsed scene, in place. Raises SceneError.
+
+    `path=off` removes an effect; the number after the last entry of a list adds one.
+    """
     path, equals, text = (part.strip() for part in word.partition("="))
     keys = path.split(".")
     if not equals or not all(keys) or len(path) > LONGEST_PATH:
@@ -158,6 +161,8 @@ def override(table: dict[str, Any], word: str) -> None:
     last = keys[-1]
     if text == "off" and not _is_word(keys, text):
         _remove(node, last, keys)
+    elif isinstance(node, list) and last == str(len(node)):
+        node.append(value_of(text))
     elif isinstance(node, list):
         node[_index(node, last, path)] = value_of(text)
     elif isinstance(node, dict):

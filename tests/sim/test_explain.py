@@ -281,6 +281,27 @@ def test_a_fixed_box_holds_one_end_of_the_body() -> None:
     assert 3 <= len(held) < len(simulation.mesh.nodes) / 2
 
 
+@pytest.mark.parametrize(
+    ("effect", "source", "words"),
+    [
+        (
+            "prescribed",
+            "silicone",
+            ['set=[{name="end", low=[0.04, -1, -1]}]', 'load=[{set="end", mass=0.001}]'],
+        ),
+        ("prescribed", "silicone", ["fixed.0.low=[-1, -1, -1]", "fixed.0.high=[-0.02, 1, 1]"]),
+        ("prescribed", "finger", []),
+        ("fixed", "two_cloths", ['rigid=[{shape="ball", position=[-1, 0, 2]}]']),
+    ],
+)
+def test_what_holds_nodes_is_added_to_what_the_scene_has(effect: str, source: str, words: list[str]) -> None:
+    coarse = TRIPOD if source == "silicone" else []
+    before = Simulation(load_scene(source, [*coarse, *words]))
+    after = Simulation(load_scene(source, [*coarse, *words, *switched_on(effect, before)]))
+    assert len(after.fixed) > len(before.fixed)
+    assert after.scene.set[: len(before.scene.set)] == before.scene.set
+
+
 def test_bad_input_is_named() -> None:
     with pytest.raises(SceneError, match="--at is -1 s; it must be 0 to"):
         explain(SHARP, TRIPOD, at=-1.0)

@@ -313,6 +313,13 @@ def test_one_entry_of_a_list_goes_with_off() -> None:
     assert load_scene("tripod", [boxes, "fixed.0=off"]).fixed == (Fixed(low=(2, 2, 2), high=(3, 3, 3)),)
 
 
+def test_the_number_after_the_last_entry_of_a_list_adds_one() -> None:
+    box = "{low=[2, 2, 2], high=[3, 3, 3]}"
+    scene = load_scene("silicone", [f"fixed.1={box}"])
+    assert scene.fixed == (*load_scene("silicone").fixed, Fixed(low=(2, 2, 2), high=(3, 3, 3)))
+    assert "fixed.2: there is no entry '2'" in refusal("silicone", f"fixed.2={box}")
+
+
 def test_an_effect_that_is_not_there_can_be_off() -> None:
     assert load_scene("tripod", ["fixed=off"]) == load_scene("tripod")
 

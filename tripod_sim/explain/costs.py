@@ -7,6 +7,8 @@ from time import thread_time
 
 import numpy as np
 
+from tripod_host.arrays import FloatArray
+from tripod_sim.constraints.groups import Kind
 from tripod_sim.effects import meaning, words
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.explain.sampling import Sampler, advance, estimate
@@ -27,8 +29,11 @@ NEEDS = {
 }
 """What an effect without defaults needs."""
 
-HELD = 0.1
-"""Of the body's length along X that a fixed box holds where a scene has none."""
+SLABS = 10
+"""Into which the bodies are cut along each axis: a box holds, or moves, one of them where a scene has none."""
+
+MARGIN = 1e-6
+"""How far the slabs reach around the bodies [m]."""
 
 
 @dataclass(frozen=True)
@@ -101,12 +106,22 @@ def switched_on(effect: str, simulation: Simulation) -> tuple[str, ...]:
     """Return the overrides that switch `effect` on with defaults in the scene of `simulation`."""
     if effect not in ("fixed", "prescribed"):
         return words(effect)
-    nodes = np.array(simulation.mesh.nodes)
-    low, high = nodes.min(axis=0), nodes.max(axis=0)
-    high[0] = low[0] + HELD * (high[0] - low[0])
-    corners = [", ".join(f"{v:.6g}" for v in corner) for corner in (low - 1e-6, high + 1e-6)]
-    box = f"low=[{corners[0]}], high=[{corners[1]}]"
+    low, high = ([round(v, 9) for v in corner.tolist()] for corner in _slab(simulation))
+    box = f"low={low}, high={high}"
     if effect == "fixed":
         return (f"fixed=[{{{box}}}]",)
+    table, sets = f'{{name="moved", {box}}}', len(simulation.scene.set)
     move = 'prescribed=[{set="moved", move="0: 0,0,0; 1: 0,0,1e-4"}]'
-    return (f'set=[{{name="moved", {box}}}]', move)
+    return (f"set.{sets}={table}" if sets else f"set=[{table}]", move)
+
+
+def _slab(simulation: Simulation) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of a slab of the soft bodies [m]: of those with nodes the first one where fewest are held."""
+    groups = simulation._system.groups
+    nodes = simulation.mesh.nodes[: len(simulation.mesh.nodes) - sum(simulation.rigid_counts)]
+    held = (groups.held().any(axis=1) | (groups.kinds()[0] == Kind.RIGID))[: len(nodes)]
+    low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN
+    depths = np.diag((high - low) / SLABS)
+    slabs = [(low + k * d, np.where(d, low + (k + 1) * d, high)) for d in depths for k in range(SLABS)]
+    inside = [((nodes >= slab[0]) & (nodes <= slab[1])).all(axis=1) for slab in slabs]
+    return slabs[min(range(len(slabs)), key=lambda i: (not inside[i].any(), np.sum(held & inside[i])))]
