@@ -236,3 +236,34 @@ def test_an_unstable_start_is_told(push: float, firm: bool, said: bool) -> None:
 def test_a_run_of_bodies_tells_how_near_a_snap_is() -> None:
     result = run(str(EMIO), duration=0.01)
     assert result["figures"]["stability"]["firmness"][0] == pytest.approx(0.2, abs=0.05)
+
+
+def test_what_is_held_beside_a_platform_leaves_elements_between_them() -> None:
+    scene = scene_from_toml("""
+name = "post"
+[[body]]
+name = "post"
+[body.mesh]
+source = "block"
+corners = [[0, 0, 0], [0.01, 0, 0], [0.01, 0.01, 0], [0, 0.01, 0],
+           [0, 0, 0.04], [0.01, 0, 0.04], [0.01, 0.01, 0.04], [0, 0.01, 0.04]]
+cells = [1, 1, 5]
+[body.material]
+[[set]]
+name = "top"
+low = [0, 0, 0.04]
+[[fixed]]
+low = [0, 0, 0.0159]
+high = [1, 1, 0.0321]
+[[platform]]
+position = [0.005, 0.005, 0.04]
+[[platform.hold]]
+set = "top"
+point = [0.005, 0.005, 0.04]
+to = [0, 0, 0]
+[gravity]
+""")
+    simulation = Simulation(scene)
+    simulation.step()
+    sunk = 0.04 - simulation.effector.position[2]
+    assert 0 < sunk < 1e-4

@@ -198,7 +198,9 @@ class Bending:
         """Return the state of rest of `system` near `held`, in which its platforms are held. Raises SceneError."""
         groups = system.groups
         state = system.undeformed(np.zeros(len(groups.driven) + 1 + bool(groups.prescribed)))
-        state.positions[:], state.modes[:] = held.positions, held.modes
+        state.positions[:] = held.positions
+        tolerance = self._solver.tolerance**2
+        system.elastic.settle_modes(state.positions, state.modes, tolerance)  # `held` may have fewer
         others = [b for b in range(len(groups.rigid)) if b not in groups.places]
         state.centres[others], state.rotations[others] = held.centres, held.rotations
         try:
