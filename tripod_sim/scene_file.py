@@ -110,11 +110,10 @@ def _choose_steps(table: dict[str, Any], interval: Any, *, keep_scheme: bool) ->
 
 
 def _located(name: str, folder: Path | None) -> str:
-    """Return the path of a file that a scene names: beside the scene; of shipped scenes, if not there, as it is."""
-    if folder:
-        return str(folder / name)
-    shipped = Path(str(resources.files("tripod_sim"))) / "scenes" / name
-    return str(shipped) if "\0" not in name and shipped.is_file() else name
+    """Return the path of a file that a scene names: beside the scene, else of those that come along, else as it is."""
+    beside = str(folder / name) if folder else name
+    shipped = {f.name: str(f) for f in (resources.files("tripod_sim") / "scenes").iterdir()}
+    return shipped[name] if name in shipped and not (folder and Path(beside).exists()) else beside
 
 
 def _read(source: str | Path) -> tuple[str, Path | None]:

@@ -26,7 +26,7 @@ from tripod_sim.effects.initial_velocity import InitialVelocity
 from tripod_sim.effects.load import Load
 from tripod_sim.effects.prescribed import Prescribed
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import MAX_BYTES, scene_to_toml
+from tripod_sim.scene_file import MAX_BYTES, scene_text, scene_to_toml
 from tripod_sim.tables.bodies import Material, Mesh
 from tripod_sim.tables.fields import unusual
 from tripod_sim.tables.method import Solver
@@ -311,6 +311,20 @@ def test_an_effect_goes_with_off_and_returns_as_it_was(effect: str) -> None:
 def test_one_entry_of_a_list_goes_with_off() -> None:
     boxes = "fixed=[{low=[0,0,0], high=[1,1,1]}, {low=[2,2,2], high=[3,3,3]}]"
     assert load_scene("tripod", [boxes, "fixed.0=off"]).fixed == (Fixed(low=(2, 2, 2), high=(3, 3, 3)),)
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_a_shipped_scene_that_is_written_elsewhere_finds_its_files(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "my.toml"
+    path.write_text(scene_text(name))
+    assert load_scene(path) == load_scene(name)
+
+
+def test_a_file_beside_the_scene_goes_before_one_that_comes_along(tmp_path: Path) -> None:
+    path, own = tmp_path / "my.toml", tmp_path / "plate.obj"
+    path.write_text(scene_text("incline"))
+    own.write_text("")
+    assert load_scene(path).obstacles[0].source == str(own)
 
 
 def test_the_number_after_the_last_entry_of_a_list_adds_one() -> None:
