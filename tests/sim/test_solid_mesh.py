@@ -387,6 +387,15 @@ def test_a_file_in_the_wrong_unit_is_refused_by_what_it_misses(tmp_path: Path) -
         build(load_scene(scene))
 
 
+def test_a_disc_of_too_few_nodes_is_refused_with_the_radius_that_holds_enough() -> None:
+    block = 'mesh={source="block", corners=%s, cells=[2, 2, 1]}' % (
+        [[x, y, z] for z in (-0.01, 0.01) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    )
+    message = r"effector.radius is 0.0075 m: it holds 2 of the nodes, and a disc needs 3; so many are within 1 m of Z"
+    with pytest.raises(SceneError, match=message):
+        build(load_scene("silicone_free", [block, "effector={}"]))
+
+
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [

@@ -6,9 +6,12 @@ from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.errors import SceneError
 from tripod_sim.tables.robot import Effector
 
+FEWEST = 3
+"""Nodes of a disc: fewer do not say how it is turned."""
+
 
 def effector_disc(nodes: FloatArray, effector: Effector, field: str = "effector") -> IndexArray:
-    """Return the nodes within the effector's radius of the Z axis. Raises SceneError if there are none.
+    """Return the nodes within the effector's radius of the Z axis. Raises SceneError if there are fewer than three.
 
     Args:
         nodes: Undeformed positions in the frame of the body [m], shape (n, 3).
@@ -20,5 +23,10 @@ def effector_disc(nodes: FloatArray, effector: Effector, field: str = "effector"
     if not held.size:
         raise SceneError(
             f"{field}.radius is {effector.radius} m: it holds no node; the nearest is {radius.min():.4g} m from Z"
+        )
+    if held.size < FEWEST:
+        raise SceneError(
+            f"{field}.radius is {effector.radius} m: it holds {held.size} of the nodes, and a disc needs {FEWEST}; so "
+            f"many are within {np.sort(radius)[FEWEST - 1]:.4g} m of Z"
         )
     return held
