@@ -298,3 +298,11 @@ def test_errors_are_told_of_mesh_and_steps_where_the_scene_asks_for_them() -> No
     lost = MeshErrorReport((np.nan,) * 3, 0.1)
     assert np.isnan(effector_error(StepReport(mesh_error=lost, time_error=steps)))
     assert "the richer mesh has no equilibrium here" in errors_line(StepReport(mesh_error=lost))
+
+
+@pytest.mark.parametrize(
+    ("noise", "text"), [(1.7e-4, "under 170 us"), (2e-3, "under 2 ms"), (4.96e-6, "under 4.96 us")]
+)
+def test_noise_is_told_in_the_units_of_costs(noise: float, text: str) -> None:
+    figure = EffectFigure("maze", on=False, meaning="", cost=0.0, noise=noise)
+    assert effect_lines([figure])[1] == ("would add", f"maze {text}")

@@ -95,6 +95,8 @@ def _microseconds(figure: EffectFigure) -> str:
     if figure.cost is None:
         return ""
     cost = abs(figure.cost)
-    if figure.on or cost > figure.noise:
-        return f"{1e3 * cost:.3g} ms" if cost >= 1e-3 else f"{1e6 * cost:.3g} us"
-    return f"under {1e6 * figure.noise:.2g} us"
+    told = figure.on or cost > figure.noise
+    seconds = cost if told else figure.noise
+    return ("" if told else "under ") + (
+        f"{1e3 * seconds:.3g} ms" if seconds >= 1e-3 else f"{1e6 * seconds:.3g} us"
+    )
