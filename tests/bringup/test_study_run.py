@@ -432,7 +432,7 @@ def test_a_reader_that_leaves_is_not_blamed_on_the_folder(tmp_path: Path) -> Non
     assert child.stdout and child.stderr
     child.stdout.close()
     said = child.stderr.read()
-    assert child.wait(timeout=30) == 1
+    assert child.wait(timeout=30) == 141
     assert said == ""
     assert (tmp_path / "toy.json").exists()
 

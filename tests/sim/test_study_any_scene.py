@@ -171,7 +171,9 @@ def test_where_nothing_moves_there_are_no_errors_and_a_way_out_is_told(tmp_path:
 def test_a_motion_that_no_steps_can_tell_is_called_so() -> None:
     result = made(plan(Subject("stack", duration=0.1), quick=True))
     result["reference"] |= {"own_error": 0.43}  # type: ignore[operator]
-    assert "may err by 43 %, as where a motion is chaotic or leads nowhere: shorten it" in advice(result)[-1]
+    told = "of a motion that is chaotic or leads nowhere: shorten it"
+    assert f"may err by 43 %: leave out --quick for a closer one; or it is one {told}" in advice(result)[-1]
+    assert f"may err by 43 %, as one {told}" in advice({**result, "quick": False})[-1]
 
 
 def test_where_no_mesh_is_finer_the_errors_say_that_they_are_without_it(tmp_path: Path) -> None:

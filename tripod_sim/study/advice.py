@@ -24,8 +24,9 @@ def advice(result: Mapping[str, Any]) -> list[str]:
     sentences = [f"Cheapest {first}." if named else f"{first[:1].upper()}{first[1:]}."]
     own = (result.get("reference") or {}).get("own_error")
     if own and own > max(LEVELS.values()):
+        closer = ": leave out --quick for a closer one; or it is one" if result["quick"] else ", as one"
         sentences.append(
-            f"The reference itself may err by {100 * own:.2g} %, as where a motion is chaotic or leads nowhere: "
+            f"The reference itself may err by {100 * own:.2g} %{closer} of a motion that is chaotic or leads nowhere: "
             "shorten it (--duration), or name by [[marker]] what can be told."
         )
     if text := knob_that_pays(result):
