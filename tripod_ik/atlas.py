@@ -200,15 +200,8 @@ class Atlas:
         return self._add(cell, state, max(here.level, self.distance(state.equilibrium)))
 
     def _goes_on_to(self, here: LinearState, known: Sequence[int]) -> int | None:
-        """Return which of the poses known in a cell beside `here` need not be gone to, None for none or for several.
-
-        Both are firm, and it is half as far as equilibria are apart, at most, from where the Jacobians foretell it.
-        """
-        found = []
-        for number in known:
-            there = self.poses[number].state
-            if min(here.firmness, there.firmness) >= FIRM and foretold_miss(here, there) < SAME / 2:
-                found.append(number)
+        """Return which of the poses known in a cell beside `here` need not be gone to, None for none or for several."""
+        found = [n for n in known if _is_foretold(here, self.poses[n].state)]
         return found[0] if len(found) == 1 else None
 
     def near(
@@ -256,6 +249,11 @@ class Atlas:
             cells, neighbours = [p.cell for p in self.poses], [p.neighbours for p in self.poses]
             self._roads = len(self.poses), Roads([p.state for p in self.poses], cells, neighbours)
         return self._roads[1]
+
+
+def _is_foretold(here: LinearState, there: LinearState) -> bool:
+    """Return whether both are firm, and as the Jacobians foretell: off by less than half of what tells equilibria apart."""
+    return min(here.firmness, there.firmness) >= FIRM and foretold_miss(here, there) < SAME / 2
 
 
 def _is_same(state: LinearState, other: LinearState) -> bool:
