@@ -143,7 +143,8 @@ class DemoNode(Node):
             return
         state = IK_STATES.get(message.state, str(message.state))
         self.measured.ik_states[state] = self.measured.ik_states.get(state, 0) + 1
-        self.measured.ik_solved += message.state in SOLVED
+        late = seconds(message.header.stamp) - self._stamp_start > SETTLED_AFTER
+        self.measured.ik_solved += late and message.state in SOLVED
 
     def _on_robot_status(self, message: Any) -> None:
         self.measured.packets, self.measured.port = int(message.packets_sent), message.port

@@ -71,7 +71,7 @@ class Measurements:
         step_time_p99: The same [s].
         tracking: Distance of the simulated effector from the target of the same moment [m], after the first
             second.
-        ik_solved: How often inverse kinematics had an answer.
+        ik_solved: How often inverse kinematics had an answer after the first second.
         ik_states: How often inverse kinematics was in which state.
         body_states: Messages of node positions.
         packets: Packets that the driver sent since it started; None if it never said.

@@ -203,11 +203,13 @@ def test_the_demo_measures_while_it_tracks_after_the_first_second_and_not_once_c
     off.pose.position.y, off.pose.position.z = float(y), float(z)
     demo._on_effector(off)
     assert demo.measured.tracking.rms == pytest.approx(0.003)
-    solved = IkStatus(state=IkStatus.TRACKING)
+    solved = IkStatus(state=IkStatus.TRACKING, header=off.header)
+    demo._on_ik_status(IkStatus(state=IkStatus.TRACKING, header=pose(100.9, 0.0).header))
+    assert demo.measured.ik_solved == 0, "nor does an answer in the first second count"
     demo._on_ik_status(solved)
-    demo._on_ik_status(IkStatus(state=IkStatus.STALE))
+    demo._on_ik_status(IkStatus(state=IkStatus.STALE, header=off.header))
     assert demo.measured.ik_solved == 1, "a stale solution is none"
-    assert demo.measured.ik_states == {"TRACKING": 1, "STALE": 1}
+    assert demo.measured.ik_states == {"TRACKING": 2, "STALE": 1}
     demo.finish()
     demo._on_effector(pose(102.0, 1.0))
     demo._on_ik_status(solved)
