@@ -136,8 +136,8 @@ TYPED = str.maketrans("²³⁴", "234")
 
 def units_of(unit: str) -> dict[str, float]:
     """Return the units in which a number of the SI unit `unit` may be given, and their sizes, that one first."""
-    others = [(sign, size) for _, sign, size, _ in [OTHER_UNITS[unit]]] if unit in OTHER_UNITS else []
-    return {unit: 1.0, **dict(others), **dict(LIKELY_UNITS.get(unit, ()))}
+    _, sign, size, _ = OTHER_UNITS.get(unit, ("", unit, 1.0, math.inf))
+    return {unit: 1.0, sign: size, **dict(LIKELY_UNITS.get(unit, ()))}
 
 
 def with_unit(text: str, unit: str) -> float:
