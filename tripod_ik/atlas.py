@@ -252,7 +252,7 @@ class Atlas:
 
 
 def _is_foretold(here: LinearState, there: LinearState) -> bool:
-    """Return whether both are firm, and as the Jacobians foretell: off by less than half of what tells equilibria apart."""
+    """Return whether both are firm, and foretold by the Jacobians to half of what equilibria differ by."""
     return min(here.firmness, there.firmness) >= FIRM and foretold_miss(here, there) < SAME / 2
 
 
