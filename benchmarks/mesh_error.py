@@ -233,7 +233,7 @@ CASES = (Case("h20", 8, 100, 100, 25), Case("h20", 13, 30, 30, 0), Case("h8_mode
 """The default mesh, and those that `--accuracy` takes for less."""
 
 
-def cost(repeats: int = 7, steps: int = 400) -> list[str]:
+def cost(repeats: int = 5, steps: int = 1500) -> list[str]:
     """Return what the estimate makes of the CPU time of a step, at rest and in motion: the least of runs in turns."""
     off, on, each = (
         simulation(*CASES[0].mesh, *at(WORKING), *words) for words in ((), ("mesh_error={}",), (EVERY,))

@@ -35,10 +35,13 @@ def result_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if error := result.get("time_error"):
         rows.append(("time error", _time_error(error)))
     if error := result.get("mesh_error"):
-        from tripod_sim.figures.errors import error_words  # noqa: PLC0415 - not needed for the help
+        from tripod_sim.figures.errors import error_words, together  # noqa: PLC0415 - not needed for the help
 
-        step = (result.get("time_error") or {}).get("effector", math.nan)
-        told = f"effector {error_words(error['distance'], step)}; mesh at worst {1e3 * error['worst']:.2g} (estimated)"
+        steps = result.get("time_error") or {}
+        step = steps.get("effector", math.nan)
+        both = together(error["effector"], step, steps.get("vector"))
+        words = error_words(error["distance"], step, both)
+        told = f"effector {words}; mesh at worst {1e3 * error['worst']:.2g} (estimated)"
         rows.append(("error", told))
     work = f"{result['newton_iterations']} Newton iterations"
     if result.get("time_error") and (result["rejected"] or result["parts"] > result["steps"]):

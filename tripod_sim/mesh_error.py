@@ -15,7 +15,7 @@ keeps it rigid is among their r.
 Where both are linear that is the dual-weighted residual [BeckerRannacher2001] with the dual solution of the richer
 mesh, error = -z+ . R+(x), A+ z+ = H^T: a step with the kept tangent A+ costs the one back-substitution that the dual
 would, gives all three components, and what the linearisation misses is seen and corrected by the next. The forces are
-taken as known, so the error follows at once: that the errors themselves have inertia, and vibrate, is left out.
+taken as known, so the error follows at once; that it has inertia and vibrates, of a body that is alone, is in `swing`.
 """
 
 import time
@@ -25,17 +25,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_host.rotations import rotation_vector
 from tripod_sim.bodies.soft_build import assembled, sets_of
 from tripod_sim.build import build
+from tripod_sim.chord import ChordNewton, Rotations, TurningSolver
+from tripod_sim.effects.contact import contact_of
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.forces.loads import NodalLoads
 from tripod_sim.forces.support import Support
-from tripod_sim.integrators.newton import Newton, NewtonError
+from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.quasi_static import QuasiStatic
 from tripod_sim.integrators.report import MeshErrorReport
 from tripod_sim.linear.choice import linear_factory
@@ -47,6 +50,7 @@ from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.state import State
 from tripod_sim.steppers import reach_of
+from tripod_sim.swing import Swing
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 from tripod_sim.tables.sets import NodeSet
@@ -54,9 +58,6 @@ from tripod_sim.tables.sets import NodeSet
 if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.contact.world import World
 
-
-NEAR = 5e-7
-"""How far from its solution a coordinate of the richer mesh may be [m]: far below errors that matter."""
 
 STIFF = 100.0
 """Stiffness of what holds a point against an obstacle, over Young's modulus times the body's size."""
@@ -151,12 +152,14 @@ class MeshError:
         assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)
         self._outside = Outside(scene, mesh, parts, simulated)
         system = self._system = self._outside.supported(parts.system, scene)
-        self._newton = Newton(system, solver.tolerance, solver.max_iterations)
-        self._newton.near = NEAR
+        system.linear = self._turning = TurningSolver(system.linear, system.unknowns)
+        self._rotations = Rotations(mesh, system)
+        self._newton = ChordNewton(system, solver.tolerance, solver.max_iterations)
         self._careful = QuasiStatic(self._newton, solver.max_halvings, solver.max_turn, reach_of(scene))
         self._share = scene.mesh_error.share if scene.mesh_error else np.inf
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
         self._rest = mesh.nodes
+        self._swing = self._swinging(scene, parts)
         self._own: State | None = None
         self._dx, self._move = np.zeros_like(system.rest), np.zeros(system.unknowns)
         self._loads = NodalLoads(system.rest)
@@ -174,12 +177,31 @@ class MeshError:
         self._seen.centres[0], self._seen.rotations[0] = own.centres[0], own.rotations[0]
         self._trial = own.copy()
         self._newton.forget()
+        self._newton.amiss = None
         self._credit = 0.0
-        self.estimate(state)  # goes there; the next one is as those to come, also in what it takes
+        self._error_at_rest(state)  # goes there
+        self._error_at_rest(
+            state
+        )  # is factored there; the next one is as those to come, also in what it takes
         begin = time.thread_time()
-        self._last = self.estimate(state)
+        self._at_rest = self._error_at_rest(state)
         self._cost = time.thread_time() - begin
+        if self._swing:
+            self._swing.start(state, own)
+        self._last = self._report(state.time)
         return self._last
+
+    def _swinging(self, scene: Scene, richer: Parts) -> Swing | None:
+        """Return what lets the error swing; None where nothing moves, or what does is not the body alone."""
+        if not scene.inertia or contact_of(scene) or len(soft_bodies(scene)) > 1:
+            return None
+        (count, k), (own_plate, plate) = self._nodes.shape, self._outside.plates
+        rows = np.append(np.repeat(np.arange(count), k), plate)
+        weights = np.append(self._weights, np.ones(len(plate)))
+        shape = (len(richer.mass), len(self._outside.system.rest))
+        prolong = csr_matrix((weights, (rows, np.append(self._nodes, own_plate))), shape)
+        damping = (scene.damping.mass, scene.damping.stiffness) if scene.damping else (0.0, 0.0)
+        return Swing(self._outside, self._system, prolong, richer.mass, damping)
 
     def follow(self, state: State, begin: float) -> MeshErrorReport:
         """Take notice of a step to `state` that began at `begin` of the thread's clock [s].
@@ -190,16 +212,30 @@ class MeshError:
         end = time.thread_time()
         self._credit += self._share * (end - begin)
         due = self._credit >= self._cost
+        if self._swing:
+            self._swing.follow(state)
         if due:
-            self._last = self.estimate(state)
-        taken = time.thread_time() - end
-        self._credit -= taken
-        if due:
-            self._cost = taken
+            self._last = self.estimate(state, exactly=False)
+        elif self._swing:
+            self._last = self._report(self._last.time)
+        self._credit -= time.thread_time() - end
         return self._last
 
-    def estimate(self, state: State) -> MeshErrorReport:
-        """Return the error at `state`."""
+    def estimate(self, state: State, *, exactly: bool = True) -> MeshErrorReport:
+        """Return the error at `state`; if not `exactly`, as far as its size asks for."""
+        self._newton.amiss = None if exactly else state.centres[0]
+        self._at_rest = self._error_at_rest(state)
+        if self._swing:
+            self._swing.see()
+        return self._report(state.time)
+
+    def _report(self, at: float) -> MeshErrorReport:
+        """Return the last error at rest, of the time `at` [s], as it swings now."""
+        x, y, z = (self._at_rest + self._swing.beyond() if self._swing else self._at_rest).tolist()
+        return MeshErrorReport((x, y, z), at)
+
+    def _error_at_rest(self, state: State) -> FloatArray:
+        """Return the error at rest under the forces of `state` [m], shape (3,); NaN where there is no rest."""
         own = self._own
         assert own
         self._outside.load(state, own, self._loads.force)
@@ -207,10 +243,9 @@ class MeshError:
         try:
             self._settle(own, state)
         except StepError:
-            return MeshErrorReport((np.nan, np.nan, np.nan), state.time)
+            return np.full(3, np.nan)
         state.copy_to(self._seen)
-        x, y, z = (own.centres[0] - state.centres[0]).tolist()
-        return MeshErrorReport((x, y, z), state.time)
+        return own.centres[0] - state.centres[0]
 
     def _joints(self, state: State) -> FloatArray:
         """Return the joints of the first body, which has all servos, and perhaps not the motions of others."""
@@ -227,10 +262,12 @@ class MeshError:
         trial, joints = self._trial, self._joints(state)
         own.copy_to(trial)
         self._carry(own, state, trial)
+        self._turning.turn(self._rotations.at(state))
         try:
             self._newton.solve(trial, joints, keep=1.0 + self._outside.changes)
             trial.copy_to(own)
         except NewtonError:
+            self._newton.amiss = None
             self._careful.step(own, joints, 0.0)
 
     def _carry(self, own: State, state: State, out: State) -> None:
@@ -248,6 +285,8 @@ class Outside:
     """What acts on the first body from outside: forces on the nodes of the richer mesh, and obstacles that hold it.
 
     Attributes:
+        system: The body alone, on its own mesh.
+        plates: Nodes of a maze's plate there and on the richer mesh.
         changes: How often other points have been held.
     """
 
@@ -257,7 +296,7 @@ class Outside:
         assert body.mesh and body.material and isinstance(richer.mesh, SolidMesh)
         parts = build(alone(scene, body.mesh))
         assert isinstance(parts.system, System) and isinstance(richer.system, System)
-        system = self._system = parts.system
+        system = self.system = parts.system
         joints = len(system.groups.driven) + 1 + bool(system.groups.prescribed)
         self._count, self._state = len(mesh.nodes), system.start_state(np.zeros(joints))
         self._nodes, self._weights = interpolation(richer.mesh, mesh.nodes)
@@ -265,7 +304,10 @@ class Outside:
         self._disc, self._fine_disc = system.groups.rigid[0], richer.system.groups.rigid[0]
         none = np.zeros(0, dtype=np.int64)
         self._plate = simulated.plate.nodes if simulated.plate else none
-        self._own_plate = parts.plate.nodes if parts.plate else none
+        self.plates = (
+            parts.plate.nodes if parts.plate else none,
+            richer.plate.nodes if richer.plate else none,
+        )
         self._support: Support | None = None
         self._world: World | None = None
         self.changes = 0
@@ -351,24 +393,39 @@ class Outside:
                 self._normal[v] = normal
         return along, sticks
 
-    def load(self, state: State, fine: State, force: FloatArray) -> None:
-        """Write the forces at `state` [N] to `force`, shape (nodes of the richer mesh, 3); `fine`: its state."""
-        own, system, n = self._state, self._system, self._count
+    def placed(self, state: State) -> State:
+        """Return the body alone as it is in `state`, with its system evaluated there; the next call overwrites it."""
+        own, system, n = self._state, self.system, self._count
         if own.modes.size:
             own.modes[:] = state.modes[: len(own.modes)]
         own.centres[0], own.rotations[0] = state.centres[0], state.rotations[0]
         system.drive(own, state.joints[: len(own.joints)])
         own.positions[:n] = state.positions[:n]
-        own.positions[self._own_plate] = state.positions[self._plate]
+        own.positions[self.plates[0]] = state.positions[self._plate]
         system.evaluate(own)
-        lacks = system.gradient.copy()
-        lacks[self._held] = 0.0
+        return own
+
+    def load(self, state: State, fine: State, force: FloatArray) -> None:
+        """Write the forces at `state` [N] to `force`, shape (nodes of the richer mesh, 3); `fine`: its state."""
+        own = self.placed(state)
+        self.spread(self.system.gradient.copy(), own, fine, force)
+
+    def spread(self, given: FloatArray, own: State, fine: State, force: FloatArray) -> None:
+        """Write to `force` [N] what forces on nodes of the body's own mesh are on those of the richer one.
+
+        Args:
+            given: They [N], shape (nodes, 3); overwritten.
+            own: The body alone, as `placed`.
+            fine: Of the richer mesh.
+            force: Output, shape (nodes of the richer mesh, 3).
+        """
+        given[self._held] = 0.0
         x, disc = own.positions, self._disc
-        total = lacks[disc].sum(axis=0)
-        moment = np.cross(x[disc] - own.centres[0], lacks[disc]).sum(axis=0)
-        lacks[disc] = 0.0
+        total = given[disc].sum(axis=0)
+        moment = np.cross(x[disc] - own.centres[0], given[disc]).sum(axis=0)
+        given[disc] = 0.0
         force[:] = 0.0
-        np.add.at(force, self._nodes, self._weights[:, :, None] * lacks[:n, None])
+        np.add.at(force, self._nodes, self._weights[:, :, None] * given[: self._count, None])
         arms = fine.positions[self._fine_disc] - fine.centres[0]
         inertia = np.eye(3) * np.vdot(arms, arms) - arms.T @ arms
         force[self._fine_disc] += total / len(arms) + np.cross(np.linalg.solve(inertia, moment), arms)

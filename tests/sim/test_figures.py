@@ -292,6 +292,10 @@ def test_errors_are_told_of_mesh_and_steps_where_the_scene_asks_for_them() -> No
     assert errors_line(StepReport(mesh_error=mesh, time_error=steps)) == "0.12 mm: mesh 0.09, step 0.03"
     assert mesh_error(StepReport(mesh_error=mesh)) == effector_error(StepReport(mesh_error=mesh))
     assert effector_error(StepReport(mesh_error=mesh, time_error=steps)) == pytest.approx(1.2e-4)
+    against = replace(steps, vector=(0.0, -3e-5, 0.0))
+    both = StepReport(mesh_error=mesh, time_error=against)
+    assert effector_error(both) == pytest.approx(np.hypot(2.4e-5, 7.2e-5))
+    assert errors_line(both) == "0.076 mm: mesh 0.09, step 0.03"
     local = TimeErrorReport(np.nan, np.nan, -1, 1e-6)
     assert effector_error(StepReport(mesh_error=mesh, time_error=local)) == pytest.approx(9e-5)
     assert np.isnan([mesh_error(StepReport()), effector_error(StepReport(time_error=steps))]).all()

@@ -1,17 +1,34 @@
 """The estimated errors of a run in words: of the mesh and of the time steps, at the effector."""
 
 import math
+from collections.abc import Sequence
 
 from tripod_sim.integrators.report import StepReport
 
 
-def error_words(mesh: float, step: float = math.nan) -> str:
-    """Return lengths of the errors of mesh and time steps [m], NaN if not known, and their sum, which bounds both."""
+def together(mesh: Sequence[float], step: float, vector: Sequence[float] | None) -> float:
+    """Return the length of the errors of mesh and time steps together [m], NaN where that of the mesh is not known.
+
+    Both are signed, exact minus computed, and may cancel. Where only the length of the latter is known, their sum
+    bounds them; where not even that, it is the former alone.
+
+    Args:
+        mesh: Its error [m].
+        step: Length of that of the time steps [m], or NaN.
+        vector: That error [m], if known.
+    """
+    if vector is None:
+        return math.hypot(*mesh) + (0.0 if math.isnan(step) else step)
+    return math.hypot(*(m + v for m, v in zip(mesh, vector, strict=True)))
+
+
+def error_words(mesh: float, step: float = math.nan, both: float = math.nan) -> str:
+    """Return lengths of the errors of mesh and time steps, and of both together [m], NaN if not known, in words."""
     if math.isnan(mesh):
         return "of the mesh not known: the richer mesh has no equilibrium here"
     if math.isnan(step):
         return f"mesh {1e3 * mesh:.2g} mm"
-    return f"{1e3 * (mesh + step):.2g} mm: mesh {1e3 * mesh:.2g}, step {1e3 * step:.2g}"
+    return f"{1e3 * both:.2g} mm: mesh {1e3 * mesh:.2g}, step {1e3 * step:.2g}"
 
 
 def mesh_error(report: StepReport) -> float:
@@ -20,16 +37,18 @@ def mesh_error(report: StepReport) -> float:
 
 
 def effector_error(report: StepReport) -> float:
-    """Return what bounds the errors of mesh and time steps at the effector [m], as `error_words` has it; or NaN."""
-    step = _step_error(report)
-    return mesh_error(report) + (0.0 if math.isnan(step) else step)
+    """Return the error of mesh and time steps `together` at the effector [m], NaN where nobody asks, or not known."""
+    if not report.mesh_error:
+        return math.nan
+    vector = report.time_error.vector if report.time_error else None
+    return together(report.mesh_error.effector, _step_error(report), vector)
 
 
 def errors_line(report: StepReport) -> str:
     """Return what a step reports of its errors; empty where the scene does not ask for that of the mesh."""
     if not report.mesh_error:
         return ""
-    return error_words(report.mesh_error.distance, _step_error(report))
+    return error_words(report.mesh_error.distance, _step_error(report), effector_error(report))
 
 
 def _step_error(report: StepReport) -> float:

@@ -23,6 +23,7 @@ that comes of it, a change of e_v by -h² / 2 j, waits for the second. Nodes tha
 error.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -54,6 +55,7 @@ class TimeErrorReport:
             length, which does not need it.
         ball: How far the ball in a maze would be from where it is [m] were its gravity larger by the accuracy asked
             for; NaN without either. Much more than the accuracy times its way: a wall decides where it is.
+        vector: What the effector's centre lacks to where it would be [m]; None where only its length is known.
     """
 
     effector: float
@@ -61,6 +63,7 @@ class TimeErrorReport:
     node: int
     added: float
     ball: float = np.nan
+    vector: tuple[float, float, float] | None = None
 
 
 @dataclass(eq=False)
@@ -224,10 +227,10 @@ class ErrorTransport:
         if not self.carried:
             return TimeErrorReport(np.nan, np.nan, -1, added)
         largest, node = kernels.furthest(state.error[0])
-        of_effector = np.nan
-        if self._effector is not None:
-            of_effector = float(np.linalg.norm(state.error[0][self._effector].mean(axis=0)))
-        return TimeErrorReport(of_effector, float(largest), int(node), added)
+        if self._effector is None:
+            return TimeErrorReport(np.nan, float(largest), int(node), added)
+        x, y, z = state.error[0][self._effector].mean(axis=0).tolist()
+        return TimeErrorReport(math.hypot(x, y, z), float(largest), int(node), added, vector=(x, y, z))
 
     @property
     def largest_added(self) -> float:

@@ -1,0 +1,193 @@
+"""How the error of the mesh swings: what that of `mesh_error`, at rest beside a motion, lacks in the motion itself.
+
+In motion the error has inertia, too. Let phi_i be the lowest modes of the body on its own mesh, K phi_i = w_i² M phi_i
+with phi_i . M phi_i = 1. Their inertia f_i = -phi_i . M v' makes a part of the error at rest,
+
+    e = sum of E_i f_i,   E_i = (A+^-1 P^T - P K^-1) M phi_i,   e_i = (P phi_i) . M+ e,
+
+and while f changes, the error goes beyond that at rest by the sum of phi_i z_i:
+
+    z_i'' + (a + b w_i²) z_i' + w_i² z_i = -e_i''.
+
+A+, M+ and P are as in `mesh_error`, a and b the body's damping. A mesh is too stiff, so it vibrates too fast and gets
+ahead from period to period; time steps make a body slower, and so the two errors may cancel. Of e itself what f has
+changed since the last estimate is added, too. Modes and E are those of the start.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from tripod_host.arrays import FloatArray
+from tripod_sim.state import State
+from tripod_sim.system import System
+
+if TYPE_CHECKING:
+    from tripod_sim.mesh_error import Outside
+
+MODES = 8
+"""How many swing: of the Tripod those below 70 Hz."""
+
+
+class Swing:
+    """Follows the error of the mesh in the lowest modes of a body that is alone in its scene."""
+
+    def __init__(
+        self, outside: "Outside", richer: System, prolong: csr_matrix, mass: FloatArray, damping: tuple[float, float]
+    ) -> None:  # fmt: skip
+        """Prepare.
+
+        Args:
+            outside: Has the body on its own mesh.
+            richer: The body on the richer mesh.
+            prolong: P, shape (nodes of the richer mesh, nodes of the own one).
+            mass: Of nodes of the richer mesh [kg], shape (nodes,).
+            damping: a [1/s] and b [s] of the force -(a M + b K) v.
+        """
+        self._outside, self._richer, self._prolong, self._mass = outside, richer, prolong, mass
+        self._inertia = prolong.T @ prolong.multiply(mass[:, None]).tocsr()
+        self._damping = damping
+
+    def start(self, state: State, fine: State) -> None:
+        """Begin anew at `state`, where the richer mesh rests as `fine` and is factored; nothing swings yet."""
+        self._find_modes(state, fine)
+        self._time, self._length, self._velocities = state.time, 0.0, state.velocities.reshape(-1).copy()
+        self._moving = bool(state.velocities.any())
+        count = len(self._squares)
+        self._beyond, self._rate, self._force = np.zeros(count), np.zeros(count), np.zeros(count)
+        self._seen = np.zeros(count)
+
+    def see(self) -> None:
+        """Take notice of a new estimate of the error at rest."""
+        self._seen[:] = self._force
+
+    def follow(self, state: State) -> None:
+        """Go on to `state`, a step further."""
+        h = state.time - self._time
+        if h <= 0.0:
+            return
+        if h != self._length:
+            self._length, self._propagator = h, propagator(self._squares, self._damping, h)
+        self._time = state.time
+        carry(
+            self._inert, state.velocities.reshape(-1), h, self._change, self._propagator, self._velocities, self._force,
+            self._beyond, self._rate,
+        )  # fmt: skip
+        if self._moving:  # what acted before the start is not known: that it begins here makes nothing swing
+            self._beyond[:] = self._rate[:] = 0.0
+            self._moving = False
+            self.see()
+
+    def beyond(self) -> FloatArray:
+        """Return what the effector errs by beyond the last estimate of its error at rest [m], shape (3,)."""
+        return np.asarray(self._effector_change @ (self._force - self._seen) + self._effector @ self._beyond)
+
+    def _find_modes(self, state: State, fine: State) -> None:
+        """Find the modes and E; there are none where an equilibrium is not stable."""
+        own, system, richer = self._outside.placed(state), self._outside.system, self._richer
+        system.assemble(own, project=False)
+        stable = system.factor() and richer.factored
+        modes = np.zeros((0, *system.rest.shape))
+        self._squares: FloatArray = np.zeros(0)
+        if stable:
+            self._squares, modes = self._lowest(system)
+        system.forget()  # what was assembled is not to count in the forces of later states
+        finer = np.array([self._prolong @ mode for mode in modes]).reshape(-1, *richer.rest.shape)
+        inert = np.array([self._inertia @ mode for mode in modes]).reshape(modes.shape)
+        answers = np.array([self._answer(force, own, fine) for force in inert]).reshape(finer.shape)
+        errors, count = answers - finer / self._squares[:, None, None], len(modes)
+        self._inert = inert.reshape(count, -1)
+        self._change = (self._mass[:, None] * finer).reshape(count, -1) @ errors.reshape(count, -1).T
+        self._effector = modes[:, system.groups.rigid[0]].mean(axis=1).T
+        self._effector_change = errors[:, richer.groups.rigid[0]].mean(axis=1).T
+
+    def _lowest(self, system: System) -> tuple[FloatArray, FloatArray]:
+        """Return w² [1/s²] and phi [kg^-1/2] of the lowest modes, shapes (modes,) and (modes, nodes, 3).
+
+        `system`: factored where they are asked for.
+        """
+        reduction, found = system.reduction, np.zeros(system.unknowns)
+        move, torques = np.zeros_like(system.rest), np.zeros_like(system.torques)
+
+        def moved(unknowns: FloatArray) -> FloatArray:
+            reduction.moves(np.ascontiguousarray(unknowns), system.lever, move)
+            return move
+
+        def inertia(unknowns: FloatArray) -> FloatArray:
+            reduction.gradient(self._inertia @ moved(unknowns), found, torques)
+            return found.copy()
+
+        shape = (system.unknowns, system.unknowns)
+        inverse = LinearOperator(shape, matvec=system.linear.solve, dtype=float)
+        squares, unknowns = eigsh(
+            inverse,  # its shape alone counts
+            k=min(MODES, system.unknowns - 1),
+            M=LinearOperator(shape, matvec=inertia, dtype=float),
+            sigma=0.0,
+            OPinv=inverse,
+            v0=np.random.default_rng(0).standard_normal(system.unknowns),
+            tol=1e-6,
+        )
+        return squares, np.array([moved(mode).copy() for mode in unknowns.T])
+
+    def _answer(self, force: FloatArray, own: State, fine: State) -> FloatArray:
+        """Return the moves of the richer mesh [m] under a force on the own one [N], shapes (nodes, 3)."""
+        richer = self._richer
+        found, reduced = np.zeros_like(richer.rest), np.zeros(richer.unknowns)
+        self._outside.spread(force.copy(), own, fine, found)
+        richer.reduction.gradient(found, reduced, np.zeros_like(richer.torques))
+        found[:] = 0.0
+        richer.reduction.moves(richer.linear.solve(reduced), richer.lever, found)
+        return found
+
+
+def propagator(squares: FloatArray, damping: tuple[float, float], h: float) -> FloatArray:
+    """Return what carries z and z' of z'' + (a + b w²) z' + w² z = 0 over a time, shape (2, 2, modes).
+
+    Args:
+        squares: w² of each mode [1/s²], above 0, shape (modes,).
+        damping: a [1/s] and b [s].
+        h: The time [s].
+    """
+    half = 0.5 * (damping[0] + damping[1] * squares)
+    root = np.sqrt((half**2 - squares).astype(complex))
+    small = np.abs(root * h) < 1e-6
+    odd = np.where(small, h, np.sinh(root * h) / np.where(small, 1.0, root)).real
+    decay, even = np.exp(-half * h), np.cosh(root * h).real
+    return np.asarray(decay * [[even + half * odd, odd], [-squares * odd, even - half * odd]])
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def carry(
+    inert: FloatArray, velocities: FloatArray, h: float, change: FloatArray, by: FloatArray, before: FloatArray,
+    force: FloatArray, z: FloatArray, rate: FloatArray,
+) -> None:  # fmt: skip
+    """Carry z and z' of all modes over a step.
+
+    Args:
+        inert: M phi_i, shape (modes, 3 n).
+        velocities: At the end [m/s], shape (3 n,).
+        h: [s].
+        change: e_i for each unit of f_j, shape (modes, modes).
+        by: The `propagator`.
+        before: Velocities at the start [m/s]; those at the end afterwards.
+        force: f, as before; shape (modes,), as z and z'; updated.
+        z, rate: Updated.
+    """
+    modes = len(z)
+    more = np.empty(modes)
+    for i in range(modes):
+        total = 0.0
+        for k in range(len(velocities)):
+            total += inert[i, k] * (before[k] - velocities[k])
+        more[i] = total / h - force[i]
+        force[i] += more[i]
+    for i in range(modes):
+        x, v = z[i], rate[i]
+        for j in range(modes):
+            x -= change[i, j] * more[j]
+        z[i], rate[i] = by[0, 0, i] * x + by[0, 1, i] * v, by[1, 0, i] * x + by[1, 1, i] * v
+    before[:] = velocities
