@@ -6,9 +6,9 @@ estimate, is held against the same scene with `h20` on level 10; where it is off
 level is asked as well, and where those two are as far apart, nothing is known. Moves: those by which `--accuracy` is
 judged (`promise_cases.dynamic_case`), about the working pose. Wide motions: from the working pose to a random one in
 0.1 to 0.4 s, each servo on by up to 0.5 rad in 30 to 150 ms, then 0.1 s of rest; there strips hang slack and snap.
-Motions run with `mesh_error={}` and `time_error={}`, so estimates take 16 % of the steps' time; what both bound is held
-against the same scene with `h20` on level 9 and a quarter of the steps, solved exactly. The effectivity of a motion is
-the largest bound that was told over the largest true error.
+Motions run with `mesh_error={}` and `time_error={}`, so estimates take 15 % of the steps' time; what both come to is
+held against the same scene with `h20` on level 9 and a quarter of the steps, solved exactly. The effectivity of a
+motion is the largest error that was told over the largest true error.
 
 Cases that others choose come from a file, `--chosen FILE`, a JSON list: {"kind": "pose", "joints": [angles, slide]} and
 {"kind": "motion", "knots": [[time, angles, slide], ...]}, straight between knots, the first at time 0, at rest. For
@@ -160,7 +160,7 @@ def patience() -> Iterator[None]:
 
 
 def followed(found: Simulation, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions of the effector [m], shape (steps, 3), and what bounds their errors [m], NaN without."""
+    """Return positions of the effector [m], shape (steps, 3), and their errors as told [m], NaN without."""
     found.reset()
     places, errors = np.full((len(way), 3), np.nan), np.full(len(way), np.nan)
     for k, joints in enumerate(way):
@@ -204,7 +204,7 @@ class Case:
         return rows
 
     def _judged(self, given: Motion) -> dict[str, Any]:
-        """Return the largest true error of a motion or pose [m], and the largest bound that was told."""
+        """Return the largest true error of a motion or pose [m], and the largest that was told."""
         try:
             with patience():
                 own, true = self._built(given.words, still=not given.duration)

@@ -156,6 +156,7 @@ class MeshError:
         self._rotations = Rotations(mesh, system)
         self._newton = ChordNewton(system, solver.tolerance, solver.max_iterations)
         self._careful = QuasiStatic(self._newton, solver.max_halvings, solver.max_turn, reach_of(scene))
+        self._moves = bool(scene.inertia)
         self._share = scene.mesh_error.share if scene.mesh_error else np.inf
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
         self._rest = mesh.nodes
@@ -215,7 +216,7 @@ class MeshError:
         if self._swing:
             self._swing.follow(state)
         if due:
-            self._last = self.estimate(state, exactly=False)
+            self._last = self.estimate(state, exactly=not self._moves)
         elif self._swing:
             self._last = self._report(self._last.time)
         self._credit -= time.thread_time() - end
