@@ -14,19 +14,15 @@ ahead from period to period; time steps make a body slower, and so the two error
 changed since the last estimate is added, too. Modes and E are those of the start.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numba import njit
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.outside import Outside
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-if TYPE_CHECKING:
-    from tripod_sim.mesh_error import Outside
 
 MODES = 8
 """How many swing: of the Tripod those below 70 Hz."""
@@ -36,7 +32,7 @@ class Swing:
     """Follows the error of the mesh in the lowest modes of a body that is alone in its scene."""
 
     def __init__(
-        self, outside: "Outside", richer: System, prolong: csr_matrix, mass: FloatArray, damping: tuple[float, float]
+        self, outside: Outside, richer: System, prolong: csr_matrix, mass: FloatArray, damping: tuple[float, float]
     ) -> None:  # fmt: skip
         """Prepare.
 

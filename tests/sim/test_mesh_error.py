@@ -10,7 +10,8 @@ from tripod_sim.figures.errors import effector_error
 from tripod_sim.forces.support import Support
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
-from tripod_sim.mesh_error import Outside, alone, finer, interpolation, richer
+from tripod_sim.mesh_error import finer, richer
+from tripod_sim.outside import Outside, alone, interpolation
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.bodies import Mesh
 
