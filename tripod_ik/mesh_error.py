@@ -23,7 +23,7 @@ from tripod_sim.state import State
 
 if TYPE_CHECKING:
     from tripod_sim.integrators.report import MeshErrorReport
-    from tripod_sim.mesh_error import MeshError
+    from tripod_sim.mesh_error.estimate import MeshError
 
 UNKNOWN = math.nan, math.nan, math.nan
 
@@ -47,7 +47,7 @@ class ModelMesh:
         """
         from tripod_sim.build import build  # noqa: PLC0415 - an effect that is absent
         from tripod_sim.integrators.report import MeshErrorReport  # noqa: PLC0415
-        from tripod_sim.mesh_error import MeshError  # noqa: PLC0415
+        from tripod_sim.mesh_error.estimate import MeshError  # noqa: PLC0415
 
         try:
             if not self._errors:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # an effect that is absent is not imported
     from tripod_sim.integrators.report import MeshErrorReport
     from tripod_sim.maze.plate import Plate
     from tripod_sim.maze.play import MazeBall
-    from tripod_sim.mesh_error import MeshError
+    from tripod_sim.mesh_error.estimate import MeshError
     from tripod_sim.rest_state import RestState
     from tripod_sim.robot.servo import ServoMotion, ServoState
     from tripod_sim.softness import SoftestMove
@@ -220,7 +220,7 @@ class Simulation:
         """Return what tells the error of the mesh; None where the scene does not ask for it."""
         if not self.scene.mesh_error:
             return None
-        from tripod_sim.mesh_error import MeshError  # noqa: PLC0415 - an effect that is absent
+        from tripod_sim.mesh_error.estimate import MeshError  # noqa: PLC0415 - an effect that is absent
 
         mesh = getattr(self.mesh, "soft", self.mesh)  # of a body beside rigid ones
         if isinstance(mesh, Assembly):

@@ -13,8 +13,8 @@ from tests.scenes import SHARP
 from tripod_ik.mesh_error import LiveMeshError, ModelMesh, mesh_of
 from tripod_ik.model import StaticModel
 from tripod_sim import SceneError, load_scene
-from tripod_sim.chord import NEAR
 from tripod_sim.integrators.report import MeshErrorReport
+from tripod_sim.mesh_error.chord import NEAR
 
 DEADLINE = 60.0
 """For a loaded machine [s]; nothing here waits so long unless it fails."""

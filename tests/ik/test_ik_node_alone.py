@@ -11,7 +11,7 @@ from tests.scenes import SHARP
 from tripod_graph import names
 from tripod_ik.once import solve_once
 from tripod_sim import load_scene
-from tripod_sim.chord import NEAR
+from tripod_sim.mesh_error.chord import NEAR
 from tripod_sim.scene_file import scene_to_toml
 
 pytestmark = pytest.mark.ros

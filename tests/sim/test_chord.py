@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tripod_sim import Simulation, load_scene
-from tripod_sim.chord import Rotations, TurningSolver
 from tripod_sim.linear.solver import LinearSolver
 from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh_error.chord import Rotations, TurningSolver
 from tripod_sim.system import System
 
 W = -1.4965

@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from tests.scenes import CUBE, SHARP
-from tripod_sim import SceneError, Simulation, load_scene, mesh_error
+from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.elements.catalogue import ELEMENTS
 from tripod_sim.figures.errors import effector_error
-from tripod_sim.forces.support import Support
 from tripod_sim.mesh.block import block
 from tripod_sim.mesh.convert import convert
-from tripod_sim.mesh_error import finer, richer
-from tripod_sim.outside import Outside, alone, interpolation
+from tripod_sim.mesh_error import estimate
+from tripod_sim.mesh_error.estimate import finer, richer
+from tripod_sim.mesh_error.outside import Outside, alone, interpolation
+from tripod_sim.mesh_error.support import Support
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.tables.bodies import Mesh
 
@@ -234,7 +235,7 @@ def test_a_fast_motion_is_told_no_error_by_its_own_mesh(
     way = [np.array([W + 0.3 * min(1, k / 6), W, W, 0.035]) for k in range(1, 31)]
     words = (*WORKING, ALWAYS, "mesh.element=h20", f"inertia.scheme={scheme}", *damping)
     _, richer_told = effector(words, way)
-    monkeypatch.setattr(mesh_error, "finer", lambda mesh: mesh)
+    monkeypatch.setattr(estimate, "finer", lambda mesh: mesh)
     _, told = effector(words, way)
     assert np.linalg.norm(richer_told, axis=1).min() > 1e-4
     assert np.linalg.norm(told, axis=1).max() < 1e-9

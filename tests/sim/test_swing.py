@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.figures.errors import effector_error
-from tripod_sim.swing import Swing, propagator
+from tripod_sim.mesh_error.swing import Swing, propagator
 
 W = -1.4965
 WORKING = (f"servos.angles=[{W},{W},{W}]", "servos.slide=0.035")

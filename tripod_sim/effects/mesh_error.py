@@ -59,8 +59,8 @@ EFFECT = Effect(
         ),
     ),
     check=check,
-    modules=("mesh_error", "swing", "forces.support"),
-    stages={"mesh_error.MeshError": {"follow": "mesh error"}},
+    modules=("mesh_error",),
+    stages={"mesh_error.estimate.MeshError": {"follow": "mesh error"}},
     steps=("mesh error",),
 )
 """A mesh of its own beside the simulation, which `simulation.py` follows."""

@@ -27,7 +27,6 @@ from scipy.sparse import csr_matrix
 from tripod_host.arrays import FloatArray
 from tripod_host.rotations import rotation_vector
 from tripod_sim.build import build
-from tripod_sim.chord import ChordNewton, Rotations, TurningSolver
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.errors import StepError
 from tripod_sim.forces.loads import NodalLoads
@@ -35,13 +34,14 @@ from tripod_sim.integrators.newton import NewtonError
 from tripod_sim.integrators.quasi_static import QuasiStatic
 from tripod_sim.integrators.report import MeshErrorReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
-from tripod_sim.outside import Outside, alone, interpolate, interpolation
+from tripod_sim.mesh_error.chord import ChordNewton, Rotations, TurningSolver
+from tripod_sim.mesh_error.outside import Outside, alone, interpolate, interpolation
+from tripod_sim.mesh_error.swing import Swing
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import soft_bodies
 from tripod_sim.state import State
 from tripod_sim.steppers import reach_of
-from tripod_sim.swing import Swing
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
 

@@ -20,7 +20,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.outside import Outside
+from tripod_sim.mesh_error.outside import Outside
 from tripod_sim.state import State
 from tripod_sim.system import System
 

@@ -13,11 +13,11 @@ from tripod_sim.bodies.soft_build import assembled, sets_of
 from tripod_sim.build import build
 from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
-from tripod_sim.forces.support import Support
 from tripod_sim.linear.choice import linear_factory
 from tripod_sim.materials.law import initial_young
 from tripod_sim.mesh.described import described_mesh
 from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh_error.support import Support
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene, at_rest
 from tripod_sim.scene_short import soft_bodies
