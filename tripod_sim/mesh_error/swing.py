@@ -186,4 +186,5 @@ def carry(
         for j in range(modes):
             x -= change[i, j] * more[j]
         z[i], rate[i] = by[0, 0, i] * x + by[0, 1, i] * v, by[1, 0, i] * x + by[1, 1, i] * v
-    before[:] = velocities
+    for k in range(len(velocities)):
+        before[k] = velocities[k]
