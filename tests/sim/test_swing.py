@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.sparse.linalg import ArpackError
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.figures.errors import effector_error
+from tripod_sim.mesh_error import swing
 from tripod_sim.mesh_error.swing import Swing, propagator
 
 W = -1.4965
@@ -71,28 +73,41 @@ def test_nothing_swings_where_nothing_moves_or_more_than_the_body_does(words: tu
     assert pressed("mesh_error={}", *words)._mesh_error._swing is None  # type: ignore[union-attr]
 
 
+def test_without_modes_the_error_at_rest_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise ArpackError(-9999)
+
+    monkeypatch.setattr(swing, "eigsh", fails)
+    simulation = pressed("mesh_error.share=1e6")
+    for joints in way(simulation.command)[:20]:
+        simulation.step(joints)
+    told, at_rest = simulation.report.mesh_error, simulation.mesh_error()
+    assert told and at_rest and at_rest.distance > 1e-6
+    assert told.effector == pytest.approx(at_rest.effector, abs=2e-6)
+
+
 def test_modes_are_the_lowest_of_the_body_and_a_coarse_mesh_is_too_stiff_for_each() -> None:
     simulation = pressed("mesh_error={}")
     estimate = simulation._mesh_error
     assert estimate and estimate._swing
-    swing, system = estimate._swing, estimate._outside.system
+    found, system = estimate._swing, estimate._outside.system
     own = estimate._outside.placed(simulation.state)
     system.assemble(own, project=False)
     assert system.factor()
-    squares, modes = swing._lowest(system)
+    squares, modes = found._lowest(system)
     assert (np.diff(squares) > -1e-3 * squares[0]).all()
     flat = modes.reshape(len(modes), -1)
-    inert = (swing._inertia @ modes.transpose(1, 0, 2).reshape(len(own.positions), -1)).reshape(
+    inert = (found._inertia @ modes.transpose(1, 0, 2).reshape(len(own.positions), -1)).reshape(
         -1, len(modes), 3
     )
     inert = inert.transpose(1, 0, 2).reshape(len(modes), -1)
     np.testing.assert_allclose(inert @ flat.T, np.eye(len(modes)), atol=1e-9)
     for square, mode, force in zip(squares, modes, inert, strict=True):
-        reduced, found = np.zeros(system.unknowns), np.zeros_like(mode)
+        reduced, moved = np.zeros(system.unknowns), np.zeros_like(mode)
         system.reduction.gradient(force.reshape(-1, 3), reduced, np.zeros_like(system.torques))
-        system.reduction.moves(system.linear.solve(reduced), system.lever, found)
-        np.testing.assert_allclose(found * square, mode, atol=1e-4 * np.abs(mode).max())
-    softer = np.diag(swing._change) * squares
+        system.reduction.moves(system.linear.solve(reduced), system.lever, moved)
+        np.testing.assert_allclose(moved * square, mode, atol=1e-4 * np.abs(mode).max())
+    softer = np.diag(found._change) * squares
     assert ((softer > 0.0) & (softer < 0.1)).all(), "by this part the richer mesh yields more"
 
 

@@ -123,9 +123,7 @@ class MeshError:
         self._newton.amiss = None
         self._credit = 0.0
         self._error_at_rest(state)  # goes there
-        self._error_at_rest(
-            state
-        )  # is factored there; the next one is as those to come, also in what it takes
+        self._error_at_rest(state)  # is factored there; the next one takes as long as those to come
         begin = time.thread_time()
         self._at_rest = self._error_at_rest(state)
         self._cost = time.thread_time() - begin
@@ -150,7 +148,7 @@ class MeshError:
         """Take notice of a step to `state` that began at `begin` of the thread's clock [s].
 
         Returns:
-            The error at its end where an estimate is due, else the last one.
+            The error at its end: at rest by an estimate where one is due, else by the last one.
         """
         end = time.thread_time()
         self._credit += self._share * (end - begin)

@@ -14,12 +14,15 @@ ahead from period to period; time steps make a body slower, and so the two error
 changed since the last estimate is added, too. Modes and E are those of the start.
 """
 
+from contextlib import suppress
+
 import numpy as np
 from numba import njit
 from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import LinearOperator, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from tripod_host.arrays import FloatArray
+from tripod_sim.linear.solver import LinearError
 from tripod_sim.mesh_error.outside import Outside
 from tripod_sim.state import State
 from tripod_sim.system import System
@@ -82,21 +85,28 @@ class Swing:
         return np.asarray(self._effector_change @ (self._force - self._seen) + self._effector @ self._beyond)
 
     def _find_modes(self, state: State, fine: State) -> None:
-        """Find the modes and E; there are none where an equilibrium is not stable."""
+        """Find the modes and E; there are none where an equilibrium is not stable, or they are not found."""
         own, system, richer = self._outside.placed(state), self._outside.system, self._richer
         system.assemble(own, project=False)
         stable = system.factor() and richer.factored
-        modes = np.zeros((0, *system.rest.shape))
-        self._squares: FloatArray = np.zeros(0)
+        squares, modes, answers = (
+            np.zeros(0),
+            np.zeros((0, *system.rest.shape)),
+            np.zeros((0, *richer.rest.shape)),
+        )
         if stable:
-            self._squares, modes = self._lowest(system)
+            with suppress(ArpackError, LinearError):
+                lowest, found = self._lowest(system)
+                answers = np.array([self._answer(self._inertia @ mode, own, fine) for mode in found])
+                squares, modes = lowest, found
         system.forget()  # what was assembled is not to count in the forces of later states
-        finer = np.array([self._prolong @ mode for mode in modes]).reshape(-1, *richer.rest.shape)
+        self._squares: FloatArray = squares
         inert = np.array([self._inertia @ mode for mode in modes]).reshape(modes.shape)
-        answers = np.array([self._answer(force, own, fine) for force in inert]).reshape(finer.shape)
-        errors, count = answers - finer / self._squares[:, None, None], len(modes)
-        self._inert = inert.reshape(count, -1)
-        self._change = (self._mass[:, None] * finer).reshape(count, -1) @ errors.reshape(count, -1).T
+        finer = np.array([self._prolong @ mode for mode in modes]).reshape(answers.shape)
+        errors, count = answers - finer / squares[:, None, None], len(modes)
+        self._inert = inert.reshape(count, system.rest.size)
+        weighed = (self._mass[:, None] * finer).reshape(count, richer.rest.size)
+        self._change = weighed @ errors.reshape(count, richer.rest.size).T
         self._effector = modes[:, system.groups.rigid[0]].mean(axis=1).T
         self._effector_change = errors[:, richer.groups.rigid[0]].mean(axis=1).T
 
@@ -130,10 +140,10 @@ class Swing:
         return squares, np.array([moved(mode).copy() for mode in unknowns.T])
 
     def _answer(self, force: FloatArray, own: State, fine: State) -> FloatArray:
-        """Return the moves of the richer mesh [m] under a force on the own one [N], shapes (nodes, 3)."""
+        """Return the moves of the richer mesh [m] under a force on the own one [N], overwritten, shapes (nodes, 3)."""
         richer = self._richer
         found, reduced = np.zeros_like(richer.rest), np.zeros(richer.unknowns)
-        self._outside.spread(force.copy(), own, fine, found)
+        self._outside.spread(force, own, fine, found)
         richer.reduction.gradient(found, reduced, np.zeros_like(richer.torques))
         found[:] = 0.0
         richer.reduction.moves(richer.linear.solve(reduced), richer.lever, found)
