@@ -6,20 +6,15 @@ the kept one turns along: with R of each node, that of the element of a coarser 
     x = R A^-1 R^T b.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.integrators.newton import Newton, NewtonReport
 from tripod_sim.linear.solver import LinearSolver
+from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-if TYPE_CHECKING:
-    from tripod_sim.mesh.solid_mesh import SolidMesh
-
 
 SLOWLY = 0.8
 """What a step may leave of the unbalanced force; another factorisation follows where it leaves more."""
@@ -63,12 +58,12 @@ class TurningSolver(LinearSolver):
 class Rotations:
     """Finds how parts of a body have turned, from the gradient of its motion amid each element."""
 
-    def __init__(self, mesh: "SolidMesh", system: System) -> None:
+    def __init__(self, mesh: SolidMesh, system: System) -> None:
         """`mesh`: the body's own; `system`: of the finer mesh, whose unknowns turn."""
         kind, corners = mesh.kind, mesh.nodes[mesh.elements]
         middle = np.full((1, 3), 0.25 if kind.corners == 4 else 0.0)
         slopes = kind.gradients(middle)[0]
-        inverse = np.linalg.inv(np.einsum("eai,aj->eij", corners, slopes))
+        inverse = np.linalg.inv(kind.jacobians(corners, middle)[:, 0])
         self._elements, self._slopes = mesh.elements, np.einsum("aj,ejk->eak", slopes, inverse)
         places = system.rest[system.reduction.free]
         self._around = cKDTree(corners.mean(axis=1)).query(places)[1]

@@ -89,19 +89,16 @@ class Swing:
         own, system, richer = self._outside.placed(state), self._outside.system, self._richer
         system.assemble(own, project=False)
         stable = system.factor() and richer.factored
-        squares, modes, answers = (
-            np.zeros(0),
-            np.zeros((0, *system.rest.shape)),
-            np.zeros((0, *richer.rest.shape)),
-        )
+        squares, answers = np.zeros(0), np.zeros((0, *richer.rest.shape))
+        modes = inert = np.zeros((0, *system.rest.shape))
         if stable:
             with suppress(ArpackError, LinearError):
                 lowest, found = self._lowest(system)
-                answers = np.array([self._answer(self._inertia @ mode, own, fine) for mode in found])
-                squares, modes = lowest, found
+                forces = np.array([self._inertia @ mode for mode in found])
+                moves = np.array([self._answer(force.copy(), own, fine) for force in forces])
+                squares, modes, inert, answers = lowest, found, forces, moves
         system.forget()  # what was assembled is not to count in the forces of later states
         self._squares: FloatArray = squares
-        inert = np.array([self._inertia @ mode for mode in modes]).reshape(modes.shape)
         finer = np.array([self._prolong @ mode for mode in modes]).reshape(answers.shape)
         errors, count = answers - finer / squares[:, None, None], len(modes)
         self._inert = inert.reshape(count, system.rest.size)
