@@ -48,7 +48,7 @@ def build(scene: Scene, progress: Progress | None = None, say: Say | None = None
     Args:
         scene: What is described.
         progress: Told how far its bodies are bent to fit together, 0 to 1.
-        say: Told how large what is being built is, a line each time that more is known of it.
+        say: Told what is being done, a line each, and how large what is being built is as far as that is known.
 
     Raises SceneError.
     """
@@ -90,6 +90,7 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
     """Return the parts of a simulation of soft bodies, whose potential is a list of terms."""
 
     def read(description: Mesh) -> SolidMesh:
+        say(f"making the mesh {description.source!r}")
         mesh = described_mesh(description)
         say(f"building {len(mesh.elements)} elements, {len(mesh.nodes)} nodes")
         return mesh
@@ -136,8 +137,9 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
             linear=linear_factory(scene.solver.linear, scene.solver.linear_tolerance),
         )  # fmt: skip
 
-    system = made(draft.groups)
     elements = sum(len(body.solid.elements) for body in assembly.bodies if body.solid)
+    say(f"looking for an order of the unknowns: {elements} elements")
+    system = made(draft.groups)
     say(f"preparing the first step: {elements} elements, {system.unknowns} unknowns")
     if platforms and not scene.inertia:
         system.assembly = platforms.bending(assembly, made, scene.solver, progress)

@@ -58,7 +58,7 @@ def run(
         recorded: Called before the first step with the recording, which grows with each step; None: there is none
             unless `out` is given.
         progress: Called with the finished fraction after each step.
-        say: Called with a line on how large what is being built is, and with an empty one before the first step.
+        say: Called with a line on what is being built, how large it is, and with an empty one before the first step.
         noted: Called with each of the notes as soon as it is known.
 
     Returns:

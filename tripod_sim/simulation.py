@@ -119,7 +119,7 @@ class Simulation:
         Args:
             scene: What to simulate.
             progress: Told the share of that bending which is done.
-            say: Told in a line how large what is being built is.
+            say: Told in a line what is being done, and how large what is being built is.
             noted: Told each of the notes as soon as it is known: also of a scene that then cannot begin.
 
         Raises:
@@ -159,11 +159,7 @@ class Simulation:
         self._softest = self._softest_move()
         if scene.platform and not self._softest:
             self.note(UNSTABLE_START)
-        if self.joints:
-            self._pose(self._goal(joints, 0.0))
-        if parts.check_start:
-            parts.check_start(self.state.positions)
-        self._warm_up()
+        self._find_start(parts, joints, say or (lambda text: None))
         if self._servos:
             self._measure_reactions(self._servos, undeformed)
             self._measure_reactions(self._servos, self.state.copy())
@@ -200,6 +196,16 @@ class Simulation:
     def _begin(self, joints: FloatArray) -> State:
         """Return the undeformed state; where bodies do not fit so, that of rest."""
         return (self._static if self.scene.platform else self._parts).system.start_state(joints)
+
+    def _find_start(self, parts: Parts, joints: FloatArray, say: Callable[[str], None]) -> None:
+        """Bring the body to rest with servo angles and slide at `joints`, check that, and rehearse a step."""
+        if self.joints:
+            say("finding the pose of rest at the start")
+            self._pose(self._goal(joints, 0.0))
+        if parts.check_start:
+            parts.check_start(self.state.positions)
+        say("rehearsing the first step")
+        self._warm_up()
 
     def _begin_motion(self, parts: Parts) -> None:
         """Give nodes the velocities of the start, where ways and errors begin."""
