@@ -13,6 +13,7 @@ from typing import Any
 from tripod_bringup.compiling import compiling_told
 from tripod_bringup.pictures import PictureError, Pictures, ShownRun
 from tripod_bringup.run_summary import result_rows
+from tripod_host.output import OutputError
 from tripod_host.stop import first
 
 FAILED = 1
@@ -98,7 +99,7 @@ def run_scene(
             if files := [path for path in (out, *written) if path and path.exists()]:
                 result["written"] = [{"file": str(path), "bytes": path.stat().st_size} for path in files]
             return _tell(result, as_json=as_json, quiet=quiet)
-    except BrokenPipeError:  # of standard output, which is no file of `written`
+    except OutputError:  # of standard output, which is no file of `written`
         raise
     except (SceneError, PictureError, OSError) as error:  # the last: a file to write
         return _complain(error, BAD_ARGUMENTS)

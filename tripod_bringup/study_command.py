@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tripod_bringup.run_command import BAD_ARGUMENTS, FAILED, plain
 from tripod_bringup.study_plans import PLANS, REPORTS, names, plan, report
+from tripod_host.output import OutputError
 from tripod_host.stop import first
 from tripod_host.writing import check_place, replaced_text
 
@@ -87,7 +88,7 @@ def study_command(
     except (SceneError, ClusterError, StoreBusyError) as error:
         print("tripod study: " + " ".join(str(error).split()), file=sys.stderr)
         return BAD_ARGUMENTS
-    except BrokenPipeError:  # who read the output left, such as head: that is no fault of --out
+    except OutputError:  # of standard output: that is no fault of --out
         raise
     except OSError as error:
         path = str(error.filename or out)

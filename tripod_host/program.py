@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from tripod_host.output import named_output
 from tripod_host.stop import end_at_once
 
 FAILED = 1
@@ -73,12 +74,10 @@ def open_streams(name: str) -> None:
     if 1 in closed:
         print(f"{name}: standard output is closed; give it a file, such as /dev/null", file=sys.stderr)
         sys.exit(FAILED)
-    for stream in (
-        sys.stdout,
-        sys.stderr,
-    ):  # names and signs that the locale does not have are written as \x..
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names and signs that the locale lacks are written as \x..
+        sys.stdout = named_output(sys.stdout)
+    if isinstance(sys.stderr, io.TextIOWrapper):
+        sys.stderr.reconfigure(errors="backslashreplace")
 
 
 def check_directory(name: str) -> None:

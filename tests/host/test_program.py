@@ -45,9 +45,26 @@ def test_a_file_never_gets_what_is_printed(tmp_path: Path) -> None:
     assert (tmp_path / "f").read_text() == "kept"
 
 
-def test_a_full_output_is_told_in_one_line() -> None:
-    done = run("print('lost')", ">/dev/full")
-    assert (done.returncode, done.stderr) == (1, "it: No space left on device\n")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_output_is_told_in_one_line(unbuffered: str) -> None:
+    done = run("print('lost')", ">/dev/full", PYTHONUNBUFFERED=unbuffered)
+    assert (done.returncode, done.stderr) == (1, "it: standard output: No space left on device\n")
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_output_is_no_bad_argument_of_a_run(unbuffered: str) -> None:
+    words = ["run", "pendulum", "--duration", "0.01"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "tripod_bringup", *words],
+            cwd=ROOT,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert (done.returncode, done.stderr) == (1, "tripod: standard output: No space left on device\n")
 
 
 def test_a_reader_that_left_is_no_failure_to_tell() -> None:
