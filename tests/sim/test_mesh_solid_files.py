@@ -368,6 +368,16 @@ def test_a_mutated_foreign_mesh_is_read_or_refused(name: str, tmp_path: Path, mo
         accepted_or_refused(bytes(content[: rng.integers(len(content) // 2, len(content) + 1)]), name, "h8")
 
 
+@pytest.mark.parametrize("name", ["gmsh.msh", "a.vtk", "a.inp"])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.75])
+def test_a_file_that_is_cut_short_is_called_so(name: str, share: float, tmp_path: Path) -> None:
+    path = write(tmp_path / name, block("h8", (2, 2, 2)))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    why = "it is cut short or damaged, or not in the format that its name says"
+    assert f"{name}' cannot be read as a mesh: {why}" in refusal(path, "h8")
+
+
 def test_a_file_that_claims_more_than_memory_holds_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "huge.msh"
     path.write_text(

@@ -22,6 +22,7 @@ MAX_MEMORY = 4 << 30
 MAX_ANSWER = 1 << 30
 """Bytes of points and cells."""
 
+BROKEN = "it is cut short or damaged, or not in the format that its name says"
 
 MOST_NUMBERS = 100
 """Different numbers of an array that divides a mesh into groups."""
@@ -40,12 +41,23 @@ def main() -> int:
         try:
             answer.write(archive(sys.argv[1], sys.argv[3:]))
         except SystemExit:  # meshio prints its reason and exits
-            answer.write((said.getvalue().strip() or "not in the format that its name says").encode())
+            why = said.getvalue().strip()
+            answer.write((f"{BROKEN} ({why})" if why else BROKEN).encode())
             return 1
         except Exception as error:  # noqa: BLE001 - whatever a parser meets in a file that is not what it says
-            answer.write(f"{type(error).__name__}: {error}".encode())
+            answer.write(reason(error).encode())
             return 1
     return 0
+
+
+def reason(error: Exception) -> str:
+    """Return why a file is not read: what a parser stumbled over in it would tell nobody more than `BROKEN`."""
+    import meshio  # noqa: PLC0415
+
+    if isinstance(error, meshio.ReadError):
+        return str(error)
+    lacking = isinstance(error, MemoryError | ImportError | OSError)
+    return f"{type(error).__name__}: {error}" if lacking else BROKEN
 
 
 def archive(path: str, wanted: list[str]) -> bytes:
