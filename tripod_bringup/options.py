@@ -47,14 +47,14 @@ def some_recordings(incomplete: str) -> list[str]:
 
 def metres(text: str | float) -> float:
     """Return a length [m] that may say its unit, as 35mm. Raises typer.BadParameter."""
-    from tripod_sim.tables.fields import with_unit  # noqa: PLC0415 - not needed for the help
+    from tripod_sim.tables.fields import units_of, with_unit  # noqa: PLC0415 - not needed for the help
 
     if not isinstance(text, str):  # the default
         return text
     try:
         return with_unit(text, "m")
     except ValueError:
-        raise typer.BadParameter(f"{text!r} is no length: give metres, or as 35mm") from None
+        raise typer.BadParameter(f"{text!r} is no length in {' or '.join(units_of('m'))}") from None
 
 
 def is_recording(path: Path) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.errors import SceneError, shown
-from tripod_sim.tables.fields import OTHER_UNITS, other_unit, with_unit
+from tripod_sim.tables.fields import OTHER_UNITS, other_unit, units_of, with_unit
 
 if TYPE_CHECKING:
     from tripod_sim.joints import Joints
@@ -138,7 +138,8 @@ def parse_slide(text: str, servo: Timeline | None, what: str = "--slide") -> Tim
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise SceneError(f"{what} {shown(text)} is neither a number [m] nor 'time: value; ...'")
+        units = " or ".join(units_of("m"))
+        raise SceneError(f"{what} {shown(text)} is neither a number in {units} nor 'time: value; ...'")
     if servo is not None and len(servo.times) > 1:
         ends = servo.times[[0, -1]]
         return Timeline(ends, np.array([[0.0], [value]]))

@@ -17,7 +17,7 @@ def tripod(*words):
 
 
 @pytest.mark.parametrize(
-    "words", [["0.004 -0.002 -0.006"], ["4mm,-0.002,-6mm"], ["4mm -2mm -6mm", "--slide", "35mm"]]
+    "words", [["0.004 -0.002 -0.006"], ["4mm,-0.002,-6mm"], ["0.4cm -2mm -6mm", "--slide", "3.5 cm"]]
 )
 def test_a_target_is_solved_once_and_printed(words: list[str]) -> None:
     result = tripod("ik", "--target", *words, *COARSE)
@@ -32,9 +32,9 @@ def test_a_target_is_solved_once_and_printed(words: list[str]) -> None:
 
 @pytest.mark.parametrize("words", [["ik", "--target", "0 0 0"], ["reach"]])
 def test_a_slide_that_is_no_length_is_refused(words: list[str]) -> None:
-    result = tripod(*words, "--slide", "3 cm")
+    result = tripod(*words, "--slide", "3 ft")
     assert result.exit_code == 2
-    assert "'3 cm' is no length: give metres, or as 35mm" in result.stderr
+    assert "'3 ft' is no length in m or mm or cm" in result.stderr
 
 
 def test_a_start_has_an_angle_for_each_servo_of_the_scene() -> None:

@@ -436,7 +436,7 @@ def test_only_a_run_takes_notice_of_the_motion() -> None:
         ),
         (
             'motion.slide="far"',
-            "motion.slide 'far' is neither a number [m] nor 'time: value; ...'; give --servo",
+            "motion.slide 'far' is neither a number in m or mm or cm nor 'time: value; ...'; give --servo",
         ),
         ("servos.angle_min=-1.5", "allowed is -1.5 to 0.6 rad; give --servo, or --set motion=off"),
     ],

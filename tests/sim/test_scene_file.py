@@ -218,6 +218,7 @@ def test_the_last_override_of_a_field_counts() -> None:
         ("material.young=1e5 Pa", 1e5),
         ("material.density=1.07 g/cm3", 1070.0),
         ("servos.axis_radius=60mm", 0.06),
+        ("servos.axis_radius=6 cm", 0.06),
         ("servos.angle_max=30deg", math.pi / 6),
         ("dt=2ms", 0.002),
         ('gravity.acceleration=["0 m/s2", 0, "-9810 mm/s²"]', (0.0, 0.0, -9.81)),

@@ -157,10 +157,10 @@ def test_a_slide_timeline_is_taken_as_it_is(servo: Timeline | None) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "--slide '' is neither a number [m] nor 'time: value; ...'"),
+        ("", "--slide '' is neither a number in m or mm or cm nor 'time: value; ...'"),
         ("nan", "--slide 'nan' is neither"),
         ("inf", "--slide 'inf' is neither"),
-        ("35 cm", "--slide '35 cm' is neither"),
+        ("35 ft", "--slide '35 ft' is neither"),
         ("0.01; 0.02", "--slide '0.01; 0.02' is neither"),
         ("0:0.01,0.02", "--slide: '0:0.01,0.02' is not 'time: value, ...' with 1 finite values"),
         ("1:0; 0:0.03", "--slide: times 1, 0 s must rise"),

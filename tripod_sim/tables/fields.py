@@ -130,6 +130,9 @@ OTHER_UNITS = {
 """What a number may have been meant in: the unit, its sign, its size, and from where on."""
 
 
+FURTHER_UNITS = {"m": {"cm": 1e-2}}
+"""Units in which numbers may be given besides, and their sizes."""
+
 TYPED = str.maketrans("²³⁴", "234")
 """How powers are typed."""
 
@@ -137,7 +140,7 @@ TYPED = str.maketrans("²³⁴", "234")
 def units_of(unit: str) -> dict[str, float]:
     """Return the units in which a number of the SI unit `unit` may be given, and their sizes, that one first."""
     _, sign, size, _ = OTHER_UNITS.get(unit, ("", unit, 1.0, math.inf))
-    return {unit: 1.0, sign: size, **dict(LIKELY_UNITS.get(unit, ()))}
+    return {unit: 1.0, sign: size, **dict(LIKELY_UNITS.get(unit, ())), **FURTHER_UNITS.get(unit, {})}
 
 
 def with_unit(text: str, unit: str) -> float:
