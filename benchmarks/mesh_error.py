@@ -234,29 +234,30 @@ CASES = (Case("h20", 8, 100, 100, 25), Case("h20", 13, 30, 30, 0), Case("h8_mode
 
 
 def cost(repeats: int = 5, steps: int = 1500) -> list[str]:
-    """Return what the estimate makes of the CPU time of a step, at rest and in motion: the least of runs in turns."""
-    off, on, each = (
-        simulation(*CASES[0].mesh, *at(WORKING), *words) for words in ((), ("mesh_error={}",), (EVERY,))
-    )
+    """Return what the estimates make of the CPU time of a step, at rest and in motion: the least of runs in turns."""
+    wanted = ((), ("mesh_error={}",), ("mesh_error={}", "time_error={}"), (EVERY,))
+    several = [simulation(*CASES[0].mesh, *at(WORKING), *words) for words in wanted]
+    off = several[0]
     found = []
     for name, turn in (("at rest", 0.0), ("servo 0 swings by 0.3 rad at 2 Hz", 0.3)):
         way = WORKING + np.outer(
             turn * np.sin(4 * np.pi * off.scene.dt * np.arange(1, steps + 1)), [1, 0, 0, 0]
         )
-        taken: dict[int, list[np.ndarray]] = {0: [], 1: [], 2: []}
+        taken: list[list[np.ndarray]] = [[] for _ in several]
         for _ in range(repeats):
-            for k, one in enumerate((off, on, each)):
+            for times_of, one in zip(taken, several, strict=True):
                 one.reset()
                 times = [time.thread_time()]
                 for joints in way:
                     one.step(joints)
                     times.append(time.thread_time())
-                taken[k].append(np.diff(times))
-        a, b = (min(float(t.mean()) for t in taken[k]) for k in (0, 1))
-        single = np.min(taken[2], axis=0) - a
+                times_of.append(np.diff(times))
+        a, mesh, both = (min(float(t.mean()) for t in each) for each in taken[:3])
+        single = np.min(taken[3], axis=0) - a
         found.append(
-            f"{name}: {1e6 * a:.1f} us a step, {1e6 * b:.1f} us with the estimate, {b / a:.3f} times; a single one "
-            f"{1e3 * float(np.median(single)):.1f} ms, at most {1e3 * float(single.max()):.0f}"
+            f"{name}: {1e6 * a:.1f} us a step, {mesh / a:.3f} times with the error of the mesh, {both / a:.3f} "
+            f"with that of mesh and steps; a single estimate {1e3 * float(np.median(single)):.1f} ms, at most "
+            f"{1e3 * float(single.max()):.0f}"
         )
     return found
 

@@ -172,9 +172,9 @@ class Simulation:
             self._ball.follow(self.state, trial, scene.dt)
         self._begin_motion(parts)
         self._rest = self._state_of_rest()
+        self._mesh_error = self._begin_mesh_error(parts)
         self._start = self.state.copy()
         self._start_torques = self.torques.copy()
-        self._mesh_error = self._begin_mesh_error()
         self._prepare()
 
     def note(self, *notes: str) -> None:
@@ -222,7 +222,7 @@ class Simulation:
         if parts.chosen:
             self.state.way = parts.chosen.start(self.state)
 
-    def _begin_mesh_error(self) -> "MeshError | None":
+    def _begin_mesh_error(self, parts: Parts) -> "MeshError | None":
         """Return what tells the error of the mesh; None where the scene does not ask for it."""
         if not self.scene.mesh_error:
             return None
@@ -232,8 +232,10 @@ class Simulation:
         if isinstance(mesh, Assembly):
             mesh = mesh.bodies[0].solid
         assert isinstance(mesh, SolidMesh)
-        found = MeshError(self.scene, mesh, self._parts)
+        found = MeshError(self.scene, mesh, parts)
         self.report.mesh_error = found.start(self.state)
+        if found.carry_steps():
+            self._begin_errors(parts)
         return found
 
     def _state_of_rest(self) -> "RestState | None":

@@ -1,13 +1,16 @@
-"""The error of the mesh in a motion: how it swings beyond that at rest."""
+"""The error of the mesh in a motion: how it swings beyond that at rest; that of the steps in the same modes."""
+
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.sparse.linalg import ArpackError
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.figures.errors import effector_error
+from tripod_sim.linear.solver import LinearError
 from tripod_sim.mesh_error import swing
+from tripod_sim.mesh_error.modal_steps import ModalSteps
 from tripod_sim.mesh_error.swing import Swing, propagator
 
 W = -1.4965
@@ -74,11 +77,12 @@ def test_nothing_swings_where_nothing_moves_or_more_than_the_body_does(words: tu
 
 
 def test_without_modes_the_error_at_rest_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*_: object, **__: object) -> None:
-        raise ArpackError(-9999)
+    def fails(*_: object) -> None:
+        raise LinearError("did not converge")
 
-    monkeypatch.setattr(swing, "eigsh", fails)
-    simulation = pressed("mesh_error.share=1e6")
+    monkeypatch.setattr(swing, "modes", fails)
+    simulation = pressed("mesh_error.share=1e6", "time_error={}")
+    assert simulation.state.errors and simulation.state.errors.error.shape[2] == 3
     for joints in way(simulation.command)[:20]:
         simulation.step(joints)
     told, at_rest = simulation.report.mesh_error, simulation.mesh_error()
@@ -86,29 +90,110 @@ def test_without_modes_the_error_at_rest_is_told(monkeypatch: pytest.MonkeyPatch
     assert told.effector == pytest.approx(at_rest.effector, abs=2e-6)
 
 
-def test_modes_are_the_lowest_of_the_body_and_a_coarse_mesh_is_too_stiff_for_each() -> None:
+def test_modes_are_those_of_the_body_within_their_span_and_a_coarse_mesh_is_too_stiff_for_each() -> None:
     simulation = pressed("mesh_error={}")
     estimate = simulation._mesh_error
     assert estimate and estimate._swing
-    found, system = estimate._swing, estimate._outside.system
+    swinging, system = estimate._swing, estimate._outside.system
+    found, inertia = swinging.modes, swinging._inertia
     own = estimate._outside.placed(simulation.state)
     system.assemble(own, project=False)
     assert system.factor()
-    squares, modes = found._lowest(system)
-    assert (np.diff(squares) > -1e-3 * squares[0]).all()
-    flat = modes.reshape(len(modes), -1)
-    inert = (found._inertia @ modes.transpose(1, 0, 2).reshape(len(own.positions), -1)).reshape(
-        -1, len(modes), 3
+    for force, shape in zip(found.inert, found.shapes, strict=True):
+        np.testing.assert_allclose(inertia @ shape, force, atol=1e-9 * np.abs(force).max())
+    np.testing.assert_allclose(
+        np.tensordot(found.shapes, found.inert, ((1, 2), (1, 2))), np.eye(len(found.squares)), atol=1e-9
     )
-    inert = inert.transpose(1, 0, 2).reshape(len(modes), -1)
-    np.testing.assert_allclose(inert @ flat.T, np.eye(len(modes)), atol=1e-9)
-    for square, mode, force in zip(squares, modes, inert, strict=True):
-        reduced, moved = np.zeros(system.unknowns), np.zeros_like(mode)
-        system.reduction.gradient(force.reshape(-1, 3), reduced, np.zeros_like(system.torques))
+
+    def yielding(force: np.ndarray) -> np.ndarray:
+        reduced, moved = np.zeros(system.unknowns), np.zeros_like(force)
+        system.reduction.gradient(force.copy(), reduced, np.zeros_like(system.torques))
         system.reduction.moves(system.linear.solve(reduced), system.lever, moved)
-        np.testing.assert_allclose(moved * square, mode, atol=1e-4 * np.abs(mode).max())
-    softer = np.diag(found._change) * squares
-    assert ((softer > 0.0) & (softer < 0.1)).all(), "by this part the richer mesh yields more"
+        return moved
+
+    answers = np.array([yielding(force) for force in found.inert])
+    within = np.tensordot(found.inert, answers, ((1, 2), (1, 2)))
+    np.testing.assert_allclose(
+        within * np.sqrt(np.outer(found.squares, found.squares)), np.eye(len(within)), atol=1e-6
+    )
+    assert (np.diff(found.squares) > 0.0).all()
+    parallel = np.tensordot(found.inert, answers, ((1, 2), (1, 2))).diagonal() / np.sqrt(
+        [np.vdot(answer, inertia @ answer) for answer in answers]
+    )
+    assert (parallel[:3] > 0.998).all(), "the lowest are modes of the whole body"
+    effector = np.zeros_like(own.positions)
+    effector[system.groups.rigid[0], 2] = 1.0
+    moved = yielding(effector)
+    np.testing.assert_allclose(
+        np.tensordot(np.tensordot(found.inert, moved, ((1, 2), (0, 1))), found.shapes, 1), moved,
+        atol=1e-6 * np.abs(moved).max(), err_msg="what the effector yields to a force is in the span",
+    )  # fmt: skip
+    softer = np.diag(swinging._change) * found.squares
+    assert ((softer > 0.0) & (softer < 0.15)).all(), "by this part the richer mesh yields more"
+
+
+@pytest.mark.parametrize("scheme", ["tr_bdf2", "bdf2", "implicit_euler"])
+def test_the_error_of_the_steps_is_carried_in_the_modes_as_by_all_nodes(scheme: str) -> None:
+    words = ("time_error={}", f"inertia.scheme={scheme}")
+    few, all_nodes = pressed("mesh_error.share=1e-9", *words), pressed(*words)
+    assert few.state.errors and few.state.errors.error.shape[2] == 1
+    told, expected, largest = [], [], []
+    for joints in way(few.command):
+        one, other = few.step(joints).time_error, all_nodes.step(joints).time_error
+        assert one and other and one.vector and other.vector
+        assert one.effector == pytest.approx(np.linalg.norm(one.vector))
+        told.append(one.vector)
+        expected.append(other.vector)
+        largest.append((one.largest, other.largest))
+    np.testing.assert_array_equal(few.positions, all_nodes.positions)
+    size = np.linalg.norm(expected, axis=1).max()
+    ramp = RAMP + STILL
+    assert np.linalg.norm(np.subtract(told, expected)[:ramp], axis=1).max() < 0.35 * size
+    assert np.linalg.norm(told, axis=1).max() == pytest.approx(size, rel=0.25)
+    assert np.max(largest, axis=0)[0] == pytest.approx(np.max(largest, axis=0)[1], rel=0.25)
+
+
+def test_the_largest_error_is_that_of_the_node_that_the_modes_move_most() -> None:
+    simulation = pressed("mesh_error.share=1e-9", "time_error={}")
+    for joints in way(simulation.command)[:20]:
+        simulation.step(joints)
+    told, errors, estimate = simulation.report.time_error, simulation.state.errors, simulation._mesh_error
+    assert told and errors and estimate and estimate._swing
+    moves = np.linalg.norm(np.tensordot(errors.error[0][:, 0], estimate._swing.modes.shapes, 1), axis=1)
+    assert told.node == moves.argmax()
+    assert told.largest == pytest.approx(moves.max(), rel=1e-5)
+
+
+def test_at_rest_no_error_of_the_steps_is_carried_and_a_reset_begins_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = pressed("mesh_error.share=1e-9", "time_error={}")
+    stages: list[int] = []
+    solve = ModalSteps.stage
+
+    def counted(self: ModalSteps, *words: Any) -> None:
+        stages.append(1)
+        solve(self, *words)
+
+    monkeypatch.setattr(ModalSteps, "stage", counted)
+    for _ in range(5):
+        simulation.step()
+    assert not stages
+    first = [simulation.step(joints).time_error for joints in way(simulation.command)]
+    assert len(stages) > STEPS
+    for _ in range(1500):
+        report = simulation.step().time_error
+        assert report
+        if report.largest == 0.0:
+            break
+    else:
+        pytest.fail("the error does not vanish")
+    assert first[-1] and first[-1].largest > 1e-8
+    simulation.reset()
+    for _ in range(5):
+        simulation.step()
+    again = [simulation.step(joints).time_error for joints in way(simulation.command)]
+    assert again == first
 
 
 @pytest.mark.parametrize("damping", [(0.0, 0.0), (3.0, 5e-4), (2000.0, 0.1)])

@@ -52,6 +52,7 @@ class Substeps(ABC):
         """Drop what was kept from earlier steps, so that the next depends on its state alone."""
         self.newton.forget()
         self._drop_history()
+        self._backup = None
 
     def keep_history(self) -> None:  # noqa: B027
         """Remember what a scheme of several steps knows of earlier ones, for `recall_history`."""

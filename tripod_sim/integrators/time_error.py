@@ -26,7 +26,7 @@ error.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -71,10 +71,10 @@ class ErrorState(Copied):
     """What the estimate remembers from step to step.
 
     Attributes:
-        error: e_x [m] and e_v [m/s], shape (2, n, 3).
-        before: Of BDF2 the errors a step earlier, of TR-BDF2 the rates of the errors, shape (2, n, 3).
-        velocities: At the end of the last step [m/s], shape (n, 3).
-        accelerations: At the ends of the last two steps [m/s²], the latest first, shape (2, n, 3).
+        error: e_x [m] and e_v [m/s] in the `Coordinates` of the transport, shape (2, n, k).
+        before: Of BDF2 the errors a step earlier, of TR-BDF2 the rates of the errors, shape (2, n, k).
+        velocities: At the end of the last step [m/s], shape (nodes, 3).
+        accelerations: At the ends of the last two steps [m/s²], the latest first, shape (2, n, k).
         length: Time between these [s].
         known: How many of the accelerations are known.
         missing: Length of a first step whose part of the error that comes of j waits for the next step [s], else 0.
@@ -95,10 +95,107 @@ class ErrorState(Copied):
     order: int = 0
 
 
+class Coordinates(Protocol):
+    """What errors are carried in: those of nodes, or of fewer modes.
+
+    Attributes:
+        shape: Of the errors, (n, k).
+        negligible: Errors below this are none.
+        corrects: Whether they take account of the forces that the solver has left over.
+    """
+
+    shape: tuple[int, int]
+    negligible: float
+    corrects: bool
+
+    def accelerations(self, end: FloatArray, u: FloatArray, s: float, out: FloatArray) -> None:
+        """Write (end - u) / s of what moves by itself to `out`; velocities of nodes [m/s], shape (nodes, 3)."""
+
+    def stage(
+        self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
+        s: float, share: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+    ) -> None:  # fmt: skip
+        """Write what a stage starts from and the errors at its end (see `time_error_kernels.load`, `finish`).
+
+        left: Of the unknowns, the force that the solver has left over [N].
+        """
+
+    def warm_up(self, begun: FloatArray, out: FloatArray) -> None:
+        """Compile what a stage runs, where nothing is factored yet; both arrays are zero and stay so."""
+
+    def effector(self, errors: FloatArray) -> tuple[float, float, float] | None:
+        """Return the error of the effector's centre [m]; None in a scene without one."""
+
+    def furthest(self, errors: FloatArray) -> tuple[float, int]:
+        """Return the largest error of a node [m], and of which."""
+
+
+class Nodes:
+    """The errors of nodes (see `Coordinates`), carried by the factorisation of the system."""
+
+    negligible, corrects = 0.0, True
+
+    def __init__(
+        self, system: Any, inertia: Anchor, mass: FloatArray,
+        rates: "Callable[[FloatArray, FloatArray], None] | None",
+    ) -> None:  # fmt: skip
+        """As for `ErrorTransport`."""
+        self._system, self._inertia, self._mass, self._rates = system, inertia, mass, rates
+        self.shape = (len(mass), 3)
+        self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))
+        self._heavy = [t for t in getattr(system, "terms", ()) if t.has_inertia]
+        self._reduced, self._torques = np.zeros(system.unknowns), np.zeros(len(system.torques))
+        self._force, self._move = np.zeros(self.shape), np.zeros(self.shape)
+        self._effector = system.groups.rigid[0] if system.groups.rigid else None
+
+    def accelerations(self, end: FloatArray, u: FloatArray, s: float, out: FloatArray) -> None:
+        """As in `Coordinates`."""
+        kernels.accelerations(end, u, s, self._moving, out)
+
+    def stage(
+        self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
+        s: float, share: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+    ) -> None:  # fmt: skip
+        """As in `Coordinates`."""
+        system, force, inertia = self._system, self._force, self._inertia
+        kernels.load(first, c1, second, c2, p, q, factor, self._mass, inertia.weight, s, share, begun, force)
+        for term in self._heavy:
+            term.add_inertia(begun[1] / s + (1 - share) * inertia.per_mass * begun[0], force)
+        if self._rates:
+            self._rates(begun[0], force)
+        system.reduction.gradient(force, self._reduced, self._torques)
+        self._reduced -= left
+        try:
+            solution = system.linear.solve(self._reduced)
+        except LinearError:
+            solution = np.full_like(self._reduced, np.nan)
+        system.reduction.moves(solution, system.lever, self._move)
+        kernels.finish(self._move, begun, share, s, out)
+
+    def warm_up(self, begun: FloatArray, out: FloatArray) -> None:
+        """As in `Coordinates`."""
+        mass, zero = self._mass, out[0]
+        kernels.load(out, 1.0, out, 0.0, zero, zero, 0.0, mass, mass, 1.0, 0.0, begun, self._force)
+        kernels.finish(self._move, begun, 0.0, 1.0, out)
+
+    def effector(self, errors: FloatArray) -> tuple[float, float, float] | None:
+        """As in `Coordinates`."""
+        if self._effector is None:
+            return None
+        x, y, z = errors[self._effector].mean(axis=0).tolist()
+        return x, y, z
+
+    def furthest(self, errors: FloatArray) -> tuple[float, int]:
+        """As in `Coordinates`."""
+        largest, node = kernels.furthest(errors)
+        return float(largest), int(node)
+
+
 class ErrorTransport:
     """Carries the errors of one system along, stage by stage, with scratch of its own.
 
     Attributes:
+        system, inertia, rates: As given.
         local: Whether it measures `added`, too.
         carried: Whether it carries the errors along; else it measures `added` alone, and they stay zero.
         order: Of the last step in its length.
@@ -117,44 +214,47 @@ class ErrorTransport:
             local, carried: What is asked for.
             rates: Adds C / s times the first to the second, both of shape (n, 3), C the matrix of dampers.
         """
-        self._system, self._inertia, self._mass, self._rates = system, inertia, mass, rates
+        self.system, self.inertia, self.rates = system, inertia, rates
         self.local, self.carried = local, carried
-        n = len(mass)
         self.order, self._s = 1, 1.0
-        self._moving = np.isin(system.reduction.kind, (Kind.FREE, Kind.RIGID))
-        self._known, self._middle, self._alone = np.zeros((2, n, 3)), np.zeros((2, n, 3)), np.zeros((2, n, 3))
-        self._y, self._force, self._move = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-        self._reduced, self._torques = np.zeros(system.unknowns), np.zeros(len(system.torques))
-        self._differences = np.zeros((3, n, 3))
         self._left = np.zeros((2, system.unknowns))
-        self._heavy = [t for t in getattr(system, "terms", ()) if t.has_inertia]
         self._none = np.zeros(system.unknowns)
-        self._effector = system.groups.rigid[0] if system.groups.rigid else None
+        self.carry_in(Nodes(system, inertia, mass, rates))
+
+    def carry_in(self, coordinates: Coordinates) -> None:
+        """Carry errors in other coordinates from the next `start` on."""
+        self._coordinates, shape = coordinates, coordinates.shape
+        self._begun, self._middle, self._alone = (
+            np.zeros((2, *shape)),
+            np.zeros((2, *shape)),
+            np.zeros((2, *shape)),
+        )
+        self._differences = np.zeros((3, *shape))
 
     def start(self, velocities: FloatArray) -> ErrorState:
         """Return the state without error at the start; `velocities`: there [m/s], shape (n, 3).
 
         The kernels compile here.
         """
-        none = np.zeros((2, *velocities.shape))
+        none = np.zeros((2, *self._coordinates.shape))
         state = ErrorState(none, none.copy(), velocities.copy(), none.copy())
         trial, v = state.copy(), velocities
         self._differ(trial, v, v, v, 1.0, 1.0)
-        self._load(trial.error, 1.0, trial.before, 0.0, 0, 0.0, 1.0, 0.0)
-        kernels.finish(self._move, self._y, 0.0, 1.0, self._alone)
-        self._measure_rates(trial, 0, 0.0, 1.0)
-        kernels.furthest(self.added)
+        self._carries(trial, 0, 0.0, 1.0)
+        self._coordinates.warm_up(self._begun, self._alone)
+        self._measure_rates(trial, 1.0)
+        self._coordinates.furthest(self.added)
         return state
 
     @property
     def added(self) -> FloatArray:
-        """e_x of the last step if it had started without error [m], shape (n, 3)."""
+        """e_x of the last step if it had started without error [m], shape (n, k)."""
         return self._alone[0]
 
     def keep_residual(self, stage: int) -> None:
         """Remember the force that the solver has left over in `stage`, 0 or 1, as long as it is at hand."""
-        if self.carried:
-            self._left[stage] = self._system.residual
+        if self.carried and self._coordinates.corrects:
+            self._left[stage] = self.system.residual
 
     def euler(
         self, state: ErrorState, start: FloatArray, end: FloatArray, h: float, *, keep_rates: bool = False
@@ -171,11 +271,11 @@ class ErrorTransport:
         if state.known == 1:  # the first step: j is known after the second
             state.missing = h
         factor = -(h**2) / 2
-        if self.carried:
+        if self._carries(state, 0, factor, h):
             state.before[:] = state.error
             self._stage(state.error, 1.0, state.error, 0.0, 0, factor, h, self._left[0], state.error)
             if keep_rates:
-                self._measure_rates(state, 0, factor, h)
+                self._measure_rates(state, h)
         if state.known == 1:  # for the choice of the length as if the acceleration had begun at zero
             np.divide(self._differences[0], h, out=self._differences[1])
         self.order = 1
@@ -188,7 +288,7 @@ class ErrorTransport:
         a, b, c = (1 + 2 * ratio) / (1 + ratio), 1 + ratio, ratio**2 / (1 + ratio)
         self._differ(state, start, end, u, h, h / a)
         factor = -(h**3) * (1 + ratio) / (6 * a * ratio)
-        if self.carried:
+        if self._carries(state, 1, factor, h):
             self._middle[:] = state.error
             self._stage(
                 state.error, b / a, state.before, -c / a, 1, factor, h / a, self._left[0], state.error
@@ -205,11 +305,11 @@ class ErrorTransport:
         k, p = G * h / 2, 1 / (G * (2 - G))
         self._differ(state, start, end, u, h, k)
         first, second = -((G * h) ** 3) / 12, -((1 - G) ** 2) / (6 * (2 - G)) * h**3
-        if self.carried:
+        if self._carries(state, 1, first + second, h):
             middle, q = self._middle, (1 - G) ** 2 * p
             self._stage(state.error, 1.0, state.before, k, 1, first, k, self._left[0], middle)
             self._stage(middle, p, state.error, -q, 1, second, k, self._left[1], state.error)
-            self._measure_rates(state, 1, second, k)
+            self._measure_rates(state, k)
         self.order = 2
         self._measure_added(1, TR_BDF2 * h**3, k)
 
@@ -226,16 +326,15 @@ class ErrorTransport:
         """Return the distances of `state`; `added`: as in the report [m]."""
         if not self.carried:
             return TimeErrorReport(np.nan, np.nan, -1, added)
-        largest, node = kernels.furthest(state.error[0])
-        if self._effector is None:
-            return TimeErrorReport(np.nan, float(largest), int(node), added)
-        x, y, z = state.error[0][self._effector].mean(axis=0).tolist()
-        return TimeErrorReport(math.hypot(x, y, z), float(largest), int(node), added, vector=(x, y, z))
+        largest, node = self._coordinates.furthest(state.error[0])
+        vector = self._coordinates.effector(state.error[0])
+        distance = math.hypot(*vector) if vector else np.nan
+        return TimeErrorReport(distance, largest, node, added, vector=vector)
 
     @property
     def largest_added(self) -> float:
         """Largest distance of a node in `added` [m]."""
-        return float(kernels.furthest(self.added)[0])
+        return self._coordinates.furthest(self.added)[0]
 
     def _differ(
         self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, s: float
@@ -247,14 +346,25 @@ class ErrorTransport:
         self._s = s
         if not same(start, state.velocities):
             state.known, state.missing = 0, 0.0
-        kernels.differences(
-            end, u, s, h, state.accelerations, state.length, state.known, self._moving, self._differences,
-            state.velocities,
-        )  # fmt: skip
+        self._coordinates.accelerations(end, u, s, self._differences[0])
+        kernels.differences(h, state.accelerations, state.length, state.known, self._differences)
+        state.velocities[:] = end
         if self.carried and state.missing and state.known:
             state.error[1] -= state.missing**2 / 2 * self._differences[1]
             state.missing = 0.0
         state.length, state.known = h, min(state.known + 1, 2)
+
+    def _carries(self, state: ErrorState, derivative: int, factor: float, h: float) -> bool:
+        """Return whether a step of `h` [s] carries errors along; where all are negligible they become none.
+
+        Its defects are `factor` times the derivatives of the acceleration from number `derivative` on.
+        """
+        p, q, limit = (
+            self._differences[derivative],
+            self._differences[derivative + 1],
+            self._coordinates.negligible,
+        )
+        return self.carried and not kernels.vanish(state.error, state.before, p, q, factor, h, limit)
 
     def _stage(
         self, first: FloatArray, c1: float, second: FloatArray, c2: float, derivative: int, factor: float, s: float,
@@ -264,38 +374,14 @@ class ErrorTransport:
 
         Its defects are `factor` times the derivatives of the acceleration from number `derivative` on.
         """
-        damping, system = self._system.damping, self._system
+        damping = self.system.damping
         share = damping.factor / (1 + damping.factor) if damping else 0.0
-        self._load(first, c1, second, c2, derivative, factor, s, share)
-        if self._rates:
-            self._rates(self._y, self._force)
-        system.reduction.gradient(self._force, self._reduced, self._torques)
-        self._reduced -= left
-        try:
-            solution = system.linear.solve(self._reduced)
-        except LinearError:
-            solution = np.full_like(self._reduced, np.nan)
-        system.reduction.moves(solution, system.lever, self._move)
-        kernels.finish(self._move, self._y, share, s, out)
-
-    def _load(
-        self, first: FloatArray, c1: float, second: FloatArray, c2: float, derivative: int, factor: float, s: float,
-        share: float,
-    ) -> None:  # fmt: skip
-        """Write known errors, y and forces of a stage (see `_stage`)."""
         p, q = self._differences[derivative], self._differences[derivative + 1]
-        kernels.load(
-            first, c1, second, c2, p, q, factor, self._mass, self._inertia.weight, s, share, self._known, self._y,
-            self._force,
-        )  # fmt: skip
-        for term in self._heavy:
-            per_speed, per_move = 1 / s, (1 - share) * self._inertia.per_mass
-            term.add_inertia(per_speed * (self._known[1] + factor * q) + per_move * self._y, self._force)
+        self._coordinates.stage(first, c1, second, c2, p, q, factor, s, share, left, self._begun, out)
 
-    def _measure_rates(self, state: ErrorState, derivative: int, factor: float, s: float) -> None:
-        """Write the rates of the errors at the end of a stage to `before`."""
-        p, q = self._differences[derivative], self._differences[derivative + 1]
-        kernels.rates(state.error, self._known, p, q, factor, s, state.before)
+    def _measure_rates(self, state: ErrorState, s: float) -> None:
+        """Write the rates of the errors at the end of the last stage to `before`."""
+        kernels.rates(state.error, self._begun, s, state.before)
 
     def _measure_added(self, derivative: int, factor: float, s: float) -> None:
         """Write `added` of a step with these defects."""

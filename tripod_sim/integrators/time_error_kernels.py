@@ -1,6 +1,7 @@
-"""Loops over the nodes of the estimate of the error of time steps (see `time_error`), compiled.
+"""Loops over the coordinates of the estimate of the error of time steps (see `time_error`), compiled.
 
-Arrays of nodes have the shape (n, 3), pairs of them, for positions and velocities, (2, n, 3).
+Arrays of coordinates have the shape (n, k): of nodes (n, 3), of modes (n, 1); pairs of them, for positions and
+velocities, (2, n, k).
 """
 
 import numpy as np
@@ -10,43 +11,36 @@ from tripod_host.arrays import Array
 
 
 @njit(cache=True, error_model="numpy")
-def differences(
-    end: Array,
-    u: Array,
-    s: float,
-    h: float,
-    before: Array,
-    length: float,
-    known: int,
-    moving: Array,
-    found: Array,
-    steps: Array,
-) -> None:
-    """Write a, j and dj/dt to `found` (3, n, 3), zero where unknown and of nodes that do not move by themselves.
+def accelerations(end: Array, u: Array, s: float, moving: Array, out: Array) -> None:
+    """Write (end - u) / s of nodes that move by themselves, else zero, to `out`, all of shape (n, 3)."""
+    for n in range(end.shape[0]):
+        for i in range(3):
+            out[n, i] = (end[n, i] - u[n, i]) / s if moving[n] else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def differences(h: float, before: Array, length: float, known: int, found: Array) -> None:
+    """Write j and dj/dt beside a in `found` (3, n, k), zero where unknown.
 
     Args:
-        end, u, s: a = (end - u) / s [m/s, m/s, s].
         h: Length of the step [s].
-        before: Accelerations of the last two steps [m/s²], the latest first, shape (2, n, 3); those of this step come
+        before: Accelerations of the last two steps [m/s²], the latest first, shape (2, n, k); those of this step come
             in as the latest.
         length: Time between these two [s].
         known: How many of them are known.
-        moving: Whether a node moves by itself, shape (n,).
-        found: Output.
-        steps: Velocities of the last step [m/s], become `end`.
+        found: Accelerations in the first; output in the others.
     """
-    for n in range(end.shape[0]):
-        for i in range(3):
-            a = (end[n, i] - u[n, i]) / s if moving[n] else 0.0
+    for n in range(found.shape[1]):
+        for i in range(found.shape[2]):
+            a = found[0, n, i]
             j = rate = 0.0
             if known >= 1:
                 j = (a - before[0, n, i]) / h
                 if known >= 2:
                     rate = 2 * (j - (before[0, n, i] - before[1, n, i]) / length) / (h + length)
-            found[0, n, i], found[1, n, i], found[2, n, i] = a, j, rate
+            found[1, n, i], found[2, n, i] = j, rate
             before[1, n, i] = before[0, n, i]
             before[0, n, i] = a
-            steps[n, i] = end[n, i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -62,49 +56,68 @@ def load(
     weight: Array,
     s: float,
     share: float,
-    known: Array,
-    y: Array,
+    begun: Array,
     force: Array,
 ) -> None:
-    """Write what a stage starts from: known errors, y = e_z + tau_x [m], and the forces [N] that load A.
+    """Write what a stage starts from, y = e_z + tau_x and e_u + tau_v, to `begun`, and the forces [N] that load A.
 
     Args:
-        first, second: Pairs of errors; c1 times the first and c2 times the second are the `known` ones.
+        first, second: Pairs of errors; c1 times the first and c2 times the second are e_z and e_u.
         c1, c2: Their factors.
         p, q: `factor` times these are tau_x and tau_v.
         factor: See there.
-        mass, weight: m [kg] and w [N/m] of nodes, shape (n,).
+        mass, weight: m [kg] and w [N/m], shape (n,).
         s: Of the stage [s].
         share: c / (1 + c).
-        known, y, force: Output.
+        begun, force: Output.
     """
-    for n in range(y.shape[0]):
+    for n in range(force.shape[0]):
         per_speed, per_move = mass[n] / s, (1 - share) * weight[n]
-        for i in range(3):
-            x = c1 * first[0, n, i] + c2 * second[0, n, i]
-            v = c1 * first[1, n, i] + c2 * second[1, n, i]
-            known[0, n, i], known[1, n, i] = x, v
-            y[n, i] = x + factor * p[n, i]
-            force[n, i] = per_speed * (v + factor * q[n, i]) + per_move * y[n, i]
+        for i in range(force.shape[1]):
+            x = c1 * first[0, n, i] + c2 * second[0, n, i] + factor * p[n, i]
+            v = c1 * first[1, n, i] + c2 * second[1, n, i] + factor * q[n, i]
+            begun[0, n, i], begun[1, n, i] = x, v
+            force[n, i] = per_speed * v + per_move * x
 
 
 @njit(cache=True, error_model="numpy")
-def finish(move: Array, y: Array, share: float, s: float, out: Array) -> None:
+def finish(move: Array, begun: Array, share: float, s: float, out: Array) -> None:
     """Write e_x' = share y + move and e_v' = (e_x' - y) / s to `out`."""
-    for n in range(y.shape[0]):
-        for i in range(3):
-            x = share * y[n, i] + move[n, i]
+    for n in range(move.shape[0]):
+        for i in range(move.shape[1]):
+            x = share * begun[0, n, i] + move[n, i]
             out[0, n, i] = x
-            out[1, n, i] = (x - y[n, i]) / s
+            out[1, n, i] = (x - begun[0, n, i]) / s
 
 
 @njit(cache=True, error_model="numpy")
-def rates(errors: Array, known: Array, p: Array, q: Array, factor: float, s: float, out: Array) -> None:
+def rates(errors: Array, begun: Array, s: float, out: Array) -> None:
     """Write the rates of the errors at the end of a stage, (e' - e_known - tau) / s, to `out`."""
-    for n in range(p.shape[0]):
-        for i in range(3):
-            out[0, n, i] = (errors[0, n, i] - known[0, n, i] - factor * p[n, i]) / s
-            out[1, n, i] = (errors[1, n, i] - known[1, n, i] - factor * q[n, i]) / s
+    for n in range(errors.shape[1]):
+        for i in range(errors.shape[2]):
+            out[0, n, i] = (errors[0, n, i] - begun[0, n, i]) / s
+            out[1, n, i] = (errors[1, n, i] - begun[1, n, i]) / s
+
+
+@njit(cache=True, error_model="numpy")
+def vanish(errors: Array, before: Array, p: Array, q: Array, factor: float, h: float, limit: float) -> bool:
+    """Zero errors that are below a limit, as are those that a step of `h` [s] adds; return whether they are.
+
+    Args:
+        errors, before: Pairs of errors.
+        p, q: `factor` times these are the step's defects tau_x and tau_v.
+        factor: See there.
+        h: [s].
+        limit: [m].
+    """
+    for n in range(errors.shape[1]):
+        for i in range(errors.shape[2]):
+            x, v = abs(errors[0, n, i]), abs(errors[1, n, i])
+            if not x + h * v + abs(factor) * (abs(p[n, i]) + h * abs(q[n, i])) < limit:
+                return False
+    errors[:] = 0.0
+    before[:] = 0.0
+    return True
 
 
 @njit(cache=True, error_model="numpy")

@@ -101,7 +101,7 @@ class MeshError:
         self._moves = bool(scene.inertia)
         self._share = scene.mesh_error.share if scene.mesh_error else np.inf
         self._nodes, self._weights = interpolation(mesh, parts.mesh.nodes)
-        self._rest = mesh.nodes
+        self._rest, self._simulated = mesh.nodes, simulated
         self._swing = self._swinging(scene, parts)
         self._own: State | None = None
         self._dx, self._move = np.zeros_like(system.rest), np.zeros(system.unknowns)
@@ -116,6 +116,7 @@ class MeshError:
         """
         own = self._own = self._system.start_state(np.zeros_like(self._joints(state)))
         self._seen = state.copy()
+        self._seen.errors = None
         self._seen.positions[: len(self._rest)] = self._rest
         self._seen.centres[0], self._seen.rotations[0] = own.centres[0], own.rotations[0]
         self._trial = own.copy()
@@ -131,6 +132,22 @@ class MeshError:
             self._swing.start(state, own)
         self._last = self._report(state.time)
         return self._last
+
+    def carry_steps(self) -> bool:
+        """Carry the error of the time steps in the modes in which that of the mesh swings, and say so, if that can be.
+
+        It then costs no linear solve, as little as that of the mesh. It begins anew.
+        """
+        errors, swing = self._simulated.errors, self._swing
+        if not (errors and swing and len(swing.modes.squares)):
+            return False
+        from tripod_sim.integrators.time_error import ErrorTransport  # noqa: PLC0415 - an effect that is absent
+        from tripod_sim.mesh_error.modal_steps import ModalSteps  # noqa: PLC0415
+
+        if not isinstance(errors, ErrorTransport) or not errors.carried or errors.rates:
+            return False
+        errors.carry_in(ModalSteps(swing.modes, errors.system, errors.inertia))
+        return True
 
     def _swinging(self, scene: Scene, richer: Parts) -> Swing | None:
         """Return what lets the error swing; None where nothing moves, or what does is not the body alone."""

@@ -19,16 +19,14 @@ from contextlib import suppress
 import numpy as np
 from numba import njit
 from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from tripod_host.arrays import FloatArray
+from tripod_host.arrays import Array, FloatArray
+from tripod_sim.array_kernels import put
 from tripod_sim.linear.solver import LinearError
+from tripod_sim.mesh_error.modes import modes, none, project
 from tripod_sim.mesh_error.outside import Outside
 from tripod_sim.state import State
 from tripod_sim.system import System
-
-MODES = 8
-"""How many swing: of the Tripod those below 70 Hz."""
 
 
 class Swing:
@@ -53,7 +51,7 @@ class Swing:
     def start(self, state: State, fine: State) -> None:
         """Begin anew at `state`, where the richer mesh rests as `fine` and is factored; nothing swings yet."""
         self._find_modes(state, fine)
-        self._time, self._length, self._velocities = state.time, 0.0, state.velocities.reshape(-1).copy()
+        self._time, self._length, self._velocities = state.time, 0.0, state.velocities.copy()
         self._moving = bool(state.velocities.any())
         count = len(self._squares)
         self._beyond, self._rate, self._force = np.zeros(count), np.zeros(count), np.zeros(count)
@@ -68,11 +66,11 @@ class Swing:
         h = state.time - self._time
         if h <= 0.0:
             return
+        self._time = state.time
         if h != self._length:
             self._length, self._propagator = h, propagator(self._squares, self._damping, h)
-        self._time = state.time
         carry(
-            self._inert, state.velocities.reshape(-1), h, self._change, self._propagator, self._velocities, self._force,
+            *self.modes.weighed, state.velocities, self._velocities, h, self._change, self._propagator, self._force,
             self._beyond, self._rate,
         )  # fmt: skip
         if self._moving:  # what acted before the start is not known: that it begins here makes nothing swing
@@ -89,52 +87,20 @@ class Swing:
         own, system, richer = self._outside.placed(state), self._outside.system, self._richer
         system.assemble(own, project=False)
         stable = system.factor() and richer.factored
-        squares, answers = np.zeros(0), np.zeros((0, *richer.rest.shape))
-        modes = inert = np.zeros((0, *system.rest.shape))
+        found, answers = none(system), np.zeros((0, *richer.rest.shape))
         if stable:
-            with suppress(ArpackError, LinearError):
-                lowest, found = self._lowest(system)
-                forces = np.array([self._inertia @ mode for mode in found])
-                moves = np.array([self._answer(force.copy(), own, fine) for force in forces])
-                squares, modes, inert, answers = lowest, found, forces, moves
+            with suppress(LinearError):
+                several = modes(system, self._inertia)
+                answers = np.array([self._answer(force.copy(), own, fine) for force in several.inert])
+                found = several
         system.forget()  # what was assembled is not to count in the forces of later states
-        self._squares: FloatArray = squares
-        finer = np.array([self._prolong @ mode for mode in modes]).reshape(answers.shape)
-        errors, count = answers - finer / squares[:, None, None], len(modes)
-        self._inert = inert.reshape(count, system.rest.size)
+        self.modes, self._squares, count = found, found.squares, len(found.squares)
+        finer = np.array([self._prolong @ shape for shape in found.shapes]).reshape(answers.shape)
+        errors = answers - np.array([self._prolong @ move for move in found.yields]).reshape(answers.shape)
         weighed = (self._mass[:, None] * finer).reshape(count, richer.rest.size)
         self._change = weighed @ errors.reshape(count, richer.rest.size).T
-        self._effector = modes[:, system.groups.rigid[0]].mean(axis=1).T
+        self._effector = found.shapes[:, system.groups.rigid[0]].mean(axis=1).T
         self._effector_change = errors[:, richer.groups.rigid[0]].mean(axis=1).T
-
-    def _lowest(self, system: System) -> tuple[FloatArray, FloatArray]:
-        """Return w² [1/s²] and phi [kg^-1/2] of the lowest modes, shapes (modes,) and (modes, nodes, 3).
-
-        `system`: factored where they are asked for.
-        """
-        reduction, found = system.reduction, np.zeros(system.unknowns)
-        move, torques = np.zeros_like(system.rest), np.zeros_like(system.torques)
-
-        def moved(unknowns: FloatArray) -> FloatArray:
-            reduction.moves(np.ascontiguousarray(unknowns), system.lever, move)
-            return move
-
-        def inertia(unknowns: FloatArray) -> FloatArray:
-            reduction.gradient(self._inertia @ moved(unknowns), found, torques)
-            return found.copy()
-
-        shape = (system.unknowns, system.unknowns)
-        inverse = LinearOperator(shape, matvec=system.linear.solve, dtype=float)
-        squares, unknowns = eigsh(
-            inverse,  # its shape alone counts
-            k=min(MODES, system.unknowns - 1),
-            M=LinearOperator(shape, matvec=inertia, dtype=float),
-            sigma=0.0,
-            OPinv=inverse,
-            v0=np.random.default_rng(0).standard_normal(system.unknowns),
-            tol=1e-6,
-        )
-        return squares, np.array([moved(mode).copy() for mode in unknowns.T])
 
     def _answer(self, force: FloatArray, own: State, fine: State) -> FloatArray:
         """Return the moves of the richer mesh [m] under a force on the own one [N], overwritten, shapes (nodes, 3)."""
@@ -163,35 +129,30 @@ def propagator(squares: FloatArray, damping: tuple[float, float], h: float) -> F
     return np.asarray(decay * [[even + half * odd, odd], [-squares * odd, even - half * odd]])
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+@njit(cache=True, error_model="numpy")
 def carry(
-    inert: FloatArray, velocities: FloatArray, h: float, change: FloatArray, by: FloatArray, before: FloatArray,
-    force: FloatArray, z: FloatArray, rate: FloatArray,
+    nodes: Array, inert: Array, velocities: FloatArray, before: FloatArray, h: float, change: FloatArray,
+    by: FloatArray, force: FloatArray, z: FloatArray, rate: FloatArray,
 ) -> None:  # fmt: skip
     """Carry z and z' of all modes over a step.
 
     Args:
-        inert: M phi_i, shape (modes, 3 n).
-        velocities: At the end [m/s], shape (3 n,).
+        nodes, inert: As `Modes.weighed`.
+        velocities: At the end [m/s], shape (n, 3).
+        before: Those at the start; those at the end afterwards.
         h: [s].
         change: e_i for each unit of f_j, shape (modes, modes).
         by: The `propagator`.
-        before: Velocities at the start [m/s]; those at the end afterwards.
         force: f, as before; shape (modes,), as z and z'; updated.
         z, rate: Updated.
     """
-    modes = len(z)
-    more = np.empty(modes)
-    for i in range(modes):
-        total = 0.0
-        for k in range(len(velocities)):
-            total += inert[i, k] * (before[k] - velocities[k])
-        more[i] = total / h - force[i]
+    more = project(nodes, inert, before, velocities)
+    for i in range(len(z)):
+        more[i] = more[i] / h - force[i]
         force[i] += more[i]
-    for i in range(modes):
+    for i in range(len(z)):
         x, v = z[i], rate[i]
-        for j in range(modes):
+        for j in range(len(z)):
             x -= change[i, j] * more[j]
         z[i], rate[i] = by[0, 0, i] * x + by[0, 1, i] * v, by[1, 0, i] * x + by[1, 1, i] * v
-    for k in range(len(velocities)):
-        before[k] = velocities[k]
+    put(before, velocities)

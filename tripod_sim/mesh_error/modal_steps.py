@@ -1,0 +1,79 @@
+"""The error of the time steps carried in the modes in which that of the mesh swings, which costs no linear solve."""
+
+import numpy as np
+from numba import njit
+
+from tripod_host.arrays import Array, FloatArray
+from tripod_sim.forces.anchor import Anchor
+from tripod_sim.mesh_error.modes import Modes
+from tripod_sim.system import System
+
+
+class ModalSteps:
+    """The errors in modes phi_i of the start, e = sum of phi_i z_i (see `integrators.time_error.Coordinates`).
+
+    There m is 1, and A of a stage is diagonal, w + (1 + c) w_i². The forces that the solver has left over are not
+    carried: a step makes good what the one before left.
+    """
+
+    corrects = False
+
+    def __init__(self, modes: Modes, system: System, inertia: Anchor) -> None:
+        """`system`, `inertia`: as for `ErrorTransport`, of the body alone."""
+        self._modes, self._inertia = modes, inertia
+        self.shape, self.negligible = (len(modes.squares), 1), modes.negligible
+        self._effector = modes.shapes[:, system.groups.rigid[0]].mean(axis=1).T
+
+    def accelerations(self, end: FloatArray, u: FloatArray, s: float, out: FloatArray) -> None:
+        """As in `Coordinates`."""
+        np.divide(self._modes.momenta(end, u), s, out=out[:, 0])
+
+    def stage(
+        self, first: FloatArray, c1: float, second: FloatArray, c2: float, p: FloatArray, q: FloatArray, factor: float,
+        s: float, share: float, left: FloatArray, begun: FloatArray, out: FloatArray,
+    ) -> None:  # fmt: skip
+        """As in `Coordinates`."""
+        weight = self._inertia.per_mass
+        solve(first, c1, second, c2, p, q, factor, self._modes.squares, weight, s, share, begun, out)
+
+    def warm_up(self, begun: FloatArray, out: FloatArray) -> None:
+        """As in `Coordinates`."""
+        solve(out, 1.0, out, 0.0, out[0], out[0], 0.0, self._modes.squares, 1.0, 1.0, 0.0, begun, out)
+
+    def effector(self, errors: FloatArray) -> tuple[float, float, float] | None:
+        """As in `Coordinates`."""
+        x, y, z = (self._effector @ errors[:, 0]).tolist()
+        return x, y, z
+
+    def furthest(self, errors: FloatArray) -> tuple[float, int]:
+        """As in `Coordinates`."""
+        return self._modes.furthest(errors[:, 0])
+
+
+@njit(cache=True, error_model="numpy")
+def solve(
+    first: Array,
+    c1: float,
+    second: Array,
+    c2: float,
+    p: Array,
+    q: Array,
+    factor: float,
+    squares: Array,
+    weight: float,
+    s: float,
+    share: float,
+    begun: Array,
+    out: Array,
+) -> None:
+    """Write what a stage starts from and the errors at its end (see `time_error_kernels.load` and `finish`).
+
+    squares: w_i² [1/s²], shape (modes,); weight: w [1/s²].
+    """
+    for n in range(squares.shape[0]):
+        x = c1 * first[0, n, 0] + c2 * second[0, n, 0] + factor * p[n, 0]
+        v = c1 * first[1, n, 0] + c2 * second[1, n, 0] + factor * q[n, 0]
+        begun[0, n, 0], begun[1, n, 0] = x, v
+        force = v / s + (1 - share) * weight * x
+        error = share * x + force / (weight + squares[n] / (1 - share))
+        out[0, n, 0], out[1, n, 0] = error, (error - x) / s
