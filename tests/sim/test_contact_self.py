@@ -1,5 +1,6 @@
 """A cloth that touches itself: folded, it lies on itself and does not pass through itself."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -202,6 +203,14 @@ def test_a_thin_solid_touches_itself_across_a_slit_and_not_through_itself() -> N
     (note,) = near_itself(part, 2e-3)
     assert "than contact.contact_distance, 0.002 m, the nearest 0.0002 m away" in note
     assert near_itself(part, 1e-4) == ()
+
+
+def test_a_surface_by_columns_is_joined_by_rows_as_its_loops_are_compiled() -> None:
+    part = slit_panel(2e-4, 1e-3)
+    columns = replace(part, triangles=np.asfortranarray(part.triangles))
+    surfaces, _ = join([columns])
+    assert surfaces.triangles.flags.c_contiguous
+    np.testing.assert_array_equal(surfaces.triangles, join([part])[0].triangles)
 
 
 def test_a_panel_thinner_than_the_contact_distance_rises_as_without_contact() -> None:

@@ -91,7 +91,9 @@ def join(parts: list[Part]) -> tuple[Surfaces, FloatArray]:
     counts = [len(p.vertices) for p in parts]
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     vertices = np.concatenate([p.vertices for p in parts]).astype(float)
-    triangles = np.concatenate([p.triangles + k for p, k in zip(parts, first, strict=False)]).astype(np.int64)
+    triangles = np.concatenate([p.triangles + k for p, k in zip(parts, first, strict=False)]).astype(
+        np.int64, order="C"
+    )
     filled = np.concatenate(
         [p.filled if len(p.filled) else np.zeros(len(p.triangles), np.bool_) for p in parts]
     )
