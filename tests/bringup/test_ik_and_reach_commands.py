@@ -46,7 +46,8 @@ def test_a_start_has_an_angle_for_each_servo_of_the_scene() -> None:
 
 
 def test_json_holds_the_same_and_a_target_out_of_reach_ends_with_1() -> None:
-    result = tripod("ik", "--target", "0,0,0.1", "--torque-max", "0.2", "--json", *COARSE)
+    quick = [*COARSE, "--set", "mesh.element=h8"]  # the search looks at many poses
+    result = tripod("ik", "--target", "0,0,0.1", "--torque-max", "0.2", "--json", *quick)
     assert result.exit_code == 1
     given = json.loads(result.stdout)
     assert given["reached"] is False
