@@ -236,7 +236,8 @@ def explicit_parts(
                 own = 0.5 * ((h if part else h_before) + h) * given
                 _euler(scheme == SEMI_IMPLICIT_EULER, h, time + (part + 1) * h, x, v, load, frames, bodies, g)
         if scheme == RK4:
-            _runge_kutta(4, h, time + part * h, x, v, load, frames, bodies, g, start)
+            # `stages` is 4 here; `4` is a type of its own, for which all of it would be compiled once more
+            _runge_kutta(stages, h, time + part * h, x, v, load, frames, bodies, g, start)
         work += own
         if not np.isfinite(work) or scratch.corrections[0] > FEW:
             return part + 1, work

@@ -117,7 +117,7 @@ def evaluate(x: Array, v: Array, solids: Solids, nets: Nets, load: Load, scratch
     return energy
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _add_springs(x: Array, v: Array, net: Links, rayleigh: float, force: Array, g: Array) -> float:
     """Take the forces of springs and of their dampers from `g`; return their energy [J]. `force` is scratch."""
     force[:] = 0.0
@@ -136,7 +136,7 @@ def _has_modes(solids: Solids) -> bool:
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _evaluate_solids(x: Array, solids: Solids, load: Load, scratch: ForceScratch) -> float:
     """Write minus weight, dead loads and the solids' forces to `scratch.gradient`; move the modes to equilibrium."""
     g, move, has_modes = scratch.gradient, scratch.move, _has_modes(solids)
@@ -169,7 +169,7 @@ def _follow_nodes(solids: Solids, move: Array) -> None:
         update_modes(solid.modes, s.elements, s.X, s.y, move, 1.0, solid.modes)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _add_rates(x: Array, v: Array, solids: Solids, load: Load, scratch: ForceScratch, move: Array) -> None:
     """Add b times the rate of the solids' forces to `scratch.gradient`, the modes' rates in equilibrium."""
     d, has_modes = scratch.damping, _has_modes(solids)
