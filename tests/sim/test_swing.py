@@ -59,6 +59,19 @@ def test_a_swinging_body_errs_by_less_than_both_errors_in_sum_and_as_told(
     assert max(errors) > 1.3 * max(told)
 
 
+def test_from_one_estimate_on_the_error_follows_what_moves() -> None:
+    """Only that at the start is made; then the inertia of the modes says how the error goes on."""
+    each, first = pressed("mesh_error.share=1e6"), pressed("mesh_error.share=1e-9")
+    told = []
+    for joints in way(each.command)[:20]:
+        reports = [simulation.step(joints).mesh_error for simulation in (each, first)]
+        told.append([report.effector for report in reports if report])
+    at_each, from_first = np.array(told).transpose(1, 0, 2)
+    size = np.linalg.norm(at_each, axis=1).max()
+    assert size > 1.5e-5
+    assert np.linalg.norm(from_first - at_each, axis=1).max() < 0.35 * size
+
+
 def test_at_rest_nothing_swings() -> None:
     simulation = pressed("mesh_error.share=1e6")
     at_start = simulation.report.mesh_error
