@@ -53,6 +53,8 @@ TESTS = {
     "tripod_sim/forces/foundation.py": ("clamp", "explicit_tripod", "convergence"),
     "tripod_sim/mesh_error/support.py": ("mesh_error", "spatial_error"),
     "tripod_sim/mesh_error/swing.py": ("swing",),
+    "tripod_sim/mesh_error/modes.py": ("swing",),
+    "tripod_sim/mesh_error/modal_steps.py": ("swing",),
     "tripod_sim/mesh_error/chord.py": ("chord", "mesh_error"),
     "tripod_sim/forces/spring_force.py": ("elastic_terms", "spring_forces", "spring_schemes"),
     "tripod_sim/integrators/newton.py": STEPS,
