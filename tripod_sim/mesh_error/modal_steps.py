@@ -5,6 +5,7 @@ from numba import njit
 
 from tripod_host.arrays import Array, FloatArray
 from tripod_sim.forces.anchor import Anchor
+from tripod_sim.integrators.time_error_kernels import finish, load
 from tripod_sim.mesh_error.modes import Modes
 from tripod_sim.system import System
 
@@ -66,14 +67,12 @@ def solve(
     begun: Array,
     out: Array,
 ) -> None:
-    """Write what a stage starts from and the errors at its end (see `time_error_kernels.load` and `finish`).
+    """Write what a stage starts from and the errors at its end (see `load` and `finish`), which may be `first`.
 
     squares: w_i² [1/s²], shape (modes,); weight: w [1/s²].
     """
-    for n in range(squares.shape[0]):
-        x = c1 * first[0, n, 0] + c2 * second[0, n, 0] + factor * p[n, 0]
-        v = c1 * first[1, n, 0] + c2 * second[1, n, 0] + factor * q[n, 0]
-        begun[0, n, 0], begun[1, n, 0] = x, v
-        force = v / s + (1 - share) * weight * x
-        error = share * x + force / (weight + squares[n] / (1 - share))
-        out[0, n, 0], out[1, n, 0] = error, (error - x) / s
+    count = squares.shape[0]
+    load(first, c1, second, c2, p, q, factor, np.ones(count), np.full(count, weight), s, share, begun, out[0])
+    for n in range(count):
+        out[0, n, 0] /= weight + squares[n] / (1 - share)
+    finish(out[0], begun, share, s, out)

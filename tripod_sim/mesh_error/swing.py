@@ -53,7 +53,7 @@ class Swing:
         self._find_modes(state, fine)
         self._time, self._length, self._velocities = state.time, 0.0, state.velocities.copy()
         self._moving = bool(state.velocities.any())
-        count = len(self._squares)
+        count = len(self.modes.squares)
         self._beyond, self._rate, self._force = np.zeros(count), np.zeros(count), np.zeros(count)
         self._seen = np.zeros(count)
 
@@ -68,7 +68,7 @@ class Swing:
             return
         self._time = state.time
         if h != self._length:
-            self._length, self._propagator = h, propagator(self._squares, self._damping, h)
+            self._length, self._propagator = h, propagator(self.modes.squares, self._damping, h)
         carry(
             *self.modes.weighed, state.velocities, self._velocities, h, self._change, self._propagator, self._force,
             self._beyond, self._rate,
@@ -94,7 +94,7 @@ class Swing:
                 answers = np.array([self._answer(force.copy(), own, fine) for force in several.inert])
                 found = several
         system.forget()  # what was assembled is not to count in the forces of later states
-        self.modes, self._squares, count = found, found.squares, len(found.squares)
+        self.modes, count = found, len(found.squares)
         finer = np.array([self._prolong @ shape for shape in found.shapes]).reshape(answers.shape)
         errors = answers - np.array([self._prolong @ move for move in found.yields]).reshape(answers.shape)
         weighed = (self._mass[:, None] * finer).reshape(count, richer.rest.size)
