@@ -15,7 +15,8 @@ from launch import LaunchContext, LaunchDescription
 
 ARGUMENTS = (
     ("namespace", "", "Namespace of all nodes: two robots in one domain have two"),
-    ("scene", "", "Scene of the simulator: a name or a file; its parameter's default if empty"),
+    ("scene", "", "Scene of simulator and inverse kinematics: a name or a file; their default if empty"),
+    ("set", "", "Overrides of the scene, dotted.path=value, separated by semicolons"),
     ("sim", "true", "Whether the simulator runs"),
     ("ik", "true", "Whether inverse kinematics runs"),
     ("view", "false", "Whether the page is served"),
@@ -43,9 +44,10 @@ def nodes(context: LaunchContext) -> list[Node]:
     given = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
     config = [FindPackageShare("tripod"), "config"]
     rviz = ["-d", PathJoinSubstitution([*config, "tripod.rviz"])]
+    scene = {name: given[name] for name in ("scene", "set")}
     return [
-        node("sim", given, {"scene": given["scene"]}, clock=given["use_sim_time"] == "true"),
-        node("ik", given, {}),
+        node("sim", given, scene, clock=given["use_sim_time"] == "true"),
+        node("ik", given, scene),
         node("view", given, {}),
         LifecycleNode(
             package="tripod",

@@ -58,8 +58,6 @@ class UpOptions:
     """What `tripod up` shall do.
 
     Attributes:
-        scene: Name of a scene or path of a scene file.
-        port: Of the servos, as the driver takes it.
         record: Directory of recordings, None for no recording.
         view: Whether to serve the page.
         view_port: Where, None for the default of the view.
@@ -68,13 +66,10 @@ class UpOptions:
         namespace: Of all nodes, with its leading slash: two robots in one domain have two.
         duration: How long the chain (or with `demo` the targets) shall run [s], None until told.
         subnet: Whether ROS discovery may leave this machine.
-        servos: How many the scene has; None: it has none.
-        values: More parameters, by node and name.
+        values: Parameters, by node and name.
         verbose: Whether to show what the nodes log as information.
     """
 
-    scene: str = "tripod"
-    port: str = "mock"
     record: Path | None = None
     view: bool = True
     view_port: int | None = None
@@ -83,7 +78,6 @@ class UpOptions:
     namespace: str = "/"
     duration: float | None = None
     subnet: bool = False
-    servos: int | None = None
     values: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     verbose: bool = False
 
@@ -127,12 +121,6 @@ def up(options: UpOptions, screen: Screen) -> int:
         return BAD_ARGUMENTS
 
 
-def driver_values(port: str, servos: int | None) -> dict[str, object]:
-    """Return the driver's parameters for its port and the scene's number of servos, None: it has none."""
-    other = servos not in (None, len(names.SERVOS))  # nodes take the Tripod's unless told
-    return {"port": port, **({"servos": servos} if other else {})}
-
-
 def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[ProcessSpec]]:
     """Return what to start, in order: the recorder sees all, the driver moves last."""
     place = [] if options.namespace == "/" else [f"__ns:={options.namespace}"]
@@ -148,16 +136,11 @@ def stages(options: UpOptions, facts: Facts, watch: "Watch") -> list[list[Proces
     record = spec(  # which gives up a disk that stands still by itself; the end of a long file takes long
         "record", {"directory": options.record}, ready=lambda: bool(facts.recording), stop_time=120.0
     )
-    sim = spec("sim", {"scene": options.scene}, ready=lambda: watch.heard(names.SIM_STATUS))
-    ik = spec("ik", {"scene": options.scene}, ready=lambda: watch.is_published(names.IK_STATUS))
+    sim = spec("sim", {}, ready=lambda: watch.heard(names.SIM_STATUS))
+    ik = spec("ik", {}, ready=lambda: watch.is_published(names.IK_STATUS))
     view_values = {} if options.view_port is None else {"port": options.view_port}
     view = spec("view", view_values, ready=lambda: bool(facts.page))
-    driver = spec(
-        "driver",
-        driver_values(options.port, options.servos),
-        ready=lambda: watch.heard(names.ROBOT_STATUS),
-        stop_time=10.0,
-    )
+    driver = spec("driver", {}, ready=lambda: watch.heard(names.ROBOT_STATUS), stop_time=10.0)
     return [
         [record] if options.record is not None else [],
         [sim, ik, *([view] if options.view else [])],

@@ -19,7 +19,8 @@ from tripod_bringup.node_command import (
 from tripod_bringup.node_values import RawYaml, split_word
 from tripod_bringup.screen import Screen
 from tripod_bringup.script import joint_path
-from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, driver_values, up
+from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, up
+from tripod_graph import names
 from tripod_graph.loopback import keep_local
 from tripod_graph.namespace import full_namespace
 
@@ -57,14 +58,12 @@ def up_command(
         check_used(values, record=demo or record is not None, view=view)
         namespace = full_namespace(namespace)
         add_overrides(values, overrides)
-        check_scene(scene, words_of_set(values))
+        asked = words_of_set(values)
+        check_scene(scene, asked)
         if sentence := settle(scene, values, wished(accuracy, budget), study):
             print(sentence, file=sys.stderr)
-        servos = servos_of(scene, words_of_set(values))
-        for node, given in {
-            **values,
-            "driver": {**driver_values(port, servos), **values.get("driver", {})},
-        }.items():
+        chain = chain_values(values, scene, asked, port)
+        for node, given in chain.items():
             with naming(node):
                 check_values(node, given)
         script = joint_path(scene, words_of_set(values), servo, slide)
@@ -84,8 +83,6 @@ def up_command(
         if duration is None and not screen.terminal:
             duration = DEMO_TIME
     options = UpOptions(
-        scene=scene,
-        port=port,
         record=record,
         view=view,
         view_port=view_port,
@@ -94,8 +91,7 @@ def up_command(
         namespace=namespace,
         duration=duration,
         subnet=subnet,
-        servos=servos,
-        values=values,
+        values=chain,
         verbose=verbose,
     )
     try:
@@ -125,6 +121,26 @@ def node_values(words: Sequence[str]) -> dict[str, dict[str, object]]:
             raise ValueError(unknown_name("node", node, list(EXIT_CODES)))
         own.setdefault(node, []).append(f"{parameter}:={value}")
     return {node: _values_of(node, words) for node, words in own.items()}
+
+
+def chain_values(
+    values: Mapping[str, Mapping[str, object]], scene: str, overrides: Sequence[str], port: str
+) -> dict[str, Mapping[str, object]]:
+    """Return the parameters of all nodes: what `values` says, and what the scene and the port ask of each beside that.
+
+    Inverse kinematics takes `overrides`, what the user asked of the scene: the setting of an accuracy is the
+    simulator's own, and finer than ways around snaps need.
+    """
+    servos = servos_of(scene, words_of_set(values))
+    count = {} if servos in (None, len(names.SERVOS)) else {"servos": servos}  # unless told, the Tripod's
+    model: dict[str, object] = {"scene": scene, **({"set": ";".join(overrides)} if overrides else {})}
+    own: dict[str, object] = {} if "scene" in values.get("ik", {}) else model
+    asked: dict[str, dict[str, object]] = {
+        "sim": {"scene": scene},
+        "ik": own,
+        "driver": {"port": port, **count},
+    }
+    return {node: {**asked.get(node, {}), **values.get(node, {})} for node in (*asked, *values)}
 
 
 def _values_of(node: str, words: Sequence[str]) -> dict[str, object]:
@@ -220,8 +236,10 @@ def add_overrides(values: dict[str, dict[str, object]], overrides: Sequence[str]
         values.setdefault("sim", {})["set"] = ";".join([*words_of_set(values), *overrides])
 
 
-def words_of_set(values: dict[str, dict[str, object]]) -> list[str]:
+def words_of_set(values: Mapping[str, Mapping[str, object]]) -> list[str]:
     """Return the overrides of the scene in the simulator's parameter `set`. Raises ValueError where it is not YAML."""
+    from tripod_sim.scene_file import override_words  # noqa: PLC0415 - pure and small
+
     text = values.get("sim", {}).get("set", "")
     if isinstance(text, RawYaml):
         import yaml  # noqa: PLC0415 - only with such a parameter
@@ -230,7 +248,7 @@ def words_of_set(values: dict[str, dict[str, object]]) -> list[str]:
             text = yaml.safe_load(text)
         except yaml.YAMLError:
             raise ValueError(f"sim.set:={text} is not YAML; quote it") from None
-    return [word.strip() for word in str(text or "").split(";") if word.strip()]
+    return override_words(str(text or ""))
 
 
 def settle(scene: str, values: dict[str, dict[str, object]], accuracy: str | None, study: Path | None) -> str:

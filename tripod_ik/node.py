@@ -50,6 +50,7 @@ from tripod_ik.settings import (
     expected,
     load_observer,
     model_error,
+    scene_of,
     tracker_settings,
 )
 from tripod_ik.solvable import nothing_to_solve
@@ -57,7 +58,6 @@ from tripod_ik.state import LinearState
 from tripod_ik.target import TargetBox
 from tripod_ik.tracker import LONGEST_DT, SMOOTH, Activity, Tracker, TrackerStep
 from tripod_ik.tracker_settings import Goal
-from tripod_sim.scene_file import load_scene
 
 WATCH = 0.05  # [s]: how often the age of the compliance is looked at
 REPEAT = 0.5  # [s]: how often an unchanged IDLE or STALE is published
@@ -73,7 +73,7 @@ class IkNode(Node):
     def __init__(self) -> None:
         super().__init__("ik")
         values = declare(self, PARAMETERS, self._adopt)
-        self._scene, self._slide = load_scene(values["scene"]), values["slide"]
+        self._scene, self._slide = scene_of(values), values["slide"]
         self._targets = TargetBox(values["target_low"], values["target_high"])
         self._guide = Guide(self._build_pathfinder)
         self._servos = len(names.SERVOS)  # until the driver or a compliance tells of others

@@ -131,7 +131,8 @@ PARAMETERS: tuple[Parameter, ...] = (
         "file that `tripod identify --json` printed, of `scene`: the expected error of the pose at rest is then told "
         "in /diagnostics, with 90 % bars; empty for none",
     ),
-    Parameter("scene", "tripod", "scene of the own model, used where no simulator is in the graph"),
+    Parameter("scene", "tripod", "scene of the own model: of ways around snaps, and without a simulator"),
+    Parameter("set", "", "overrides of it, dotted.path=value, separated by semicolons"),
     Parameter(
         "slide",
         names.WORKING_SLIDE,
@@ -166,12 +167,17 @@ PARAMETERS: tuple[Parameter, ...] = (
 
 def check(values: Mapping[str, Any]) -> None:
     """Raise ValueError where the values do not fit together, or name no scene or file."""
-    from tripod_sim.scene_file import load_scene  # noqa: PLC0415 - the node has loaded it
-
     command_limits(tracker_settings(values), servos=1)
     TargetBox(values["target_low"], values["target_high"])
     load_observer(values)
-    expected(values, load_scene(values["scene"]))
+    expected(values, scene_of(values))
+
+
+def scene_of(values: Mapping[str, Any]) -> "Scene":
+    """Return the scene of the own model; raise SceneError, which is a ValueError, where it cannot be loaded."""
+    from tripod_sim.scene_file import load_scene, override_words  # noqa: PLC0415 - tables of parameters need none
+
+    return load_scene(values["scene"], override_words(values["set"]))
 
 
 def tracker_settings(values: Mapping[str, Any]) -> TrackerSettings:

@@ -49,7 +49,7 @@ from tripod_sim.realtime import RealTime, Snapshot
 from tripod_sim.requests import Request, changed
 from tripod_sim.rerun import Rerun
 from tripod_sim.scene import Scene
-from tripod_sim.scene_file import load_scene
+from tripod_sim.scene_file import load_scene, override_words
 from tripod_sim.scene_short import effector_of
 from tripod_sim.scene_topics import SceneTopics
 from tripod_sim.settings import PARAMETERS
@@ -144,7 +144,7 @@ class SimNode(Node):
 
     def _build(self, values: dict[str, Any], begin: Anew | None) -> Simulation:
         """Return the simulation that the parameters describe, or that of `begin`, which is that with changes."""
-        self._overrides = [w for w in values["set"].split(";") if w.strip()]
+        self._overrides = override_words(values["set"])
         if values["accuracy"]:
             self._overrides = self._settle(values, self._overrides)
         if begin:

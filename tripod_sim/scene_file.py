@@ -2,6 +2,7 @@
 
 import difflib
 import math
+import re
 import tomllib
 import types
 from collections.abc import Iterable, Mapping
@@ -33,6 +34,18 @@ def scene_names() -> list[str]:
     """Return the names of the shipped scenes."""
     folder = resources.files("tripod_sim") / "scenes"
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def override_words(text: str) -> list[str]:
+    """Return the overrides in a text of them, separated by semicolons that stand in no quotes.
+
+    >>> override_words("mesh.level=1; dt=0.01;")
+    ['mesh.level=1', 'dt=0.01']
+    >>> override_words('motion.0.path="0:0; 1:2";dt=0.01')
+    ['motion.0.path="0:0; 1:2"', 'dt=0.01']
+    """
+    words = re.findall(r"""(?:"[^"]*"|'[^']*'|[^;])+""", text)
+    return [word.strip() for word in words if word.strip()]
 
 
 def load_scene(source: str | Path, overrides: Iterable[str] = ()) -> Scene:

@@ -78,6 +78,7 @@ def test_its_nodes_are_programs_of_the_build_and_know_their_parameters(launched:
         "namespace": "left",
         "record": "bags",
         "scene": "maze",
+        "set": "mesh.level=1",
         "calibration": "r.yaml",
     }
     found = [n for n in launched["nodes"](given) if getattr(n, "package", "") == "tripod"]
@@ -89,7 +90,8 @@ def test_its_nodes_are_programs_of_the_build_and_know_their_parameters(launched:
         assert node.namespace == "left" and node.name == node.executable
         assert set(node.parameters[-1]) <= table
     by_name = {n.executable: n for n in found}
-    assert by_name["sim"].parameters == [{"scene": "maze", "use_sim_time": False}]
+    for model in ("sim", "ik"):
+        assert by_name[model].parameters == [{"scene": "maze", "set": "mesh.level=1", "use_sim_time": False}]
     assert by_name["record"].parameters[-1]["directory"] == "bags" and by_name["record"].condition
     assert by_name["driver"].kind == "LifecycleNode"
     assert by_name["driver"].parameters[-1]["autostart"] is True

@@ -12,6 +12,7 @@ from tripod_bringup.screen import Screen
 from tripod_bringup.supervisor import Ending
 from tripod_bringup.up import EXIT_CODES, Facts, Graph, UpOptions, _judged, _report, _Until, stages
 from tripod_graph import names
+from tripod_ik import settings
 
 
 class FakeWatch:
@@ -51,23 +52,49 @@ def test_what_is_not_wanted_is_not_started() -> None:
     ]
 
 
-def test_options_reach_their_nodes_and_explicit_values_win() -> None:
+def test_options_reach_their_nodes() -> None:
     options = UpOptions(
-        scene="2024",
-        port="pty",
         record=Path("a b"),
         view_port=9000,
         subnet=True,
-        values={"driver": {"rate": RawYaml("25")}, "sim": {"scene": "silicone"}},
+        values={"driver": {"port": "pty", "rate": RawYaml("25")}, "sim": {"scene": "2024"}},
     )
     arguments = {spec.name: spec.arguments for stage in started(options) for spec in stage}
     assert arguments == {
         "record": ['directory:="a b"', "--subnet"],
-        "sim": ['scene:="silicone"', "--subnet"],
-        "ik": ['scene:="2024"', "--subnet"],
+        "sim": ['scene:="2024"', "--subnet"],
+        "ik": ["--subnet"],
         "view": ["port:=9000", "--subnet"],
         "driver": ['port:="pty"', "rate:=25", "--subnet"],
     }
+
+
+def test_the_scene_of_the_simulator_is_that_of_the_models_of_inverse_kinematics() -> None:
+    soft = ["material.young=3e5"]
+    settled = {"sim": {"set": "mesh.level=3;material.young=3e5"}, "ik": {"max_step": 0.1}}
+    values = up_command.chain_values(settled, "silicone", soft, "pty")
+    assert values["sim"] == {"scene": "silicone", "set": "mesh.level=3;material.young=3e5"}
+    assert values["ik"] == {"scene": "silicone", "set": "material.young=3e5", "max_step": 0.1}
+    assert values["driver"] == {"port": "pty"}, "three servos are its own default"
+    four = up_command.chain_values({"driver": {"port": "mock"}}, "cross", [], "pty")
+    assert four["driver"] == {"port": "mock", "servos": 4} and four["ik"] == {"scene": "cross"}
+    other = up_command.chain_values({"ik": {"scene": "2024"}}, "silicone", soft, "mock")
+    assert other["ik"] == {"scene": "2024"}, (
+        "what is explicit wins, and overrides of another scene are not its"
+    )
+
+
+def test_inverse_kinematics_takes_overrides_of_its_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    table = {p.name: p.default for p in settings.PARAMETERS}
+    soft = settings.scene_of({**table, "set": "material.young=3e5; mesh.level=3"})
+    assert (soft.material.young, soft.mesh.level) == (3e5, 3)
+    code = up_command.up_command(
+        ["ik.set:=material.young=-1"], scene="", port="mock", record=None, view=False, view_port=None, demo=False,
+        namespace="", duration=1.0, subnet=False, verbose=False,
+    )  # fmt: skip
+    assert code == 2
+    said = capsys.readouterr().err
+    assert said == "tripod up: ik: material.young is -1.0; it must be above 0 Pa and at most 1e+13 Pa\n"
 
 
 def test_a_namespace_is_that_of_every_node() -> None:
