@@ -8,9 +8,11 @@ from scipy.linalg import expm
 
 from tripod_sim import Simulation, load_scene
 from tripod_sim.figures.errors import effector_error
+from tripod_sim.integrators.time_error import ErrorTransport
 from tripod_sim.linear.solver import LinearError
 from tripod_sim.mesh_error import swing
 from tripod_sim.mesh_error.modal_steps import ModalSteps
+from tripod_sim.mesh_error.modes import Modes
 from tripod_sim.mesh_error.swing import Swing, propagator
 
 W = -1.4965
@@ -207,6 +209,53 @@ def test_at_rest_no_error_of_the_steps_is_carried_and_a_reset_begins_anew(
         simulation.step()
     again = [simulation.step(joints).time_error for joints in way(simulation.command)]
     assert again == first
+
+
+@pytest.mark.parametrize("scheme", ["tr_bdf2", "bdf2", "implicit_euler"])
+def test_a_step_that_changes_nothing_is_left_out_and_nothing_is_told_otherwise(
+    monkeypatch: pytest.MonkeyPatch, scheme: str
+) -> None:
+    looked: list[int] = []
+    momenta, carry = Modes.momenta, swing.carry
+
+    def counted(*words: Any) -> Any:
+        looked.append(1)
+        return momenta(*words)
+
+    def never_still(*words: Any) -> bool:
+        carry(*words)
+        return False
+
+    def told() -> list[Any]:
+        simulation = pressed("mesh_error.share=1e-9", "time_error={}", f"inertia.scheme={scheme}")
+        looked.clear()
+        for _ in range(20):
+            simulation.step()
+        reports = [simulation.step(joints) for joints in way(simulation.command)]
+        return [
+            (r.time_error.vector, r.mesh_error.effector) for r in reports if r.time_error and r.mesh_error
+        ]
+
+    monkeypatch.setattr(Modes, "momenta", counted)
+    left_out, few = told(), len(looked)
+    monkeypatch.setattr(ErrorTransport, "_rests", lambda *_: False)
+    monkeypatch.setattr(swing, "carry", never_still)
+    np.testing.assert_array_equal(left_out, told())
+    assert few < len(looked) - 10
+    assert np.abs(left_out).max() > 1e-5
+
+
+def test_only_what_no_force_pushes_is_still() -> None:
+    one, z, rate, force = np.ones((1, 3), np.float32), np.zeros(1), np.zeros(1), np.zeros(1)
+    slow, fast = np.zeros((1, 3)), np.full((1, 3), 1e-3)
+    told = [
+        swing.carry(
+            np.zeros(1, np.int64), one, velocities, fast.copy(), 0.5, np.full((1, 1), 1e-9),
+            propagator(np.ones(1), (0.0, 0.0), 0.5), force, z, rate, 1e-7,
+        )
+        for velocities in (slow, fast)
+    ]  # fmt: skip
+    assert told == [False, True] and not z.any() and not rate.any()
 
 
 @pytest.mark.parametrize("damping", [(0.0, 0.0), (3.0, 5e-4), (2000.0, 0.1)])

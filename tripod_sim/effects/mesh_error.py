@@ -17,7 +17,7 @@ class MeshError:
         share: Of the CPU time of the steps, what estimates may take: there is a new one as soon as that allows it.
     """
 
-    share: float = number(0.15, above=0, high=1e6)
+    share: float = number(0.12, above=0, high=1e6)
 
 
 SLIP = 2.4e-3

@@ -94,6 +94,13 @@ class ErrorState(Copied):
     last: float = 1.0
     order: int = 0
 
+    def copy_to(self, other: "ErrorState") -> None:
+        """As for others, but written out: each step does it."""
+        other.error[:], other.before[:] = self.error, self.before
+        other.velocities[:], other.accelerations[:] = self.velocities, self.accelerations
+        other.known, other.length, other.missing = self.known, self.length, self.missing
+        other.proposed, other.last, other.order = self.proposed, self.last, self.order
+
 
 class Coordinates(Protocol):
     """What errors are carried in: those of nodes, or of fewer modes.
@@ -243,7 +250,7 @@ class ErrorTransport:
         self._carries(trial, 0, 0.0, 1.0)
         self._coordinates.warm_up(self._begun, self._alone)
         self._measure_rates(trial, 1.0)
-        self._coordinates.furthest(self.added)
+        self._vanished, self._steady, self._nothing = False, False, self._reported(none[0], np.nan)
         return state
 
     @property
@@ -267,6 +274,8 @@ class ErrorTransport:
             h: [s].
             keep_rates: Whether `before` is to hold the rates of the errors at the end, else the errors at the start.
         """
+        if self._rests(state, start, end, h):
+            return
         self._differ(state, start, end, start, h, h)
         if state.known == 1:  # the first step: j is known after the second
             state.missing = h
@@ -285,6 +294,8 @@ class ErrorTransport:
         self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, ratio: float
     ) -> None:
         """Carry `state` over a step of BDF2 with its `u` [m/s], `ratio` times as long as the step before."""
+        if self._rests(state, start, end, h):
+            return
         a, b, c = (1 + 2 * ratio) / (1 + ratio), 1 + ratio, ratio**2 / (1 + ratio)
         self._differ(state, start, end, u, h, h / a)
         factor = -(h**3) * (1 + ratio) / (6 * a * ratio)
@@ -302,6 +313,8 @@ class ErrorTransport:
 
         The residuals of its stages have been kept, as of the other schemes.
         """
+        if self._rests(state, start, end, h):
+            return
         k, p = G * h / 2, 1 / (G * (2 - G))
         self._differ(state, start, end, u, h, k)
         first, second = -((G * h) ** 3) / 12, -((1 - G) ** 2) / (6 * (2 - G)) * h**3
@@ -326,8 +339,13 @@ class ErrorTransport:
         """Return the distances of `state`; `added`: as in the report [m]."""
         if not self.carried:
             return TimeErrorReport(np.nan, np.nan, -1, added)
-        largest, node = self._coordinates.furthest(state.error[0])
-        vector = self._coordinates.effector(state.error[0])
+        if self._vanished and not self.local:
+            return self._nothing
+        return self._reported(state.error[0], added)
+
+    def _reported(self, errors: FloatArray, added: float) -> TimeErrorReport:
+        largest, node = self._coordinates.furthest(errors)
+        vector = self._coordinates.effector(errors)
         distance = math.hypot(*vector) if vector else np.nan
         return TimeErrorReport(distance, largest, node, added, vector=vector)
 
@@ -335,6 +353,13 @@ class ErrorTransport:
     def largest_added(self) -> float:
         """Largest distance of a node in `added` [m]."""
         return self._coordinates.furthest(self.added)[0]
+
+    def _rests(self, state: ErrorState, start: FloatArray, end: FloatArray, h: float) -> bool:
+        """Return whether a step of `h` [s] from rest without errors changes no velocity: it adds none then."""
+        if not (self._vanished and self._steady and state.known == 2) or self.local or not same(start, end):
+            return False
+        state.length = h
+        return True
 
     def _differ(
         self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, s: float
@@ -347,7 +372,9 @@ class ErrorTransport:
         if not same(start, state.velocities):
             state.known, state.missing = 0, 0.0
         self._coordinates.accelerations(end, u, s, self._differences[0])
-        kernels.differences(h, state.accelerations, state.length, state.known, self._differences)
+        self._steady = kernels.differences(
+            h, state.accelerations, state.length, state.known, self._differences
+        )
         state.velocities[:] = end
         if self.carried and state.missing and state.known:
             state.error[1] -= state.missing**2 / 2 * self._differences[1]
@@ -364,7 +391,8 @@ class ErrorTransport:
             self._differences[derivative + 1],
             self._coordinates.negligible,
         )
-        return self.carried and not kernels.vanish(state.error, state.before, p, q, factor, h, limit)
+        self._vanished = kernels.vanish(state.error, state.before, p, q, factor, h, limit)
+        return self.carried and not self._vanished
 
     def _stage(
         self, first: FloatArray, c1: float, second: FloatArray, c2: float, derivative: int, factor: float, s: float,

@@ -19,8 +19,8 @@ def accelerations(end: Array, u: Array, s: float, moving: Array, out: Array) -> 
 
 
 @njit(cache=True, error_model="numpy")
-def differences(h: float, before: Array, length: float, known: int, found: Array) -> None:
-    """Write j and dj/dt beside a in `found` (3, n, k), zero where unknown.
+def differences(h: float, before: Array, length: float, known: int, found: Array) -> bool:
+    """Write j and dj/dt beside a in `found` (3, n, k), zero where unknown; return whether all three are zero.
 
     Args:
         h: Length of the step [s].
@@ -30,6 +30,7 @@ def differences(h: float, before: Array, length: float, known: int, found: Array
         known: How many of them are known.
         found: Accelerations in the first; output in the others.
     """
+    steady = True
     for n in range(found.shape[1]):
         for i in range(found.shape[2]):
             a = found[0, n, i]
@@ -41,6 +42,8 @@ def differences(h: float, before: Array, length: float, known: int, found: Array
             found[1, n, i], found[2, n, i] = j, rate
             before[1, n, i] = before[0, n, i]
             before[0, n, i] = a
+            steady &= a == 0.0 and j == 0.0 and rate == 0.0
+    return steady
 
 
 @njit(cache=True, error_model="numpy")

@@ -170,11 +170,10 @@ class MeshError:
         end = time.thread_time()
         self._credit += self._share * (end - begin)
         due = self._credit >= self._cost
-        if self._swing:
-            self._swing.follow(state)
+        swings = self._swing is not None and self._swing.follow(state)
         if due:
             self._last = self.estimate(state, exactly=not self._moves)
-        elif self._swing:
+        elif swings:
             self._last = self._report(self._last.time)
         self._credit -= time.thread_time() - end
         return self._last
@@ -189,8 +188,8 @@ class MeshError:
 
     def _report(self, at: float) -> MeshErrorReport:
         """Return the last error at rest, of the time `at` [s], as it swings now."""
-        x, y, z = (self._at_rest + self._swing.beyond() if self._swing else self._at_rest).tolist()
-        return MeshErrorReport((x, y, z), at)
+        (x, y, z), (dx, dy, dz) = self._at_rest.tolist(), self._swing.beyond() if self._swing else (0.0,) * 3
+        return MeshErrorReport((x + dx, y + dy, z + dz), at)
 
     def _error_at_rest(self, state: State) -> FloatArray:
         """Return the error at rest under the forces of `state` [m], shape (3,); NaN where there is no rest."""

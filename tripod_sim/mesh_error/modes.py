@@ -48,30 +48,31 @@ class Modes:
 
     def momenta(self, change: FloatArray, before: FloatArray) -> FloatArray:
         """Return phi_i . M (change - before) of what moves by itself, shape (modes,); both of shape (n, 3)."""
-        nodes, inert = self.weighed
-        return np.asarray(project(nodes[: self._moving], inert, change, before))
+        return np.asarray(project(*self._momenta, change, before))
 
     def furthest(self, parts: FloatArray) -> tuple[float, int]:
         """Return the largest of the moves of nodes that `parts` of the modes make, shape (modes,), and of which."""
-        largest, node = furthest(self.weighed[0][: self._moving], self._compact, parts)
+        largest, node = furthest(self._momenta[0], self._compact, parts)
         return float(largest), int(node)
 
     @cached_property
     def weighed(self) -> tuple[IndexArray, NDArray[np.float32]]:
-        """Nodes that move by themselves, then those beside them, shape (k,), and M phi_i there, (k, 3, modes)."""
+        """Nodes that move by themselves, then those beside them, shape (k,), and M phi_i there, (modes, 3 k)."""
         moving, heavy = (a.any(axis=(0, 2)) for a in (self.shapes, self.inert))
         nodes = np.append(np.flatnonzero(moving), np.flatnonzero(heavy & ~moving))
-        return nodes, by_node(self.inert, nodes)
+        forces = self.inert[:, nodes].reshape(len(self.inert), 3 * len(nodes))
+        return nodes, np.ascontiguousarray(forces, dtype=np.float32)
 
     @cached_property
-    def _moving(self) -> int:
-        """How many nodes move by themselves."""
-        return int(self.shapes.any(axis=(0, 2)).sum())
+    def _momenta(self) -> tuple[IndexArray, NDArray[np.float32]]:
+        """Return what is `weighed` of nodes that move by themselves."""
+        (nodes, inert), moving = self.weighed, int(self.shapes.any(axis=(0, 2)).sum())
+        return nodes[:moving], np.ascontiguousarray(inert[:, : 3 * moving])
 
     @cached_property
     def _compact(self) -> NDArray[np.float32]:
-        """Return phi_i of the nodes that move by themselves."""
-        return by_node(self.shapes, self.weighed[0][: self._moving])
+        """Return phi_i of the nodes that move by themselves, shape (3, modes, k)."""
+        return np.ascontiguousarray(self.shapes[:, self._momenta[0]].transpose(2, 0, 1), dtype=np.float32)
 
     @cached_property
     def negligible(self) -> float:
@@ -140,35 +141,39 @@ def _add(vector: FloatArray, inertia: csr_matrix, basis: list[FloatArray], inert
         inert.append(force / size)
 
 
-def by_node(several: FloatArray, nodes: IndexArray) -> NDArray[np.float32]:
-    """Return what modes are at `nodes`, node by node and in half the room of double precision, (k, 3, modes)."""
-    return np.ascontiguousarray(several[:, nodes].transpose(1, 2, 0), dtype=np.float32)
-
-
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def project(nodes: Array, weights: Array, a: Array, b: Array) -> Array:
-    """Return weights . (a - b), shape (modes,), of `nodes` (k,) with weights (k, 3, modes), a and b of shape (n, 3)."""
-    found = np.zeros(weights.shape[2])
+    """Return weights . (a - b), shape (modes,), of `nodes` (k,) with weights (modes, 3 k), a and b of shape (n, 3)."""
+    found, changes, some = np.zeros(weights.shape[0]), np.empty(weights.shape[1]), False
     for k in range(nodes.shape[0]):
         for i in range(3):
-            change = a[nodes[k], i] - b[nodes[k], i]
-            if change != 0.0:
-                for m in range(found.shape[0]):
-                    found[m] += weights[k, i, m] * change
+            changes[3 * k + i] = change = a[nodes[k], i] - b[nodes[k], i]
+            some |= change != 0.0
+    if some:
+        for m in range(found.shape[0]):
+            total = 0.0
+            for j in range(changes.shape[0]):
+                total += weights[m, j] * changes[j]
+            found[m] = total
     return found
 
 
 @njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def furthest(nodes: Array, shapes: Array, parts: Array) -> tuple[float, int]:
-    """Return the largest length of a move, and of which node; `nodes` (k,), shapes (k, 3, modes), parts (modes,)."""
-    most, which = 0.0, nodes[0]
-    for k in range(nodes.shape[0]):
-        square = 0.0
-        for i in range(3):
-            move = 0.0
-            for m in range(parts.shape[0]):
-                move += shapes[k, i, m] * parts[m]
-            square += move**2
-        if square > most:
-            most, which = square, nodes[k]
-    return np.sqrt(most), which
+    """Return the largest length of a move, and of which node; `nodes` (k,), shapes (3, modes, k), parts (modes,)."""
+    count = nodes.shape[0]
+    squares, moves = np.zeros(count, np.float32), np.empty(count, np.float32)
+    for i in range(3):
+        for k in range(count):
+            moves[k] = 0.0
+        for m in range(parts.shape[0]):
+            part = np.float32(parts[m])
+            for k in range(count):
+                moves[k] += shapes[i, m, k] * part
+        for k in range(count):
+            squares[k] += moves[k] ** 2
+    which = 0
+    for k in range(count):
+        if squares[k] > squares[which]:
+            which = k
+    return np.sqrt(np.float64(squares[which])), nodes[which]

@@ -27,6 +27,7 @@ from tripod_sim.mesh_error.modes import modes, none, project
 from tripod_sim.mesh_error.outside import Outside
 from tripod_sim.state import State
 from tripod_sim.system import System
+from tripod_sim.system_kernels import same
 
 
 class Swing:
@@ -55,32 +56,36 @@ class Swing:
         self._moving = bool(state.velocities.any())
         count = len(self.modes.squares)
         self._beyond, self._rate, self._force = np.zeros(count), np.zeros(count), np.zeros(count)
-        self._seen = np.zeros(count)
+        self._seen, self._still = np.zeros(count), False
 
     def see(self) -> None:
         """Take notice of a new estimate of the error at rest."""
         self._seen[:] = self._force
 
-    def follow(self, state: State) -> None:
-        """Go on to `state`, a step further."""
+    def follow(self, state: State) -> bool:
+        """Go on to `state`, a step further; return whether that changed anything."""
         h = state.time - self._time
         if h <= 0.0:
-            return
+            return False
         self._time = state.time
+        if self._still and same(state.velocities, self._velocities):
+            return False
         if h != self._length:
             self._length, self._propagator = h, propagator(self.modes.squares, self._damping, h)
-        carry(
+        self._still = carry(
             *self.modes.weighed, state.velocities, self._velocities, h, self._change, self._propagator, self._force,
-            self._beyond, self._rate,
+            self._beyond, self._rate, self.modes.negligible,
         )  # fmt: skip
         if self._moving:  # what acted before the start is not known: that it begins here makes nothing swing
             self._beyond[:] = self._rate[:] = 0.0
             self._moving = False
             self.see()
+        return True
 
-    def beyond(self) -> FloatArray:
-        """Return what the effector errs by beyond the last estimate of its error at rest [m], shape (3,)."""
-        return np.asarray(self._effector_change @ (self._force - self._seen) + self._effector @ self._beyond)
+    def beyond(self) -> tuple[float, float, float]:
+        """Return what the effector errs by beyond the last estimate of its error at rest [m]."""
+        x, y, z = beyond(self._effector_change, self._force, self._seen, self._effector, self._beyond)
+        return x, y, z
 
     def _find_modes(self, state: State, fine: State) -> None:
         """Find the modes and E; there are none where an equilibrium is not stable, or they are not found."""
@@ -132,9 +137,9 @@ def propagator(squares: FloatArray, damping: tuple[float, float], h: float) -> F
 @njit(cache=True, error_model="numpy")
 def carry(
     nodes: Array, inert: Array, velocities: FloatArray, before: FloatArray, h: float, change: FloatArray,
-    by: FloatArray, force: FloatArray, z: FloatArray, rate: FloatArray,
-) -> None:  # fmt: skip
-    """Carry z and z' of all modes over a step.
+    by: FloatArray, force: FloatArray, z: FloatArray, rate: FloatArray, negligible: float,
+) -> bool:  # fmt: skip
+    """Carry z and z' of all modes over a step; return whether all is still, and stays so without a force.
 
     Args:
         nodes, inert: As `Modes.weighed`.
@@ -145,6 +150,7 @@ def carry(
         by: The `propagator`.
         force: f, as before; shape (modes,), as z and z'; updated.
         z, rate: Updated.
+        negligible: What is below it is none where no force acts [m kg^1/2].
     """
     more = project(nodes, inert, before, velocities)
     for i in range(len(z)):
@@ -156,3 +162,18 @@ def carry(
             x -= change[i, j] * more[j]
         z[i], rate[i] = by[0, 0, i] * x + by[0, 1, i] * v, by[1, 0, i] * x + by[1, 1, i] * v
     put(before, velocities)
+    for i in range(len(z)):
+        if force[i] != 0.0 or not abs(z[i]) + h * abs(rate[i]) < negligible:
+            return False
+    z[:] = rate[:] = 0.0
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def beyond(change: Array, force: Array, seen: Array, effector: Array, z: Array) -> tuple[float, float, float]:
+    """Return `change` (force - seen) + `effector` z, both matrices of shape (3, modes)."""
+    found = np.zeros(3)
+    for i in range(3):
+        for m in range(len(z)):
+            found[i] += change[i, m] * (force[m] - seen[m]) + effector[i, m] * z[m]
+    return found[0], found[1], found[2]
