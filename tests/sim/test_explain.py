@@ -13,7 +13,7 @@ from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.explain import sampling
-from tripod_sim.explain.costs import cost, switched_on
+from tripod_sim.explain.costs import cost, from_itself, switched_on
 from tripod_sim.explain.memory import memory, size
 from tripod_sim.explain.objects import owned, walk
 from tripod_sim.explain.report import _in_place, explain
@@ -271,6 +271,21 @@ def test_an_effect_that_takes_too_long_is_told_from_fewer_passes_or_left_out(
     assert (found.seconds is None) == (rounds == 1)
     assert found.why_not.startswith("left out") == (rounds == 1)
     assert next(clock, None) is None
+
+
+@pytest.mark.usefixtures("short")
+def test_what_is_less_than_the_scene_differs_from_itself_is_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    twins: list[tuple[Simulation, Simulation]] = []
+
+    def differs(twin: Simulation, base: Sampler, steps: int) -> float:
+        twins.append((twin, base.simulation))
+        return from_itself(twin, base, steps) + 100.0
+
+    monkeypatch.setattr("tripod_sim.explain.report.from_itself", differs)
+    measured = [c for c in explain("silicone", TRIPOD).absent if c.seconds is not None]
+    assert measured and all(abs(c.seconds or 0.0) < c.noise > 100.0 for c in measured)
+    ((twin, simulation),) = twins
+    assert twin is not simulation and twin.scene == simulation.scene
 
 
 def test_a_fixed_box_holds_one_end_of_the_body() -> None:

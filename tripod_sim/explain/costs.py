@@ -11,7 +11,7 @@ from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
 from tripod_sim.effects import meaning, words
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.explain.sampling import Sampler, advance, estimate
+from tripod_sim.explain.sampling import Sampler, StepTimes, advance, estimate
 from tripod_sim.scene_file import load_scene
 from tripod_sim.simulation import Simulation
 
@@ -57,9 +57,37 @@ class Cost:
     why_not: str = ""
 
 
+def difference(simulation: Simulation, base: Sampler, steps: int) -> StepTimes | None:
+    """Return how much longer steps of `simulation` take than those of `base`, both after `steps` steps.
+
+    None where its fewest passes take more than `PATIENCE`. Raises StepError.
+    """
+    start = thread_time()  # kernels are compiled
+    advance(simulation, steps, LONGEST)
+    other = Sampler(simulation)
+    count = other.count = min(other.count, base.count)
+    without, with_ = [], []
+    for done in range(ROUNDS):
+        if thread_time() - start > PATIENCE:
+            if done < FEWEST:
+                return None
+            break
+        without.append(base.one_pass()[:count])
+        with_.append(other.one_pass())
+    a, b = estimate(without), estimate(with_)
+    return StepTimes(b.mean - a.mean, a.noise + b.noise)
+
+
+def from_itself(twin: Simulation, base: Sampler, steps: int) -> float:
+    """Return by how much steps of a `twin` of the scene of `base` seem to differ [s]: less than that is no cost."""
+    found = difference(twin, base, steps)
+    return max(abs(found.mean), found.noise) if found else 0.0
+
+
 def cost(
-    effect: str, source: str | Path, overrides: Sequence[str], base: Sampler, steps: int, alone: float
-) -> Cost:
+    effect: str, source: str | Path, overrides: Sequence[str], base: Sampler, steps: int, alone: float,
+    least: float = 0.0,
+) -> Cost:  # fmt: skip
     """Return what `effect` would cost a scene; it is left out where that takes much more than `PATIENCE`.
 
     Args:
@@ -69,6 +97,7 @@ def cost(
         base: Of the scene as it is, after `steps` steps.
         steps: Made before those that are timed.
         alone: What building and the fewest passes of the scene as it is take [s]: with an effect it is hardly less.
+        least: Of the noise [s].
     """
     added = switched_on(effect, base.simulation)
     if effect in NEEDS:
@@ -83,23 +112,10 @@ def cost(
         scene = load_scene(source, [*overrides, *added])
         if alone > PATIENCE:
             return left_out
-        simulation = Simulation(scene)
-        start = thread_time()  # kernels are compiled
-        advance(simulation, steps, LONGEST)
-        other = Sampler(simulation)
-        count = other.count = min(other.count, base.count)
-        without, with_ = [], []
-        for done in range(ROUNDS):
-            if thread_time() - start > PATIENCE:
-                if done < FEWEST:
-                    return left_out
-                break
-            without.append(base.one_pass()[:count])
-            with_.append(other.one_pass())
+        found = difference(Simulation(scene), base, steps)
     except (SceneError, StepError) as error:
         return Cost(effect, meaning(effect), added, why_not=" ".join(str(error).split()))
-    a, b = estimate(without), estimate(with_)
-    return Cost(effect, meaning(effect), added, b.mean - a.mean, a.noise + b.noise)
+    return Cost(effect, meaning(effect), added, found.mean, max(found.noise, least)) if found else left_out
 
 
 def switched_on(effect: str, simulation: Simulation) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_sim.effects import absent, named
 from tripod_sim.errors import SceneError, StepError
-from tripod_sim.explain.costs import FEWEST, PATIENCE, Cost, cost
+from tripod_sim.explain.costs import FEWEST, PATIENCE, Cost, cost, from_itself
 from tripod_sim.explain.loops import kernel_stages
 from tripod_sim.explain.memory import Size, memory, size
 from tripod_sim.explain.sampling import ROUNDS, Sampler, StepTimes, estimate, steps_ahead
@@ -104,7 +104,7 @@ def explain(
     if at is not None and not 0 <= at <= LATEST * scene.dt:
         raise SceneError(f"--at is {at:g} s; it must be 0 to {LATEST * scene.dt:g} s, {LATEST} steps of dt")
     tell(0.0, "building")
-    Simulation(scene)  # compiles or loads the kernels
+    twin = Simulation(scene)  # compiles or loads the kernels
     start = thread_time()
     simulation = Simulation(scene)
     build = thread_time() - start
@@ -118,9 +118,12 @@ def explain(
     found: list[Cost] = []
     missing = absent(scene) if costs else []
     alone = build + FEWEST * (sampler.count + 1) * step.mean
+    if missing:
+        tell(0.35, "comparing the scene with itself")
+        least = from_itself(twin, sampler, steps)
     for k, effect in enumerate(missing):
         tell(0.4 + 0.6 * k / len(missing), f"switching on {effect}")
-        found.append(cost(effect, source, overrides, sampler, steps, alone))
+        found.append(cost(effect, source, overrides, sampler, steps, alone, least))
     tell(1.0, "")
     return Explanation(
         scene, build, steps * scene.dt, sampler.count, step, stages, timed, looped, memory(simulation),
