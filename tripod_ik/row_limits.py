@@ -1,4 +1,4 @@
-"""Limits of what follows from the angles: torques, the effector's position, a range of angles to prefer.
+"""Limits of what follows from the angles: torques, the effector's position.
 
 Each gives rows G of the quadratic program, low ≤ G δ ≤ high, linear in the step δ of the angles. All have a slack s,
 
@@ -144,32 +144,3 @@ class EffectorBox(RowLimit):
         return LimitRows(
             state.jacobian[:3], self.low - state.equilibrium, self.high - state.equilibrium, names
         )
-
-
-@dataclass(frozen=True, eq=False)
-class PreferredAngles(RowLimit):
-    """Angles stay within [low, high] [rad] where the task can do without more: the soft neighbour of `AngleLimit`."""
-
-    low: float | FloatArray
-    high: float | FloatArray
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not np.all(np.less(self.low, self.high)):
-            raise IkError(f"preferred angles: low {self.low} rad must be below high {self.high} rad")
-
-    @property
-    def what(self) -> str:
-        """What it limits."""
-        return "preferred angles"
-
-    def size(self, n: int) -> int:
-        """Return n: a row a servo."""
-        return n
-
-    def rows(self, state: LinearState) -> LimitRows:
-        """Return low - angles ≤ δ ≤ high - angles [rad]."""
-        n = len(state.angles)
-        names = tuple(f"{name} preferred angle" for name in state.joint_names)
-        low, high = (per_joint("preferred angles", side, n) for side in (self.low, self.high))
-        return LimitRows(np.eye(n), low - state.angles, high - state.angles, names)

@@ -71,13 +71,23 @@ def parse_timeline(text: str, width: int, what: str, unit: str) -> Timeline:
         ):
             raise SceneError(
                 f"{what}: {shown(part.strip())} is not 'time: value, ...' with {width} finite values"
-                f"{_time_missing(part, width, unit)}"
+                f"{_time_missing(part, width, unit)}{_no_number(rest, unit)}"
             )
         values.append(numbers)
     t = np.array(times)
     if t[0] < 0 or (np.diff(t) <= 0).any():
         raise SceneError(f"{what}: times {', '.join(f'{x:g}' for x in t[:8])} s must rise, from 0 or later")
     return Timeline(t, np.array(values))
+
+
+def _no_number(values: str, unit: str) -> str:
+    """Return which of the values of an entry is no number, and what it could be; empty if all are."""
+    for value in values.split(",") if values.strip() else []:
+        try:
+            with_unit(value, unit)
+        except ValueError:
+            return f"; {shown(value.strip())} is no number in {unit}, nor with its unit ({', '.join(units_of(unit))})"
+    return ""
 
 
 def joint_timelines(

@@ -5,7 +5,7 @@ from tests.ik.plant import SpringRobot
 from tripod_ik.errors import IkError
 from tripod_ik.limits import AngleLimit, SpeedLimit
 from tripod_ik.problem import build_ik
-from tripod_ik.row_limits import EffectorBox, PreferredAngles, TorqueLimit
+from tripod_ik.row_limits import EffectorBox, TorqueLimit
 from tripod_ik.solver import IkSolver, solve_ik
 from tripod_ik.tasks import PositionTask
 
@@ -65,7 +65,7 @@ def test_a_hard_limit_that_is_broken_already_is_never_broken_further_and_always_
 
 
 def test_all_limits_at_once_are_kept_and_named():
-    """Hard and soft, of four kinds, more rows than angles, many targets, one solver."""
+    """Hard and soft, more rows than angles, many targets, one solver."""
     rng = np.random.default_rng(8)
     one, named = IkSolver(3, rows=9), set()
     for _ in range(150):
@@ -78,7 +78,7 @@ def test_all_limits_at_once_are_kept_and_named():
         rows = [
             TorqueLimit(torque, hard=True),
             EffectorBox(low, high, hard=True),
-            PreferredAngles(state.angles - 0.05, state.angles + 0.1),
+            EffectorBox(0.5 * (low + state.equilibrium), 0.5 * (high + state.equilibrium)),
         ]
         limits = [AngleLimit(-1.75, -1.25), SpeedLimit(3.0)]
         task = towards(state, 0.03 * rng.standard_normal(3))
@@ -92,7 +92,7 @@ def test_all_limits_at_once_are_kept_and_named():
         assert (state.equilibrium + there >= low - 1e-9).all()
         assert (result.command >= -1.75).all()
         named |= {name.split()[-1] for name in result.active_limits}
-    assert {"torque", "x", "y", "z", "angle"} <= named
+    assert {"torque", "x", "y", "z"} <= named
 
 
 def test_limits_that_contradict_each_other_leave_a_solution():
@@ -112,25 +112,12 @@ def test_limits_that_contradict_each_other_leave_a_solution():
         assert result.kkt < 1e-6
 
 
-def test_preferred_angles_yield_to_a_target_that_needs_more_but_not_for_nothing():
-    state = state_at()
-    preferred = PreferredAngles(-1.52, -1.47, weight=1.0)
-    free = solve_ik(build_ik(state, towards(state, [0.004, 0.0, 0.003])))
-    bent = solve_ik(build_ik(state, towards(state, [0.004, 0.0, 0.003]), [], [preferred]))
-    outside = [np.maximum(r.command + 1.47, -1.52 - r.command).max() for r in (free, bent)]
-    assert 0 < outside[1] < 0.7 * outside[0]
-    assert any(name.endswith("preferred angle") for name in bent.active_limits)
-    near = solve_ik(build_ik(state, towards(state, [1e-5, 0, 0]), [], [preferred]))
-    assert near.active_limits == ()
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: EffectorBox([0, 0, 0], [1, 0, 1]), "low .* must be below high"),
         (lambda: EffectorBox([0, np.nan, 0], [1, 1, 1]), r"effector box, low\[1\] is nan"),
-        (lambda: PreferredAngles(0.1, 0.1), "preferred angles: low 0.1 rad must be below"),
-        (lambda: PreferredAngles(-1, 1, weight=np.inf), "weight of the preferred angles limit is inf"),
+        (lambda: EffectorBox([0, 0, 0], [1, 1, 1], weight=np.inf), "weight of the effector box limit is inf"),
         (lambda: TorqueLimit(np.nan, hard=True), "torque limit is nan"),
     ],
 )

@@ -62,7 +62,10 @@ def test_values_are_held_before_and_after_and_linear_between(time: float, values
         ("0:1,2", "--servo: '0:1,2' is not 'time: value, ...' with 3 finite values"),
         ("0:1,2,3,4", "--servo: '0:1,2,3,4' is not"),
         ("0:1,2,", "--servo: '0:1,2,' is not"),
-        ("0:1,2,x", "--servo: '0:1,2,x' is not"),
+        (
+            "0:1,2,x",
+            "with 3 finite values; 'x' is no number in rad, nor with its unit (rad, deg)",
+        ),
         ("0:1,2,deg", "--servo: '0:1,2,deg' is not"),
         ("0:1,2,3mm", "--servo: '0:1,2,3mm' is not"),
         ("0:1,2,3degdeg", "--servo: '0:1,2,3degdeg' is not"),
