@@ -288,6 +288,13 @@ def test_what_is_less_than_the_scene_differs_from_itself_is_noise(monkeypatch: p
     assert twin is not simulation and twin.scene == simulation.scene
 
 
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("effect", ["fixed", "prescribed"])
+def test_among_rigid_bodies_alone_there_are_no_nodes_to_hold(effect: str) -> None:
+    base = Sampler(Simulation(load_scene("bounce")))
+    assert cost(effect, "bounce", [], base, 1, 0.0).why_not.startswith(f"{effect} needs a soft body")
+
+
 def test_a_fixed_box_holds_one_end_of_the_body() -> None:
     simulation = Simulation(load_scene("silicone_free", TRIPOD))
     (word,) = switched_on("fixed", simulation)

@@ -132,9 +132,14 @@ def switched_on(effect: str, simulation: Simulation) -> tuple[str, ...]:
 
 
 def _slab(simulation: Simulation) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of a slab of the soft bodies [m]: of those with nodes the first one where fewest are held."""
+    """Return the corners of a slab of the soft bodies [m]: of those with nodes the first one where fewest are held.
+
+    Where there are none it is empty, and the scene says what it needs.
+    """
     groups = simulation._system.groups
     nodes = simulation.mesh.nodes[: len(simulation.mesh.nodes) - sum(simulation.rigid_counts)]
+    if not len(nodes):
+        return np.zeros(3), np.zeros(3)
     held = (groups.held().any(axis=1) | (groups.kinds()[0] == Kind.RIGID))[: len(nodes)]
     low, high = nodes.min(axis=0) - MARGIN, nodes.max(axis=0) + MARGIN
     depths = np.diag((high - low) / SLABS)
