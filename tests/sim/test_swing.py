@@ -245,6 +245,21 @@ def test_a_step_that_changes_nothing_is_left_out_and_nothing_is_told_otherwise(
     assert np.abs(left_out).max() > 1e-5
 
 
+def test_whether_a_step_is_left_out_depends_on_the_state_alone() -> None:
+    simulation = pressed("mesh_error.share=1e-9", "time_error={}")
+    for joints in way(simulation.command)[:20]:
+        simulation.step(joints)
+    assert simulation.state.errors
+    moving, none = simulation.state.errors.copy(), np.zeros_like(simulation.state.velocities)
+    simulation.reset()
+    for _ in range(5):
+        simulation.step()
+    errors, before = simulation._parts.errors, moving.error.copy()
+    assert isinstance(errors, ErrorTransport) and simulation.state.errors.still
+    errors.tr_bdf2(moving, none, none, none, simulation.scene.dt)
+    assert np.abs(moving.error - before).max() > 0.0 and errors.report(moving, np.nan).largest > 1e-7
+
+
 def test_only_what_no_force_pushes_is_still() -> None:
     one, z, rate, force = np.ones((1, 3), np.float32), np.zeros(1), np.zeros(1), np.zeros(1)
     slow, fast = np.zeros((1, 3)), np.full((1, 3), 1e-3)

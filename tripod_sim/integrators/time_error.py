@@ -81,6 +81,7 @@ class ErrorState(Copied):
         proposed: Length of the next step, where the simulator chooses it [s]; 0 before the first.
         last: Error that the last step added, in parts of the tolerance.
         order: Of the scheme proposed for the next step, where the simulator chooses that, too; 0 before the first.
+        still: Whether the last step left no error, and changed neither velocities nor accelerations.
     """
 
     error: FloatArray
@@ -93,6 +94,7 @@ class ErrorState(Copied):
     proposed: float = 0.0
     last: float = 1.0
     order: int = 0
+    still: bool = False
 
     def copy_to(self, other: "ErrorState") -> None:
         """As for others, but written out: each step does it."""
@@ -100,6 +102,7 @@ class ErrorState(Copied):
         other.velocities[:], other.accelerations[:] = self.velocities, self.accelerations
         other.known, other.length, other.missing = self.known, self.length, self.missing
         other.proposed, other.last, other.order = self.proposed, self.last, self.order
+        other.still = self.still
 
 
 class Coordinates(Protocol):
@@ -356,7 +359,7 @@ class ErrorTransport:
 
     def _rests(self, state: ErrorState, start: FloatArray, end: FloatArray, h: float) -> bool:
         """Return whether a step of `h` [s] from rest without errors changes no velocity: it adds none then."""
-        if not (self._vanished and self._steady and state.known == 2) or self.local or not same(start, end):
+        if not (state.still and state.known == 2) or self.local or not same(start, end):
             return False
         state.length = h
         return True
@@ -392,6 +395,7 @@ class ErrorTransport:
             self._coordinates.negligible,
         )
         self._vanished = kernels.vanish(state.error, state.before, p, q, factor, h, limit)
+        state.still = self._vanished and self._steady
         return self.carried and not self._vanished
 
     def _stage(
