@@ -238,7 +238,7 @@ def test_a_step_that_changes_nothing_is_left_out_and_nothing_is_told_otherwise(
 
     monkeypatch.setattr(Modes, "momenta", counted)
     left_out, few = told(), len(looked)
-    monkeypatch.setattr(ErrorTransport, "_rests", lambda *_: False)
+    monkeypatch.setattr(ErrorTransport, "rests", lambda *_: False)
     monkeypatch.setattr(swing, "carry", never_still)
     np.testing.assert_array_equal(left_out, told())
     assert few < len(looked) - 10
@@ -256,6 +256,7 @@ def test_whether_a_step_is_left_out_depends_on_the_state_alone() -> None:
         simulation.step()
     errors, before = simulation._parts.errors, moving.error.copy()
     assert isinstance(errors, ErrorTransport) and simulation.state.errors.still
+    assert not errors.rests(moving, none, none, simulation.scene.dt)
     errors.tr_bdf2(moving, none, none, none, simulation.scene.dt)
     assert np.abs(moving.error - before).max() > 0.0 and errors.report(moving, np.nan).largest > 1e-7
 

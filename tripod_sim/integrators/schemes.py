@@ -87,6 +87,8 @@ class ImplicitScheme(Substeps):
         errors, of = self.errors, state.errors
         assert errors and of
         start, end, u = self._seen[0, 1], state.velocities, self._stage.known[1]
+        if errors.rests(of, start, end, h):
+            return
         if not self._before:
             errors.euler(of, start, end, h, keep_rates=self._name == "tr_bdf2")
         elif self._name == "bdf2":

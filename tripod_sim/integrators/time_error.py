@@ -253,7 +253,7 @@ class ErrorTransport:
         self._carries(trial, 0, 0.0, 1.0)
         self._coordinates.warm_up(self._begun, self._alone)
         self._measure_rates(trial, 1.0)
-        self._vanished, self._steady, self._nothing = False, False, self._reported(none[0], np.nan)
+        self._vanished, self._nothing = False, self._reported(none[0], np.nan)
         return state
 
     @property
@@ -266,6 +266,13 @@ class ErrorTransport:
         if self.carried and self._coordinates.corrects:
             self._left[stage] = self.system.residual
 
+    def rests(self, state: ErrorState, start: FloatArray, end: FloatArray, h: float) -> bool:
+        """Return whether a step as of `euler` from rest without errors changes no velocity: `state` is then carried."""
+        if not (state.still and state.known == 2) or self.local or not same(start, end):
+            return False
+        state.length = h
+        return True
+
     def euler(
         self, state: ErrorState, start: FloatArray, end: FloatArray, h: float, *, keep_rates: bool = False
     ) -> None:
@@ -277,8 +284,6 @@ class ErrorTransport:
             h: [s].
             keep_rates: Whether `before` is to hold the rates of the errors at the end, else the errors at the start.
         """
-        if self._rests(state, start, end, h):
-            return
         self._differ(state, start, end, start, h, h)
         if state.known == 1:  # the first step: j is known after the second
             state.missing = h
@@ -297,8 +302,6 @@ class ErrorTransport:
         self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, ratio: float
     ) -> None:
         """Carry `state` over a step of BDF2 with its `u` [m/s], `ratio` times as long as the step before."""
-        if self._rests(state, start, end, h):
-            return
         a, b, c = (1 + 2 * ratio) / (1 + ratio), 1 + ratio, ratio**2 / (1 + ratio)
         self._differ(state, start, end, u, h, h / a)
         factor = -(h**3) * (1 + ratio) / (6 * a * ratio)
@@ -316,8 +319,6 @@ class ErrorTransport:
 
         The residuals of its stages have been kept, as of the other schemes.
         """
-        if self._rests(state, start, end, h):
-            return
         k, p = G * h / 2, 1 / (G * (2 - G))
         self._differ(state, start, end, u, h, k)
         first, second = -((G * h) ** 3) / 12, -((1 - G) ** 2) / (6 * (2 - G)) * h**3
@@ -357,13 +358,6 @@ class ErrorTransport:
         """Largest distance of a node in `added` [m]."""
         return self._coordinates.furthest(self.added)[0]
 
-    def _rests(self, state: ErrorState, start: FloatArray, end: FloatArray, h: float) -> bool:
-        """Return whether a step of `h` [s] from rest without errors changes no velocity: it adds none then."""
-        if not (state.still and state.known == 2) or self.local or not same(start, end):
-            return False
-        state.length = h
-        return True
-
     def _differ(
         self, state: ErrorState, start: FloatArray, end: FloatArray, u: FloatArray, h: float, s: float
     ) -> None:
@@ -375,7 +369,7 @@ class ErrorTransport:
         if not same(start, state.velocities):
             state.known, state.missing = 0, 0.0
         self._coordinates.accelerations(end, u, s, self._differences[0])
-        self._steady = kernels.differences(
+        state.still = kernels.differences(
             h, state.accelerations, state.length, state.known, self._differences
         )
         state.velocities[:] = end
@@ -395,7 +389,7 @@ class ErrorTransport:
             self._coordinates.negligible,
         )
         self._vanished = kernels.vanish(state.error, state.before, p, q, factor, h, limit)
-        state.still = self._vanished and self._steady
+        state.still = state.still and self._vanished
         return self.carried and not self._vanished
 
     def _stage(
