@@ -118,7 +118,8 @@ def explain(
     found: list[Cost] = []
     missing = absent(scene) if costs else []
     alone = build + FEWEST * (sampler.count + 1) * step.mean
-    if missing:
+    least = 0.0
+    if missing and alone <= PATIENCE:  # else nothing is measured with an effect
         tell(0.35, "comparing the scene with itself")
         least = from_itself(twin, sampler, steps)
     for k, effect in enumerate(missing):
