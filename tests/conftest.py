@@ -12,6 +12,7 @@ from hypothesis import settings
 
 from tests.domains import own_domain
 from tools.shared_tests import pytest_collection, pytest_runtestloop  # noqa: F401 - hooks
+from tripod_bringup.compiling import garbage_left
 
 # The same examples in every run: a failure is of the code, not of the draw. No deadline: machines are shared.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -26,6 +27,13 @@ atexit.register(shutil.rmtree, os.environ["XDG_STATE_HOME"], ignore_errors=True)
 for _number in (signal.SIGINT, signal.SIGHUP):
     if signal.getsignal(_number) is signal.SIG_IGN:
         signal.signal(_number, lambda *_: None)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _garbage_left() -> Iterator[None]:
+    """Tests compile much."""
+    with garbage_left():
+        yield
 
 
 @pytest.fixture

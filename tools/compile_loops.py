@@ -11,6 +11,8 @@ import os
 import sys
 from collections.abc import Sequence
 
+from tripod_host.program import ENVIRONMENT
+
 DEAREST = ("tripod", "drape", "cloth", "maze")
 """Scenes that have most to compile: they come first, so that no worker ends long after the others."""
 
@@ -19,6 +21,8 @@ def main(scenes: Sequence[str] | None = None) -> int:
     """Compile what `scenes` need, all that are shipped if None; return the exit code: 0, or 130 if interrupted."""
     from tripod_sim import scene_names  # noqa: PLC0415 - heavy
 
+    for variable, value in ENVIRONMENT.items():  # of the programs that will run them
+        os.environ.setdefault(variable, value)
     todo = sorted(scenes or scene_names(), key=lambda name: (name not in DEAREST, name != DEAREST[0], name))
     workers = min(len(os.sched_getaffinity(0)), len(todo))
     try:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tools.shared_tests import TAKEN
-from tripod_host.program import SINGLE
+from tripod_host.program import ENVIRONMENT
 
 ROOT = Path(__file__).parents[1]
 COMPUTING = ("tests/sim", "tests/ik", "tests/identify")
@@ -134,12 +134,12 @@ def run_shared(shares: Sequence[Share], directory: Path = ROOT) -> int:
 
 
 def environment_of(kept: Path) -> dict[str, str]:
-    """Return the environment of the tests: what Python compiles is kept while they run, linear algebra has one thread.
+    """Return the environment of the tests, that of all programs: and what Python compiles is kept while they run.
 
     They start some hundreds of processes: where `PYTHONDONTWRITEBYTECODE` is set, each would compile all that it
     imports. Threads of linear algebra wait for each other at full load, longest where others use the processors, too.
     """
-    environment = {**dict.fromkeys(SINGLE, "1"), **os.environ}
+    environment = {**ENVIRONMENT, **os.environ}
     if environment.pop("PYTHONDONTWRITEBYTECODE", "") and "PYTHONPYCACHEPREFIX" not in environment:
         environment["PYTHONPYCACHEPREFIX"] = _made(kept / "bytecode")
     return environment

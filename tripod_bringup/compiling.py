@@ -1,5 +1,6 @@
 """Tells that the simulator's loops are being compiled for this machine, which takes up to a minute the first time."""
 
+import gc
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -28,12 +29,32 @@ def compiling_told(command: str, say: Callable[[str], None] | None = None) -> It
         def on_end(self, found: Any) -> None:
             pass
 
-    with event.install_listener("numba:compile", Listener()):
+    with event.install_listener("numba:compile", Listener()), garbage_left():
         try:
             yield
         finally:
             if say:
                 say("")
+
+
+@contextmanager
+def garbage_left() -> Iterator[None]:
+    """Collect no garbage while a loop is compiled: much is made there, none is found, and to look for it takes long."""
+    from numba.core import event  # noqa: PLC0415 - only where something may be compiled
+
+    was_enabled: list[bool] = []  # of the loops that are being compiled, each within the one before
+
+    class Listener(event.Listener):
+        def on_start(self, found: Any) -> None:
+            was_enabled.append(gc.isenabled())
+            gc.disable()
+
+        def on_end(self, found: Any) -> None:
+            if was_enabled and was_enabled.pop():  # one that began before has not been noted
+                gc.enable()
+
+    with event.install_listener("numba:compile", Listener()):
+        yield
 
 
 class Note:

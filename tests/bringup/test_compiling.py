@@ -1,5 +1,6 @@
 """What is told while the loops of a scene are compiled."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -7,9 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core import event
 
 from tripod_bringup import compiling
-from tripod_bringup.compiling import Note
+from tripod_bringup.compiling import Note, garbage_left
 
 
 def test_the_first_run_of_all_says_that_it_compiles_and_the_next_does_not(tmp_path: Path) -> None:
@@ -60,3 +62,21 @@ def test_each_loop_is_told_beside_a_bar(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_short_compilation_is_not_told(capsys: pytest.CaptureFixture[str]) -> None:
     Note("tripod run", None).loop("solve")
     assert capsys.readouterr().err == ""
+
+
+def test_garbage_waits_until_a_loop_is_compiled() -> None:
+    """Loops are compiled within each other, and those that were begun before go on within the block."""
+    collects = []
+    with garbage_left():
+        event.end_event("numba:compile")
+        for happens in (event.start_event, event.start_event, event.end_event, event.end_event):
+            happens("numba:compile")
+            collects.append(gc.isenabled())
+    assert collects == [False, False, False, True]
+    gc.disable()
+    try:
+        with garbage_left(), event.trigger_event("numba:compile"):
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()

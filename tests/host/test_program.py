@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tripod_host.program import SINGLE
+from tripod_host.program import ENVIRONMENT, SINGLE
 
 ROOT = Path(__file__).parents[2]
 HEAD = "import sys\nfrom tripod_host.program import program\nwith program('it'):\n    "
@@ -106,11 +106,11 @@ def test_a_directory_that_is_gone_is_told_in_one_line(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (1, "", said)
 
 
-def test_linear_algebra_has_one_thread_unless_the_environment_says_otherwise(
+def test_one_thread_and_level_2_of_the_compiler_unless_the_environment_says_otherwise(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for variable in SINGLE:
+    for variable in ENVIRONMENT:
         monkeypatch.delenv(variable, raising=False)
-    line = f"import os; print(*(os.environ[v] for v in {SINGLE}))"
-    assert run(line).stdout == "1 1 1\n"
-    assert run(line, **{SINGLE[0]: "3"}).stdout == "3 1 1\n"
+    line = f"import os; print(*(os.environ[v] for v in {tuple(ENVIRONMENT)}))"
+    assert run(line).stdout == "1 1 1 2\n"
+    assert run(line, **{SINGLE[0]: "3"}).stdout == "3 1 1 2\n"
