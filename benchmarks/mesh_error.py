@@ -268,6 +268,20 @@ def cost(repeats: int = 7, steps: int = 1500, block: int = 50) -> list[str]:
     return found
 
 
+def references() -> list[str]:
+    """Return where the effector is in the working pose on meshes of two elements, each finer than the one before."""
+    lines = []
+    for element in ("h20", "h27"):
+        heights = []
+        for level in (8, 9, 10):  # of 1, 2 and 3 elements in the place of one
+            found = simulation(element, level, *standing(WORKING).words)
+            found.reset()
+            found.step(WORKING)
+            heights.append(1e3 * float(found.state.centres[0, 2]))
+        lines.append(f"{element}, levels 8, 9, 10: " + ", ".join(f"{h:.4f}" for h in heights) + " mm")
+    return lines
+
+
 def line_of(name: str, rows: list[dict[str, Any]]) -> str:
     """Return the row of the table for cases of a kind."""
     good = [row for row in rows if "true" in row]
@@ -298,7 +312,13 @@ def main() -> None:
     parser.add_argument(
         "--cost", action="store_true", help="only what the estimate makes of the time of a step"
     )
+    parser.add_argument(
+        "--reference", action="store_true", help="only how well the reference is known in the working pose"
+    )
     options = parser.parse_args()
+    if options.reference:
+        print("\n".join(references()))
+        return
     if options.cost:
         print("\n".join(cost()))
         return
