@@ -31,6 +31,7 @@ from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import FIRST, rigids_of, soft_bodies, springs_alone
+from tripod_sim.solved_to import solved_to
 from tripod_sim.steppers import stepper_of
 from tripod_sim.system import System
 from tripod_sim.tables.bodies import Mesh
@@ -124,6 +125,9 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
     last = slice(len(draft.rest) - len(fastened), None)
     draft.load[last], draft.inert[last] = fastened, fastened
     do("weigh")
+    draft.scene = scene = solved_to(
+        scene, [draft.load[body.nodes].sum() for body in assembly.bodies], draft.dead
+    )
     if scene.inertia and (dampers := spring_dampers(assembly)):
         draft.dampers = dampers
         draft.terms.append(dampers)
@@ -149,6 +153,7 @@ def _of_terms(scene: Scene, progress: Progress | None, say: Say) -> Parts:
         parts,
         notes=(*notes, *said, *draft.notes),
         soft=shown(assembly)[2],
+        solver=scene.solver,
         plate=draft.plate,
         ball=draft.ball,
     )

@@ -1,12 +1,13 @@
 """What a simulation is made of."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.integrators.substeps import StepReport
 from tripod_sim.state import State, TwinState, WayState
+from tripod_sim.tables.method import Solver
 
 if TYPE_CHECKING:
     from tripod_sim.bodies.assembly import Assembly, AssemblySkin
@@ -59,6 +60,7 @@ class Parts:
         mass: Of nodes [kg], shape (n,); zero for ghosts of a compliant clamp, which follow the mesh's nodes.
         system: The potential.
         stepper: The time integrator or the static solver.
+        solver: Of the scene, with the tolerance that this leaves open.
         servos: How the servos turn; None where their angles are ideal.
         skin: What shows a body that has no surface of its own.
         plate: The maze on the disc; None without one.
@@ -78,6 +80,7 @@ class Parts:
     mass: FloatArray
     system: "System | SpringSystem | RigidSystem"
     stepper: Stepper
+    solver: Solver = field(default_factory=Solver)
     servos: "ServoMotion | None" = None
     skin: "ChainSkin | AssemblySkin | JoinedSkin | None" = None
     plate: "Plate | None" = None

@@ -27,6 +27,7 @@ from tripod_sim.scene_short import BALL, discs_of, joints_of
 from tripod_sim.state import State
 from tripod_sim.system import System
 from tripod_sim.tables.fields import unusual
+from tripod_sim.tables.method import Solver
 from tripod_sim.tables.unread import unread
 
 if TYPE_CHECKING:  # an effect that is absent is not imported
@@ -550,6 +551,11 @@ class Simulation:
         """Return where the nodes of `skin` are [m], shape (k, 3), for `positions` of the mesh's nodes [m], (n, 3)."""
         skin = self._parts.skin
         return skin.vertices(positions) if skin else positions
+
+    @property
+    def solver(self) -> Solver:
+        """How its steps are solved, with the tolerance that the scene leaves open."""
+        return self._parts.solver
 
     @property
     def unknowns(self) -> int:

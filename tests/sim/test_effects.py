@@ -329,7 +329,7 @@ from tripod_sim import SceneError, Simulation, load_scene
 from tripod_sim.effects import absent, meaning, named
 from tripod_sim.explain.report import explain
 def ends(*words):
-    simulation = Simulation(load_scene("silicone", ["mesh.level=1", *words]))
+    simulation = Simulation(load_scene("silicone", ["mesh.level=1", "solver.tolerance=1e-5", *words]))
     for _ in range(10):
         simulation.step()
     return simulation.state.positions.tolist()

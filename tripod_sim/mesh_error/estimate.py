@@ -89,7 +89,7 @@ class MeshError:
         Raises:
             SceneError: it cannot be built.
         """
-        fine, solver = richer(scene), scene.solver
+        fine, solver = richer(scene), simulated.solver
         parts = build(fine)
         assert isinstance(parts.system, System) and isinstance(parts.mesh, SolidMesh)
         self._outside = Outside(scene, mesh, parts, simulated)

@@ -15,6 +15,7 @@ from tripod_sim.node_sets import NodeSets
 from tripod_sim.parts import Parts, Stepper
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import FIRST, rigids_of
+from tripod_sim.solved_to import solved_to
 from tripod_sim.springs.body import SpringBody
 from tripod_sim.springs.net import spring_net
 from tripod_sim.springs.skin import ChainSkin
@@ -39,6 +40,7 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
     if contact := contact_of(scene):
         body = _placed(body, scene, contact)
     system = SpringSystem(body, scene.gravity.acceleration if scene.gravity else None)
+    scene = solved_to(scene, [float(body.mass.sum())])
     skin, bound = None if len(body.triangles) else ChainSkin(body), None
     if scene.strain_limit:
         from tripod_sim.forces.strain_bound import StrainBound  # noqa: PLC0415 - an effect that is absent
@@ -51,7 +53,7 @@ def build_springs(scene: Scene, description: Springs) -> Parts:
         from tripod_sim.integrators.strain_limit import StrainLimited  # noqa: PLC0415 - an effect that is absent
 
         stepper = StrainLimited(stepper, system, bound, system.mass, [], scene.solver.max_iterations)
-    return Parts(body, system.mass, system, stepper, skin=skin, errors=errors)
+    return Parts(body, system.mass, system, stepper, skin=skin, errors=errors, solver=scene.solver)
 
 
 def _touching(
@@ -68,14 +70,15 @@ def _touching(
     notes = near_itself(part, contact.contact_distance)
     soft = SpringNodes(system, drag=drag, rayleigh=rayleigh, bound=bound), [part]
     if not rigids_of(scene):
-        return Parts(body, system.mass, system, contact_stepper(scene, contact, soft), skin=skin, notes=notes)
+        stepper = contact_stepper(scene, contact, soft)
+        return Parts(body, system.mass, system, stepper, skin=skin, notes=notes, solver=scene.solver)
     from tripod_sim.contact.rigid_build import rigid_set, shown_with  # noqa: PLC0415 - an effect that is absent
 
     rigid = rigid_set(scene)
     place_rigid(rigid, scene, contact, [("the soft body", part)])
     stepper = contact_stepper(scene, contact, soft, rigid)
     mesh, both = shown_with(rigid, body, skin)
-    return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid, notes=notes)
+    return Parts(mesh, system.mass, system, stepper, skin=both, rigid=rigid, notes=notes, solver=scene.solver)
 
 
 def surface_part(body: SpringBody, contact: Contact) -> "Part":

@@ -10,7 +10,8 @@ class Solver:
     """Newton's method.
 
     Attributes:
-        tolerance: Unbalanced force at which a step counts as solved [N].
+        tolerance: Unbalanced force at which a step counts as solved [N]. The default is lowered to a thousandth of the
+            weight of the lightest soft body (at 9.81 m/s² where there is no gravity) and of the loads.
         mode: `newton`: every step is solved to the tolerance; `one_solve`, solids: a step ends as soon as its error,
             estimated, is below `position_tolerance`, mostly after one evaluation of the elements (where
             servos or fixed regions hold the body; else as `newton`); springs: each stage is one linear solve with the

@@ -257,11 +257,12 @@ def _corners(source: str, fields: str) -> FloatArray:
 
 
 class _Tries:
-    """Which settings a scene takes, and about what a step costs with them."""
+    """Which settings a scene takes, about what a step costs with them, and the force to which it is solved [N]."""
 
     def __init__(self, source: str, base: Settings, made: Scene) -> None:
         self._source, self._base, self.made = source, base, made
-        self._unknowns = Simulation(made).unknowns
+        simulation = Simulation(made)
+        self._unknowns, self.tolerance = simulation.unknowns, simulation.solver.tolerance
 
     def takes(self, settings: Settings) -> bool:
         """Return whether the scene can be described so."""
@@ -297,7 +298,7 @@ def _default(scene: Scene) -> dict[str, Value]:
 def _rungs(tries: _Tries, default: Settings, duration: float, *, quick: bool) -> tuple[Settings, ...]:
     """Return the settings that converge, coarse to fine."""
     made, budget = tries.made, QUICK_BUDGET if quick else BUDGET
-    tolerance = min(made.solver.tolerance, max(made.solver.tolerance / 100, FINE))
+    tolerance = min(tries.tolerance, max(tries.tolerance / 100, FINE))
     fine: dict[str, Value] = {**default, "solver.tolerance": tolerance}
     if "solver.mode" in default:
         fine["solver.mode"] = "newton"

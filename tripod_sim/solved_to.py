@@ -1,0 +1,34 @@
+"""The unbalanced force at which a step counts as solved, where the scene leaves it open."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from tripod_host.arrays import FloatArray
+from tripod_sim.scene import Scene
+from tripod_sim.tables.method import Solver
+
+SHARE = 1e-3
+"""Of the weight of the lightest body, and of the loads: more would be seen in how far these bend it."""
+
+STANDARD = 9.81
+"""Acceleration by which masses count where there is no gravity [m/s²]."""
+
+
+def solved_to(scene: Scene, masses: Iterable[float], dead: FloatArray | None = None) -> Scene:
+    """Return a scene whose `solver.tolerance`, where it is the default, is small against what bends bodies, too.
+
+    Args:
+        scene: What is described.
+        masses: Of each soft body [kg].
+        dead: Dead loads on nodes [N], shape (n, 3); None without any.
+    """
+    if scene.solver.tolerance != Solver.tolerance:
+        return scene
+    gravity = float(np.linalg.norm(scene.gravity.acceleration)) if scene.gravity else 0.0
+    forces = [mass * (gravity or STANDARD) for mass in masses]
+    if dead is not None and dead.any():
+        forces.append(float(np.linalg.norm(dead, axis=1).sum()))
+    tolerance = min(scene.solver.tolerance, SHARE * float(min(forces)))
+    return replace(scene, solver=replace(scene.solver, tolerance=tolerance))
