@@ -18,7 +18,7 @@ from tripod_sim.compliance import Compliance, compliance
 from tripod_sim.constraints.groups import DrivenFrame
 from tripod_sim.effects.contact import contact_of
 from tripod_sim.effects.inertia import EXPLICIT
-from tripod_sim.errors import SceneError, StepError
+from tripod_sim.errors import SceneError, StepError, shown
 from tripod_sim.integrators.report import StepReport
 from tripod_sim.mesh.solid_mesh import SolidMesh
 from tripod_sim.parts import Parts
@@ -94,6 +94,8 @@ class Skin(Protocol):
 class Simulation:
     """A soft body, stepped in time.
 
+    What `copy.deepcopy` and pickle make of it goes on from the same state, as after `restore`, and shares nothing.
+
     Attributes:
         scene: What is simulated.
         mesh: Undeformed nodes, elements, surface triangles and topology id.
@@ -127,6 +129,8 @@ class Simulation:
             SceneError: the scene cannot be built.
             StepError: no equilibrium in the start configuration.
         """
+        if not isinstance(scene, Scene):
+            raise SceneError(f"scene is {shown(scene)}; it must be what load_scene returns")
         self.scene = scene
         self.notes: tuple[str, ...] = ()
         self._noted = noted
@@ -488,6 +492,10 @@ class Simulation:
         if self._mesh_error:
             self.report.mesh_error = self._mesh_error.start(self.state)
 
+    def __reduce__(self) -> "tuple[Callable[..., Simulation], tuple[Scene, tuple[State, FloatArray]]]":
+        """Copy by what it is made of: parts hold views of each other's arrays, which copied one by one would part."""
+        return _restored, (self.scene, self.save())
+
     def _forget_rest(self) -> None:
         if self._rest:
             self._rest.forget()
@@ -704,3 +712,10 @@ class Simulation:
         The report of a step has the last estimate, which may be some steps old.
         """
         return self._mesh_error.estimate(self.state) if self._mesh_error else None
+
+
+def _restored(scene: Scene, saved: tuple[State, FloatArray]) -> Simulation:
+    """Return a simulation of `scene` in a state that another one saved."""
+    simulation = Simulation(scene)
+    simulation.restore(saved)
+    return simulation

@@ -1,0 +1,45 @@
+"""Copies of simulations go on as the original does, and neither moves the other."""
+
+import copy
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tripod_sim import SceneError, Simulation, load_scene
+
+SCENES = {
+    "cloth": ("cloth", ["springs.nodes=5"]),
+    "solid in contact": ("silicone_drop", ["mesh.level=1"]),
+    "solid": ("silicone", ["mesh.level=1"]),
+}
+
+
+def pickled(simulation: Simulation) -> Simulation:
+    """Return what is read from the bytes of a simulation."""
+    found = pickle.loads(pickle.dumps(simulation))
+    assert isinstance(found, Simulation)
+    return found
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy, pickled])
+@pytest.mark.parametrize("name", SCENES)
+def test_a_copy_goes_on_as_after_restore(name: str, copied: Callable[[Simulation], Simulation]) -> None:
+    scene = load_scene(*SCENES[name])
+    original, other = Simulation(scene), Simulation(scene)
+    original.advance(5)
+    other.restore(original.save())
+    twin = copied(original)
+    there = original.positions.copy()
+    for _ in range(10):
+        twin.step()
+        other.step()
+    assert np.array_equal(twin.positions, other.positions)
+    assert not np.array_equal(twin.positions, there)
+    assert np.array_equal(original.positions, there)
+
+
+def test_a_name_in_place_of_a_scene_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"scene is 'tripod'; it must be what load_scene returns"):
+        Simulation("tripod")  # type: ignore[arg-type]
