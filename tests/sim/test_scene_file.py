@@ -36,7 +36,9 @@ from tripod_sim.tables.unread import unread
 
 FUZZ = settings(max_examples=300, deadline=None, derandomize=True, database=None)
 
-EMIO = str(Path(__file__).parents[2] / "examples" / "emio.toml")
+EMIO, BEAM = (
+    str(Path(__file__).parents[2] / "examples" / f"{name}.toml") for name in ("emio", "silicone_beam")
+)
 
 BOX = Fixed(low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 1.0))
 
@@ -194,6 +196,7 @@ def test_the_shipped_scenes_have_no_unusual_numbers_and_no_idle_fields() -> None
         ("pendulum", "springs.scale=0.001", "springs.scale: without effect where springs.source is 'chain'"),
         ("drape", "springs.size=2", "springs.size: without effect where springs.source is"),
         ("stack", "rigid.1.radius=0.2", "rigid.1.radius: without effect where rigid.1.shape is 'box'"),
+        (BEAM, "material.mass=2", "material.mass: without effect where material.density is given"),
         ("maze", "maze.start=[0.01,0]", "maze.start: without effect where maze.source is 'labyrinth'"),
         ("maze", 'maze={source="a.stl",wall=0.002}', "maze.wall: without effect where maze.source is "),
         (EMIO, "servos.slide=0.01", "servos.slide: without effect where no servo has a direction inward"),

@@ -6,7 +6,7 @@ from typing import Any
 
 from tripod_sim.effects.maze import Maze
 from tripod_sim.scene_short import joints_of
-from tripod_sim.tables.bodies import Mesh, Rigid, Springs
+from tripod_sim.tables.bodies import Material, Mesh, Rigid, Springs
 from tripod_sim.tables.fields import tables_in
 
 
@@ -37,6 +37,8 @@ def unread(scene: Any) -> list[str]:
     """Return which fields of a scene, and of the tables in it, are given and have no effect, one sentence a cause."""
     found = []
     for path, table in tables_in(scene):
+        if isinstance(table, Material) and table.density and (names := _given(path, table, ["mass"])):
+            found.append(f"{names}: without effect where {path}.density is given")
         if reads := READS.get(type(table)):
             kind = getattr(table, reads.kind)
             counted = next(
