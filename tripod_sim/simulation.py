@@ -319,13 +319,20 @@ class Simulation:
     def rest_at(self, joints: FloatArray, start: State | None = None) -> None:
         """Bring the body to rest with servo angles and slide at `joints`, shape (s + 1,), from `start` or where it is.
 
-        Raises StepError: no equilibrium is found; the state is another one then.
+        Raises:
+            SceneError: `joints` has another shape or is not finite, or the scene has inertia and no servos.
+            StepError: no equilibrium is found; the state is another one then.
         """
+        goal = self._shaped(joints)
+        if self.scene.inertia and self._static is self._parts:
+            raise SceneError(
+                "the scene has no servos, so it has no rest beside its motion; load it with inertia=off"
+            )
         if start:
             for name in ("positions", "modes", "centres", "rotations", "joints"):
                 getattr(self.state, name)[:] = getattr(start, name)
             self._static.stepper.forget()
-        self._pose(self._goal(joints, 0.0))
+        self._pose(self._goal(goal, 0.0))
         self._begin_errors(self._parts)
         if self._servos:
             self.state.servos = self._servos.start(self.state.joints[: len(self.torques)])
@@ -410,13 +417,19 @@ class Simulation:
         """Return `joints`, shape (s + 1,), and where there are prescribed motions how far these are at `time` [s]."""
         return np.append(joints, min(time, self._prescribed.end)) if self._prescribed else joints
 
-    def _checked(self, joints: FloatArray) -> FloatArray:
+    def _shaped(self, joints: FloatArray) -> FloatArray:
+        """Return a copy of angles and slide. Raises SceneError: another shape, or not finite."""
         goal = np.array(joints, dtype=float)
         if goal.shape != (len(self.torques) + 1,):
             raise SceneError(f"joints have shape {goal.shape}; the scene needs {(len(self.torques) + 1,)}")
-        *angles, slide = goal.tolist()
-        if not (math.isfinite(slide) and all(map(math.isfinite, angles))):
+        if not all(map(math.isfinite, goal.tolist())):
             raise SceneError(f"joints {goal.tolist()} are not finite")
+        return goal
+
+    def _checked(self, joints: FloatArray) -> FloatArray:
+        """Return a copy of angles and slide that the scene allows. Raises SceneError."""
+        goal = self._shaped(joints)
+        *angles, slide = goal.tolist()
         if s := self.joints:
             for i, (angle, arm) in enumerate(zip(angles, s.arms, strict=True)):
                 if not arm.low - 1e-9 <= angle <= arm.high + 1e-9:

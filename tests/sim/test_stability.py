@@ -167,6 +167,22 @@ def test_bad_commands_are_refused_and_change_nothing(joints: list[float], word: 
     assert simulation.state.step == 0
 
 
+@pytest.mark.parametrize(
+    ("scene", "joints", "words"),
+    [
+        (SHARP, [0.0] * 3, r"joints have shape \(3,\); the scene needs \(4,\)"),
+        (SHARP, [np.nan] * 4, "joints .* are not finite"),
+        ("silicone", [0.0], "the scene has no servos"),
+    ],
+)
+def test_rest_is_refused_where_there_is_none(scene: str, joints: list[float], words: str) -> None:
+    simulation = Simulation(load_scene(scene, ["mesh.level=1"]))
+    before = simulation.positions.copy()
+    with pytest.raises(SceneError, match=words):
+        simulation.rest_at(np.array(joints))
+    assert np.array_equal(simulation.positions, before)
+
+
 JUMP, STABLE, COROTATIONAL = (
     "1.5 rad and 35 mm in one step",
     "noise 50 %, stable neo-Hooke",
