@@ -133,7 +133,7 @@ def _read(source: str | Path) -> tuple[str, Path | None]:
     if str(source).endswith(".toml"):
         path = Path(source)
         try:
-            return read_file(path, MAX_BYTES).decode(), path.parent.absolute()
+            return read_file(path, MAX_BYTES).decode("utf-8-sig"), path.parent.absolute()
         except OSError as error:
             raise SceneError(f"scene file {str(path)!r} cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:

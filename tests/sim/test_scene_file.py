@@ -25,6 +25,8 @@ from tripod_sim.effects.inertia import Inertia
 from tripod_sim.effects.initial_velocity import InitialVelocity
 from tripod_sim.effects.load import Load
 from tripod_sim.effects.prescribed import Prescribed
+from tripod_sim.maze.board import read_maze
+from tripod_sim.maze.grid import maze_to_text
 from tripod_sim.scene import Scene
 from tripod_sim.scene_file import MAX_BYTES, scene_text, scene_to_toml
 from tripod_sim.tables.bodies import Material, Mesh
@@ -197,6 +199,7 @@ def test_the_shipped_scenes_have_no_unusual_numbers_and_no_idle_fields() -> None
         ("drape", "springs.size=2", "springs.size: without effect where springs.source is"),
         ("stack", "rigid.1.radius=0.2", "rigid.1.radius: without effect where rigid.1.shape is 'box'"),
         (BEAM, "material.mass=2", "material.mass: without effect where material.density is given"),
+        ("silicone", 'motion={servo="0:0,0,0"}', "motion: without effect where there are no servos"),
         ("maze", "maze.start=[0.01,0]", "maze.start: without effect where maze.source is 'labyrinth'"),
         ("maze", 'maze={source="a.stl",wall=0.002}', "maze.wall: without effect where maze.source is "),
         (EMIO, "servos.slide=0.01", "servos.slide: without effect where no servo has a direction inward"),
@@ -388,6 +391,16 @@ BASE = scene_to_toml(load_scene("tripod"))
 )  # fmt: skip
 def test_a_hostile_file_is_refused_in_one_line(text: str | bytes, message: str, tmp_path: Path) -> None:
     assert message in refusal(written(tmp_path, text))
+
+
+def test_files_with_a_mark_of_the_byte_order_are_read(tmp_path: Path) -> None:
+    """As editors of Windows write them."""
+    path, maze = tmp_path / "own.toml", tmp_path / "own.txt"
+    path.write_text(scene_text("maze"), encoding="utf-8-sig")
+    labyrinth = maze_to_text(read_maze("labyrinth"))
+    maze.write_text(labyrinth, encoding="utf-8-sig")
+    assert load_scene(path) == load_scene("maze")
+    assert maze_to_text(read_maze(str(maze))) == labyrinth
 
 
 def test_what_is_not_a_file_is_refused(tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ def read_maze(source: str) -> MazeGrid:
     if source.endswith(".txt"):
         path = Path(source)
         try:
-            text = read_file(path, MOST_BYTES).decode("utf-8")
+            text = read_file(path, MOST_BYTES).decode("utf-8-sig")
         except OSError as error:
             raise SceneError(f"maze.source {shown(source)} cannot be read: {error.strerror}") from None
         except UnicodeDecodeError:

@@ -51,7 +51,10 @@ def unread(scene: Any) -> list[str]:
                 found.append(f"{names}: without effect where {path}.{reads.kind} is {kind!r}")
     if scene.servo and (names := _given("servos", scene.servos, ["axis_radius", "clamp_radius"])):
         found.append(f"{names}: without effect where servos have tables of their own")
-    if (joints := joints_of(scene)) and not joints.slides:
+    joints = joints_of(scene)
+    if scene.motion and not joints:
+        found.append("motion: without effect where there are no servos")
+    if joints and not joints.slides:
         for path in ("servos", "motion"):
             if names := _given(path, getattr(scene, path), ["slide"]):
                 found.append(f"{names}: without effect where no servo has a direction inward")
