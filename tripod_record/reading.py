@@ -104,7 +104,8 @@ class Reader:
     def messages(self) -> Iterator[Message]:
         """Yield every message that can be read, in the order of the file.
 
-        The end of a torn file and damaged chunks are noted in `truncated` and `damage`, not raised.
+        The end of a torn file and damaged chunks are noted in `truncated` and `damage`, not raised. What is recorded
+        while the file is read is left out.
 
         Raises:
             RecordError: the file cannot be opened or is no mcap file.
@@ -126,9 +127,9 @@ class Reader:
             opcode, length = _RECORD.unpack(head)
             left = size - at - _RECORD.size
             if length > left and length <= RECORD_LIMIT:
-                self.truncated = (
-                    f"the file ends at byte {size} within a record of {length} bytes that begins at {at}"
-                )
+                ends = f"the file ends at byte {size} within a record of {length} bytes that begins at {at}"
+                has_grown = file.seek(0, io.SEEK_END) > size
+                self.truncated = NOT_CLOSED if has_grown else ends
                 return
             if length > RECORD_LIMIT:
                 self._note(

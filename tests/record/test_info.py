@@ -112,6 +112,23 @@ def test_a_killed_recording_is_read_and_called_truncated(
     )
 
 
+def test_a_recording_that_goes_on_while_it_is_read_is_not_torn(tmp_path: Path) -> None:
+    writer = new_bag(tmp_path / "bag", chunk_size=CHUNK_SIZE)
+    noise = random.Random(0)
+    for i in range(200):  # much more than a reader takes from the file at once
+        writer.write("/chatter", cdr_string(noise.randbytes(500).hex()), START + i)
+    writer.sync()
+    reader = Reader(writer.path)
+    messages = reader.messages()
+    next(messages)
+    writer.write("/chatter", cdr_string(noise.randbytes(5000).hex()), START + 200)
+    writer.sync()
+    assert 1 + len(list(messages)) == 200
+    assert reader.truncated.startswith("not closed: still being recorded")
+    assert reader.damage == []
+    writer.close()
+
+
 @given(cut=st.integers(min_value=0, max_value=10**6))
 def test_any_torn_file_gives_the_beginning_of_its_messages(closed: Path, cut: int, tmp_path_factory) -> None:
     whole = closed.read_bytes()
