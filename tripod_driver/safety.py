@@ -150,9 +150,8 @@ class Safety:
 
     def motion(self, now: float) -> Motion:
         """Return what it does at `now` [s], for who waits for the end of a trajectory."""
-        found = motion_of(
-            self._follower, self.place, self.moment(now), self.message or self.authority.in_force
-        )
+        why = self._deafness or self._notice or self.authority.in_force
+        found = motion_of(self._follower, self.place, self.moment(now), why)
         return found if self.listens else replace(found, trajectory=None)
 
     @property
@@ -279,7 +278,10 @@ class Safety:
             self._follower.check(names, times, positions, velocities=velocities, age=age)
             self._ignored += 1
         else:
-            self._follower.accept(names, times, positions, self.moment(now), velocities=velocities, age=age)
+            here = self._follower.joints.copy()
+            here[:-1] = np.clip(self._output, self._limits.angle_min, self._limits.angle_max)
+            moment = self.moment(now)
+            self._follower.accept(names, times, positions, moment, velocities=velocities, age=age, here=here)
             self._notice, self._asked = "", True
         return why
 

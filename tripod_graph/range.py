@@ -74,10 +74,14 @@ class RangeWatch:
 
 
 class Fence:
-    """What the driver does before it sends: the nearest within its range, at a limited speed also when that changes."""
+    """What the driver does before it sends: the nearest within its range, at a limited speed also when that changes.
+
+    Attributes:
+        place: What it let through last, shape (count + 1,); None: nothing yet.
+    """
 
     def __init__(self) -> None:
-        self._last: FloatArray | None = None
+        self.place: FloatArray | None = None
         self._at = 0.0
 
     def nearest(
@@ -85,10 +89,10 @@ class Fence:
     ) -> FloatArray:
         """Return where to be at `now` [s] when asked for `joints`, shape (count + 1,). Call it at a regular rate."""
         asked = np.clip(joints, limits.lower, limits.upper)
-        if self._last is not None:
+        if self.place is not None:
             step = limits.speed * min(max(0.0, now - self._at), longest_step)
-            asked = self._last + np.clip(asked - self._last, -step, step)
-        self._last, self._at = asked, now
+            asked = self.place + np.clip(asked - self.place, -step, step)
+        self.place, self._at = asked, now
         return asked.copy()
 
 

@@ -103,6 +103,26 @@ def test_every_servo_stays_within_its_own_safe_range() -> None:
     assert run(safety, 0.7, 1.4)[-1] == pytest.approx([-0.1, 0.0, 0.2])
 
 
+def test_a_trajectory_begins_where_the_servos_are_not_where_they_were_asked_to_be() -> None:
+    safety = ready(make())
+    goto(safety, [0.5] * 3, 0.0, 0.5)
+    held = run(safety, 0.0, 0.7)[-1]
+    assert held == pytest.approx([-0.1, 0.0, 0.2])
+    goto(safety, [-0.6] * 3, 0.7, 1.0)
+    way = run(safety, 0.7, 0.5)
+    assert way[-1] == pytest.approx((held - 0.6) / 2)
+
+
+def test_a_goal_that_is_stopped_is_told_of_that_and_of_nothing_that_was_before() -> None:
+    safety = ready(make())
+    goto(safety, [0.5] * 3, 0.0, 0.5)
+    run(safety, 0.0, 0.7)
+    safety.control_mode(said(Mode.STOP, 1.7), 1.7, 0.7)
+    motion = safety.motion(0.7)
+    assert (motion.trajectory, motion.why) == (None, f"STOP by {SOURCE} is in force")
+    assert "the nearest is sent" in safety.message
+
+
 def test_a_servo_that_may_be_sent_nothing_is_refused_at_the_start() -> None:
     with pytest.raises(
         CommandError, match="servo_1 may be sent 1 to 2 rad, which is nowhere within angle_min"

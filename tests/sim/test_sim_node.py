@@ -243,6 +243,23 @@ def test_with_a_driver_in_the_graph_it_goes_where_the_driver_sends_and_says_so(m
     assert list(graph.status().upper) == [0.6] * 3
 
 
+def test_a_trajectory_begins_where_the_driver_lets_the_joints_be(make) -> None:
+    graph = make(timeout=60.0).start()
+    graph.choose(ControlMode.TELEOP)
+    driver = graph.ear.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+    status = RobotStatus(lower=[-2.1] * 3, upper=[0.0, 0.0, 0.3], speed=[4.0] * 3)
+    graph.ear.create_timer(0.1, lambda: driver.publish(status))
+    graph.wait(lambda: list(graph.status().upper) == [0.0, 0.0, 0.3], "the driver's range")
+    graph.command([0.5, 0.5, 0.5])
+    graph.wait(lambda: "the nearest is sent" in graph.status().message, "what is cut")
+    graph.wait(lambda: graph.joints()[2] > 0.3 - 1e-6, "the end of the range")
+    graph.command([-0.5, -0.5, -0.5], seconds=2.0)
+    graph.wait(lambda: graph.joints()[2] < 0.1, "motion")
+    joints = graph.joints()
+    share = (0.3 - joints[2]) / 0.8
+    assert joints[:2] == pytest.approx([-0.5 * share] * 2, abs=1e-6)
+
+
 def test_stop_holds_where_the_joints_are(make) -> None:
     graph = make(angle_speed=0.5).start()
     graph.choose(ControlMode.TELEOP)
