@@ -170,9 +170,9 @@ class DriverNode(LifecycleNode):
     def _on_timer(self) -> None:
         now = time.monotonic()
         self._clock_of_motion.at(now)
-        if (
-            self._clock_of_motion.stalled and self._safety.state is State.ACTIVE
-        ):  # once: then it parks in time
+        if not self._clock_of_motion.stalled:
+            self._safety.forget(STALLED)
+        elif self._safety.state is State.ACTIVE:  # once: then it parks in time
             self._safety.interrupt(now, STALLED)
         if self._driver.tick(now):
             self._publish_joint_states(self._driver.sent)

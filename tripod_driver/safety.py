@@ -242,6 +242,11 @@ class Safety:
             self._notice = why
         self._follower.rest(self.moment(now))
 
+    def forget(self, why: str) -> None:
+        """Say `why` no more: what interrupted the motion is over."""
+        if self._notice == why:
+            self._notice = ""
+
     # the operator ---------------------------------------------------------------------------------------------
 
     def activate(self, now: float) -> None:

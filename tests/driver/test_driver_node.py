@@ -398,6 +398,7 @@ def test_a_clock_that_stands_still_holds_no_servo_on_a_command_that_is_dead(
     operator.wait_state(operator.status.PARKED, "the way to the park position")
     assert min(p[0] for p in board.packets) > -1.2, "the trajectory went on"
     client.wait(lambda: near(board.packets[-1], PARKED), "the park position")
+    client.wait(lambda: not operator.status.message, "the end of the complaint", meanwhile=tick)
 
 
 @pytest.mark.ros
