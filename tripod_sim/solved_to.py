@@ -12,6 +12,12 @@ from tripod_sim.tables.method import Solver
 SHARE = 1e-3
 """Of the weight of the lightest body, and of the loads: more would be seen in how far these bend it."""
 
+LIGHT = 1e-6
+"""Loads count as at least so much of the weight: smaller ones would be solved to what is rounded off."""
+
+LEAST = 1e-14
+"""Tolerance below which nothing is lowered [N]."""
+
 STANDARD = 9.81
 """Acceleration by which masses count where there is no gravity [m/s²]."""
 
@@ -27,8 +33,8 @@ def solved_to(scene: Scene, masses: Iterable[float], dead: FloatArray | None = N
     if scene.solver.tolerance != Solver.tolerance:
         return scene
     gravity = float(np.linalg.norm(scene.gravity.acceleration)) if scene.gravity else 0.0
-    forces = [mass * (gravity or STANDARD) for mass in masses]
+    force = float(min(masses)) * (gravity or STANDARD)
     if dead is not None and dead.any():
-        forces.append(float(np.linalg.norm(dead, axis=1).sum()))
-    tolerance = min(scene.solver.tolerance, SHARE * float(min(forces)))
+        force = min(force, max(float(np.linalg.norm(dead, axis=1).sum()), LIGHT * force))
+    tolerance = min(scene.solver.tolerance, max(SHARE * force, LEAST))
     return replace(scene, solver=replace(scene.solver, tolerance=tolerance))

@@ -91,6 +91,21 @@ def test_a_load_below_the_usual_tolerance_bends(tmp_path: Path) -> None:
     assert sag(simulation, 0.1) == pytest.approx(sag(exact, 0.1), rel=3e-3)
 
 
+@pytest.mark.parametrize("force", [1e-9, 1e-30])
+def test_a_load_that_is_nothing_beside_the_weight_asks_for_nothing(tmp_path: Path, force: float) -> None:
+    """It would be solved to what is rounded off, or be refused."""
+    alone = beam(tmp_path, 0.1)
+    with (tmp_path / "beam.toml").open("a") as file:
+        file.write(f'\n[[load]]\nset = "tip"\nforce = [0, 0, {force}]\n')
+    loaded = Simulation(load_scene(str(tmp_path / "beam.toml")))
+    weight = 9.81 * 1000.0 * 0.1 * 0.02 * 0.02
+    assert loaded.solver.tolerance == pytest.approx(1e-9 * weight)
+    for simulation in (alone, loaded):
+        for _ in range(5):
+            simulation.step()
+    assert sag(loaded, 0.1) == pytest.approx(sag(alone, 0.1), rel=1e-4)
+
+
 def test_a_light_net_hangs_as_a_heavy_one_does() -> None:
     def net(mass: float) -> Simulation:
         k = 1e3 * mass
