@@ -24,6 +24,12 @@ from tripod_graph import names
 from tripod_graph.loopback import keep_local
 from tripod_graph.namespace import full_namespace
 
+MOCK = "mock"
+"""The port of `tripod up` unless it is told another."""
+
+TWICE = {"--port": ("driver", "port"), "--view-port": ("view", "port"), "--record": ("record", "directory")}
+"""Options that say the same as a parameter of a node."""
+
 if TYPE_CHECKING:
     from rclpy.executors import Executor
 
@@ -56,6 +62,9 @@ def up_command(
         scene, words = named_scene(words, scene)
         values = node_values(words)
         check_used(values, record=demo or record is not None, view=view)
+        check_once(
+            values, {"--port": port if port != MOCK else None, "--view-port": view_port, "--record": record}
+        )
         namespace = full_namespace(namespace)
         add_overrides(values, overrides)
         asked = words_of_set(values)
@@ -128,11 +137,16 @@ def chain_values(
 ) -> dict[str, Mapping[str, object]]:
     """Return the parameters of all nodes: what `values` says, and what the scene and the port ask of each beside that.
 
+    Raises ValueError where the driver is told another number of servos than the scene has.
+
     Inverse kinematics takes `overrides`, what the user asked of the scene: the setting of an accuracy is the
     simulator's own, and finer than ways around snaps need.
     """
     servos = servos_of(scene, words_of_set(values))
     count = {} if servos in (None, len(names.SERVOS)) else {"servos": servos}  # unless told, the Tripod's
+    told = str(values.get("driver", {}).get("servos", servos))
+    if servos is not None and told != str(servos):
+        raise ValueError(f"driver.servos is {told}, but scene {scene!r} has {servos} servos; leave it out")
     model: dict[str, object] = {"scene": scene, **({"set": ";".join(overrides)} if overrides else {})}
     own: dict[str, object] = {} if "scene" in values.get("ik", {}) else model
     asked: dict[str, dict[str, object]] = {
@@ -167,6 +181,15 @@ def check_used(values: Mapping[str, Mapping[str, object]], *, record: bool, view
     for node, runs, advice in (("record", record, "add --record DIR"), ("view", view, "leave out --no-view")):
         if node in values and not runs:
             raise ValueError(f"{node}.{next(iter(values[node]))}: {node} does not run; {advice}")
+
+
+def check_once(values: Mapping[str, Mapping[str, object]], options: Mapping[str, object]) -> None:
+    """Raise ValueError for a parameter that one of `options`, None where it is not given, says, too."""
+    for option, said in options.items():
+        node, name = TWICE[option]
+        if said is not None and name in values.get(node, {}):
+            given = values[node][name]
+            raise ValueError(f"{node}.{name}:={given} and {option} {said} say the same; leave one out")
 
 
 def named_scene(words: Sequence[str], option: str) -> tuple[str, Sequence[str]]:

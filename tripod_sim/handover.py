@@ -31,7 +31,7 @@ def carry(before: Simulation, after: Simulation) -> None:
         after.restore((copy, before.torques.copy()))
         return
     if not np.array_equal(after.state.joints, state.joints) or after.state.velocities.any():
-        after.rest_at(state.joints)
+        after.rest_at(_asked(after, state), time=state.time)
     after.state.time, after.state.step = state.time, state.step
     if state.servos and after.state.servos:
         state.servos.copy_to(after.state.servos)
@@ -52,10 +52,15 @@ def settle(before: Simulation, state: State, after: Simulation) -> None:
     assert isinstance(coarse, System)  # others have no mesh that may change
     assert isinstance(fine, System)
     (start,) = bent_like(coarse, [state], fine, state.joints[None])
-    after.rest_at(state.joints, start)
+    after.rest_at(_asked(after, state), start, state.time)
     off = np.linalg.norm(after.state.centres - state.centres, axis=1).max(initial=0.0)
     if off > JUMP:
         raise StepError(f"its body would jump by {1e3 * off:.0f} mm")
+
+
+def _asked(simulation: Simulation, state: State) -> FloatArray:
+    """Return the angles and the slide of a state, without how far prescribed motions are."""
+    return state.joints[: len(simulation.torques) + 1]
 
 
 def bent_like(coarse: System, states: Sequence[State], fine: System, joints: FloatArray) -> list[State]:

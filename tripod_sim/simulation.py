@@ -316,8 +316,9 @@ class Simulation:
         self.state.velocities[:] = 0.0
         self.state.time, self.state.step = 0.0, 0
 
-    def rest_at(self, joints: FloatArray, start: State | None = None) -> None:
-        """Bring the body to rest with servo angles and slide at `joints`, shape (s + 1,), from `start` or where it is.
+    def rest_at(self, joints: FloatArray, start: State | None = None, time: float = 0.0) -> None:
+        """Bring the body to rest with servo angles and slide at `joints`, shape (s + 1,), from `start` or where it is,
+        and with prescribed motions where they are at `time` [s].
 
         Raises:
             SceneError: `joints` has another shape or is not finite, or the scene has inertia and no servos.
@@ -332,7 +333,7 @@ class Simulation:
             for name in ("positions", "modes", "centres", "rotations", "joints"):
                 getattr(self.state, name)[:] = getattr(start, name)
             self._static.stepper.forget()
-        self._pose(self._goal(goal, 0.0))
+        self._pose(self._goal(goal, time))
         self._begin_errors(self._parts)
         if self._servos:
             self.state.servos = self._servos.start(self.state.joints[: len(self.torques)])
@@ -496,8 +497,15 @@ class Simulation:
         return self.state.copy(), self.torques.copy()
 
     def restore(self, saved: tuple[State, FloatArray]) -> None:
-        """Return to what `save` gave, without moving there: the next step depends on that state alone."""
+        """Return to what `save` gave, without moving there: the next step depends on that state alone.
+
+        Raises SceneError: it is the state of another scene.
+        """
         state, torques = saved
+        for name in ("positions", "modes", "centres", "joints"):
+            theirs, own = getattr(state, name).shape, getattr(self.state, name).shape
+            if theirs != own:
+                raise SceneError(f"the state is of another scene: {name} of shape {theirs}, here {own}")
         state.copy_to(self.state)
         self.torques[:] = torques
         self._forget_rest()

@@ -9,7 +9,7 @@ pytest.importorskip("rclpy")
 
 from tripod_bringup.node_command import UnknownParameterError, parse_values
 from tripod_bringup.node_values import RawYaml, ValueSyntaxError, node_arguments, split_word, typed
-from tripod_bringup.up_command import check_used, node_values
+from tripod_bringup.up_command import check_once, check_used, node_values
 from tripod_graph.parameters import Parameter, ParameterError
 
 TABLE = [
@@ -130,3 +130,11 @@ def test_parameters_of_up_that_would_change_nothing_are_refused() -> None:
     ):
         with pytest.raises(ValueError, match=message):
             check_used(node_values([word]), record=False, view=False)
+
+
+def test_what_an_option_and_a_parameter_say_is_said_once() -> None:
+    values = node_values(["driver.port:=/dev/ttyUSB0", "record.max_size:=5"])
+    check_once(values, {"--port": None, "--view-port": 9000, "--record": "here"})
+    said = re.escape("driver.port:=/dev/ttyUSB0 and --port auto say the same; leave one out")
+    with pytest.raises(ValueError, match=said):
+        check_once(values, {"--port": "auto"})

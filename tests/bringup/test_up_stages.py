@@ -84,6 +84,16 @@ def test_the_scene_of_the_simulator_is_that_of_the_models_of_inverse_kinematics(
     )
 
 
+def test_a_driver_of_another_number_of_servos_than_the_scene_has_is_refused() -> None:
+    values = up_command.node_values(["driver.servos:=5"])
+    with pytest.raises(
+        ValueError, match=r"driver.servos is 5, but scene 'tripod' has 3 servos; leave it out"
+    ):
+        up_command.chain_values(values, "tripod", [], "mock")
+    same = up_command.node_values(["driver.servos:=4"])
+    assert up_command.chain_values(same, "cross", [], "mock")["driver"]["servos"] == RawYaml("4")
+
+
 def test_inverse_kinematics_takes_overrides_of_its_scene(capsys: pytest.CaptureFixture[str]) -> None:
     table = {p.name: p.default for p in settings.PARAMETERS}
     soft = settings.scene_of({**table, "set": "material.young=3e5; mesh.level=3"})

@@ -275,6 +275,39 @@ def test_a_body_that_would_jump_does_not_take_over() -> None:
         settle(one, one.state, other)
 
 
+def test_prescribed_motions_go_on_where_they_are() -> None:
+    """A strip is moved aside beside the servos: the body of another mesh is at rest with it where it is by now."""
+    words = [
+        SET,
+        'set=[{name="strip", low=[0.02, -1.0, -1.0], high=[0.04, 1.0, 1.0]}]',
+        'prescribed=[{set="strip", move="0: 0,0,0; 0.05: 0,5e-4,0", axes="y"}]',
+    ]
+    one = Simulation(load_scene("tripod", words))
+    for _ in range(10):
+        one.step()
+    other = Simulation(load_scene("tripod", [*words, "mesh.element=h8_modes", "dt=0.005"]))
+    settle(one, one.state, other)
+    carry(one, other)
+    other.step()
+    (strip,) = np.nonzero((other.mesh.nodes[:, 0] > 0.02) & (other.mesh.nodes[:, 0] < 0.04))
+    assert len(strip) > 10
+    aside = (other.positions - other.mesh.nodes)[strip, 1]
+    np.testing.assert_allclose(aside, 5e-4 * other.state.time / 0.05, rtol=1e-9)
+    assert other.state.time == pytest.approx(one.state.time + 0.005)
+
+
+def test_the_state_of_another_scene_is_refused() -> None:
+    one, other = (
+        Simulation(load_scene("tripod", [SET, *words])) for words in ((), ("mesh.element=h8_modes",))
+    )
+    before = other.positions.copy()
+    with pytest.raises(
+        SceneError, match=r"the state is of another scene: positions of shape \(\d+, 3\), here"
+    ):
+        other.restore(one.save())
+    np.testing.assert_array_equal(other.positions, before)
+
+
 def test_servos_with_dynamics_go_on_towards_their_command() -> None:
     words = [SET, "servo_dynamics={}"]
     one = Simulation(load_scene("tripod", words))
