@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from tripod_host.program import ENVIRONMENT
+from tripod_host.program import set_environment
 
 DEAREST = ("tripod", "drape", "cloth", "maze")
 """Scenes that have most to compile: they come first, so that no worker ends long after the others."""
@@ -21,8 +21,7 @@ def main(scenes: Sequence[str] | None = None) -> int:
     """Compile what `scenes` need, all that are shipped if None; return the exit code: 0, or 130 if interrupted."""
     from tripod_sim import scene_names  # noqa: PLC0415 - heavy
 
-    for variable, value in ENVIRONMENT.items():  # of the programs that will run them
-        os.environ.setdefault(variable, value)
+    set_environment()  # of the programs that will run them
     todo = sorted(scenes or scene_names(), key=lambda name: (name not in DEAREST, name != DEAREST[0], name))
     workers = min(len(os.sched_getaffinity(0)), len(todo))
     try:

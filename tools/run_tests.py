@@ -134,7 +134,7 @@ def run_shared(shares: Sequence[Share], directory: Path = ROOT) -> int:
 
 
 def environment_of(kept: Path) -> dict[str, str]:
-    """Return the environment of the tests, that of all programs: and what Python compiles is kept while they run.
+    """Return the environment of the tests: that of all programs, and what Python compiles is kept while they run.
 
     They start some hundreds of processes: where `PYTHONDONTWRITEBYTECODE` is set, each would compile all that it
     imports. Threads of linear algebra wait for each other at full load, longest where others use the processors, too.

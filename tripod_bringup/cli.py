@@ -10,6 +10,7 @@ from tripod_bringup import bag_cli, explain_command, identify_cli, ik_cli, play_
 from tripod_bringup.accuracy_option import Accuracy, Budget, Study
 from tripod_bringup.node_command import NODES, NodeCommand, NodeInfo, run_node_command
 from tripod_bringup.options import (
+    MOCK,
     Json,
     Overrides,
     Quiet,
@@ -202,7 +203,7 @@ def up(
     port: Annotated[
         str,
         typer.Option(help="Serial port of the servos, as for `tripod driver`.", autocompletion=some_ports),
-    ] = "mock",
+    ] = MOCK,
     record: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Record everything into a new file here.")
     ] = None,

@@ -6,6 +6,9 @@ from typing import Annotated
 
 import typer
 
+MOCK = "mock"
+"""The port of `tripod up` unless it is told another: no board is needed."""
+
 
 class To(StrEnum):
     """Where a recording is played to."""
@@ -34,7 +37,7 @@ def some_ports(incomplete: str) -> list[str]:
     from tripod_driver.ports.boards import serial_ports  # noqa: PLC0415
 
     return [
-        name for name in ("auto", "mock", *(p.device for p in serial_ports())) if name.startswith(incomplete)
+        name for name in ("auto", MOCK, *(p.device for p in serial_ports())) if name.startswith(incomplete)
     ]
 
 

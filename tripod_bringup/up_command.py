@@ -17,15 +17,13 @@ from tripod_bringup.node_command import (
     unknown_name,
 )
 from tripod_bringup.node_values import RawYaml, split_word
+from tripod_bringup.options import MOCK
 from tripod_bringup.screen import Screen
 from tripod_bringup.script import joint_path
 from tripod_bringup.up import BAD_ARGUMENTS, DEMO_TIME, EXIT_CODES, UpOptions, up
 from tripod_graph import names
 from tripod_graph.loopback import keep_local
 from tripod_graph.namespace import full_namespace
-
-MOCK = "mock"
-"""The port of `tripod up` unless it is told another."""
 
 TWICE = {"--port": ("driver", "port"), "--view-port": ("view", "port"), "--record": ("record", "directory")}
 """Options that say the same as a parameter of a node."""
@@ -137,10 +135,10 @@ def chain_values(
 ) -> dict[str, Mapping[str, object]]:
     """Return the parameters of all nodes: what `values` says, and what the scene and the port ask of each beside that.
 
-    Raises ValueError where the driver is told another number of servos than the scene has.
-
     Inverse kinematics takes `overrides`, what the user asked of the scene: the setting of an accuracy is the
     simulator's own, and finer than ways around snaps need.
+
+    Raises ValueError where the driver is told another number of servos than the scene has.
     """
     servos = servos_of(scene, words_of_set(values))
     count = {} if servos in (None, len(names.SERVOS)) else {"servos": servos}  # unless told, the Tripod's

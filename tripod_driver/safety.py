@@ -283,10 +283,12 @@ class Safety:
             self._follower.check(names, times, positions, velocities=velocities, age=age)
             self._ignored += 1
         else:
-            here = self._follower.joints.copy()
-            here[:-1] = np.clip(self._output, self._limits.angle_min, self._limits.angle_max)
+            place = self._follower.joints.copy()
+            place[:-1] = np.clip(self.place, self._limits.angle_min, self._limits.angle_max)
             moment = self.moment(now)
-            self._follower.accept(names, times, positions, moment, velocities=velocities, age=age, here=here)
+            self._follower.accept(
+                names, times, positions, moment, velocities=velocities, age=age, place=place
+            )
             self._notice, self._asked = "", True
         return why
 

@@ -225,7 +225,7 @@ class CommandFollower:
         *,
         velocities: Sequence[Sequence[float]] = (),
         age: float = 0.0,
-        here: FloatArray | None = None,
+        place: FloatArray | None = None,
     ) -> None:
         """Follow a trajectory.
 
@@ -236,15 +236,15 @@ class CommandFollower:
             now: The caller's steady time [s].
             velocities: Of each point [rad/s, m/s]; none, or those of all points.
             age: How long ago it begins [s], at most `LATE`; negative: it begins later.
-            here: Where the joints are, within the limits, shape (limits.count + 1,); None: at the set-point, which may
+            place: Where the joints are, within the limits, shape (limits.count + 1,); None: at the set-point, which may
                 be beyond what is let through to them.
 
         Raises:
             CommandError: the trajectory is refused; the motion goes on as before and `rejected` counts it.
         """
         points, slopes = self.check(names, times, positions, velocities=velocities, age=age)
-        if here is not None:
-            self.joints = here.copy()
+        if place is not None:
+            self.joints = place.copy()
         start = (now, now - age) if age < 0 else (now - age,)
         here = np.tile(self.joints, (len(start), 1))
         if slopes is not None:

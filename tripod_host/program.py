@@ -25,11 +25,17 @@ them. They are as fast as those of Numba's own level 3 and take less time to com
 """
 
 
+def set_environment() -> None:
+    """Set what `ENVIRONMENT` has, unless the environment says otherwise."""
+    for variable, value in ENVIRONMENT.items():
+        os.environ.setdefault(variable, value)
+
+
 @contextmanager
 def program(name: str) -> Iterator[None]:
     """Run the main function of the program `name`; the block ends by SystemExit or returns.
 
-    What `ENVIRONMENT` has is set, unless the environment says otherwise.
+    It has the environment of `set_environment`.
 
     Raises:
         SystemExit: with code 1 and one line where standard output is closed or full, the current directory is gone, a
@@ -38,8 +44,7 @@ def program(name: str) -> Iterator[None]:
     """
     end_at_once()
     open_streams(name)
-    for variable, value in ENVIRONMENT.items():
-        os.environ.setdefault(variable, value)
+    set_environment()
     check_directory(name)
     output, written = sys.stdout, os.fstat(1)
     try:

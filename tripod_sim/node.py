@@ -324,7 +324,7 @@ class SimNode(Node):
                 self._moment(command.now),
                 velocities=command.velocities,
                 age=command.age,
-                here=self._fence.place,
+                place=self._fence.place,
             )
         return ""
 
