@@ -24,7 +24,7 @@ DOWN = 3.0
 UP = 10.0
 """How long there has to be room [s], the first time."""
 
-LONGEST = 640.0
+LONGEST = 160.0
 """The same at most: it doubles each time that going up was wrong [s]."""
 
 WRONG = 60.0
