@@ -213,7 +213,8 @@ def _show_absent(found: "Explanation", console: "Console", kind: "type[Table]") 
             table.add_row(cost.effect, "-", escape(cost.why_not))
         else:
             noise = " (noise)" if abs(cost.seconds) <= cost.noise else ""
-            table.add_row(cost.effect, _micro(cost.seconds) + noise, escape(" ".join(cost.words)))
+            besides = f"; {cost.besides}" if cost.besides else ""
+            table.add_row(cost.effect, _micro(cost.seconds) + noise, escape(" ".join(cost.words) + besides))
     console.print(table)
 
 

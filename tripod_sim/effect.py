@@ -133,6 +133,7 @@ class Effect:
             wherever no scene names the effect.
         stages: Methods of classes below `tripod_sim` that are stages of a step, as `explain.stages.STAGES`.
         steps: Names, or beginnings of names, of the stages that only this effect has.
+        seldom: What it does too seldom for a few typical steps to show, in one line; empty for nothing.
         words: Overrides that switch it on with defaults, as `tripod run --set` takes them; its name alone if empty.
         place, hold, extend, weigh, act: Phases of building, see the module.
         step: Returns the parts of the simulation, given table, draft and system, where the effect makes the steps.
@@ -155,6 +156,7 @@ class Effect:
     modules: tuple[str, ...] = ()
     stages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     steps: tuple[str, ...] = ()
+    seldom: str = ""
     words: tuple[str, ...] = ()
     place: Phase | None = None
     hold: Phase | None = None

@@ -1,6 +1,7 @@
 """What a scene costs: the stopwatch, the parts found, the report's sums, and the command."""
 
 import json
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 from tests.scenes import SHARP
 from tripod_bringup.cli import app
 from tripod_sim import SceneError, Simulation, load_scene
+from tripod_sim.effects import EFFECTS
 from tripod_sim.explain import sampling
 from tripod_sim.explain.costs import cost, from_itself, switched_on
 from tripod_sim.explain.memory import memory, size
@@ -248,6 +250,19 @@ def test_what_is_absent_is_measured_or_says_why_not() -> None:
     assert costs["clamp"].why_not.startswith("clamp needs servos")
     assert costs["strain_limit"].why_not.startswith("strain_limit needs springs")
     assert "switching on effector" in told
+
+
+@pytest.mark.usefixtures("short")
+def test_what_typical_steps_do_not_show_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, words in ("gravity", "a tide each day"), ("effector", "a look each hour"):
+        monkeypatch.setitem(EFFECTS, name, replace(EFFECTS[name], seldom=words))
+    found = explain("silicone", TRIPOD)
+    assert "gravity: a tide each day; these steps do not show it" in found.notes
+    assert {c.effect: c.besides for c in found.absent if c.besides} == {"effector": "a look each hour"}
+
+
+def test_the_price_of_estimates_is_their_share() -> None:
+    assert EFFECTS["mesh_error"].seldom.startswith("estimates take mesh_error.share (0.12 unless set)")
 
 
 @pytest.mark.usefixtures("short")

@@ -62,5 +62,6 @@ EFFECT = Effect(
     modules=("mesh_error",),
     stages={"mesh_error.estimate.MeshError": {"follow": "mesh error"}},
     steps=("mesh error",),
+    seldom=f"estimates take mesh_error.share ({MeshError.share:g} unless set) of the CPU time of the steps",
 )
 """A mesh of its own beside the simulation, which `simulation.py` follows."""

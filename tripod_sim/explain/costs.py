@@ -9,7 +9,7 @@ import numpy as np
 
 from tripod_host.arrays import FloatArray
 from tripod_sim.constraints.groups import Kind
-from tripod_sim.effects import meaning, words
+from tripod_sim.effects import EFFECTS, meaning, words
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.explain.sampling import Sampler, StepTimes, advance, estimate
 from tripod_sim.scene_file import load_scene
@@ -47,6 +47,7 @@ class Cost:
         seconds: More time of a step [s]; None where the effect cannot be switched on with defaults, or is left out.
         noise: Of that [s].
         why_not: Why, in one sentence; empty where there is a time.
+        besides: What it takes besides, too seldom for the timed steps to show; empty for nothing.
     """
 
     effect: str
@@ -55,6 +56,7 @@ class Cost:
     seconds: float | None = None
     noise: float = 0.0
     why_not: str = ""
+    besides: str = ""
 
 
 def difference(simulation: Simulation, base: Sampler, steps: int) -> StepTimes | None:
@@ -115,7 +117,10 @@ def cost(
         found = difference(Simulation(scene), base, steps)
     except (SceneError, StepError) as error:
         return Cost(effect, meaning(effect), added, why_not=" ".join(str(error).split()))
-    return Cost(effect, meaning(effect), added, found.mean, max(found.noise, least)) if found else left_out
+    if not found:
+        return left_out
+    noise = max(found.noise, least)
+    return Cost(effect, meaning(effect), added, found.mean, noise, besides=EFFECTS[effect].seldom)
 
 
 def switched_on(effect: str, simulation: Simulation) -> tuple[str, ...]:

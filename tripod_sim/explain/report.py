@@ -1,6 +1,6 @@
 """`explain`: the stages of one step and what each costs, memory, sizes, and what is switched off."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import thread_time
@@ -8,7 +8,7 @@ from time import thread_time
 import numpy as np
 
 from tripod_host.arrays import FloatArray
-from tripod_sim.effects import absent, named
+from tripod_sim.effects import EFFECTS, absent, named
 from tripod_sim.errors import SceneError, StepError
 from tripod_sim.explain.costs import FEWEST, PATIENCE, Cost, cost, from_itself
 from tripod_sim.explain.loops import kernel_stages
@@ -128,8 +128,15 @@ def explain(
     tell(1.0, "")
     return Explanation(
         scene, build, steps * scene.dt, sampler.count, step, stages, timed, looped, memory(simulation),
-        size(simulation), simulation.notes, tuple(named(scene)), tuple(found),
+        size(simulation), (*simulation.notes, *_seldom(scene)), tuple(named(scene)), tuple(found),
     )  # fmt: skip
+
+
+def _seldom(scene: Scene) -> Iterator[str]:
+    """Yield what effects of a scene do too seldom for the timed steps to show."""
+    for name in named(scene):
+        if seldom := EFFECTS[name].seldom:
+            yield f"{name}: {seldom}; these steps do not show it"
 
 
 def _stages(sampler: Sampler) -> tuple[StepTimes, tuple[Stage, ...], float, float | None]:
