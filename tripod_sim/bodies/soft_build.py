@@ -1,6 +1,6 @@
 """Scene to soft bodies: meshes and nets where they begin, and what they put into a system: mass, terms."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,8 +13,9 @@ from tripod_sim.elements.element import node_volumes
 from tripod_sim.errors import SceneError
 from tripod_sim.forces.elastic import ElasticTerm
 from tripod_sim.materials.law import parameters_of
-from tripod_sim.mesh.solid_mesh import SolidMesh
+from tripod_sim.mesh.solid_mesh import SolidMesh, names_of
 from tripod_sim.mesh.suited import mass_note, suited, width_note
+from tripod_sim.mesh.topology import parts as connected_parts
 from tripod_sim.node_sets import NodeSets
 from tripod_sim.scene import Scene
 from tripod_sim.scene_short import HOME, field_of, pose_of, soft_bodies
@@ -224,7 +225,7 @@ def strained(blocks: IndexArray, groups: Groups) -> "np.ndarray":
 
 
 def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Groups, tuple[str, ...]]:
-    """Return the groups with what bodies hold by themselves, and notes on bodies that nothing holds.
+    """Return the groups with what bodies hold by themselves, and notes on bodies, or parts of them, that nothing holds.
 
     Nodes of springs may be fixed by number. At rest a further body that nothing holds has no equilibrium, and stays
     where it is.
@@ -244,7 +245,23 @@ def with_held(groups: Groups, assembly: Assembly, *, static: bool) -> tuple[Grou
         if free_motion([*own, *rigid], assembly.nodes[nodes], groups.held()[nodes]):
             groups = replace(groups, fixed=np.union1d(groups.fixed, nodes))
             notes.append(f"nothing holds body {first.table.name!r}: without inertia it stays where it is")
-    return groups, tuple(notes)
+    return groups, (*notes, *([] if static else _loose_parts(groups, assembly)))
+
+
+def _loose_parts(groups: Groups, assembly: Assembly) -> Iterator[str]:
+    """Yield notes on bodies of which one part is held and another, which shares no node with it, is not."""
+    blocks = [body.blocks for body in assembly.bodies]
+    label = connected_parts([*blocks, *(body[None] for body in groups.rigid)], groups.size)
+    held = label[groups.held().any(axis=1)]
+    for body in assembly.bodies:
+        own = np.unique(label[body.nodes])
+        loose = np.setdiff1d(own, held)
+        if 0 < len(loose) < len(own):
+            some = names_of(np.flatnonzero(label[body.nodes] == loose[0]))
+            yield (
+                f"body {body.table.name!r} has {len(own)} parts that share no node, and nothing holds the one with "
+                f"nodes {some}: it moves on its own"
+            )
 
 
 def _material(table: Body) -> Material:
