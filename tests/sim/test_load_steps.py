@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tripod_sim import Simulation, load_scene
+from tripod_sim import Simulation, StepError, load_scene
 from tripod_sim.build import build
 from tripod_sim.integrators.load_steps import LoadSteps
 from tripod_sim.integrators.newton import Newton
@@ -110,3 +110,11 @@ def test_servos_move_in_increments_and_the_slide_counts_as_a_turn_of_an_arm(
     goal = simulation.command + np.array([turn, 0.0, 0.0, slide])
     parts = max(turn, slide / reach_of(scene)) / 0.05
     assert simulation.step(goal).parts == int(np.ceil(parts - 1e-9))
+
+
+def test_where_iterations_are_used_up_their_number_is_named() -> None:
+    words = ["mesh.level=1", "solver.max_iterations=2", "servos.angles=[-1,-1,-1]"]
+    with pytest.raises(
+        StepError, match=r"after 3 iterations, largest at node .*; solver\.max_iterations is 2$"
+    ):
+        Simulation(load_scene("tripod", words))

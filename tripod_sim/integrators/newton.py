@@ -212,7 +212,8 @@ class Newton:
             if report.iterations >= self.max_iterations:
                 raise NewtonError(
                     f"unbalanced force {size:.3g} N above {self.tolerance:g} N after {report.iterations} iterations, "
-                    f"largest at {self._largest()}; {self._rounding()}".rstrip("; ")
+                    f"largest at {self._largest()}; "
+                    f"{self._rounding() or f'solver.max_iterations is {self.max_iterations}'}"
                 )
             before = size
             lower = self._step(state, trial, report)  # chord: with the factorisation at hand
