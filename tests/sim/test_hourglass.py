@@ -12,6 +12,8 @@ from tests.sim.beams import LENGTH, bar_scene, beam, sag
 from tripod_sim import Simulation, load_scene
 from tripod_sim.build import build
 from tripod_sim.elements.catalogue import ELEMENTS
+from tripod_sim.linear.ldl import Ldl
+from tripod_sim.mesh import hourglass
 from tripod_sim.mesh.convert import convert
 from tripod_sim.mesh.hourglass import unseen_motions
 from tripod_sim.mesh.solid_mesh import SolidMesh
@@ -54,6 +56,26 @@ def test_a_bent_row_of_elements_is_found_too(counts: tuple[int, int, int]) -> No
 @pytest.mark.parametrize("counts", [(2, 2, 1), (4, 2, 1), (4, 4, 1), (2, 2, 2)])
 def test_bent_elements_side_by_side_are_not(counts: tuple[int, int, int]) -> None:
     assert unseen_motions(cells(counts, bend=0.1)) == 0
+
+
+@pytest.mark.parametrize("counts", [(1, 1, 1), (2, 1, 1), (7, 1, 1), (7, 2, 1), (3, 2, 2), (5, 5, 1)])
+def test_parts_tell_as_much_as_the_whole(
+    counts: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh, found = cells(counts, bend=0.1), []
+    for patch in (1000, 3):
+        monkeypatch.setattr(hourglass, "PATCH", patch)
+        monkeypatch.setattr(hourglass, "CHUNK", patch)
+        hourglass._unseen.cache_clear()
+        found.append(unseen_motions(mesh))
+    assert found[0] == found[1]
+
+
+def test_of_a_large_mesh_only_parts_are_factored(monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes = []
+    monkeypatch.setattr(hourglass, "Ldl", lambda matrix: sizes.append(matrix.shape[0]) or Ldl(matrix))
+    assert unseen_motions(cells((24, 24, 2))) == 0
+    assert max(sizes) <= 3 * len(cells((16, 16, 1)).nodes)
 
 
 @pytest.mark.parametrize("level", [1, 2, 3, 4, 8, 9])

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import sparse
 
-from tripod_host.arrays import FloatArray
+from tripod_host.arrays import FloatArray, IndexArray
 from tripod_sim.elements.element import Element, reference_gradients
 from tripod_sim.elements.quadratic_hexahedron import H20, H20_FULL
 from tripod_sim.elements.strains import strain_squares
@@ -31,8 +31,11 @@ is seen, side by side of all 0.2 and more (tests/sim/test_hourglass.py)."""
 RIGID = 1e-7
 """What is added against rigid motions, which have no energy either, as a fraction of the matrix's diagonal."""
 
-CHUNK = 256
-"""Elements whose matrices are made at a time."""
+PATCH, CHUNK = 256, 4096
+"""Elements up to which motions are counted at once, and whose matrices are made at a time."""
+
+TIE = 1e-9
+"""Distance, in sizes of a mesh, below which elements lie in one layer."""
 
 
 def unseen_motions(mesh: SolidMesh) -> int:
@@ -43,25 +46,42 @@ def unseen_motions(mesh: SolidMesh) -> int:
 @lru_cache(maxsize=8)
 def _unseen(of_nodes: bytes, of_elements: bytes) -> int:
     """Return it for nodes (n, 3) [m] and elements (m, 20): whoever builds one mesh often, asks once."""
-    every = np.frombuffer(of_nodes).reshape(-1, 3)
     elements = np.frombuffer(of_elements, dtype=np.int64).reshape(-1, H20.size)
-    dofs = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), -1)
-    size = 3 * len(every)
-    matrix = sparse.csc_matrix((size, size))
-    diagonal = np.zeros(size)
-    for start in range(0, len(dofs), CHUNK):
-        part = dofs[start : start + CHUNK]
-        nodes = every[elements[start : start + CHUNK]]
-        seen, full = _squares(H20, nodes), _squares(H20_FULL, nodes)
-        np.add.at(diagonal, part, np.einsum("eii->ei", full))
-        rows, columns = np.broadcast_arrays(part[:, :, None], part[:, None, :])
-        upper = rows <= columns
-        values = (seen - SHARE * full)[upper]
-        matrix += sparse.csc_matrix((values, (rows[upper], columns[upper])), (size, size))
-    solver = Ldl((matrix + sparse.diags(RIGID * diagonal)).tocsc())
+    return _count(np.frombuffer(of_nodes).reshape(-1, 3)[elements], elements)
+
+
+def _count(places: FloatArray, elements: IndexArray) -> int:
+    """Return it for elements (m, 20) whose nodes are at `places` [m], shape (m, 20, 3).
+
+    R and F are sums over elements: where two parts of a mesh have no such motion, the whole has none. So it is seldom
+    that more than `PATCH` elements are factored, whose time grows faster than their number.
+    """
+    if len(elements) > PATCH:
+        middles = places.mean(axis=1)
+        along = middles[:, int(np.ptp(middles, axis=0).argmax())]
+        first = along <= np.median(along) + TIE * np.ptp(along)
+        if not first.all() and not any(_count(places[part], elements[part]) for part in (first, ~first)):
+            return 0
+    nodes, numbers = np.unique(elements, return_inverse=True)
+    numbers = numbers.reshape(elements.shape).astype(np.int32)
+    chunks = range(0, len(elements), CHUNK)
+    found = [_entries(places[start : start + CHUNK], numbers[start : start + CHUNK]) for start in chunks]
+    values, rows, columns = (np.concatenate(part) for part in zip(*found, strict=True))
+    solver = Ldl(
+        sparse.csc_matrix((values, (rows, columns)), (3 * len(nodes),) * 2)
+    )  # zeros stay: blocks are full
     if not solver.factor():
         return 1  # a zero pivot: a motion of just that share
     return solver.negative
+
+
+def _entries(places: FloatArray, elements: IndexArray) -> tuple[FloatArray, IndexArray, IndexArray]:
+    """Return values, rows and columns in the upper triangle of R - SHARE F and what is added against rigid motions."""
+    seen, full = _squares(H20, places), _squares(H20_FULL, places)
+    dofs = (3 * elements[:, :, None] + np.arange(3, dtype=np.int32)).reshape(len(elements), -1)
+    rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+    upper = rows <= columns
+    return (seen - SHARE * full + RIGID * full * np.eye(full.shape[1]))[upper], rows[upper], columns[upper]
 
 
 def _squares(kind: Element, nodes: FloatArray) -> FloatArray:
