@@ -40,6 +40,32 @@ def test_a_copy_goes_on_as_after_restore(name: str, copied: Callable[[Simulation
     assert np.array_equal(original.positions, there)
 
 
+@pytest.mark.parametrize(
+    ("source", "words", "steps"),
+    [
+        ("two_cloths", [], 30),
+        ("two_cloths", ["inertia.scheme=tr_bdf2"], 30),
+        ("pile", [], 20),
+        ("pile", ["contact.response=penalty"], 20),
+        ("pile", ["inertia.scheme=bdf2"], 20),
+    ],
+)
+def test_how_it_goes_on_depends_on_the_restored_state_alone(
+    source: str, words: list[str], steps: int
+) -> None:
+    """What contacts there were, which decide in what order a Hessian is factored, and how long dampers were."""
+    scene = load_scene(source, words)
+    original, fresh = Simulation(scene), Simulation(scene)
+    original.advance(steps)
+    saved, found = original.save(), []
+    for simulation in (original, fresh, fresh):
+        simulation.restore(saved)
+        simulation.advance(3)
+        found.append(simulation.positions.copy())
+    assert np.array_equal(found[0], found[1])
+    assert np.array_equal(found[1], found[2])
+
+
 def test_a_name_in_place_of_a_scene_is_refused() -> None:
     with pytest.raises(SceneError, match=r"scene is 'tripod'; it must be what load_scene returns"):
         Simulation("tripod")  # type: ignore[arg-type]

@@ -101,6 +101,14 @@ def test_explicit_euler_without_damping_is_told_to_be_stable_at_no_step() -> Non
             simulation.step()
 
 
+def test_a_step_of_far_too_many_parts_is_refused_at_once() -> None:
+    """It would take minutes: damping by 0.05 s lets a part be no longer than 27 ns."""
+    with pytest.raises(
+        StepError, match=r"would take \d{6} parts of 2\.7e-08 s; .* an implicit scheme needs no limit"
+    ):
+        Simulation(load_scene("tripod_sofa", ["inertia.scheme=semi_implicit_euler"])).step()
+
+
 def test_undivided_steps_are_flagged_and_stop_at_the_last_good_state() -> None:
     words = ["mesh.level=1", "mesh.element=t4", "inertia={scheme='semi_implicit_euler', substeps='off'}", "damping=off",
              "dt=2e-4"]  # fmt: skip

@@ -30,9 +30,14 @@ class JointHessian:
         self.bodies, self.analyses = bodies, 0
         n = bodies.shape[0]
         self._keys = np.repeat(np.arange(n), np.diff(bodies.indptr)) * n + bodies.indices
+        self.bare = Ldl(bodies)
+        self.forget()
+
+    def forget(self) -> None:
+        """Return to the pattern of the bodies: its order, and so what is rounded off, depends on earlier contacts."""
+        bodies = self.bodies
         self._slots: Any = slice(None)
         self._whole = sparse.csc_matrix((bodies.data.copy(), bodies.indices, bodies.indptr), bodies.shape)
-        self.bare = Ldl(bodies)
         self._take(self.bare.sibling(self._whole.data))
 
     def _take(self, linear: Ldl) -> None:

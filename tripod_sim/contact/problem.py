@@ -86,6 +86,11 @@ class StepProblem:
         dot(u, u)
         self._joint.warm_up(self._contacts, u)
 
+    def forget(self) -> None:
+        """Drop what was kept from earlier steps."""
+        self.serves = False
+        self._joint.forget()
+
     def begin(self, stage: Stage, u: FloatArray) -> None:
         """Prepare a stage and write the moves without forces to `u`."""
         self.serves = self.serves and stage.s == self._length and self.lasting

@@ -196,15 +196,6 @@ class SolidNodes:
         start, trial, system = self._now(), self._trial, self._system
         assert trial is not None
         self._now_at, self._given = stage, self.served
-        if not self.served:
-            self._hold, self._projected = self._projected, False
-            self._answers = False
-            if self._hold or system.assemble(start, project=False) >= 0:
-                system.assemble(start, project=True)  # the condensation of the modes is that of the start
-        if system.damping and not self.served:
-            system.damping.held = False
-            if self._hold:
-                system.damping.hold()
         known = self._stage.known
         self._stage.read(start, known)
         if self.looked_back:
@@ -213,6 +204,15 @@ class SolidNodes:
             self._read[:] = known
             self._memory.known(self._read, stage, known)
         self._stage.aim(stage.s)
+        if not self.served:  # what dampers remember is of this stage now
+            self._hold, self._projected = self._projected, False
+            self._answers = False
+            if self._hold or system.assemble(start, project=False) >= 0:
+                system.assemble(start, project=True)  # the condensation of the modes is that of the start
+        if system.damping and not self.served:
+            system.damping.held = False
+            if self._hold:
+                system.damping.hold()
         left = self._left - stage.length
         joints = self._goal if left < 1e-9 * stage.length else start.joints + stage.length * self._rate
         start.copy_to(trial)

@@ -203,7 +203,8 @@ class World:
 
     def forget(self) -> None:
         """Drop the forces and the factorisation kept from the last step, and what the next may look back on."""
-        self.contacts.count, self._before, self.problem.serves = 0, 0.0, False
+        self.contacts.count, self._before = 0, 0.0
+        self.problem.forget()
 
     def owners(self) -> tuple[IndexArray, IndexArray]:
         """Return the node and the rigid body of each surface vertex, -1 for none, both of shape (n,)."""

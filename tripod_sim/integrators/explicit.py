@@ -45,7 +45,7 @@ MARGIN = 1.05
 RUN = 100
 """Parts after which tangent, condensation of the modes and limit are renewed; earlier where the modes ask for it."""
 
-MOST_PARTS = 1_000_000
+MOST_PARTS = 100_000
 """Of one step."""
 
 THIN = 1e-9
