@@ -131,11 +131,10 @@ class CommandLimits:
 
         The park position moves to the nearest within. Raises CommandError if a servo has nothing left.
         """
-        servos = tuple(zip(lower, upper, speed, strict=True))
-        if len(servos) != self.count:
-            raise CommandError(f"a range of {len(servos)} servos; it needs {self.count}")
+        if others := {len(lower), len(upper), len(speed)} - {self.count}:
+            raise CommandError(f"a range of {others.pop()} servos; it needs {self.count}")
         shared = []
-        for i, (low, high, rate) in enumerate(servos):
+        for i, (low, high, rate) in enumerate(zip(lower, upper, speed, strict=True)):
             least, most = float(self.lower[i]), float(self.upper[i])
             if not (max(low, least) < min(high, most) and rate > 0):  # NaN fails
                 raise CommandError(

@@ -24,8 +24,12 @@ HELD: Rgb = (60, 60, 70)
 class Drawn:
     """One part of the mesh as it is drawn."""
 
-    def __init__(self, api: viser.SceneApi, part: Part, surface: Surface, colour: Rgb, lines: bool) -> None:
-        """`surface`: of the whole mesh; `lines`: whether its edges are shown."""
+    def __init__(
+        self, api: viser.SceneApi, number: int, part: Part, surface: Surface, colour: Rgb, lines: bool
+    ) -> None:
+        """`number`: of the part, by which it is named: its own name is the user's, and may be that of anything else
+        that is drawn. `surface`: of the whole mesh; `lines`: whether its edges are shown.
+        """
         self.part, self._api = part, api
         own = slice(part.first, part.first + part.count)
         inside = (surface.triangles >= own.start) & (surface.triangles < own.stop)
@@ -34,7 +38,7 @@ class Drawn:
         rigid = part.kind == "rigid"
         self.handles = [
             api.add_mesh_simple(
-                f"/{part.name}", nodes, triangles, color=colour, flat_shading=rigid, side="double",
+                f"/bodies/{number}", nodes, triangles, color=colour, flat_shading=rigid, side="double",
                 cast_shadow=False, receive_shadow=False,
             )
         ]  # fmt: skip
@@ -42,7 +46,7 @@ class Drawn:
         if not rigid:
             line = SPRING_LINES if part.kind == "springs" else MESH_LINES
             self.lines = api.add_mesh_simple(
-                f"/{part.name}_lines",
+                f"/lines/{number}",
                 nodes,
                 triangles,
                 color=line,
@@ -90,8 +94,8 @@ class Bodies:
         whole = (Part("body", "solid", 0, count),)
         colours = iter(RIGID * (1 + len(parts) // len(RIGID)))
         self._drawn = [
-            Drawn(self._api, part, surface, _colour(part, colours), self._lines)
-            for part in (parts if fits else whole)
+            Drawn(self._api, i, part, surface, _colour(part, colours), self._lines)
+            for i, part in enumerate(parts if fits else whole)
         ]
 
     def set_nodes(self, positions: FloatArray) -> None:

@@ -11,6 +11,10 @@ from tripod_host.arrays import FloatArray
 CornerArray = NDArray[np.uint32]
 
 
+FARTHEST = 1e9
+"""Largest coordinate that is drawn [m]: beyond, a camera cannot be told from what it looks at."""
+
+
 class BodyError(ValueError):
     """A mesh or a set of node positions that cannot be drawn; the message says why."""
 
@@ -20,7 +24,7 @@ class Surface:
     """The surface of the body.
 
     Attributes:
-        nodes: Undeformed node positions [m], shape (n, 3), finite.
+        nodes: Undeformed node positions [m], shape (n, 3), none beyond `FARTHEST`.
         triangles: Node indices, shape (m, 3), each below n.
     """
 
@@ -34,9 +38,7 @@ class Surface:
             raise BodyError(
                 f"mesh triangles have shape {self.triangles.shape}; (m, 3), m at least 1, is needed"
             )
-        bad = np.flatnonzero(~np.isfinite(self.nodes).all(axis=1))
-        if bad.size:
-            raise BodyError(f"mesh node {bad[0]} is not finite")
+        _check(self.nodes, "mesh node")
         worst = int(self.triangles.max())
         if worst >= len(self.nodes):
             raise BodyError(f"mesh triangle names node {worst}; the mesh has {len(self.nodes)}")
@@ -100,8 +102,15 @@ class Body:
         if known is not None and topology_id != known:
             raise BodyError(f"topology id {topology_id}, the mesh has {known}")
         shaped = positions.reshape(n, 3)
-        bad = np.flatnonzero(~np.isfinite(shaped).all(axis=1))
-        if bad.size:
-            raise BodyError(f"node {bad[0]} is not finite")
+        _check(shaped, "node")
         self._id_of[self._connectivity] = topology_id
         return shaped
+
+
+def _check(nodes: FloatArray, what: str) -> None:
+    """Raise BodyError where a node cannot be drawn."""
+    bad = np.flatnonzero(~(np.abs(nodes) <= FARTHEST).all(axis=1))  # NaN fails
+    if bad.size:
+        place = nodes[bad[0]]
+        far = f"beyond {FARTHEST:g} m" if np.isfinite(place).all() else "not finite"
+        raise BodyError(f"{what} {bad[0]} is {far}")

@@ -6,7 +6,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.duration import Duration
 from shape_msgs.msg import Mesh, SolidPrimitive
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from tripod_msgs.msg import BodyState
+from tripod_msgs.msg import BodyState, SimStatus
 
 from tripod_graph import names
 from tripod_host.arrays import FloatArray
@@ -14,8 +14,25 @@ from tripod_view.body import BodyError, Surface
 from tripod_view.motion import Trajectory
 from tripod_view.pose import Pose, PoseError
 
+SHOWN = (
+    "dt", "time", "real_time_factor", "step_time_median", "step_time_p99", "time_error", "effector_time_error",
+)  # fmt: skip
+"""Numbers of a status of the simulator that the page shows."""
+
 LARGEST_BALL = 1.0
 """Radius of the largest ball that is drawn [m]."""
+
+
+class StatusError(ValueError):
+    """A status that is refused; the message says why."""
+
+
+def checked_status(message: SimStatus) -> SimStatus:
+    """Return a status of the simulator as it is. Raises StatusError where a number that is shown is not finite."""
+    for name in SHOWN:
+        if not np.isfinite(value := getattr(message, name)):
+            raise StatusError(f"{name} is {value}; it must be finite")
+    return message
 
 
 def surface_of(message: Mesh) -> Surface:

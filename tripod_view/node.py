@@ -9,7 +9,6 @@ While no browser is connected nothing is drawn, the timers rest, and the fast to
 the graph wakes nobody: it is taken when a picture is drawn.
 """
 
-import json
 import sys
 import time
 from collections import deque
@@ -49,8 +48,11 @@ from tripod_view.control import PERIOD, STALE, Control
 from tripod_view.display import Display
 from tripod_view.events import Button, Event, Inbox
 from tripod_view.joints import JointError, joint_values
+from tripod_view.json_text import JsonError, table_of
 from tripod_view.messages import (
+    StatusError,
     ball_radius_of,
+    checked_status,
     maze_of,
     pose_of,
     state_of,
@@ -167,7 +169,7 @@ class ViewNode(Node):
             self.create_subscription(kind, topic, callback, qos)
         present: dict[str, tuple[type, Callable[[Any], None]]] = {
             names.TARGET_POSE: (PoseStamped, self._on_target_pose),
-            names.SIM_STATUS: (SimStatus, show.keep_sim),
+            names.SIM_STATUS: (SimStatus, self._on_sim_status),
             names.IK_STATUS: (IkStatus, show.keep_ik),
             names.ROBOT_STATUS: (RobotStatus, self._on_robot_status),
         }
@@ -201,11 +203,15 @@ class ViewNode(Node):
 
     def _on_figures(self, message: String) -> None:
         try:
-            figures = json.loads(message.data)
-        except ValueError as error:
+            self._display.keep_figures(table_of(message.data))
+        except JsonError as error:
             self._refuse(names.SIM_FIGURES, error)
-            return
-        self._display.keep_figures(figures if isinstance(figures, dict) else {})
+
+    def _on_sim_status(self, message: SimStatus) -> None:
+        try:
+            self._display.keep_sim(checked_status(message))
+        except StatusError as error:
+            self._refuse(names.SIM_STATUS, error)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Keep what the recorder and the inverse kinematics of this robot say of themselves."""

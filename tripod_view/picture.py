@@ -1,6 +1,5 @@
 """What there is to draw of a scene beside its meshes, as the simulator describes it; checked. Pure."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 from tripod_host.arrays import FloatArray
 from tripod_view.arm import Stand
 from tripod_view.body import BodyError, Surface
+from tripod_view.json_text import JsonError, table_of
 
 LONGEST = 20_000_000
 """Of a description [characters]; a longer one is refused unread."""
@@ -98,11 +98,9 @@ def picture_of(text: str) -> Picture:
     if len(text) > LONGEST:
         raise PictureError(f"{len(text)} characters; at most {LONGEST}")
     try:
-        table = json.loads(text)
-    except (ValueError, RecursionError):
-        raise PictureError("not JSON") from None
-    try:
-        return _picture(table)
+        return _picture(table_of(text))
+    except JsonError as error:
+        raise PictureError(str(error)) from None
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise PictureError(f"{type(error).__name__}: {error}") from None
 
@@ -120,7 +118,7 @@ def _picture(table: dict[str, Any]) -> Picture:
         obstacles=tuple(_surface(o) for o in _list(table["obstacles"])),
         held=_array(_list(table["held"])).reshape(-1, 3),
         servos=_servos(table["servos"]) if table["servos"] else None,
-        effector=_number(effector["radius"]) if effector else None,
+        effector=_radius(effector) if effector else None,
         maze=_maze(table["maze"]) if table["maze"] else None,
         ball=bool(table["ball"]),
         note=str(table["note"]),
@@ -128,6 +126,13 @@ def _picture(table: dict[str, Any]) -> Picture:
         accuracy=dict(table["accuracy"]),
         effects=tuple(dict(e) for e in _list(table["effects"])),
     )
+
+
+def _radius(table: dict[str, Any]) -> float:
+    radius = _number(table["radius"])
+    if not radius > 0:
+        raise PictureError(f"radius {radius:g} of the effector; it must be positive")
+    return radius
 
 
 def _servos(table: dict[str, Any]) -> ServoPicture:

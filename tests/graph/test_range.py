@@ -57,6 +57,8 @@ def test_a_driver_that_tells_no_range_changes_nothing() -> None:
         ((-1.0,) * 3, (0.0, float("nan"), 0.0), SPEED, "servo_1 may go from -1 to nan rad"),
         ((-1.0,) * 3, (0.0,) * 3, (1.0, 1.0, 0.0), "servo_2 may go from -1 to 0 rad at 0 rad/s"),
         ((-1.0,) * 2, (0.0,) * 2, (1.0,) * 2, "a range of 2 servos; it needs 3"),
+        ((-1.0,) * 2, (0.0,) * 3, (1.0,) * 3, "a range of 2 servos; it needs 3"),
+        ((-1.0,) * 3, (0.0,) * 3, (), "a range of 0 servos; it needs 3"),
     ],
 )
 def test_a_range_that_leaves_nothing_is_refused_and_named(lower, upper, speed, message) -> None:

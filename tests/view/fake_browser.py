@@ -133,7 +133,7 @@ class FakeBrowser:
     def pictures(self) -> int:
         """Return how often the vertices of the body were sent."""
         updates = self.of_kind("SceneNodeUpdateMessage")
-        return sum(m["name"] == "/body" and "vertices" in m["updates"] for m in updates)
+        return sum(m["name"] == "/bodies/0" and "vertices" in m["updates"] for m in updates)
 
     def position(self, name: str) -> list[float] | None:
         """Return where the page put a thing last [m]."""

@@ -23,6 +23,7 @@ def body(triangles: np.ndarray = ONE_WAY) -> Body:
         (SQUARE, np.zeros((0, 3), np.uint32), "triangles have shape"),
         (np.zeros((0, 3)), ONE_WAY, "nodes have shape"),
         (np.where(SQUARE == 1, np.nan, SQUARE), ONE_WAY, "mesh node 1 is not finite"),
+        (1e300 * SQUARE, ONE_WAY, r"mesh node 1 is beyond 1e\+09 m"),
     ],
 )
 def test_bad_meshes_are_refused(nodes: np.ndarray, triangles: np.ndarray, words: str) -> None:
@@ -46,6 +47,7 @@ NAN[4] = np.nan
         (7, np.zeros(9), "9 coordinates for a mesh of 4 nodes"),
         (7, np.zeros(13), "13 coordinates"),
         (7, NAN, "node 1 is not finite"),
+        (7, 1e160 * np.arange(12.0), "node 0 is beyond 1e+09 m"),
         (8, np.zeros(12), "topology id 8, the mesh has 7"),
     ],
 )

@@ -67,6 +67,7 @@ def test_without_a_simulator_the_robot_is_shown() -> None:
         {"dt": "fast"}, {"parts": 3}, {"parts": [{"name": "x"}]}, {"held": [[0, 1]]}, {"held": [[0, 0, 1e999]]},
         {"servos": {"axis_radius": 1}}, {"maze": {"goal": [1], "start": [0, 0], "holes": [], "height": 0}},
         {"obstacles": [{"vertices": [0, 0, 0], "triangles": [0, 1, 2]}]}, {"effector": 3}, {"accuracy": 1},
+        {"effector": {"radius": -1}}, {"accuracy": {"here": float("nan")}}, {"effects": [{"cost": float("inf")}]},
     ],
 )  # fmt: skip
 def test_a_description_that_cannot_be_is_refused(change: dict) -> None:

@@ -17,14 +17,14 @@ import rclpy
 from geometry_msgs.msg import Point, PoseStamped
 from shape_msgs.msg import Mesh, MeshTriangle
 from std_msgs.msg import String
-from tripod_msgs.msg import ControlMode
+from tripod_msgs.msg import ControlMode, RobotStatus, SimStatus
 
 from tests.domains import own_domain
 from tests.view.fake_browser import FakeBrowser
-from tests.view.shown_scene import show
+from tests.view.shown_scene import show, told
 from tests.view.stage import DEADLINE, Stage, View
 from tripod_graph import names
-from tripod_graph.qos import LATCHED
+from tripod_graph.qos import LATCHED, RELIABLE
 from tripod_view.body import BodyError
 from tripod_view.messages import maze_of
 
@@ -126,7 +126,7 @@ def test_it_draws_at_its_rate_and_only_while_somebody_looks(stage: Stage) -> Non
         browser.wait(lambda: browser.pictures() >= before + 60)
         assert 60 / (time.monotonic() - began) < 33  # at most 30 Hz of the 60 that come
         mesh = browser.of_kind("MeshMessage")
-        assert {m["name"] for m in mesh} == {"/body", "/body_lines"}
+        assert {m["name"] for m in mesh} == {"/bodies/0", "/lines/0"}
     stage.wait(lambda: stage.watchers() == 0)
     with stage.browser():
         pass
@@ -443,6 +443,48 @@ def test_a_maze_stays_on_the_effector_that_another_scene_brings(stage: Stage, br
     )
     browser.wait(lambda: last("CylinderMessage", "/effector/marks/goal") > last("FrameMessage", "/effector"))
     stage.sim.publish_game(False)
+
+
+def test_numbers_that_are_none_are_refused_by_name(stage: Stage, browser: FakeBrowser) -> None:
+    ranges = stage.sim.create_publisher(RobotStatus, names.ROBOT_STATUS, RELIABLE)
+    short = RobotStatus(joint_names=names.SERVOS, lower=[-1.0] * 2, upper=[0.0] * 3, speed=[1.0] * 3)
+    stage.wait(lambda: ranges.publish(short) or "a range of 2 servos" in browser.text())
+    status = stage.sim.create_publisher(SimStatus, names.SIM_STATUS, RELIABLE)
+    figures = stage.sim.create_publisher(String, names.SIM_FIGURES, RELIABLE)
+    for name in ("time", "dt", "real_time_factor", "step_time_median", "step_time_p99", "time_error"):
+        stage.wait(
+            lambda name=name: (
+                status.publish(SimStatus(**{name: np.inf})) or f"{name} is inf" in browser.text()
+            )
+        )
+    for text, told_of in (
+        ('{"a": NaN}', "a number is NaN"),
+        ('{"a": 1e999}', "1e999"),
+        ("[" * 10000, "[ is not JSON"),
+    ):
+        stage.wait(
+            lambda text=text, told_of=told_of: figures.publish(String(data=text)) or told_of in browser.text()
+        )
+    for publisher in (status, figures, ranges):
+        stage.sim.destroy_publisher(publisher)
+
+
+def test_bodies_may_be_called_like_what_else_is_drawn(stage: Stage, browser: FakeBrowser) -> None:
+    table, drawn = told("stack")[0], ("ground", "effector", "ball", "target", "world", "obstacles/0", "../a")
+    show(stage.sim, "stack")
+    browser.wait(lambda: browser.value("scene")["name"] == "stack")
+    count = table["parts"][0]["count"]
+    nodes, triangles = told("stack")[2][:count], told("stack")[3]
+    stage.sim.body = nodes, triangles[(triangles < count).all(axis=1)]
+    stage.sim.publish_mesh()
+    for name in drawn:
+        meshes = len(browser.of_kind("MeshMessage"))
+        part = {"name": name, "kind": "solid", "first": 0, "count": count}
+        stage.sim.publish_picture({**table, "name": f"with {name}", "parts": [part]})
+        browser.wait(lambda meshes=meshes: len(browser.of_kind("MeshMessage")) >= meshes + 2)
+        browser.press("fit the camera")
+        pictures = browser.pictures()
+        browser.wait(lambda pictures=pictures: browser.pictures() > pictures + 3)
 
 
 def test_a_page_that_is_stopped_in_control_leaves_the_robot_stopped(context: rclpy.Context) -> None:
