@@ -227,6 +227,14 @@ def drive(opened: Opened, stage: Stage) -> None:
     opened.move("[aria-label='servo 0, typed (degrees)']", -400.0, "change")
     opened.text("#notice", "servo 0: -400.0 degrees is beyond")
     stage.wait(lambda: abs(asks(0) + 2.1) < 1e-3)
+    sim.commands.clear()
+    typed = page.locator("[aria-label='servo 0, typed (degrees)']")
+    typed.fill("")
+    typed.press("Enter")  # nothing was typed: 0 degrees is somewhere else
+    opened.wait("document.activeElement.tagName !== 'INPUT'")
+    opened.wait("document.querySelector('[aria-label=\"servo 0, typed (degrees)\"]').value === '-120.3'")
+    stage.wait(lambda: len(sim.commands) > 3)
+    assert abs(asks(0) + 2.1) < 1e-3
     before = asks(2)
     page.keyboard.down("+")
     stage.wait(lambda: asks(2) > before + 0.02)
@@ -250,6 +258,21 @@ def test_a_goal_and_a_lost_ball_are_told(stage: Stage, browser: Any) -> None:
         opened.text("#event.good", "goal reached at 3.20 s")
         show(stage.sim, "maze", event="ball fell through a hole at 4.00 s")
         opened.text("#event.bad", "ball fell through a hole")
+        assert opened.errors == []
+
+
+def test_a_simulator_that_is_not_heard_is_told_over_its_last_picture(stage: Stage, browser: Any) -> None:
+    show(stage.sim, "tripod")
+    with Opened(browser, stage, "screen") as opened:
+        opened.text("#run", "running")
+        assert not opened.page.locator("#silent").is_visible()
+        stage.sim.silent = True
+        opened.wait("document.querySelector('#silent').checkVisibility()")
+        opened.text("#run", "the simulator is not heard")
+        opened.page.reload(wait_until="commit")
+        opened.wait("document.querySelector('#silent')?.checkVisibility()")
+        stage.sim.silent = False
+        opened.wait("!document.querySelector('#silent').checkVisibility()")
         assert opened.errors == []
 
 

@@ -80,7 +80,9 @@ function servo(i) {
   const name = element("label", {}, `servo ${i}`);
   const isHeld = held(slider);
   slider.addEventListener("input", () => send({ servo: i, degrees: Number(slider.value) }));
-  number.addEventListener("change", () => send({ servo: i, degrees: Number(number.value) }));
+  number.addEventListener("change", () => number.value && send({ servo: i, degrees: Number(number.value) })); // "" is no 0
+  number.addEventListener("keydown", (event) => event.key === "Enter" && number.blur());
+  number.addEventListener("blur", () => show(value("joints"))); // what is asked for, whatever was typed
   listen("colours", (colours) => {
     name.style.color = colours[i % colours.length];
     slider.style.accentColor = colours[i % colours.length];
@@ -90,7 +92,7 @@ function servo(i) {
     [slider.min, slider.max] = [Math.ceil(range[i][0] / STEP) * STEP, Math.floor(range[i][1] / STEP) * STEP];
     number.title = `${range[i][0]} to ${range[i][1]} degrees`;
   });
-  listen("joints", (joints) => {
+  const show = (joints) => {
     if (i >= joints.asked.length) return;
     slider.disabled = number.disabled = !joints.enabled;
     if (!isHeld()) slider.value = joints.asked[i];
@@ -105,7 +107,8 @@ function servo(i) {
     setText(torque, limit ? `${load.toFixed(3)} of ${limit} N m` : `${load.toFixed(3)} N m`);
     torque.classList.toggle("bad", Boolean(limit) && Math.abs(load) > limit);
     bar.value = limit ? Math.min(Math.abs(load) / limit, 1) : 0;
-  });
+  };
+  listen("joints", show);
   return place(row, [name, slider, number, element("span", { class: "unit" }, "°"), bar, torque]);
 }
 

@@ -27,6 +27,11 @@ export function status() {
   };
   listen("notice", note);
   listen("status", (content) => showLines(lines, content));
+  const silent = element("div", { id: "silent" }, "the simulator is not heard: this is its last picture");
+  document.body.append(silent);
+  const hush = () => document.body.classList.toggle("silent", value("run") === null && Boolean(value("scene")?.known));
+  listen("scene", hush);
+  listen("run", hush);
   listen("run", (content) => {
     badge.hidden = content ? !content.simulated : false;
     if (!content) {
