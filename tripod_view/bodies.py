@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
 from tripod_view.body import Surface
+from tripod_view.frame import span
 from tripod_view.picture import Part, Picture
 
 Rgb = tuple[int, int, int]
@@ -103,6 +104,11 @@ class Bodies:
         nodes = positions.astype(np.float32)
         for drawn in self._drawn:
             drawn.move(nodes)
+
+    def boxes(self, positions: FloatArray) -> FloatArray:
+        """Return the box about each part where the nodes are at `positions` [m], shape (parts, 2, 3)."""
+        ends = ((d.part.first, d.part.first + d.part.count) for d in self._drawn)
+        return np.array([span(positions[first:end]) for first, end in ends])
 
     def set_still(self, picture: Picture) -> None:
         """Show obstacles and held points of a scene instead of those before."""

@@ -273,7 +273,7 @@ class Display:
     def _update_panel(self, control: Control, target: TargetHandle, now: float) -> None:
         panel, effector = self._panel, None if self.effector is None else self.effector.position
         panel.show_mode(words.mode_line(control.mandate), control.mode.name, own=control.in_control)
-        panel.show_lines("notice", _notices(control, self._scene.gone))
+        panel.show_lines("notice", _notices(control, self._scene))
         panel.show_lines("target", words.target_lines(target.position, effector))
         measured = control.measured(now)
         panel.show_joints(
@@ -298,11 +298,15 @@ class Display:
         return [*lines, words.page_line(browsers, self.pictures_per_second, skipped, refused)]
 
 
-def _notices(control: Control, gone: float) -> list[Line]:
+def _notices(control: Control, scene: Scene) -> list[Line]:
     if control.notice:
         return [Line(Light.WATCH, "Note", control.notice)]
-    if gone:
+    if gone := scene.gone:
         return [
             Line(Light.WATCH, "Note", f"out of sight: the bodies fell {gone:.0f} m; Reset brings them back")
         ]
+    if lost := scene.lost:
+        who, it = ("a body is", "it") if lost == 1 else (f"{lost} bodies are", "them")
+        text = f"out of sight: {who} far away from the others; Reset brings {it} back"
+        return [Line(Light.WATCH, "Note", text)]
     return [Line(Light.GOOD, "On the way", f"to the {control.moving}")] if control.moving else []

@@ -1,9 +1,11 @@
 """What the camera is to show: a box about all that is drawn, and the place from which it is seen. Pure."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tripod_host.arrays import FloatArray
 from tripod_view.picture import Picture
@@ -23,6 +25,9 @@ MARGIN = 1.05
 
 FAR = 6.0
 """The camera goes along with bodies that leave their first place by so many times their size."""
+
+LOST = 20.0
+"""A body that is so many times the size of all of them from where they began is left alone, where others are not."""
 
 GONE = 1000.0
 """Bodies that have come so many times their size fall for ever, too fast to be followed."""
@@ -77,21 +82,21 @@ def frame(picture: Picture, nodes: FloatArray | None, depth: float) -> Frame:
         nodes: Of the bodies, as they are [m], shape (n, 3); None while they are not known.
         depth: Of the servo axes where no scene is known [m].
     """
-    boxes = [] if nodes is None or not len(nodes) else [(nodes.min(axis=0), nodes.max(axis=0))]
+    boxes = [] if nodes is None or not len(nodes) else [span(nodes)]
     if boxes and len(picture.held) and any(part.kind == "springs" for part in picture.parts):
         boxes.append(_swing(picture.held.mean(axis=0), *boxes[0]))
     for arm in picture.servos.arms if picture.servos else ():
         hub = np.array(arm.hub)
-        boxes.append((hub - np.array([NEAR, NEAR, 0.0]), hub + np.array([NEAR, NEAR, arm.length])))
+        boxes.append(np.add(hub, [[-NEAR, -NEAR, 0.0], [NEAR, NEAR, arm.length]]))
         depth = max(depth, arm.length)
     if picture.servos or not (picture.name and boxes):
-        boxes.append((np.array([-ROBOT, -ROBOT, -depth - 0.012]), np.array([ROBOT, ROBOT, 0.012])))
-    low, high = _union(boxes)
+        boxes.append(np.array([[-ROBOT, -ROBOT, -depth - 0.012], [ROBOT, ROBOT, 0.012]]))
+    low, high = union(boxes)
     reach = 0.6 * float((high - low).max())
     for obstacle in picture.obstacles:
         bottom, top = obstacle.nodes.min(axis=0), obstacle.nodes.max(axis=0)
-        boxes.append((np.maximum(bottom, low - reach), np.minimum(top, high + reach)))
-    low, high = _union(boxes)
+        boxes.append(np.array([np.maximum(bottom, low - reach), np.minimum(top, high + reach)]))
+    low, high = union(boxes)
     return Frame(low, high, float(low[2]))
 
 
@@ -100,7 +105,7 @@ def widened(seen: FloatArray, box: FloatArray) -> FloatArray:
 
     Or the latter alone where that is far away: beside the whole way it would be a speck.
     """
-    both = np.array([np.minimum(seen[0], box[0]), np.maximum(seen[1], box[1])])
+    both = union([seen, box])
     return box if np.linalg.norm(both[1] - both[0]) > FAR * np.linalg.norm(box[1] - box[0]) else both
 
 
@@ -110,12 +115,33 @@ def gone(first: FloatArray, box: FloatArray) -> float:
     return far if far > GONE * float(np.linalg.norm(box[1] - box[0])) else 0.0
 
 
-def _swing(held: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+def staying(first: FloatArray, boxes: FloatArray) -> NDArray[np.bool_]:
+    """Return which bodies are to be seen: those that are not lost, or all where none has stayed.
+
+    Else what falls off a table would take the camera so far away that nothing is seen of what lies on it.
+
+    Args:
+        first: Box about all of them in the beginning [m], shape (2, 3).
+        boxes: About each of them now [m], shape (b, 2, 3).
+    """
+    far = np.linalg.norm(boxes.mean(axis=1) - first.mean(axis=0), axis=1)
+    near = far <= LOST * np.linalg.norm(first[1] - first[0])
+    return near if near.any() else ~near
+
+
+def union(boxes: Sequence[FloatArray] | FloatArray) -> FloatArray:
+    """Return the box about boxes [m], shape (b, 2, 3)."""
+    corners = np.asarray(boxes)
+    return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+
+
+def span(nodes: FloatArray) -> FloatArray:
+    """Return the box about `nodes` [m], shape (2, 3)."""
+    return np.array([nodes.min(axis=0), nodes.max(axis=0)])
+
+
+def _swing(held: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Return the box in which a body may swing that is held at a point: mirrored, and as far down as it is long."""
     reach = np.maximum(np.abs(low - held), np.abs(high - held))
     down = float(reach.max())
-    return np.array([*(held - reach)[:2], held[2] - down]), np.array([*(held + reach)[:2], held[2]])
-
-
-def _union(boxes: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+    return np.array([[*(held - reach)[:2], held[2] - down], [*(held + reach)[:2], held[2]]])

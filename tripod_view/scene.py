@@ -11,7 +11,7 @@ from tripod_view.arm import ArmGeometry, stands
 from tripod_view.bodies import Bodies
 from tripod_view.body import Surface
 from tripod_view.events import Inbox
-from tripod_view.frame import FIELD, Frame, frame, gone, widened
+from tripod_view.frame import FIELD, Frame, frame, gone, staying, union, widened
 from tripod_view.game import Game
 from tripod_view.handle import Handle
 from tripod_view.picture import Picture
@@ -30,6 +30,7 @@ class Scene:
 
     Attributes:
         game: Maze and ball.
+        lost: How many bodies are so far from the others that they are left out of sight.
     """
 
     def __init__(
@@ -48,7 +49,8 @@ class Scene:
         self._surface: Surface | None = None
         self._nodes: FloatArray | None = None
         self._span: FloatArray | None = None
-        self._first: FloatArray | None = None
+        self._first = np.zeros((2, 3))
+        self.lost = 0
         self._aimed: dict[int, FloatArray] = {}
         self._robot, self._robot_heard = Robot(self._api, geometry, ()), 0
         self._handle = Handle(self._api, inbox, box)
@@ -68,9 +70,9 @@ class Scene:
     @property
     def gone(self) -> float:
         """How far the bodies have come [m], where that is too far to be looked at; else 0."""
-        if self._first is None or self._nodes is None:
+        if self._nodes is None:
             return 0.0
-        return gone(self._first, _span(self._nodes))
+        return gone(self._first, self._box(self._nodes))
 
     def find_robot(self, servos: int) -> bool:
         """Draw a robot with so many servos evenly about Z, since there is one, unless a simulator has told what there
@@ -97,17 +99,20 @@ class Scene:
         self.game.attach(picture.maze)
         self._bodies.set_still(picture)
         if self._surface is not None:
-            self._bodies.set_surface(self._surface, picture.parts)
+            self._set_surface(self._surface)
         if not self.has_target:
             self._handle.hide()
-        self._nodes = self._first = None
         self.fit()
 
     def set_surface(self, surface: Surface) -> None:
         """Show another mesh, undeformed."""
-        self._surface, self._nodes, self._first = surface, None, None
-        self._bodies.set_surface(surface, self.picture.parts)
+        self._set_surface(surface)
         self.fit()
+
+    def _set_surface(self, surface: Surface) -> None:
+        self._surface, self._nodes, self.lost = surface, None, 0
+        self._bodies.set_surface(surface, self.picture.parts)
+        self._first = union(self._bodies.boxes(surface.nodes))
 
     def set_nodes(self, positions: FloatArray) -> None:
         """Move the nodes of the mesh to `positions` [m], shape (n, 3)."""
@@ -115,8 +120,7 @@ class Scene:
         self._bodies.set_nodes(positions)
         if not len(positions):
             return
-        box, seen, room = _span(positions), self._seen, LEFT * self._seen.radius
-        self._first = box if self._first is None else self._first
+        box, seen, room = self._box(positions), self._seen, LEFT * self._seen.radius
         if (box[0] < seen.low - room).any() or (box[1] > seen.high + room).any():
             self._widen(box)
 
@@ -144,10 +148,17 @@ class Scene:
     def fit(self) -> None:
         """Show all there is: the camera of every browser, and the ground under it."""
         nodes = self._nodes if self._nodes is not None else self._surface.nodes if self._surface else None
-        self._span = None if nodes is None or not len(nodes) else _span(nodes)
+        self._span = None if nodes is None or not len(nodes) else self._box(nodes)
         self._see()
         for client in self._server.get_clients():
             self.aim(client)
+
+    def _box(self, positions: FloatArray) -> FloatArray:
+        """Return the box about the bodies that are to be seen [m], shape (2, 3); see `staying`."""
+        boxes = self._bodies.boxes(positions)
+        seen = staying(self._first, boxes)
+        self.lost = int((~seen).sum())
+        return union(boxes[seen])
 
     def _widen(self, box: FloatArray) -> None:
         """Show what moves wherever it has been, or where it is, in browsers whose camera nobody has moved."""
@@ -221,11 +232,6 @@ class Scene:
         text = f"squares: {squares(cell)}"
         place = np.array([0.0, -1.2 * length, 0.0])
         yield self._api.add_label("/world/scale", text, position=place, font_screen_scale=0.8)
-
-
-def _span(nodes: FloatArray) -> FloatArray:
-    """Return the corners of the box about `nodes` [m], shape (2, 3)."""
-    return np.array([nodes.min(axis=0), nodes.max(axis=0)])
 
 
 def squares(cell: float) -> str:

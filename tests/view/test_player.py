@@ -166,6 +166,27 @@ def test_the_camera_goes_along_with_what_falls_far_and_looks_at_a_plane_from_the
     assert camera(Film("swing", TIMES, bodies=(swing,))).elevation == 10
 
 
+def test_the_camera_sees_the_whole_of_a_tall_way_and_stays_with_what_stays() -> None:
+    body = sheet()
+    down = np.array([0, 0, 1.0]) * TIMES[:, None, None] ** 2
+    tall = camera(Film("tall", TIMES, bodies=(replace(body, positions=body.positions - 0.3 * down),)))
+    assert not tall.follow
+    eye = np.array([0.0, -np.cos(np.radians(30)), np.sin(np.radians(30))])  # turned about Z: seen alike
+    up = np.array([0.0, eye[2], -eye[1]])
+    for z in (0.0, -0.3 * 1.5**2):
+        place = np.array([0, 0, z - tall.centre[2]])
+        assert abs(place @ up) < np.tan(0.3) * (tall.radius / np.sin(0.3) - place @ eye)
+    fallen = replace(body, positions=body.positions - 5 * down)
+    both = camera(Film("one fell", TIMES, bodies=(fallen, body)))
+    alone = camera(Film("none fell", TIMES, bodies=(body,)))
+    assert (both.seen, both.follow) == ((False, True), False)
+    assert both.radius == pytest.approx(alone.radius)
+    assert [b["seen"] for b in stage(Film("one fell", TIMES, bodies=(fallen, body)))["bodies"]] == [
+        False,
+        True,
+    ]
+
+
 def test_the_page_asks_for_nothing_and_holds_its_words_as_text(tmp_path: Path) -> None:
     path = tmp_path / "film.html"
     write_html(film(), path)

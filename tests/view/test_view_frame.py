@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.view.shown_scene import told
-from tripod_view.frame import FIELD, frame, gone, widened
+from tripod_view.frame import FIELD, frame, gone, staying, union, widened
 from tripod_view.picture import Picture, PictureError, picture_of
 from tripod_view.scene import squares
 
@@ -53,6 +53,14 @@ def test_what_has_fallen_too_far_is_gone() -> None:
     first = np.array([[0.0, 0, 0], [0.1, 0.1, 0.1]])
     assert gone(first, first - [0, 0, 100]) == 0
     assert gone(first, first - [0, 0, 200]) == pytest.approx(200)
+
+
+def test_bodies_that_left_the_others_are_not_looked_at_unless_all_left() -> None:
+    first = np.array([[0.0, 0, 0], [0.3, 0.1, 0.1]])
+    here, fallen = (np.array([[0.0, 0, z], [0.1, 0.1, z + 0.1]]) for z in (0.0, -9.0))
+    assert staying(first, np.array([here, fallen, here - 5])).tolist() == [True, False, False]
+    assert staying(first, np.array([fallen, fallen])).tolist() == [True, True]
+    assert union([here, fallen]).tolist() == pytest.approx(np.array([[0.0, 0, -9], [0.1, 0.1, 0.1]]))
 
 
 def test_without_a_simulator_the_robot_is_shown() -> None:

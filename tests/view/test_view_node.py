@@ -487,6 +487,26 @@ def test_bodies_may_be_called_like_what_else_is_drawn(stage: Stage, browser: Fak
         browser.wait(lambda pictures=pictures: browser.pictures() > pictures + 3)
 
 
+def test_what_falls_away_from_the_others_is_left_out_and_told(stage: Stage, browser: FakeBrowser) -> None:
+    def seen() -> float:
+        at, to = (browser.of_kind(f"SetCamera{what}Message")[-1] for what in ("Position", "LookAt"))
+        return float(np.linalg.norm(np.subtract(at["position"], to["look_at"])))
+
+    table = told("stack")[0]
+    show(stage.sim, "stack")
+    browser.wait(lambda: browser.value("scene")["name"] == "stack")
+    nodes, triangles = stage.sim.body
+    browser.wait(lambda: browser.value("notice") == [])
+    near = browser.wait(seen)
+    one = np.arange(len(nodes)) < table["parts"][0]["count"]
+    stage.sim.body = nodes - one[:, None] * [0, 0, 50.0], triangles
+    browser.wait(lambda: "out of sight: a body is far away" in browser.text())
+    browser.press("fit the camera")
+    browser.wait(lambda: seen() < 2 * near)
+    stage.sim.body = nodes, triangles
+    browser.wait(lambda: browser.value("notice") == [])
+
+
 def test_a_page_that_is_stopped_in_control_leaves_the_robot_stopped(context: rclpy.Context) -> None:
     stage = Stage(context)
     try:

@@ -55,10 +55,11 @@ def stage(film: Film) -> dict[str, Any]:
                 "name": body.name,
                 "colour": body.colour,
                 "nodes": body.positions.shape[1],
+                "seen": seen,
                 "triangles": packer.add(body.triangles, "u4"),
                 "edges": packer.add(edges(body.triangles), "u4"),
             }
-            for body in film.bodies
+            for body, seen in zip(film.bodies, view.seen, strict=True)
         ],
         "pieces": [
             {

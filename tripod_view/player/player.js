@@ -87,7 +87,7 @@ class Film {
     let count = 0;
     const add = (x, y, z) => { m[0] += x; m[1] += y; m[2] += z; count++; };
     this.stage.bodies.forEach((body, b) => {
-      if (!body.nodes) return;
+      if (!body.nodes || !body.seen) return;
       const { low, step, whole } = this.bodies[b][i], s = [0, 0, 0];
       for (let j = 0; j < whole.length; j++) s[j % 3] += whole[j];
       add(...s.map((x, a) => low[a] + step[a] * x / body.nodes));
